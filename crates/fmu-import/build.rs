@@ -1,13 +1,13 @@
 //! Compiles the logger of FMI 2.0, whose calls have a variable number of arguments: stable Rust cannot define such a function.
 //!
-//! Where there is no C compiler for the target, messages keep the conversions in place of their arguments.
+//! Without a C compiler for the target, messages contain the conversions instead of their arguments.
 
 use std::env;
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(log_arguments)");
     println!("cargo::rerun-if-changed=src/loader/logger.c");
-    // The C compiler that is found for another system may be that of this one.
+    // When cross-compiling, the C compiler found may be that of the host.
     if env::var("TARGET") != env::var("HOST") {
         return;
     }

@@ -12,16 +12,16 @@ use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
-/// Most bytes that one entry may unpack to.
+/// Largest unpacked size of one entry, bytes.
 const MAX_ENTRY: u64 = 1 << 30;
-/// Most bytes that all entries of an archive may unpack to.
+/// Largest unpacked size of all entries of an archive, bytes.
 const MAX_UNPACKED: u64 = 2 << 30;
-/// Most bytes out of one byte of the archive. Libraries unpack to 2 to 5, tables of numbers to 20; zeros to 1000.
+/// Largest ratio of unpacked to packed bytes. Libraries have 2 to 5, tables of numbers 20, zeros 1000.
 const MAX_RATIO: u64 = 200;
-/// Bytes that may come out of any number of bytes.
+/// Unpacked size up to which any ratio is accepted, bytes.
 const ANY_RATIO: u64 = 64 << 20;
 
-/// Why an archive cannot be used.
+/// Error of reading or unpacking an archive.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The file cannot be opened or read, or a temporary file cannot be written.
@@ -29,15 +29,15 @@ pub enum ArchiveError {
     Io {
         /// File that was read or written.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: io::Error,
     },
-    /// The file is not a zip archive, or a damaged one.
+    /// The file is not a zip archive, or it is damaged.
     #[error("{}: not a readable FMU: no zip archive, or one that was cut off or damaged ({reason})", path.display())]
     Zip {
         /// The archive.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         reason: String,
     },
     /// An entry cannot be unpacked.
@@ -47,7 +47,7 @@ pub enum ArchiveError {
         path: PathBuf,
         /// Name of the entry.
         entry: String,
-        /// Why.
+        /// Cause.
         cause: io::Error,
     },
     /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, zip readers
@@ -56,7 +56,7 @@ pub enum ArchiveError {
     Rejected {
         /// The archive.
         path: PathBuf,
-        /// What was found.
+        /// Reason.
         reason: String,
     },
     /// The description is missing or wrong.
@@ -64,7 +64,7 @@ pub enum ArchiveError {
     Description {
         /// The archive.
         path: PathBuf,
-        /// Where and why.
+        /// Position and cause.
         cause: XmlError,
     },
     /// No binary for this machine.
@@ -78,9 +78,9 @@ pub enum ArchiveError {
         path: PathBuf,
         /// Platform of this machine.
         wanted: &'static str,
-        /// File name expected.
+        /// Expected file name.
         file: String,
-        /// Platforms that the archive has.
+        /// Platforms in the archive.
         found: Vec<String>,
     },
     /// The FMU lacks the interface that was asked for.
@@ -156,7 +156,7 @@ pub struct Archive<R = BufReader<File>> {
     names: Vec<String>,
 }
 
-/// What was unpacked; removed from the disk when dropped.
+/// Unpacked files of an FMU; removed from the disk when dropped.
 #[derive(Debug)]
 pub struct Unpacked {
     /// Shared library of this platform.
@@ -169,7 +169,7 @@ pub struct Unpacked {
 }
 
 impl Unpacked {
-    /// What another process has unpacked, which also removes it.
+    /// Files that another process has unpacked and will remove.
     pub(crate) fn elsewhere(binary: PathBuf, resources: PathBuf, signature: Signature) -> Self {
         Self { binary, resources, signature, _folder: None }
     }
@@ -235,7 +235,7 @@ impl<R: Read + Seek> Archive<R> {
         let limit = crate::xml::MAX_BYTES as u64;
         let rejected = |reason| ArchiveError::Rejected { path: self.path.clone(), reason };
         let Some(index) = self.index(NAME) else {
-            // A folder was zipped instead of what is in it.
+            // A folder was zipped instead of its contents.
             let deeper = self.names.iter().find(|name| name.ends_with(&format!("/{NAME}")));
             let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
             return Err(rejected(format!("it has no {NAME} at its top{instead}")));
@@ -352,7 +352,7 @@ impl<R: Read + Seek> Archive<R> {
             }
             // `create_new`: no entry may replace another one.
             let mut output = File::create_new(&target).map_err(io_error(&target))?;
-            // The size in the archive may lie, so what is really unpacked is counted.
+            // The size in the archive may be wrong, so the unpacked bytes are counted.
             let stated = entry.size();
             let mut source = Source { entry: entry.take(stated.saturating_add(1)), failure: None };
             let copied = io::copy(&mut source, &mut output);
@@ -391,8 +391,8 @@ fn interfaces(description: &ModelDescription) -> Vec<&'static str> {
     interfaces.into_iter().filter_map(|(is_there, name)| is_there.then_some(name)).collect()
 }
 
-/// Whether a library has all the parts that it says it has. The loader of ELF files maps them without looking, and the
-/// system ends the process that reads where the file has nothing. Of everything else the system says what is wrong.
+/// Returns true if a library is complete. The loader maps the segments of an ELF file unchecked, and the system ends a
+/// process that reads beyond the end of the file. Other damage and other formats are reported by the system.
 fn is_whole(library: &Path) -> io::Result<bool> {
     let file = File::open(library)?;
     let length = file.metadata()?.len();
@@ -400,13 +400,13 @@ fn is_whole(library: &Path) -> io::Result<bool> {
     if !matches!(object::FileKind::parse(&content), Ok(FileKind::Elf32 | FileKind::Elf64)) {
         return Ok(true);
     }
-    // Of a library that is cut off, the list of sections is missing, which stands at the end.
+    // In a truncated library the list of sections is missing, because it is at the end.
     let Ok(library) = object::File::parse(&content) else { return Ok(false) };
     let is_there = |(offset, size): (u64, u64)| offset.checked_add(size).is_some_and(|end| end <= length);
     Ok(library.segments().all(|segment| is_there(segment.file_range())))
 }
 
-/// Reads an entry and keeps why that failed: a copy cannot tell it from a disk that is full.
+/// Reads an entry and keeps a read error, which `io::copy` does not distinguish from a write error such as a full disk.
 struct Source<R> {
     entry: R,
     failure: Option<io::Error>,
@@ -424,9 +424,9 @@ impl<R: Read> Read for Source<R> {
     }
 }
 
-/// No entry, nor all of them, unpack to more than is accepted; `Err`: what exceeds which limit.
+/// Checks the unpacked size of each entry and of all entries. `Err`: the size and the limit that it exceeds.
 ///
-/// The sizes are those that the archive states. [`Archive::unpack`] writes no more than stated.
+/// The sizes are those stated in the archive. [`Archive::unpack`] writes no more than stated.
 fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     let is_bomb = |size: u64, compressed: u64| size > ANY_RATIO && size / MAX_RATIO > compressed;
     let (mut size, mut compressed) = (0_u64, 0_u64);
@@ -458,8 +458,8 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     Ok(())
 }
 
-/// The paths of the entries, if the `zip` crate sees the same ones and each is a file or folder within the archive; `Err`:
-/// which is not.
+/// Returns the paths of the entries if the `zip` crate sees the same ones and each is a file or folder within the archive.
+/// `Err`: the entry that is not.
 fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<Vec<String>, String> {
     if zip.len() != entries.len() {
         return Err(format!("the list of its entries has {}, of which {} can be read", entries.len(), zip.len()));
@@ -498,8 +498,8 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
     Ok(names)
 }
 
-/// The path that the name of an entry means, with slashes, one at the end of a folder; `None` if it leads out of the archive.
-/// Some tools write backslashes. A drive letter has a meaning on Windows only.
+/// Returns the path for the name of an entry, with slashes, including one at the end of a folder; `None` if it leads out of
+/// the archive. Some tools write backslashes. A drive letter has a meaning on Windows only.
 fn path_within(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let is_folder = name.ends_with('/');
@@ -583,7 +583,7 @@ mod tests {
         assert!(text.ends_with("the FMU has no interface for model exchange; it has co-simulation"), "{text}");
     }
 
-    /// FMI 3.0 names platforms otherwise.
+    /// FMI 3.0 names platforms differently.
     #[test]
     fn binaries_of_fmi_3_are_found() {
         let folder = TempDir::new().unwrap();
@@ -608,7 +608,7 @@ mod tests {
         }
     }
 
-    /// As an archive of a tool that writes its names with the separators of Windows.
+    /// Archive of a tool that writes names with the separators of Windows.
     #[test]
     fn backslashes_are_separators() {
         let folder = TempDir::new().unwrap();

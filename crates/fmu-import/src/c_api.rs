@@ -1,7 +1,7 @@
 //! The C types of FMI 2.0, and in [`v3`] those of FMI 3.0.
 //!
 //! Source: FMI 2.0.4, sections 2.1, 3.2 and 4.2, and its headers `fmi2TypesPlatform.h` ("default") and
-//! `fmi2FunctionTypes.h`. Only types stand here; they are called in [`crate::loader`].
+//! `fmi2FunctionTypes.h`. This module contains types only; they are called in [`crate::loader`].
 
 pub mod v3;
 
@@ -65,9 +65,9 @@ pub type SetDebugLogging = unsafe extern "C" fn(Component, Boolean, usize, *cons
 pub type SetupExperiment = unsafe extern "C" fn(Component, Boolean, f64, f64, Boolean, f64) -> RawStatus;
 /// `fmi2EnterInitializationMode`, `fmi2ExitInitializationMode`, `fmi2Terminate`, `fmi2Reset`.
 pub type Transition = unsafe extern "C" fn(Component) -> RawStatus;
-/// `fmi2GetReal` and its kin: references, their number, values.
+/// `fmi2GetReal` and similar functions: references, their number, values.
 pub type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T) -> RawStatus;
-/// `fmi2SetReal` and its kin: references, their number, values.
+/// `fmi2SetReal` and similar functions: references, their number, values.
 pub type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T) -> RawStatus;
 /// `fmi2GetFMUstate`, `fmi2FreeFMUstate`.
 pub type AccessState = unsafe extern "C" fn(Component, *mut State) -> RawStatus;
@@ -97,7 +97,7 @@ pub type GetOutputDerivatives =
     unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *mut f64) -> RawStatus;
 /// `fmi2DoStep`: time, step, no state will be restored before this time.
 pub type DoStep = unsafe extern "C" fn(Component, f64, f64, Boolean) -> RawStatus;
-/// `fmi2GetStatus` and its kin: kind of `fmi2StatusKind`, value.
+/// `fmi2GetStatus` and similar functions: kind of `fmi2StatusKind`, value.
 pub type GetStatus<T> = unsafe extern "C" fn(Component, c_int, *mut T) -> RawStatus;
 /// `fmi2SetTime`.
 pub type SetTime = unsafe extern "C" fn(Component, f64) -> RawStatus;
@@ -115,7 +115,7 @@ pub type CompletedIntegratorStep = unsafe extern "C" fn(Component, Boolean, *mut
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct EventInfo {
-    /// The event goes on.
+    /// The event continues.
     pub new_discrete_states_needed: Boolean,
     /// The FMU wants the simulation to end.
     pub terminate_simulation: Boolean,

@@ -47,13 +47,13 @@ pub struct ModelDescription {
     pub co_simulation: Option<CoSimulation>,
     /// The model-exchange interface, if it has one.
     pub model_exchange: Option<ModelExchange>,
-    /// It has an interface for scheduled execution (FMI 3.0), which this crate does not use.
+    /// True if it has an interface for scheduled execution (FMI 3.0), which this crate does not use.
     pub has_scheduled_execution: bool,
     /// Unit definitions.
     pub units: Vec<Unit>,
     /// Names of the log categories.
     pub log_categories: Vec<String>,
-    /// Default experiment; empty where nothing is said.
+    /// Default experiment; empty if not declared.
     pub default_experiment: DefaultExperiment,
     /// Variables in document order, without those of the types Binary and Clock. An alias follows its variable.
     pub variables: Vec<Variable>,
@@ -73,7 +73,7 @@ pub struct ModelDescription {
     units_by_name: HashMap<String, usize>,
 }
 
-/// Experiment the author suggests; `None` where nothing is said.
+/// Experiment that the author suggests; `None` where not declared.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DefaultExperiment {
     /// Start, s.
@@ -138,7 +138,7 @@ pub enum Causality {
     StructuralParameter,
 }
 
-/// When a variable may change.
+/// Times at which a variable may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variability {
     /// Never.
@@ -153,7 +153,7 @@ pub enum Variability {
     Continuous,
 }
 
-/// How a variable is initialized.
+/// Initialization of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Initial {
     /// With its start value.
@@ -280,9 +280,9 @@ pub struct Variable {
     pub description: Option<String>,
     /// Role.
     pub causality: Causality,
-    /// When it may change.
+    /// Times at which it may change.
     pub variability: Variability,
-    /// How it is initialized; `None` for inputs and time.
+    /// Initialization; `None` for inputs and time.
     pub initial: Option<Initial>,
     /// Base type.
     pub base_type: BaseType,
@@ -312,7 +312,7 @@ pub struct Variable {
     pub unit: Option<String>,
     /// Unit to show a Real in.
     pub display_unit: Option<String>,
-    /// The offset of the display unit does not apply, as with temperature differences.
+    /// True if the offset of the display unit does not apply, as with temperature differences.
     pub relative_quantity: bool,
     /// Name of the declared type.
     pub declared_type: Option<String>,
@@ -320,7 +320,7 @@ pub struct Variable {
     pub items: Arc<[Item]>,
     /// Index of the variable whose derivative this is.
     pub derivative_of: Option<usize>,
-    /// Changes only when clocks tick (`clocks` of FMI 3.0).
+    /// True if it changes only when clocks tick (`clocks` of FMI 3.0).
     pub is_clocked: bool,
     /// Index of the variable whose second name this is (`<Alias>` of FMI 3.0). An alias of an output is an output, any
     /// other is local, so that each value is set by one name.
@@ -354,7 +354,7 @@ pub struct OpaqueVariable {
 }
 
 impl Variable {
-    /// Whether it is an array.
+    /// Returns true if it is an array.
     #[must_use]
     pub fn is_array(&self) -> bool {
         !self.dimensions.is_empty()
@@ -380,7 +380,7 @@ impl Variable {
         (0..self.size).map(name).collect()
     }
 
-    /// The values that its type has, if it is an Integer. Those of an `UInt64` end with those of an `Int64`.
+    /// Range of the values of its type, if it is an Integer. That of a `UInt64` ends at the largest `Int64`.
     #[must_use]
     pub fn integers(&self) -> RangeInclusive<i64> {
         match self.data_type {
@@ -396,14 +396,14 @@ impl Variable {
         }
     }
 
-    /// Whether the description has a start value.
+    /// Returns true if the description has a start value.
     #[must_use]
     pub fn has_start(&self) -> bool {
         self.start.is_some() || !self.starts.is_empty() || self.other_start.is_some()
     }
 
-    /// Why this output cannot be wired to that input: what the one is and what the other; `None`: it can. The base types
-    /// have to be the same, and the units of measure where both have one.
+    /// Returns the property of this output and that of an input that prevent a connection; `None` if they can be
+    /// connected. The base types must be the same, and the units of measure where both have one.
     #[must_use]
     pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
         if self.is_array() || input.is_array() {
@@ -422,8 +422,8 @@ impl Variable {
         }
     }
 
-    /// Why a value for this parameter does not fit that one of another FMU: what the one is and what the other; `None`: it
-    /// does. Base type and unit of measure have to be the same.
+    /// Returns the property of this parameter and that of a parameter of another FMU that prevent the same value; `None`
+    /// if it fits. Base type and unit of measure must be the same.
     #[must_use]
     pub fn mismatch_of_parameter(&self, other: &Self) -> Option<[String; 2]> {
         let unit =
@@ -443,14 +443,14 @@ pub struct Item {
     pub description: Option<String>,
 }
 
-/// An unknown of the model structure and what it depends on.
+/// An unknown of the model structure with its dependencies.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unknown {
     /// Index into [`ModelDescription::variables`].
     pub variable: usize,
     /// Indices of the variables it depends on; `None`: may depend on all knowns.
     pub dependencies: Option<Vec<usize>>,
-    /// Kind of each dependency; empty where nothing is said.
+    /// Kind of each dependency; empty if not declared.
     pub kinds: Vec<DependencyKind>,
 }
 

@@ -27,14 +27,14 @@ const END_BYTES: usize = 22;
 const END_64_BYTES: usize = 56;
 const LOCATOR_64_BYTES: usize = 20;
 
-/// Why an archive is not read.
+/// Error of reading an archive.
 #[derive(Debug)]
 pub(crate) enum DirectoryError {
     /// The file cannot be read.
     Io(io::Error),
-    /// It is not a zip archive, or a damaged one.
+    /// The file is not a zip archive, or it is damaged.
     Damaged(String),
-    /// Zip readers disagree about it, or it exceeds a limit.
+    /// Zip readers disagree about the archive, or it exceeds a limit.
     Rejected(String),
 }
 
@@ -89,7 +89,7 @@ impl Record<'_> {
     }
 }
 
-/// Where the central directory is.
+/// Position of the central directory.
 #[derive(Debug)]
 struct Place {
     entries: u64,
@@ -97,7 +97,7 @@ struct Place {
     size: u64,
 }
 
-/// All entries, in the order of the central directory.
+/// Reads all entries, in the order of the central directory.
 ///
 /// # Errors
 /// The file cannot be read or is not a zip archive; it is ambiguous; it has more than [`MAX_ENTRIES`] entries.
@@ -127,7 +127,7 @@ fn rejected(message: impl Into<String>) -> DirectoryError {
     DirectoryError::Rejected(message.into())
 }
 
-/// Bytes of the file; the caller bounds the size.
+/// Reads bytes of the file; the caller bounds the size.
 fn bytes<R: Read + Seek>(file: &mut R, start: u64, size: u64) -> Result<Vec<u8>, DirectoryError> {
     file.seek(SeekFrom::Start(start))?;
     let mut bytes = Vec::new();
@@ -178,12 +178,12 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     Ok(place)
 }
 
-/// Bytes of the comment behind an end record.
+/// Length of the comment after an end record, bytes.
 fn comment(end: &[u8]) -> usize {
     Record(end).length(20)
 }
 
-/// The end record of zip64 at a position, which has to end at its locator.
+/// Reads the end record of zip64 at a position, which must end at its locator.
 fn end_64<R: Read + Seek>(file: &mut R, position: u64, locator: u64) -> Result<Place, DirectoryError> {
     let wrong = || damaged("the end record of zip64 is not where its locator says");
     if locator.checked_sub(position).is_none_or(|bytes| bytes < END_64_BYTES as u64) {
@@ -200,7 +200,7 @@ fn end_64<R: Read + Seek>(file: &mut R, position: u64, locator: u64) -> Result<P
     Ok(Place { entries: record.u64(32), start: record.u64(48), size: record.u64(40) })
 }
 
-/// The records of a central directory, which have to fill it.
+/// Reads the records of a central directory, which must fill it.
 fn entries(mut directory: &[u8], count: u64) -> Result<Vec<Entry>, DirectoryError> {
     let mut entries = Vec::new();
     while !directory.is_empty() {
@@ -247,7 +247,7 @@ fn widen(mut extra: &[u8], numbers: [&mut u64; 3]) {
     }
 }
 
-/// The headers before the contents have the names of the list, and no two entries share bytes.
+/// Checks that the headers before the contents have the names of the list, and that no two entries share bytes.
 fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> Result<(), DirectoryError> {
     let mut in_order: Vec<&Entry> = entries.iter().collect();
     in_order.sort_by_key(|entry| entry.header);
@@ -285,7 +285,7 @@ fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> 
 mod tests {
     use super::*;
 
-    /// Entries without content, or with content of other entries in it, and what follows them.
+    /// Entries without content, or with content that contains other entries, and the data after them.
     #[derive(Default)]
     struct Zip {
         bytes: Vec<u8>,
@@ -388,7 +388,7 @@ mod tests {
             let read = zip::ZipArchive::new(io::Cursor::new(bytes)).unwrap();
             assert_eq!(read.file_names().map(Result::unwrap).collect::<Vec<_>>(), ["a", "b"]);
         }
-        // A zip file that is not compressed in another one has records of its own.
+        // An uncompressed zip file within another one has records of its own.
         let mut outer = Zip::default();
         outer.add("inner.zip", &zip.finished(b""));
         assert_eq!(names(outer.finished(b"")), ["inner.zip"]);
@@ -442,7 +442,7 @@ mod tests {
         rejects(moved, "the end record of zip64 is not where its locator says");
     }
 
-    /// As in "A better zip bomb" (David Fifield, WOOT 2019): every entry has all those behind it as its content.
+    /// As in "A better zip bomb" (David Fifield, WOOT 2019): every entry contains all entries after it.
     #[test]
     fn entries_that_overlap_are_rejected() {
         let mut zip = Zip::default();

@@ -7,29 +7,29 @@ use crate::signature::Signature;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// Why an FMU cannot be used.
+/// Error of opening or using an FMU.
 #[derive(Debug, thiserror::Error)]
 pub enum FmuError {
-    /// Its archive.
+    /// Error of its archive.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
-    /// Its binary.
+    /// Error of its binary.
     #[error("{}: {cause}", path.display())]
     Load {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: LoadError,
     },
-    /// A call.
+    /// Error of a call.
     #[error(transparent)]
     Call(#[from] CallError),
-    /// Its second instance in this process.
+    /// A second instance in this process.
     #[error("{}: the FMU allows only one instance at a time", .0.display())]
     OnlyOnce(PathBuf),
 }
 
-/// The unpacked binary of an FMU, and what a process needs to make instances of it.
+/// The unpacked binary of an FMU, with the data to make instances of it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Binary {
     /// The `.fmu` file.
@@ -42,7 +42,7 @@ pub struct Binary {
 }
 
 impl Binary {
-    /// A binary that the host of this program has, by the name `library`: see `loader/system/wasm.rs`.
+    /// A binary that the host of this program provides under the name `library`: see `loader/system/wasm.rs`.
     #[must_use]
     pub fn of_host(fmu: PathBuf, description: &ModelDescription, library: PathBuf, interface: Interface) -> Self {
         Self {
@@ -59,7 +59,7 @@ impl Binary {
         Library::load(unpacked).map_err(|cause| FmuError::Load { path: self.fmu.clone(), cause })
     }
 
-    /// Loads what another process has unpacked.
+    /// Loads the files that another process has unpacked.
     ///
     /// # Errors
     /// As [`Library::load`].
@@ -70,7 +70,7 @@ impl Binary {
     /// A new instance.
     ///
     /// # Errors
-    /// The FMU returns none, or allows only one and has it.
+    /// The FMU returns none, or allows only one, which exists.
     pub fn instantiate(&self, library: &Arc<Library>, name: &str) -> Result<Instance, FmuError> {
         if self.only_once && library.instances() > 0 {
             return Err(FmuError::OnlyOnce(self.fmu.clone()));
@@ -78,7 +78,7 @@ impl Binary {
         Ok(Instance::instantiate(library, name, &self.guid, false)?)
     }
 
-    /// Whether the library calls a Python that it does not bring along.
+    /// Returns true if the library calls Python without linking to it.
     #[must_use]
     pub fn needs_python(&self) -> bool {
         crate::python::undefined_symbol(&self.library).is_some()
@@ -101,7 +101,7 @@ impl Fmu {
     /// Opens a `.fmu` file for co-simulation: reads its description, unpacks it and loads its binary.
     ///
     /// # Errors
-    /// The file is no usable FMU for co-simulation on this machine.
+    /// The file is not a usable FMU for co-simulation on this machine.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         Self::open_for(path, Interface::CoSimulation)
     }
@@ -109,7 +109,7 @@ impl Fmu {
     /// Opens a `.fmu` file as [`Self::open`] does, for one of its interfaces.
     ///
     /// # Errors
-    /// The file is no usable FMU for this interface on this machine.
+    /// The file is not a usable FMU for this interface on this machine.
     pub fn open_for(path: impl AsRef<Path>, interface: Interface) -> Result<Self, FmuError> {
         let fmu = Self::unpack_for(path.as_ref(), interface)?;
         fmu.load()?;
@@ -120,7 +120,7 @@ impl Fmu {
     /// makes none, nothing of the binary is executed.
     ///
     /// # Errors
-    /// The file is no FMU for co-simulation, or has no binary for this machine.
+    /// The file is not an FMU for co-simulation, or has no binary for this machine.
     pub fn unpack(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         Self::unpack_for(path.as_ref(), Interface::CoSimulation)
     }
@@ -198,7 +198,7 @@ impl Fmu {
     /// A new instance. It keeps the library loaded.
     ///
     /// # Errors
-    /// The binary cannot be loaded, the FMU returns no instance, or allows only one and has it.
+    /// The binary cannot be loaded, the FMU returns no instance, or allows only one, which exists.
     pub fn instantiate(&self, name: &str) -> Result<Instance, FmuError> {
         self.0.binary.instantiate(self.library()?, name)
     }

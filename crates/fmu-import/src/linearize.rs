@@ -20,12 +20,12 @@ pub struct Linear {
     /// \[A B; C D\], column by column.
     #[serde(skip)]
     pub jacobian: Vec<f64>,
-    /// Whether it has central differences in place of directional derivatives.
+    /// True if the Jacobian is from central differences instead of directional derivatives.
     pub by_differences: bool,
 }
 
-/// Step of central differences, as a share of the value or its nominal value: the cube root of the rounding error, at which the errors
-/// of rounding and of truncation are about equal; of doubles (1e-16), and where a variable is a Float32 (6e-8).
+/// Step of central differences, relative to the value or its nominal value: the cube root of the rounding error, at which rounding and
+/// truncation errors are about equal; for doubles (1e-16), and for a variable that is a Float32 (6e-8).
 const DIFFERENCE: [f64; 2] = [6e-6, 4e-3];
 /// Largest number of iterations of the first event.
 const ROUNDS: usize = 100;
@@ -102,7 +102,7 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     Ok(linear(jacobian))
 }
 
-/// \[A B; C D\], column by column, by central differences in Continuous-Time Mode, which begins here.
+/// \[A B; C D\], column by column, by central differences in Continuous-Time Mode, which this function enters.
 fn by_differences(
     instance: &mut Instance,
     inputs: &[&Variable],
@@ -153,13 +153,13 @@ fn by_differences(
         point[column] = below;
         let low = at(&point)?;
         point[column] = center;
-        // The difference of the two points as they are, not as the step is meant.
+        // Divided by the actual difference of the two points, not by the nominal step.
         jacobian.extend(high.iter().zip(&low).map(|(high, low)| (high - low) / (above - below)));
     }
     Ok(jacobian)
 }
 
-/// The interface to use, and whether it has directional derivatives.
+/// The interface to use, and true if it has directional derivatives.
 pub(crate) fn interface(description: &ModelDescription) -> (Interface, bool) {
     let co_simulation = description.co_simulation.as_ref().map(|unit| unit.provides_directional_derivative);
     let model_exchange = description.model_exchange.as_ref().map(|unit| unit.provides_directional_derivative);
@@ -202,7 +202,7 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
     result.map_err(|error| error.to_string())
 }
 
-/// A value as it is written on the command line. An Integer may be written by the name of its value.
+/// Parses a value of the command line. An Integer may be written by the name of its value.
 pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
     let unit = variable.unit.as_ref().map_or_else(String::new, |unit| format!(" in {unit}, without the unit"));
     let expected = |what: &str| format!("`{}` must be {what}, got `{text}`", variable.name);

@@ -1,8 +1,8 @@
 //! Loads the shared library of an FMU and gives its C functions a safe interface.
 //!
-//! One safe [`Instance`] serves FMI 2.0 and 3.0, co-simulation and model exchange. The only unsafe code of the crate. What the compiler cannot check is stated at each block; what
-//! remains is trust in the binary itself: a library that does not keep to the FMI interface can
-//! do anything to the process, as with every importer that loads FMUs into itself.
+//! One safe [`Instance`] serves FMI 2.0 and 3.0, co-simulation and model exchange. This is the only unsafe code of the crate. Each block
+//! states what the compiler cannot check. What remains is trust in the binary itself: a library that violates the FMI interface can do
+//! anything to the process, as in every importer that loads FMUs into its own process.
 
 #![allow(unsafe_code)]
 

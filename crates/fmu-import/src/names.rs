@@ -1,14 +1,14 @@
-//! Names that are near a wrong one.
+//! Names similar to a wrong one.
 
 use std::collections::BTreeSet;
 
-/// "did you mean" for the nearest of some names, if one is near. Upper and lower case make no difference.
+/// "did you mean" for the nearest of some names, if one is near. The case of letters does not matter.
 #[must_use]
 pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     // A third of the letters may be wrong: enough for slips, too little for chance hits.
     let limit = (name.chars().count() / 3).max(1);
     let name = name.to_lowercase();
-    // At least as many letters differ as the lengths do. This spares the long ones.
+    // At least as many letters differ as the lengths do. This skips the long ones.
     let length = name.chars().count();
     candidates
         .into_iter()
@@ -43,7 +43,7 @@ pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + C
     })
 }
 
-/// `rad`, or `one of rad, deg`: what a message says it expects.
+/// `rad`, or `one of rad, deg`: the expected names in a message.
 #[must_use]
 pub fn any_of(names: &[&str]) -> String {
     match names {

@@ -1,4 +1,4 @@
-//! What a caller of a library has to know of its description.
+//! The part of a description that a caller of the library needs.
 
 use crate::c_api::Reference;
 use crate::description::{ArrayElement, BaseType, DataType, FmiVersion, Interface, ModelDescription, Value};
@@ -14,13 +14,13 @@ pub(crate) struct Signature {
     special: HashMap<Reference, Special>,
     /// Start values of the arrays that have elements, by the reference of the array.
     starts: HashMap<Reference, Vec<Value>>,
-    /// One bit for each value reference below [`MARKED`], up to the largest that is special: a getter looks at every reference.
+    /// One bit for each value reference below [`MARKED`], up to the largest special one, because a getter checks every reference.
     marks: Vec<u64>,
     pub(crate) states: usize,
     pub(crate) event_indicators: usize,
 }
 
-/// Value references that have a bit. Beyond them, the table is asked.
+/// Number of value references that have a bit. Larger ones are looked up in the table.
 const MARKED: Reference = 1 << 16;
 
 /// A variable that needs a function or a number of values of its own.
@@ -79,7 +79,7 @@ impl Signature {
         }
     }
 
-    /// Whether one of the variables is special.
+    /// Returns true if one of the variables is special.
     pub(crate) fn has_special(&self, references: &[Reference]) -> bool {
         !self.special.is_empty() && references.iter().any(|reference| self.is_special(*reference))
     }

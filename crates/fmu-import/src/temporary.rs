@@ -2,8 +2,9 @@
 //!
 //! All folders of a process are in one, `cargo-fmu-ID` in the system's folder for temporary files, beside the file
 //! `cargo-fmu-ID.lock` that the process keeps locked. They are removed when the last of them is dropped, by [`remove`], and
-//! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. What a killed process leaves is removed by the next one that
-//! makes a folder: the system has given up its lock. `python/chassis_fmu/temporary.py` keeps to the same rules.
+//! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. The folders of a killed process are removed by the next one
+//! that makes a folder, because the system has released their lock. `python/chassis_fmu/temporary.py` follows the same
+//! rules.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io;
@@ -11,16 +12,16 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-/// What the names begin with.
+/// Prefix of the names.
 const PREFIX: &str = "cargo-fmu-";
-/// What the name of the locked file ends with.
+/// Suffix of the name of the locked file.
 const LOCK: &str = ".lock";
 
 /// A folder, removed when dropped.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
-    // Goes with the last of its folders.
+    // Removed with the last of its folders.
     _root: Arc<Root>,
 }
 
@@ -77,7 +78,7 @@ impl Root {
     fn new(parent: &Path) -> io::Result<Self> {
         loop {
             let (locked, lock) = tempfile::Builder::new().prefix(PREFIX).suffix(LOCK).tempfile_in(parent)?.keep()?;
-            // Another process may have met it before it was locked, and have taken it for one that was left.
+            // Another process may have found it before it was locked, and taken it for a stale one.
             if locked.try_lock().is_err() || !lock.exists() {
                 continue;
             }
@@ -89,7 +90,7 @@ impl Root {
     }
 
     fn remove(&self) {
-        // The lock goes last, and only if nothing is left that a later process would have to remove.
+        // The lock is removed last, and only if nothing is left that a later process would have to remove.
         if std::fs::remove_dir_all(&self.path).is_ok() {
             let _ = std::fs::remove_file(&self.lock);
         }
@@ -108,12 +109,12 @@ fn folder_of(lock: &Path) -> PathBuf {
     lock.with_file_name(name.strip_suffix(LOCK).unwrap_or(&name))
 }
 
-/// Removes what processes of the same user have left that are no more.
+/// Removes the folders left by ended processes of the same user.
 fn remove_stale(parent: &Path, own: &Metadata) {
     for entry in std::fs::read_dir(parent).into_iter().flatten().filter_map(Result::ok) {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        // No link and no pipe, which opening would wait for.
+        // Neither a link nor a pipe, which would block when opened.
         let is_ours = || entry.metadata().is_ok_and(|found| found.is_file() && is_same_owner(&found, own));
         if !(name.starts_with(PREFIX) && name.ends_with(LOCK) && is_ours()) {
             continue;
@@ -170,7 +171,7 @@ pub fn remove_on_signals() -> io::Result<()> {
     {
         use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
         let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
-        // `nohup` starts a command that shall outlive its terminal with this signal ignored.
+        // `nohup` starts a command with this signal ignored, so that it outlives its terminal.
         if !is_ignored(SIGHUP) {
             signals.add_signal(SIGHUP)?;
         }
@@ -185,7 +186,7 @@ pub fn remove_on_signals() -> io::Result<()> {
     Ok(())
 }
 
-/// Whether this process ignores a signal, as far as the system tells: Linux does.
+/// Returns true if this process ignores a signal, as far as the system reports it: Linux does.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -208,7 +209,7 @@ mod tests {
         let parent = TempDir::new().unwrap();
         let alive = Root::new(parent.path()).unwrap();
         std::fs::write(alive.path.join("used"), "").unwrap();
-        // As a killed process leaves it, and things that only look like it.
+        // The files of a killed process, and others that only resemble them.
         for name in ["cargo-fmu-dead", "cargo-fmu-mine", "other"] {
             std::fs::create_dir(parent.path().join(name)).unwrap();
             std::fs::write(parent.path().join(name).join("file"), "").unwrap();

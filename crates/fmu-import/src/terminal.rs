@@ -1,13 +1,13 @@
 //! Text of an FMU on a terminal: names, descriptions and messages must not control it.
 //!
-//! An escape sequence can hide or fake lines, set the title or answer as if the user had typed. Marks for the direction
-//! of writing show names in another order than they are compared in. Both are shown as `\u001b`, the notation of JSON, so
-//! that JSON remains what it is.
+//! An escape sequence can hide or fake lines, set the title or answer as if the user had typed. Bidirectional marks show
+//! names in another order than they are compared in. Both are shown as `\u001b`, the notation of JSON, so JSON keeps its
+//! meaning.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Whether a terminal may act on this character instead of showing it, or shows others elsewhere because of it.
+/// Returns true if a terminal may act on this character instead of showing it, or may move others because of it.
 fn is_control(c: char) -> bool {
     c.is_control()
         || matches!(
@@ -45,7 +45,7 @@ pub fn line(text: &str) -> Cow<'_, str> {
     replaced(text, is_control)
 }
 
-/// The text of several lines, those after the first indented: none of them passes for a line of this program.
+/// The text of several lines, those after the first indented, so that none looks like a line of this program.
 #[must_use]
 pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
     match escaped(text) {
@@ -54,7 +54,7 @@ pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
     }
 }
 
-/// Whether the text has control characters.
+/// Returns true if the text has control characters.
 #[must_use]
 pub fn is_unsafe(text: &str) -> bool {
     text.contains(is_control)

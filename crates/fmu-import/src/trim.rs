@@ -21,7 +21,7 @@ use std::path::Path;
 /// Largest derivative at a steady state, relative to the nominal value, 1/s.
 pub const TOLERANCE: f64 = 1e-10;
 
-/// The state that a pedal plant holds, and what a plant of prescribed speed calls it.
+/// The speed state that a pedal plant holds, and its name in a plant of prescribed speed.
 const SPEED: [&str; 2] = ["vehicle.speed", "driver.speed"];
 /// The inputs that keep the speed of a pedal plant.
 const DRIVE: &str = "drive_torque.";
@@ -36,7 +36,7 @@ pub struct SteadyState {
     /// Variables and values, in their units, with which the FMU starts in this state: parameters and inputs as given, states,
     /// free inputs. Drifting states that were not given are not among them.
     pub starts: Vec<(String, Value)>,
-    /// Largest derivative of a state that rests, relative to its nominal value, 1/s.
+    /// Largest derivative of a state at rest, relative to its nominal value, 1/s.
     pub residual: f64,
     /// States that the equations leave open, so that they keep their start values: the steady state is one of many.
     pub undetermined: Vec<String>,
@@ -67,11 +67,11 @@ pub struct TrimmedState {
     pub name: String,
     /// Value, in the unit of the variable.
     pub value: f64,
-    /// What it does.
+    /// Role.
     pub role: StateRole,
 }
 
-/// What a state does at a steady state.
+/// Role of a state at a steady state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StateRole {
@@ -92,7 +92,7 @@ pub struct TrimmedInput {
     pub value: f64,
 }
 
-/// What is given, and what is sought, by indices of variables.
+/// Given and sought values, by indices of variables.
 #[derive(Debug, Clone, Default)]
 pub struct Request {
     /// Parameters and inputs that differ from their start values.
@@ -106,7 +106,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// What names and values ask for. `free` are groups of inputs that are sought.
+    /// Creates the request for names and values. `free` are groups of inputs that are sought.
     ///
     /// A state that is given is held. A plant with the state `vehicle.speed` holds it in any case, and without `free` its inputs
     /// `drive_torque.*` are sought, as long as none of them is given. `driver.speed` names the speed of such a plant, too.
@@ -166,7 +166,7 @@ impl Request {
         Ok(request)
     }
 
-    /// What a scenario asks for: all inputs are given, and a plant with the state `vehicle.speed` holds it.
+    /// Creates the request of a scenario: all inputs are given, and a plant with the state `vehicle.speed` holds it.
     #[must_use]
     pub fn of_inputs(description: &ModelDescription, given: Vec<(usize, Value)>, time: f64) -> Self {
         let speed = description.index(SPEED[0]).filter(|speed| states(description).any(|state| state == *speed));
@@ -185,7 +185,7 @@ fn states(description: &ModelDescription) -> impl Iterator<Item = usize> {
     description.derivatives.iter().filter_map(|unknown| description.variables[unknown.variable].derivative_of)
 }
 
-/// Why an FMU has no steady state that could be found, if its description already tells.
+/// Checks whether a steady state can be found, as far as the description shows.
 ///
 /// # Errors
 /// It lists no states or no directional derivatives, or has arrays of states.

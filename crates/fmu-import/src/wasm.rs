@@ -66,7 +66,7 @@ impl Names {
     }
 }
 
-/// What is still to be read.
+/// Bytes still to be read.
 struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {

@@ -1,11 +1,11 @@
 //! Processes that execute FMUs, so that one that crashes, exits or hangs costs its work and nothing else.
 //!
-//! A program starts itself as a worker ([`Launch`]). A worker loads libraries once and keeps them; it gets its work over a
-//! private connection that no FMU knows of (`connection`, [`message`]) and announces every call on a board in a file
+//! A program starts itself as a worker ([`Launch`]). A worker loads libraries once and keeps them. It gets its work over a
+//! private connection hidden from FMUs (`connection`, [`message`]) and announces every call on a board in a file
 //! ([`loader::calls`](crate::loader::calls)), which outlives it. [`serve_requests`] is its side, [`Process`] that of the
-//! process that starts it: it watches the board and ends a worker whose step takes too long.
+//! process that starts it, which watches the board and ends a worker whose step takes too long.
 //!
-//! What requests are about is up to the crate that sends them; those of this crate are [`check`], [`linearize`] and [`trim`].
+//! The content of requests is up to the crate that sends them; those of this crate are [`check`], [`linearize`] and [`trim`].
 //!
 //! Nothing an FMU prints reaches the connection: its standard output and error are one pipe, read line by line (`output`).
 //! A worker ends when its connection is closed, that is, also when the process that started it is killed. On Linux a process

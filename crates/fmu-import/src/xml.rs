@@ -1,8 +1,8 @@
-//! A small element tree for XML from strangers: attributes and structure, no text.
+//! A small element tree for untrusted XML: attributes and structure, no text.
 //!
-//! Model descriptions and parameter sets hold all they say in attributes, so text is skipped. Document type
-//! declarations are rejected, which rules out entity expansion; size, depth, the number of elements and
-//! of their attributes are limited, so that memory and time stay proportional to the file.
+//! Model descriptions and parameter sets contain all information in attributes, so text is skipped. Document type
+//! declarations are rejected, which rules out entity expansion; size, depth, the number of elements and of their
+//! attributes are limited, so that memory and time stay proportional to the file.
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
@@ -16,7 +16,7 @@ const MAX_ELEMENTS: usize = 2_000_000;
 /// Most attributes of one element. The FMI schema has at most 17; the duplicate check is quadratic.
 const MAX_ATTRIBUTES: usize = 64;
 
-/// A place in the document and what is wrong there.
+/// A position in the document and the problem there.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}, column {column}: {message}")]
 pub struct XmlError {
@@ -24,7 +24,7 @@ pub struct XmlError {
     pub line: usize,
     /// Column in bytes, from 1.
     pub column: usize,
-    /// What was found and what was expected.
+    /// Description of the problem and of what was expected.
     pub message: String,
 }
 
@@ -38,7 +38,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// What is wrong at this place.
+    /// Returns an error at this place.
     pub fn error(self, message: impl Into<String>) -> XmlError {
         XmlError { line: self.line, column: self.column, message: message.into() }
     }
@@ -49,10 +49,10 @@ impl Place {
 pub struct Element {
     /// Name, without a prefix.
     pub name: String,
-    /// Where it begins.
+    /// Place where it begins.
     pub place: Place,
     attributes: Vec<(String, String)>,
-    /// Elements in it.
+    /// Child elements.
     pub children: Vec<Element>,
 }
 
@@ -67,10 +67,10 @@ impl Element {
         self.attributes.iter().map(|(name, _)| name.as_str())
     }
 
-    /// Value of an attribute that must be there.
+    /// Value of a required attribute.
     ///
     /// # Errors
-    /// It is not there.
+    /// It is missing.
     pub fn required(&self, name: &str) -> Result<&str, XmlError> {
         self.attribute(name).ok_or_else(|| self.place.error(format!("<{}> lacks the attribute `{name}`", self.name)))
     }

@@ -1,4 +1,4 @@
-//! `check` on FMUs built from C in a temporary folder: what ours never do.
+//! `check` on FMUs built from C in a temporary folder, with behavior that ours never have.
 #![cfg(unix)]
 
 mod support;
@@ -6,7 +6,7 @@ mod support;
 use fmu_import::check::{Event, Options, Severity, check};
 use support::Build;
 
-/// What is found about the behavior of the binary in runs.
+/// Findings about the behavior of the binary in runs.
 fn found(build: &Build) -> Vec<(Severity, String)> {
     let folder = tempfile::tempdir().unwrap();
     let path = build.pack(folder.path());
@@ -22,8 +22,8 @@ fn found(build: &Build) -> Vec<(Severity, String)> {
     found
 }
 
-/// FMI 2.0.4, section 4.2.2: fmi2Discard with fmi2Terminated is how an FMU ends the simulation, as Stair of the
-/// Reference FMUs does. A step that is discarded otherwise is not what the description promises.
+/// FMI 2.0.4, section 4.2.2: an FMU ends the simulation with fmi2Discard and fmi2Terminated, as Stair of the Reference
+/// FMUs does. A step that is discarded otherwise is not what the description promises.
 #[test]
 fn an_fmu_may_end_the_simulation() {
     let build = |ends, flags| Build { ends, flags, ..Build::new("Ends", "u", "x") };
@@ -171,7 +171,7 @@ fn capabilities_that_are_not_there_are_found() {
     let is_rejected = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
     assert!(single("").iter().any(is_rejected));
     assert!(!single("canBeInstantiatedOnlyOncePerProcess=\"true\"").iter().any(is_rejected));
-    // A state that has bytes has to be one that can be saved.
+    // Serialized states require saved states.
     let bytes_only = lines(&Build { flags: "canSerializeFMUstate=\"true\"", ..Build::new("Fault", "u", "x") });
     assert!(bytes_only.iter().any(|line| line.starts_with("error: canSerializeFMUstate: ")), "{bytes_only:#?}");
 }
@@ -241,7 +241,7 @@ fn initial_unknowns_that_follow_more_than_they_name_are_found() {
     let flag = "i->v.boolean[1]=i->v.real[2]>1";
     assert_eq!(about(flag, 8, "3", &[]), [""; 0]);
     assert_eq!(about(flag, 8, "", &[]), [line("moved", "gain")]);
-    // A start value of a variable that is no parameter.
+    // A start value of a variable that is not a parameter.
     let exact = ("<Integer/>", "<Integer start=\"0\"/>");
     let initial = (
         "name=\"count\" valueReference=\"1\" causality=\"output\"",

@@ -8,7 +8,7 @@ use decay::Decay;
 use fmu_import::check::{Checked, Event, Options, check};
 use fmu_import::description::FmiVersion;
 
-/// What was looked at, and all findings as lines.
+/// The scope of the check, and all findings as lines.
 fn checked(build: &Decay<'_>) -> (Checked, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let path = build.pack(folder.path());
@@ -95,7 +95,7 @@ fn defects_of_model_exchange_are_found() {
     }
 }
 
-/// A function that writes to the first element of an array without elements meets one here.
+/// A function that writes to the first element of an empty array is found.
 #[test]
 fn writes_without_elements_are_found() {
     let [two, three] = [FmiVersion::V2, FmiVersion::V3];

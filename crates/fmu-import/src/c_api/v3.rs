@@ -1,7 +1,7 @@
 //! The C types of FMI 3.0 for co-simulation and model exchange.
 //!
-//! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. What FMI 2.0 declares
-//! in the same way is in the module above.
+//! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. Types that FMI 2.0
+//! declares in the same way are in the module above.
 
 use super::{Component, RawStatus, Reference, State};
 use std::ffi::{c_char, c_int, c_void};
@@ -37,9 +37,9 @@ pub type InstantiateModelExchange =
 pub type SetDebugLogging = unsafe extern "C" fn(Component, bool, usize, *const *const c_char) -> RawStatus;
 /// `fmi3EnterInitializationMode`: tolerance defined, tolerance, start, stop defined, stop.
 pub type EnterInitializationMode = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> RawStatus;
-/// `fmi3GetFloat64` and its kin: references, their number, values, their number.
+/// `fmi3GetFloat64` and similar functions: references, their number, values, their number.
 pub type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T, usize) -> RawStatus;
-/// `fmi3SetFloat64` and its kin: references, their number, values, their number.
+/// `fmi3SetFloat64` and similar functions: references, their number, values, their number.
 pub type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T, usize) -> RawStatus;
 /// `fmi3SerializeFMUState`.
 pub type SerializeState = unsafe extern "C" fn(Component, State, *mut u8, usize) -> RawStatus;

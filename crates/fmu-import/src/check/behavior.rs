@@ -1,4 +1,4 @@
-//! What the binary does, held against what the description says.
+//! Compares the behavior of the binary with the description.
 //!
 //! Numbers are compared bit by bit: two instances of the same library that get the same calls have no reason to differ.
 
@@ -24,12 +24,12 @@ use std::sync::Arc;
 const STEPS: usize = 40;
 /// Most internal steps of an FMU with a fixed internal step size in one communication step.
 const MOST_PARTS: f64 = 1000.0;
-/// Steps without which a trial run shows nothing.
+/// Fewest steps of a useful trial run.
 const FEWEST_STEPS: usize = 4;
 
-/// Difference, relative to the peak of an output, that rounding errors make.
+/// Largest difference due to rounding errors, relative to the peak of an output.
 const ROUNDING: f64 = 1e-12;
-/// Difference that a solver may make where the default experiment has no tolerance: the default of many tools.
+/// Largest difference due to a solver where the default experiment has no tolerance: the default of many tools.
 const TOLERANCE: f64 = 1e-4;
 /// Least peak that differences are relative to.
 const SMALL: f64 = 1e-9;
@@ -56,16 +56,16 @@ struct Trial<'a> {
     observed: Vec<usize>,
     /// Names of their elements.
     elements: Vec<String>,
-    /// Instances that were made.
+    /// Number of instances.
     instances: Cell<usize>,
-    /// Steps that were made, of all instances.
+    /// Number of steps of all instances.
     made: Cell<usize>,
 }
 
 type Answer<T> = Result<T, CallError>;
 type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> Answer<()>;
 
-/// Tries everything the description promises, and counts it in `checked`.
+/// Tests everything that the description promises, and counts it in `checked`.
 pub(super) fn check(
     library: &Arc<Library>,
     description: &ModelDescription,
@@ -114,7 +114,7 @@ fn start_and_step(description: &ModelDescription) -> (f64, f64) {
     let duration = experiment.stop_time.map(|stop| stop - start).filter(|d| d.is_finite() && *d > 0.0);
     let step = experiment.step_size.filter(|step| step.is_finite() && *step > 0.0);
     let step = step.or(duration.map(|duration| duration / 1000.0)).unwrap_or(0.01);
-    // A step in many parts takes its time, and shows no more than one in some.
+    // A step of many internal steps is slow and reveals no more than one of a few.
     let parts = description.co_simulation.as_ref().and_then(|unit| unit.fixed_internal_step_size);
     let longest = parts.map(|part| MOST_PARTS * part).filter(|longest| *longest > 0.0);
     (start, longest.map_or(step, |longest| step.min(longest)))
@@ -125,16 +125,16 @@ fn stop_time(description: &ModelDescription, start: f64) -> Option<f64> {
     description.default_experiment.stop_time.filter(|stop| stop.is_finite() && *stop > start)
 }
 
-/// A step in the middle of the default experiment, s; without a stop time it is that of 1000 steps.
+/// Start of a step in the middle of the default experiment, s; without a stop time, of an experiment of 1000 steps.
 fn middle(description: &ModelDescription, start: f64, step: f64) -> f64 {
     let stop = stop_time(description, start).unwrap_or(start + 1000.0 * step);
     start + step * (0.5 * (stop - start) / step).round().max(1.0)
 }
 
-/// Latest messages of a failed call that are told.
+/// Number of latest messages of a failed call that are reported.
 const MOST_SAID: usize = 5;
 
-/// Error of a call: the function, and the messages the FMU logged.
+/// Describes the error of a call: the function, and the messages that the FMU logged.
 fn words(error: &CallError) -> String {
     let earlier = error.messages.len().saturating_sub(MOST_SAID);
     let said: Vec<_> = error.messages[earlier..].iter().map(|message| message.text.as_str()).collect();
@@ -146,7 +146,7 @@ fn words(error: &CallError) -> String {
     if said.is_empty() { problem.to_owned() } else { format!("{problem} ({earlier}\"{}\")", said.join("\", \"")) }
 }
 
-/// A derivative that the FMU does not give. A discarded call says that it is not finite there.
+/// Returns the finding about a missing derivative. A discarded call means that it is not finite there.
 fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
     let words = words(error);
     if error.is_discarded() {
@@ -161,7 +161,7 @@ fn found(tell: Tell<'_>, finding: Finding) {
 }
 
 impl Trial<'_> {
-    /// Tries everything.
+    /// Runs all trials.
     fn all(&mut self, checked: &mut Checked, tell: Tell<'_>) {
         if !self.instantiation(tell) {
             return;
@@ -214,7 +214,7 @@ impl Trial<'_> {
         self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
     }
 
-    /// Whether steps go on after their call, as the description allows.
+    /// Returns true if a step continues after its call, as the description allows.
     fn is_asynchronous(&self) -> bool {
         let is_allowed = self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_run_asynchronously);
         let is_pending = |error: CallError| error.problem == CallProblem::Status(Status::Pending);
@@ -222,7 +222,7 @@ impl Trial<'_> {
             && self.started("step").is_ok_and(|mut instance| self.go(&mut instance, 0..1, 1).is_err_and(is_pending))
     }
 
-    /// Instantiation succeeds with the GUID of the description and fails with another one.
+    /// Checks that instantiation succeeds with the GUID of the description and fails with another one.
     fn instantiation(&self, tell: Tell<'_>) -> bool {
         instantiation(self.library, self.description, Interface::CoSimulation, self.options, tell)
     }
@@ -255,7 +255,7 @@ impl Trial<'_> {
             if let Err(error) = part(self, tell) {
                 found(tell, Finding::error(name, words(&error)).about(topic));
             }
-            // Without an instance there is nothing that the description promises.
+            // A trial that made no instance has tested nothing.
             if self.instances.get() > before {
                 checked.trials.push(name.to_owned());
             }
@@ -264,9 +264,9 @@ impl Trial<'_> {
         }
     }
 
-    /// Steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation by itself.
+    /// Number of steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation.
     ///
-    /// It may, by fmi2Discard and fmi2Terminated, or by the outcome of fmi3DoStep. What else goes wrong is found by `runs`.
+    /// It may do so by fmi2Discard and fmi2Terminated, or by the outcome of fmi3DoStep. Other failures are found by `runs`.
     fn length(&self) -> usize {
         let Ok(mut instance) = self.started("length") else { return STEPS };
         for k in 0..2 * STEPS {
@@ -299,7 +299,7 @@ impl Trial<'_> {
         instance.set_real(&self.references(variables), values)
     }
 
-    /// What has a start value has it.
+    /// Checks that variables have their start values.
     fn start_values(&self, tell: Tell<'_>) -> Answer<()> {
         let mut instance = self.initializing("start")?;
         for i in self.exact() {
@@ -325,7 +325,7 @@ impl Trial<'_> {
     fn input(&self, k: usize) -> Vec<f64> {
         let value = |(j, &i): (usize, &usize)| {
             let start = self.start_of(i);
-            // A phase of their own for all inputs; no two are ever equal.
+            // Each input has its own phase, so no two are ever equal.
             start + 0.01 * size(start) * (0.7 * k as f64 + 1.3 * j as f64).sin()
         };
         self.inputs.iter().enumerate().map(value).collect()
@@ -338,7 +338,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Goes over some steps and returns all observed outputs after each, as numbers.
+    /// Runs some steps and returns all observed outputs after each, as numbers.
     fn go(&self, instance: &mut Instance, steps: std::ops::Range<usize>, parts: usize) -> Answer<Vec<f64>> {
         let mut outputs = Vec::new();
         for k in steps {
@@ -368,7 +368,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// A run is finite and repeats itself in another instance.
+    /// Checks that a run is finite and the same in another instance.
     fn runs(&self, tell: Tell<'_>) -> Answer<()> {
         let mut first = self.started("first")?;
         let expected = self.go(&mut first, 0..self.steps, 1)?;
@@ -386,7 +386,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Whether two runs are equal; tells where they are not.
+    /// Returns true if two runs are equal; reports a difference.
     fn compare(&self, tell: Tell<'_>, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> bool {
         let finding = self.comparison(subject, message, expected, values);
         let is_equal = finding.is_none();
@@ -396,7 +396,8 @@ impl Trial<'_> {
         is_equal
     }
 
-    /// Where two runs are not equal: a note if they differ by rounding errors, a warning if a solver may differ as much.
+    /// Returns the finding if two runs differ: a note for rounding errors, a warning within the tolerance of a solver,
+    /// else an error.
     fn comparison(&self, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> Option<Finding> {
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
         let at = expected.iter().zip(values).position(differs)?;
@@ -428,7 +429,7 @@ impl Trial<'_> {
     }
 }
 
-/// Instantiation succeeds with the GUID of the description and fails with another one.
+/// Checks that instantiation succeeds with the GUID of the description and fails with another one.
 fn instantiation(
     library: &Arc<Library>,
     description: &ModelDescription,
@@ -470,7 +471,7 @@ fn is_same_derivative(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())
 }
 
-/// Size of a change that is neither nothing nor too much for a value.
+/// Magnitude that changes of a value are relative to.
 fn size(value: f64) -> f64 {
     value.abs().max(1.0)
 }

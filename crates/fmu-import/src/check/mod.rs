@@ -1,10 +1,9 @@
 //! Validates FMUs made with any tool: does the description keep the rules of FMI 2.0 or 3.0, and does the binary do what
 //! the description says, for co-simulation and model exchange?
 //!
-//! The rules of the description are in FMI 2.0.4, sections 2.2, 3.3 and 4.3, and in FMI 3.0.2, section 2.4; `rules` goes
-//! through them. Validators that
-//! only read XML cannot know whether a start value is the real one, whether an output really follows an input, or
-//! whether a restored state goes on as before: `behavior` tries it out.
+//! The rules of the description are in FMI 2.0.4, sections 2.2, 3.3 and 4.3, and in FMI 3.0.2, section 2.4; `rules`
+//! checks them. Validators that only read XML cannot know whether a start value is the real one, whether an output
+//! really depends on an input, or whether a restored state continues as before: `behavior` tests that.
 
 mod behavior;
 mod process;
@@ -20,15 +19,15 @@ use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// Information; nothing is wrong.
     Note,
-    /// Allowed, but it misleads masters or their users.
+    /// Allowed, but misleading for masters or their users.
     Warning,
-    /// Against the standard, or not as described.
+    /// Violates the standard or the description.
     Error,
 }
 
@@ -42,23 +41,23 @@ pub enum Topic {
     Standard,
 }
 
-/// Something that is wrong with an FMU.
+/// A finding about an FMU.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// The question that it answers.
+    /// Question that it answers.
     pub topic: Topic,
-    /// What it is about, such as a variable or a function.
+    /// Subject, such as a variable or a function.
     pub subject: String,
-    /// What is wrong, and what was expected.
+    /// Description of the problem and of what was expected.
     pub message: String,
 }
 
-/// Longest subject and message of a finding, bytes: a name may have thousands, and an FMU may say more.
+/// Longest subject and message of a finding, bytes: names and messages of an FMU may be longer.
 const MAX_TEXT: usize = 2000;
 
-/// Text that is cut where it gets too long.
+/// Cuts a text that is too long.
 fn cut(text: impl Into<String>) -> String {
     let mut text = text.into();
     if text.len() > MAX_TEXT {
@@ -85,7 +84,7 @@ impl Finding {
         Self { severity: Severity::Note, topic: Topic::Simulation, ..Self::error(subject, message) }
     }
 
-    /// The same about another question.
+    /// Returns the same finding about another question.
     pub(crate) fn about(self, topic: Topic) -> Self {
         Self { topic, ..self }
     }
@@ -98,13 +97,13 @@ impl fmt::Display for Finding {
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
-        // Both may hold text of the FMU: no line of it passes for another finding.
+        // Both may contain text of the FMU, no line of which must look like another finding.
         let (subject, message) = (terminal::line(&self.subject), terminal::indented(&self.message, "    "));
         write!(f, "{severity}: {subject}: {message}")
     }
 }
 
-/// Where findings about a description go.
+/// Receives findings about a description.
 struct Findings<'a>(&'a mut dyn FnMut(Finding));
 
 impl Findings<'_> {
@@ -113,20 +112,20 @@ impl Findings<'_> {
     }
 }
 
-/// What a check tells while it goes on.
+/// Progress of a check.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
-    /// What is tried next. If the binary takes the process down, this is what it did not survive.
+    /// The next trial. If the binary crashes the process, it crashed in this trial.
     Trying {
         /// Name of the trial.
         trial: String,
-        /// The question that a crash in it answers.
+        /// Question that a crash in it answers.
         topic: Topic,
     },
-    /// What was found.
+    /// A finding.
     Found(Finding),
-    /// What has been looked at so far.
+    /// Scope of the check so far.
     Checked(Checked),
 }
 
@@ -139,10 +138,10 @@ impl Event {
 /// Options of a check.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Options {
-    /// Longest time for the default experiment; it is cut then.
+    /// Time limit of the default experiment, after which it is cut.
     pub experiment: Duration,
-    /// Trials to leave out. If there are any, findings about the description are left out, too: a check that a crash has
-    /// ended goes on in another process.
+    /// Trials to skip. If there are any, findings about the description are skipped, too: the check continues in another
+    /// process after a crash.
     pub skip: HashSet<String>,
 }
 
@@ -153,10 +152,10 @@ impl Default for Options {
     }
 }
 
-/// Start of the names of trials by model exchange.
+/// Prefix of the names of trials by model exchange.
 const MODEL_EXCHANGE: &str = "model exchange: ";
 
-/// What a check has looked at.
+/// Scope of a check.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Checked {
     /// XML elements of the description that were compared with the schema.
@@ -167,14 +166,14 @@ pub struct Checked {
     pub unknowns: usize,
     /// Trials of the binary that made an instance.
     pub trials: Vec<String>,
-    /// Instances that were made.
+    /// Number of instances.
     pub instances: usize,
-    /// Steps that were made, of all instances.
+    /// Number of steps of all instances.
     pub steps: usize,
 }
 
 impl Checked {
-    /// The same, after what another process has looked at.
+    /// Adds the trials, instances and steps of an earlier process.
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn after(mut self, before: &Self) -> Self {
         self.trials.splice(0..0, before.trials.iter().cloned());
@@ -211,7 +210,7 @@ impl fmt::Display for Checked {
     }
 }
 
-/// Most findings that are told; of further ones only their number. A fault may be one of every variable.
+/// Most findings that are reported; further ones are only counted. One fault may affect every variable.
 const MAX_FINDINGS: usize = 1000;
 
 /// Checks a `.fmu` file.
@@ -244,8 +243,8 @@ pub fn check(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
     }
 }
 
-/// Checks what can be seen without running anything: a model description against the rules of its version of FMI, and whether
-/// libraries, for any platform, export all functions.
+/// Checks an FMU without running it: the model description against the rules of its version of FMI, and whether libraries,
+/// for any platform, export all functions.
 #[must_use]
 pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
     let mut findings = Vec::new();

@@ -65,7 +65,7 @@ impl Process {
         findings
     }
 
-    /// Passes an event on, behind what was changed before a new trial.
+    /// Passes an event on; before a new trial, reports the changes that the previous one has made.
     pub(super) fn watch(&mut self, event: Event, tell: &mut dyn FnMut(Event)) {
         if let Event::Trying { trial, .. } = &event {
             self.changes(trial).into_iter().for_each(|finding| tell(Event::Found(finding)));

@@ -9,7 +9,7 @@ use crate::description::{
 use crate::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-/// Tells all findings about a description that could be read. Returns the number of elements compared with the schema.
+/// Reports all findings about a parsed description. Returns the number of elements compared with the schema.
 pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn FnMut(Finding)) -> usize {
     let mut findings = Findings(tell);
     let mut elements = 0;
@@ -34,7 +34,7 @@ pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn F
     elements
 }
 
-/// Attributes of variables of FMI 2.0 that the description does not show as they are written.
+/// Checks attributes of variables of FMI 2.0 that the parsed description does not contain as written.
 fn written_attributes(root: &Element, findings: &mut Findings<'_>) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
@@ -122,7 +122,7 @@ fn is_c_identifier(text: &str) -> bool {
     is_plain && !text.is_empty() && !text.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// `xs:dateTime`, as far as it is digits and separators.
+/// Checks the digits and separators of an `xs:dateTime`.
 fn is_date_time(text: &str) -> bool {
     let Some((date, time)) = text.split_once('T') else { return false };
     let numbers = |text: &str, separator: char, lengths: &[usize]| {
@@ -141,7 +141,7 @@ fn is_date_time(text: &str) -> bool {
     numbers(date, '-', &[4, 2, 2]) && numbers(time, ':', &[2, 2, 2]) && is_fraction && is_zone
 }
 
-/// What variables refer to, for look-ups that do not take longer the more there is.
+/// Lookup tables for what variables refer to, independent of the number of definitions.
 struct Known<'a> {
     /// Unit and display unit.
     display_units: HashSet<(&'a str, &'a str)>,
@@ -306,7 +306,7 @@ fn is_identifier(name: &str) -> bool {
     }
 }
 
-/// What follows the identifier at the start, plain or between single quotes.
+/// Returns the text after the identifier at the start, plain or in single quotes.
 fn after_identifier(text: &str) -> Option<&str> {
     if let Some(quoted) = text.strip_prefix('\'') {
         let mut escaped = false;
@@ -324,7 +324,7 @@ fn after_identifier(text: &str) -> Option<&str> {
     (end > 0 && !text.starts_with(|c: char| c.is_ascii_digit())).then(|| &text[end..])
 }
 
-/// FMI 3.0 has the time as a variable.
+/// Checks the time variable that FMI 3.0 requires.
 fn independent(description: &ModelDescription, findings: &mut Findings<'_>) {
     let is_time = |variable: &&Variable| variable.causality == Causality::Independent && variable.alias_of.is_none();
     let times: Vec<&Variable> = description.variables.iter().filter(is_time).collect();
@@ -342,7 +342,7 @@ fn independent(description: &ModelDescription, findings: &mut Findings<'_>) {
     }
 }
 
-/// Variables of one base type with one value reference are one quantity.
+/// Checks aliases: variables of one base type with the same value reference are one quantity.
 fn aliases(description: &ModelDescription, findings: &mut Findings<'_>) {
     let mut sets: BTreeMap<_, Vec<&Variable>> = BTreeMap::new();
     for variable in &description.variables {
@@ -419,7 +419,7 @@ fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
     }
 }
 
-/// A list of the model structure: complete, nothing twice, and dependencies on what can be known.
+/// Checks a list of the model structure: complete, no duplicates, and dependencies on possible knowns only.
 fn list(
     description: &ModelDescription,
     name: &str,

@@ -1,16 +1,17 @@
 //! Elements of arrays as scalar variables, for masters that connect and record scalars.
 //!
-//! FMI 3.0 reads and writes an array as a whole by its value reference. Each element gets a value reference of its own that no
-//! variable of the FMU has; [`Instance`](crate::loader::Instance) makes a call for the whole array of it.
+//! FMI 3.0 reads and writes an array as a whole by its value reference. Each element gets its own value reference, which no
+//! variable of the FMU has; [`Instance`](crate::loader::Instance) turns it into a call for the whole array.
 
 use super::{BaseType, ModelDescription, Unknown, Value, Variable};
 use crate::c_api::Reference;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// Most elements of an FMU that become variables. Arrays beyond stay arrays, so that a field of millions of numbers takes no memory.
+/// Most elements of an FMU that become variables. Further arrays stay arrays, so that a field of millions of numbers takes no
+/// memory.
 const MAX_ELEMENTS: usize = 20_000;
-/// Most dependencies that are listed by element. Beyond, an unknown depends on all knowns.
+/// Most dependencies that are listed by element. Beyond that, an unknown depends on all knowns.
 const MAX_DEPENDENCIES: usize = 1_000_000;
 
 /// An element of an array.
@@ -18,7 +19,7 @@ const MAX_DEPENDENCIES: usize = 1_000_000;
 pub struct ArrayElement {
     /// Value reference of the array.
     pub array: Reference,
-    /// Place among the values of the array, row by row, from 0.
+    /// Position among the values of the array, row by row, from 0.
     pub index: usize,
 }
 
@@ -70,7 +71,7 @@ impl ModelDescription {
         references
     }
 
-    /// The same with a variable for each element of its arrays: `a[1]`, `a[2]` and so on, `a[2,1]` for two dimensions, row by row.
+    /// Adds a variable for each element of its arrays: `a[1]`, `a[2]` and so on, `a[2,1]` for two dimensions, row by row.
     /// Arrays of Strings stay arrays, and those beyond 20,000 elements of the FMU.
     #[must_use]
     pub fn with_elements(self) -> Self {
@@ -78,7 +79,7 @@ impl ModelDescription {
         if references.iter().all(Option::is_none) {
             return self;
         }
-        // The places of the old variables among the new ones.
+        // The positions of the old variables among the new ones.
         let mut places: Vec<Range<usize>> = Vec::new();
         for (variable, references) in self.variables.iter().zip(&references) {
             let start = places.last().map_or(0, |place| place.end);

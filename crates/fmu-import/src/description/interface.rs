@@ -38,11 +38,11 @@ impl std::fmt::Display for Interface {
     }
 }
 
-/// Identifier and capabilities of the co-simulation interface (FMI 2.0.4, section 4.3.1; FMI 3.0.2, section 4.4.1). What a
-/// version does not have is false or 0.
+/// Identifier and capabilities of the co-simulation interface (FMI 2.0.4, section 4.3.1; FMI 3.0.2, section 4.4.1).
+/// Capabilities that a version does not define are false or 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CoSimulation {
-    /// File stem of the binary. FMI asks for a C identifier; other names of files are read as well.
+    /// File stem of the binary. FMI requires a C identifier; other file names are read as well.
     pub model_identifier: String,
     /// The FMU is a wrapper that needs its tool.
     pub needs_execution_tool: bool,
@@ -66,20 +66,20 @@ pub struct CoSimulation {
     pub provides_directional_derivative: bool,
     /// Adjoint derivatives are offered (FMI 3.0).
     pub provides_adjoint_derivatives: bool,
-    /// Step size of the solver inside (FMI 3.0), s.
+    /// Step size of the internal solver (FMI 3.0), s.
     pub fixed_internal_step_size: Option<f64>,
-    /// The FMU can handle events in Event Mode (FMI 3.0). This crate never asks for it.
+    /// The FMU can handle events in Event Mode (FMI 3.0). This crate never requests it.
     pub has_event_mode: bool,
 }
 
 /// Identifier and capabilities of the model-exchange interface (FMI 2.0.4, section 3.3.1; FMI 3.0.2, section 3.4).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ModelExchange {
-    /// File stem of the binary. FMI asks for a C identifier; other names of files are read as well.
+    /// File stem of the binary. FMI requires a C identifier; other file names are read as well.
     pub model_identifier: String,
     /// The FMU is a wrapper that needs its tool.
     pub needs_execution_tool: bool,
-    /// The importer has to announce the end of each integration step.
+    /// The importer must announce the end of each integration step.
     pub needs_completed_integrator_step: bool,
     /// At most one instance per process.
     pub can_be_instantiated_only_once_per_process: bool,

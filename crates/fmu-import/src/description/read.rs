@@ -153,7 +153,7 @@ fn children<'a>(parent: &'a Element, list: &str, name: &'a str) -> impl Iterator
     parent.child(list).into_iter().flat_map(|l| &l.children).filter(move |c| c.name == name)
 }
 
-/// The model identifier, which becomes part of a path. That it is a C identifier is a rule of `check`: many tools write others.
+/// The model identifier, which becomes part of a path. `check` reports one that is not a C identifier: many tools write others.
 fn identifier(element: &Element) -> Result<String, XmlError> {
     let text = bounded(element, "modelIdentifier", MAX_IDENTIFIER)?;
     let leads_elsewhere = text.contains(['/', '\\', ':']) || matches!(text, "" | "." | "..");
@@ -210,7 +210,7 @@ fn model_exchange(element: &Element, fmi: FmiVersion) -> Result<ModelExchange, X
     })
 }
 
-/// An attribute that must be there and must not be longer than so many bytes.
+/// An attribute that is required and must not be longer than so many bytes.
 fn bounded<'a>(element: &'a Element, attribute: &str, most: usize) -> Result<&'a str, XmlError> {
     let text = element.required(attribute)?;
     check_length(element, attribute, text, most)?;
@@ -296,7 +296,7 @@ fn causality(element: &Element, fmi: FmiVersion) -> Result<Causality, XmlError> 
     })
 }
 
-/// The variability that is written; `None`: the default.
+/// The declared variability; `None`: the default.
 fn variability(element: &Element, fmi: FmiVersion) -> Result<Option<Variability>, XmlError> {
     Ok(match element.attribute("variability") {
         None => None,
@@ -470,7 +470,7 @@ mod tests {
         }
     }
 
-    /// A list may name an array again and again, so that it has more elements than all arrays.
+    /// A list may name an array repeatedly, so that it has more elements than all arrays.
     #[test]
     fn lists_of_many_elements_are_rejected() {
         let large = TANK.replacen(

@@ -17,7 +17,7 @@ const MAX_MESSAGE: usize = 10_000;
 /// Messages of one instance, collected by the logger callback.
 pub(super) struct Log {
     instance: String,
-    // FMUs may log from threads of their own.
+    // FMUs may log from their own threads.
     messages: Mutex<VecDeque<Message>>,
 }
 
@@ -28,7 +28,7 @@ thread_local! {
     static STRAY_MESSAGES: Cell<usize> = const { Cell::new(0) };
 }
 
-/// Messages of FMUs in this thread with an environment that is none of a living instance.
+/// Messages of FMUs in this thread with an environment that belongs to no living instance.
 pub(crate) fn stray_messages() -> usize {
     STRAY_MESSAGES.get()
 }
@@ -43,7 +43,7 @@ impl OpenLog {
         Self(log)
     }
 
-    /// The environment that an FMU names the log by, unique among living instances.
+    /// The environment by which an FMU identifies the log, unique among living instances.
     pub(super) fn environment(&self) -> *mut c_void {
         Arc::as_ptr(&self.0).cast_mut().cast()
     }
@@ -75,8 +75,8 @@ impl Log {
     }
 }
 
-/// Keeps a message in the log that an environment names. It is only compared: some FMUs pass another one than they got. Such
-/// a message belongs to the instance that it names, or to the only one; otherwise it is printed.
+/// Keeps a message in the log that an environment identifies. The environment is only compared: some FMUs pass another one
+/// than they got. Such a message belongs to the instance that it names, or to the only one; otherwise it is printed.
 fn keep(environment: *mut c_void, instance: &str, status: RawStatus, category: String, mut text: String) {
     if text.len() > MAX_MESSAGE {
         let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
@@ -151,8 +151,8 @@ pub(super) fn logger() -> c_api::Logger {
     #[cfg(not(log_arguments))]
     {
         type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
-        // SAFETY: in the C calling conventions of the supported platforms the named arguments of a variadic call stand where
-        // those of an ordinary call stand, and the caller removes them, so a callee may ignore the rest.
+        // SAFETY: in the C calling conventions of the supported platforms the named arguments of a variadic call are passed
+        // like those of an ordinary call, and the caller removes them, so a callee may ignore the rest.
         return unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_format as Fixed) };
     }
 }
@@ -201,7 +201,7 @@ mod tests {
         let environment = log.environment();
         for i in 0..KEPT_MESSAGES + 5 {
             let format = CString::new(format!("{i}: 5 %% of ##x\n")).unwrap();
-            // SAFETY: C strings that outlive the call, and no arguments, which the format does not ask for.
+            // SAFETY: C strings that outlive the call, and no arguments, because the format needs none.
             unsafe { logger()(environment, ptr::null(), 3, ptr::null(), format.as_ptr()) };
         }
         let messages = log.take();
@@ -214,14 +214,14 @@ mod tests {
         assert_eq!(log.take()[0].text, "100 %% of ##x", "FMI 3.0 escapes nothing");
     }
 
-    /// As `printf` of C; what is not a conversion of C stays as it is, with all that follows.
+    /// As `printf` of C; text that is not a conversion of C is kept, with all that follows.
     #[cfg(log_arguments)]
     #[test]
     fn arguments_take_the_place_of_conversions() {
         let log = OpenLog::new("one");
         macro_rules! logged {
             ($format:literal $(, $argument:expr)*) => {{
-                // SAFETY: C strings, and arguments as the format asks for.
+                // SAFETY: C strings, and the arguments that the format needs.
                 unsafe { logger()(log.environment(), c"one".as_ptr(), 0, ptr::null(), $format.as_ptr() $(, $argument)*) };
                 log.take().remove(0).text
             }};

@@ -1,7 +1,7 @@
-//! The call board: which function of which component a process is in, in a file that another process can read.
+//! The call board: the function and component that a process is in, in a file that another process can read.
 //!
 //! A worker maps the file and writes to it before and after every call of an FMU. That costs two stores and no system
-//! call, and the words outlive the process: whoever started it can tell what it was doing when it crashed, exited or hung.
+//! call, and the words outlive the process: its parent can report what it was doing when it crashed, exited or hung.
 
 use crate::description::{FmiVersion, Interface};
 use std::fs::File;
@@ -133,7 +133,7 @@ impl Function {
     }
 }
 
-/// What is loaded instead of called: runs the initializers of a library.
+/// Number in place of a function while a library is loaded, which runs its initializers.
 const LOADING: u64 = 0xff;
 /// Bits of a call that number the function, from 1; the component is above them.
 const FUNCTION_BITS: u32 = 8;
@@ -207,26 +207,26 @@ impl Board {
         self.0[word as usize].load(Ordering::Relaxed)
     }
 
-    /// Something has progressed.
+    /// Signals progress.
     pub fn pulse(&self) {
         self.set(Word::Pulse, self.get(Word::Pulse).wrapping_add(1));
     }
 
-    /// A run begins.
+    /// Starts a run.
     pub fn begin(&self) {
         self.set(Word::Time, f64::NAN.to_bits());
         self.set(Word::Steps, 0);
         self.pulse();
     }
 
-    /// A step begins at a time, s, after so many others.
+    /// Starts a step at a time, s, after `done` others.
     pub fn step(&self, time: f64, done: u64) {
         self.set(Word::Time, time.to_bits());
         self.set(Word::Steps, done);
         self.pulse();
     }
 
-    /// What is loaded or instantiated from now on is this component.
+    /// Sets the component that is loaded or instantiated from now on.
     pub fn component(&self, index: usize) {
         self.set(Word::Component, index as u64);
         self.pulse();
@@ -237,24 +237,24 @@ impl Board {
         self.get(Word::Component)
     }
 
-    /// The process enters a function of a component.
+    /// Records that the process enters a function of a component.
     pub(super) fn enter(&self, component: u64, function: Function, fmi: FmiVersion) {
         let number = FUNCTIONS * version(fmi) as u64 + function as u64 + 1;
         self.set(Word::Call, component << FUNCTION_BITS | number);
     }
 
-    /// The process loads the library of the present component.
+    /// Records that the process loads the library of the present component.
     pub(super) fn load(&self) {
         self.set(Word::Call, self.current() << FUNCTION_BITS | LOADING);
     }
 
-    /// The process is out of the FMU.
+    /// Records that the process has left the FMU.
     pub(super) fn leave(&self) {
         self.set(Word::Call, 0);
     }
 }
 
-/// What the board of another process says.
+/// Contents of the board of another process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snapshot {
     /// Index of the component, and the name of the function; an empty name: loading its library.
@@ -283,7 +283,7 @@ impl Snapshot {
         };
         let call = word(Word::Call);
         let component = usize::try_from(call >> FUNCTION_BITS).unwrap_or(usize::MAX);
-        // An FMU may have written over it.
+        // An FMU may have overwritten it.
         let name = match call & ((1 << FUNCTION_BITS) - 1) {
             0 => None,
             LOADING => Some(""),

@@ -1,5 +1,4 @@
-//! Options of the description that a library of this exporter returns. They are added up; `fmu::abi::model_description` reads
-//! them.
+//! Options of the description that a library of this exporter returns. They are added up and read by `fmu::abi::model_description`.
 
 /// The FMU provides co-simulation.
 pub const CO_SIMULATION: i32 = 1;

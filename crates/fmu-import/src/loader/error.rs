@@ -5,7 +5,7 @@ use crate::description::Interface;
 use crate::terminal;
 use std::path::PathBuf;
 
-/// Why a library cannot be used.
+/// Error of loading a library.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The system cannot load it.
@@ -35,11 +35,11 @@ pub enum LoadError {
     Version {
         /// The library.
         path: PathBuf,
-        /// Function that was asked.
+        /// Function that was called.
         function: &'static str,
-        /// Answer.
+        /// Value that it returned.
         found: String,
-        /// Answer of an FMU that can be used.
+        /// Value of a usable FMU.
         expected: &'static str,
     },
     /// It calls Python, and the process has no Python.
@@ -59,9 +59,9 @@ pub enum LoadError {
 /// `fmi2Status` or `fmi3Status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Status {
-    /// All well.
+    /// Success.
     Ok,
-    /// Done, with a reservation.
+    /// Done, with a warning.
     Warning,
     /// Not done; the instance can go on.
     Discard,
@@ -90,7 +90,7 @@ impl From<RawStatus> for Status {
 }
 
 impl Status {
-    /// Name in the version of FMI that a function is of.
+    /// Name in the FMI version of a function.
     fn name(self, function: &str) -> String {
         let version = if function.starts_with("fmi3") { "fmi3" } else { "fmi2" };
         let name = match self {
@@ -152,7 +152,7 @@ pub struct CallError {
 }
 
 impl CallError {
-    /// Whether the FMU has no such information here, as no finite derivative of a root at 0; it can go on.
+    /// Returns true if the FMU has no such value here, such as a finite derivative of a root at 0; it can continue.
     #[must_use]
     pub fn is_discarded(&self) -> bool {
         self.problem == CallProblem::Status(Status::Discard)
@@ -183,7 +183,7 @@ impl std::fmt::Display for CallError {
             }
         }?;
         for message in &self.messages {
-            // Further lines of a message are not taken for messages.
+            // Indented, so that further lines of a message do not look like messages.
             write!(f, "\n  {}: {}", message.status.name(function), terminal::indented(&message.text, "    "))?;
         }
         Ok(())

@@ -1,13 +1,14 @@
 //! The floating-point environment of a thread: rounding, traps, treatment of tiny numbers.
 //!
-//! An FMU that changes it and returns would change the numbers of the other FMUs and of the master. So each call is followed by
-//! a look at it, and it is restored if it differs from what it was when the instance was made.
+//! An FMU that changes it and returns would change the numbers of the other FMUs and of the master. So it is checked after each
+//! call, and restored if it differs from its value when the instance was made.
 
 use std::collections::BTreeSet;
 use std::hint::black_box;
 use std::sync::{Mutex, PoisonError};
 
-/// Tests for rounding to nearest. Requires a masked inexact exception. Costs nothing beside a call; reading the control word costs some nanoseconds.
+/// Tests for rounding to nearest. Requires a masked inexact exception. Takes no time beside a call; reading the control word takes some
+/// nanoseconds.
 #[inline]
 pub(super) fn rounds_to_nearest() -> bool {
     let (one, half_ulp) = (black_box(1.0_f64), black_box(f64::EPSILON / 2.0));
@@ -22,14 +23,14 @@ pub(super) struct FloatEnvironment(u64);
 /// Changes that were restored, and the functions that had made them.
 static RESTORED: Mutex<BTreeSet<(&'static str, &'static str)>> = Mutex::new(BTreeSet::new());
 
-/// Takes the changes of the floating-point environment that calls of FMUs have left since this was called before: each a
+/// Takes the changes of the floating-point environment that calls of FMUs have left since the last call: each a
 /// function, and what it had changed.
 pub(crate) fn take_restored() -> BTreeSet<(&'static str, &'static str)> {
     std::mem::take(&mut *RESTORED.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 impl FloatEnvironment {
-    /// Restores the environment that a function of an FMU has left otherwise, and returns what it had changed.
+    /// Restores the environment after a function of an FMU has changed it, and returns the change.
     #[cold]
     pub(super) fn restore(self, function: &'static str) -> &'static str {
         let change = self.difference(Self::current());
@@ -44,7 +45,7 @@ mod processor {
     use super::FloatEnvironment;
     use std::arch::asm;
 
-    /// Bits of MXCSR that are set by operations and control nothing.
+    /// Bits of MXCSR that operations set and that control nothing.
     const FLAGS: u32 = 0x3f;
     const DENORMALS_ARE_ZERO: u64 = 1 << 6;
     const MASKS: u64 = 0x3f << 7;
@@ -69,13 +70,13 @@ mod processor {
             Self(u64::from(word & !FLAGS))
         }
 
-        /// Makes it the environment of this thread, also for operations of the old unit with 80 bits, whose precision stays.
+        /// Makes it the environment of this thread, also for operations of the x87 unit with 80 bits, whose precision is kept.
         pub(super) fn set(self) {
             let word = u32::try_from(self.0).unwrap_or(0x1f80);
             let mut old = 0_u16;
             let (masks, rounding) = ((self.0 & MASKS) >> 7, (self.0 & ROUNDING) >> 3);
-            // SAFETY: the instructions load and store as many bytes as the variables have; all bits are defined. The exceptions
-            // that operations have flagged are cleared first, so that none is raised by a mask that is taken away.
+            // SAFETY: the instructions load and store as many bytes as the variables have; all bits are defined. Exceptions
+            // that operations have flagged are cleared first, so that none is raised when its mask is removed.
             unsafe {
                 asm!("fnclex", "fnstcw [{}]", in(reg) &raw mut old, options(nostack, preserves_flags));
                 let new = (old & !0xc3f) | u16::try_from(masks | rounding).unwrap_or(0x3f);
@@ -143,7 +144,7 @@ mod processor {
     }
 }
 
-/// Other processors are not asked; a module for WebAssembly has no such environment.
+/// Other processors are not supported; a module for WebAssembly has no such environment.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod processor {
     use super::FloatEnvironment;
@@ -162,7 +163,7 @@ mod processor {
         /// Nothing to set.
         pub(super) fn set(self) {}
 
-        /// Never asked.
+        /// Never called.
         pub(super) fn difference(self, _: Self) -> &'static str {
             "the floating-point environment"
         }

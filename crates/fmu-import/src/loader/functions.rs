@@ -14,10 +14,10 @@ pub(super) enum Functions {
 }
 
 impl Functions {
-    /// `Err`: the name of a function without which the library is of no use.
+    /// `Err`: the name of a required function that is missing.
     ///
     /// # Safety
-    /// Every function of that name has the signature that its version of FMI gives it, and the library outlives the table.
+    /// Every function of that name has the signature of its version of FMI, and the library outlives the table.
     pub(super) unsafe fn load(
         library: &system::Library,
         fmi: FmiVersion,
@@ -96,8 +96,8 @@ macro_rules! table {
         co_simulation { needed { $($cs:ident: $cs_type:ty = $cs_name:literal,)* } $($cs2:ident: $cs2_type:ty = $cs2_name:literal,)* }
         model_exchange { needed { $($me:ident: $me_type:ty = $me_name:literal,)* } $($me2:ident: $me2_type:ty = $me2_name:literal,)* }
     ) => {
-        /// The functions of a library. Those an importer cannot do without are required; the others are missing from many
-        /// FMUs although the standard demands them. Those of the other interface are never there.
+        /// The functions of a library. Those that an importer needs are required; the others are missing from many FMUs
+        /// although the standard requires them. Those of the other interface are never there.
         pub(in super::super) struct Functions {
             $(pub(in super::super) $field: $type,)*
             $(pub(in super::super) $other: Option<$other_type>,)*

@@ -1,4 +1,4 @@
-//! An instance: its life, and how its functions are called.
+//! An instance: its life cycle, and the calls of its functions.
 
 use super::callbacks::{OpenLog, allocate_memory, free_memory, log_text, logger};
 use super::calls::{self, Board, Function};
@@ -18,7 +18,7 @@ use std::sync::atomic::Ordering;
 /// The end of the latest step, as `fmi3DoStep` returns it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct StepEnd {
-    /// Of an FMU that was told that Event Mode is not used.
+    /// From an FMU that does not use Event Mode, so it is ignored.
     _event: v3::RawBoolean,
     pub(super) terminate: v3::RawBoolean,
     early: v3::RawBoolean,
@@ -58,14 +58,14 @@ pub struct Instance {
 }
 
 // SAFETY: the pointers to component, states, log and callbacks belong to this instance alone, and every call needs it
-// exclusively. FMI asks that the calls of an instance follow each other, not that one thread makes them.
+// exclusively. FMI requires that the calls of an instance follow each other, not that one thread makes them.
 unsafe impl Send for Instance {}
 
 impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the interface that the library
     /// was unpacked for. The instance is invisible; one of FMI 3.0 uses neither Event Mode in co-simulation nor early return.
     ///
-    /// `logging` asks the FMU to log more than errors.
+    /// `logging` requests that the FMU logs more than errors.
     ///
     /// # Errors
     /// The FMU returns no instance, or a name holds a zero byte.
@@ -248,7 +248,7 @@ impl Instance {
     #[cold]
     fn restore_floats(&mut self, function: Function) {
         if FloatEnvironment::current() == self.floats {
-            // The program around it does not round to the nearest number either.
+            // The surrounding program does not round to the nearest number either.
             return;
         }
         let function = function.name(self.fmi());
@@ -448,7 +448,7 @@ impl Drop for Instance {
     fn drop(&mut self) {
         // After fmi2Fatal no function may be called, not even to free.
         if !self.dead {
-            // The program around it may have changed it since the last call.
+            // The surrounding program may have changed it since the last call.
             let floats = FloatEnvironment::current();
             if let Some(free) = self.library.functions.free_state() {
                 self.enter(Function::FreeFmuState);

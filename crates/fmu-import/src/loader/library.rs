@@ -21,7 +21,7 @@ pub struct Library {
     pub(super) functions: Functions,
     // Fields are dropped in this order: the library is closed before its file is removed.
     library: system::Library,
-    /// As the version of FMI takes it: a URI or a path. The folder is there, if empty, also for an FMU without resources: some
+    /// A URI or a path, depending on the version of FMI. The folder exists, if empty, also for an FMU without resources: some
     /// FMUs of FMI 3.0 crash without a path.
     pub(super) resources: CString,
     pub(super) signature: Signature,
@@ -39,7 +39,7 @@ impl Library {
     /// Loads the library of an unpacked FMU.
     ///
     /// # Errors
-    /// The system cannot load it, it needs a Python library that is not there, a function of the interface is missing, or it
+    /// The system cannot load it, it needs a Python library that is missing, a function of the interface is missing, or it
     /// is not one of the version of the description (FMI 2.0: with the types platform `default`).
     pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
         let board = calls::board();
@@ -60,7 +60,7 @@ impl Library {
     fn load_unpacked(unpacked: Arc<Unpacked>) -> Result<Arc<Self>, LoadError> {
         let path = &unpacked.binary;
         let opened = system::open(path);
-        // Functions are looked up when they are called first, and ending the process is how the system reports a missing one.
+        // Functions are looked up at their first call, and the system reports a missing one by ending the process.
         if let Some(symbol) =
             python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
         {
@@ -133,7 +133,7 @@ pub fn not_exported(
     }
     let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
     let exports = file.exports().map_err(|error| failed(error.to_string()))?;
-    // macOS puts an underscore in front of every name.
+    // macOS prepends an underscore to every name.
     let is_there = |name: &str| {
         exports
             .iter()
@@ -158,7 +158,7 @@ pub fn exported_descriptions(
     let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
     let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
     let exports = file.exports().map_err(|error| failed(error.to_string()))?;
-    // macOS puts an underscore in front of every name.
+    // macOS prepends an underscore to every name.
     let names = exports.iter().filter_map(|export| std::str::from_utf8(export.name()).ok());
     let names = names.map(|name| name.strip_prefix('_').unwrap_or(name)).filter(|name| name.starts_with(PREFIX));
     let library = system::open(path).map_err(failed)?;

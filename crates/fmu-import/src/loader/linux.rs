@@ -6,7 +6,7 @@ use rustix::process::Pid;
 use std::io;
 use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 
-/// The process that [`fork`] returns to.
+/// The process in which [`fork`] returns.
 pub(crate) enum Forked {
     /// The process that called it, and the new one.
     Parent(Pid),
@@ -39,8 +39,8 @@ pub(crate) fn most_memory_of_children() -> u64 {
     if result == 0 { u64::try_from(usage.ru_maxrss).unwrap_or(0).saturating_mul(1024) } else { 0 }
 }
 
-/// Filters the system calls of this thread, and of all threads and processes that it makes, for good. With `listens` the calls
-/// for which the filter returns `SECCOMP_RET_USER_NOTIF` wait for an answer from the listener that is returned.
+/// Filters the system calls of this thread, and of all threads and processes that it makes, permanently. With `listens` the
+/// calls for which the filter returns `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned listener.
 ///
 /// # Errors
 /// The system has no such filters, another listener already has the calls of this process, or `no_new_privs` is not set.
@@ -57,7 +57,7 @@ pub(crate) fn filter_calls(filter: &[sock_filter], listens: bool) -> io::Result<
     let descriptor = i32::try_from(result).map_err(io::Error::other)?;
     match descriptor {
         -1 => Err(io::Error::last_os_error()),
-        // SAFETY: the system has made this descriptor, and nothing else knows of it.
+        // SAFETY: the system has made this descriptor, and nothing else uses it.
         _ if listens => Ok(Some(unsafe { OwnedFd::from_raw_fd(descriptor) })),
         _ => Ok(None),
     }
@@ -80,7 +80,7 @@ pub(crate) struct Waiting {
 /// # Errors
 /// None waits any more, or the filter is gone with its processes.
 pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
-    // SAFETY: all bits 0 are a value of this type, and what the system asks for.
+    // SAFETY: all bits 0 are a value of this type, and required by the system.
     let mut notice: libc::seccomp_notif = unsafe { std::mem::zeroed() };
     // SAFETY: the system fills the structure, whose size is part of the request.
     let result = unsafe { libc::ioctl(listener.as_raw_fd(), libc::SECCOMP_IOCTL_NOTIF_RECV as _, &raw mut notice) };
@@ -91,7 +91,7 @@ pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
     Ok(Waiting { id: notice.id, thread: notice.pid, number, arguments: notice.data.args })
 }
 
-/// Lets SIGTERM wait, or arrive again.
+/// Blocks SIGTERM, or unblocks it.
 pub(crate) fn hold_termination(holds: bool) {
     let how = if holds { libc::SIG_BLOCK } else { libc::SIG_UNBLOCK };
     // SAFETY: the set is on the stack, and the functions only read and write it.
@@ -109,7 +109,7 @@ pub(crate) fn is_waiting(listener: BorrowedFd<'_>, call: &Waiting) -> bool {
     unsafe { libc::ioctl(listener.as_raw_fd(), libc::SECCOMP_IOCTL_NOTIF_ID_VALID as _, &raw const call.id) == 0 }
 }
 
-/// Lets a call go on, or makes it fail with an error number. Nothing happens if its thread has ended.
+/// Lets a call continue, or makes it fail with an error number. Nothing happens if its thread has ended.
 pub(crate) fn answer(listener: BorrowedFd<'_>, call: &Waiting, denied: Option<i32>) {
     let goes_on = u32::try_from(libc::SECCOMP_USER_NOTIF_FLAG_CONTINUE).unwrap_or(1);
     let response = libc::seccomp_notif_resp {

@@ -15,7 +15,7 @@ const UNWRITTEN: u64 = 0x7ff8_dead_0000_beef;
 /// The outcome of an update of the discrete states.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EventUpdate {
-    /// The event goes on: the update has to be called again.
+    /// The event continues: the update must be called again.
     pub is_needed_again: bool,
     /// The FMU wants the simulation to end.
     pub terminates: bool,
@@ -223,7 +223,7 @@ impl Instance {
     ) -> Result<(), CallError> {
         self.check_number(function, numbers.len(), expected)?;
         if numbers.is_empty() {
-            // Some tools write to the first element all the same.
+            // Some tools write to the first element anyway.
             let mut spare = f64::from_bits(UNWRITTEN);
             // SAFETY: live instance; the array has more elements than stated.
             let result = self.call_optional(function, select, |f, c| unsafe { f(c, &raw mut spare, 0) });
@@ -236,8 +236,8 @@ impl Instance {
         self.call_optional(function, select, |f, c| unsafe { f(c, numbers.as_mut_ptr(), numbers.len()) })
     }
 
-    /// The latest function that wrote to an array of which it was told that it has no elements. Such an array has one
-    /// here; with that of another importer the FMU would have changed foreign memory, or crashed.
+    /// The latest function that wrote to an array without elements. Such an array has one element here; with another
+    /// importer the FMU would have overwritten foreign memory, or crashed.
     #[must_use]
     pub fn overrun(&self) -> Option<&'static str> {
         self.overrun.map(|function| function.name(self.fmi()))

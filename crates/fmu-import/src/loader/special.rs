@@ -1,8 +1,8 @@
 //! Values of FMI 3.0 that the plain getters and setters cannot transfer: arrays, and types without a C type of FMI 2.0.
 //!
-//! A call of the FMU transfers one of these variables, so that it has no order of types to keep. Scalars are converted on
-//! the stack. An element of an array ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements))
-//! is read and written with its array.
+//! Each call of the FMU transfers one of these variables, so no order of types has to be kept. Scalars are converted on the
+//! stack. An element of an array ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is
+//! read and written with its array.
 
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
@@ -30,7 +30,7 @@ pub(super) struct Whole {
     wide: Part<i64>,
 }
 
-/// The same of one type.
+/// Values of arrays of one type.
 #[derive(Default)]
 pub(super) struct Part<T> {
     /// Of the array that a call transfers.
@@ -39,7 +39,7 @@ pub(super) struct Part<T> {
     given: HashMap<Reference, Vec<T>>,
 }
 
-/// A type of values, and where those of an array are kept.
+/// A type of values, with the storage for those of an array.
 pub(super) trait Kept: Copy + Default {
     fn part(whole: &mut Whole) -> &mut Part<Self>;
     /// A start value as this type.
@@ -174,9 +174,9 @@ impl Instance {
         refs.chunk_by(move |one, next| array(*one) == array(*next))
     }
 
-    /// Whether one of the variables is an array or needs a function of its own.
+    /// Returns true if one of the variables is an array or needs a function of its own.
     pub(super) fn has_special(&self, refs: &[Reference]) -> bool {
-        // Both versions read the version anyway; one of FMI 2.0 looks no further.
+        // FMUs of FMI 2.0 have no such variables, so the list is searched for FMI 3.0 only.
         self.fmi() == FmiVersion::V3 && self.signature().has_special(refs)
     }
 
@@ -508,13 +508,13 @@ buffered!(f32 i8 u8 i16 u16 i32 u32 i64 u64);
 /// A type for the values of Integers, which holds each exactly or not at all: `i32`, `i64`, and `f64` up to 2^53.
 #[allow(private_bounds, reason = "the values are kept by the loader only")]
 pub trait WholeNumber: Kept {
-    /// Why it does not hold a value.
+    /// Error message for a value that it does not hold.
     const NOT_HELD: &'static str;
-    /// The value of a number; `None`: it does not hold it.
+    /// Converts a number; `None`: the type does not hold it.
     fn from_whole(number: i64) -> Option<Self>;
-    /// The number; `None`: the value is not a whole number.
+    /// Converts to a number; `None`: the value is not a whole number.
     fn whole(self) -> Option<i64>;
-    /// The values themselves, if they are what an FMU of FMI 2.0 takes.
+    /// The values themselves, if they have the type that FMI 2.0 transfers.
     fn plain(_values: &[Self]) -> Option<&[i32]> {
         None
     }

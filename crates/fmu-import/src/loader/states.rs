@@ -10,7 +10,7 @@ use std::ptr;
 /// A state saved with [`Instance::save_state`]; valid for the instance that made it.
 #[derive(Debug)]
 pub struct SavedState {
-    /// Address of the log, unique among living instances, tells whose state this is.
+    /// Address of the log, unique among living instances; identifies the owner of the state.
     owner: usize,
     slot: usize,
 }
@@ -20,7 +20,7 @@ impl Instance {
         self.log.environment().addr()
     }
 
-    /// The pointer behind a saved state of this instance.
+    /// The pointer for a saved state of this instance.
     fn state(&mut self, function: Function, saved: &SavedState) -> Result<c_api::State, CallError> {
         if saved.owner == self.owner()
             && let Some(state) = self.states.get(saved.slot)
@@ -91,7 +91,7 @@ impl Instance {
         // SAFETY: live instance; the state is null or one that this instance returned.
         let free = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
         self.call_optional(NAME, Functions::free_state, free)?;
-        // The slot stays, so that other states keep theirs; null is freed as nothing.
+        // The slot is kept, so that other states keep theirs; freeing null does nothing.
         self.states[saved.slot] = ptr::null_mut();
         Ok(())
     }

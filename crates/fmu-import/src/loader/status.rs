@@ -31,7 +31,7 @@ impl Instance {
     /// `fmi2GetStatus(fmi2DoStepStatus)`: status of a pending step.
     ///
     /// # Errors
-    /// The FMU has no answer or lacks the function.
+    /// The FMU returns no value or lacks the function.
     pub fn do_step_status(&mut self) -> Result<Status, CallError> {
         let mut value = 0;
         // SAFETY: live instance; the value is written through a valid pointer. 0: fmi2DoStepStatus.
@@ -40,10 +40,10 @@ impl Instance {
         Ok(Status::from(value))
     }
 
-    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or what the latest `fmi3DoStep` said: time reached, s.
+    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or the result of the latest `fmi3DoStep`: time reached, s.
     ///
     /// # Errors
-    /// The FMU has no answer or lacks the function.
+    /// The FMU returns no value or lacks the function.
     pub fn last_successful_time(&mut self) -> Result<f64, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.time);
@@ -58,7 +58,7 @@ impl Instance {
     /// `fmi2GetIntegerStatus` for the number of a kind of `fmi2StatusKind`; no kind is standard.
     ///
     /// # Errors
-    /// The FMU has no answer or lacks the function.
+    /// The FMU returns no value or lacks the function.
     pub fn integer_status(&mut self, kind: i32) -> Result<i32, CallError> {
         let mut value = 0;
         // SAFETY: as above.
@@ -67,10 +67,11 @@ impl Instance {
         Ok(value)
     }
 
-    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or what the latest `fmi3DoStep` said: the FMU wants the simulation to end.
+    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the latest `fmi3DoStep`: the FMU requests the end of the
+    /// simulation.
     ///
     /// # Errors
-    /// The FMU has no answer or lacks the function.
+    /// The FMU returns no value or lacks the function.
     pub fn wants_termination(&mut self) -> Result<bool, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.terminate != 0);
@@ -82,10 +83,10 @@ impl Instance {
         Ok(value != 0)
     }
 
-    /// `fmi2GetStringStatus(fmi2PendingStatus)`: what a pending step is doing.
+    /// `fmi2GetStringStatus(fmi2PendingStatus)`: description of a pending step.
     ///
     /// # Errors
-    /// The FMU has no answer or lacks the function.
+    /// The FMU returns no value or lacks the function.
     pub fn pending_status(&mut self) -> Result<String, CallError> {
         let mut value = ptr::null();
         // SAFETY: as above. 1: fmi2PendingStatus.

@@ -1,4 +1,4 @@
-//! What the loader needs of the operating system: libraries, the C library's memory and its streams.
+//! Operating-system functions of the loader: libraries, and the memory and streams of the C library.
 
 use std::ffi::c_void;
 use std::path::Path;
@@ -6,8 +6,8 @@ use std::ptr;
 
 pub(super) use libloading::Library;
 
-/// Loads a library. Those that it brings along in its folder are found under Windows only if that is asked for; elsewhere the
-/// library itself says where they are.
+/// Loads a library. Windows finds the libraries in its folder only if a flag requests it; elsewhere the library itself
+/// contains their search path.
 ///
 /// # Errors
 /// Message of the system.
@@ -33,13 +33,13 @@ pub(super) unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Option<T>
     unsafe { library.get::<T>(name) }.ok().map(|symbol| *symbol)
 }
 
-/// Whether a library or one of its dependencies exports a function.
+/// Returns true if a library or one of its dependencies exports a function.
 pub(super) fn exports(library: &Library, name: &str) -> bool {
     // SAFETY: the symbol is only looked up, not used.
     unsafe { library.get::<*const c_void>(name) }.is_ok()
 }
 
-/// Whether a library, its dependencies or the program have a symbol.
+/// Returns true if a library, its dependencies or the program have a symbol.
 pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
     let found = library.is_some_and(|library| exports(library, symbol));
     #[cfg(unix)]
@@ -48,9 +48,9 @@ pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
     found
 }
 
-/// Writes out what FMUs have printed and the C library still holds.
+/// Flushes output of FMUs that the C library still buffers.
 pub fn flush_prints() {
-    // SAFETY: a null stream stands for all streams; there are no other conditions.
+    // SAFETY: a null stream means all streams; there are no other conditions.
     unsafe { libc::fflush(ptr::null_mut()) };
 }
 
@@ -75,7 +75,7 @@ pub(super) unsafe fn free(memory: *mut c_void) {
     unsafe { libc::free(memory) }
 }
 
-/// The sources of the error contain the system's message, such as the name of a missing symbol or library.
+/// Joins the messages of all sources, which contain the system's, such as the name of a missing symbol or library.
 fn reason(error: &libloading::Error) -> String {
     let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
     chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")

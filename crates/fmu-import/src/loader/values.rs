@@ -36,7 +36,7 @@ impl Instance {
     /// `f64`.
     ///
     /// # Errors
-    /// The lengths differ, a value does not fit what it is read into, or the FMU returns an error.
+    /// The lengths differ, a value does not fit the type that it is read into, or the FMU returns an error.
     pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {

@@ -17,12 +17,12 @@ const FIRST_STEP: f64 = 1e-2;
 /// A pivot that is smaller than this share of the largest one counts as 0.
 const SINGULAR: f64 = 1e-12;
 
-/// A row of smaller elements than this share of the largest one has them from rounding.
+/// A row whose elements are all below this share of the largest one consists of rounding errors.
 const ROUNDING: f64 = 1e-14;
 
-/// Where the solver has ended.
+/// Result of the solver.
 pub(super) struct Solution {
-    /// Largest derivative of a state that rests, relative to its nominal value, 1/s.
+    /// Largest derivative of a state at rest, relative to its nominal value, 1/s.
     pub(super) residual: f64,
     /// The state that cannot rest: index, derivative, and the same relative to the nominal value.
     pub(super) restless: Option<(usize, f64, f64)>,
@@ -45,7 +45,7 @@ struct Point {
     norm: f64,
 }
 
-/// Which states and inputs are sought by which equations.
+/// System of equations: the states and inputs that are sought, and the derivatives that vanish.
 struct System<'p, 'a> {
     plant: &'p mut Plant<'a>,
     /// Nominal values of the states, then of the groups of inputs.
@@ -58,7 +58,7 @@ struct System<'p, 'a> {
     iterations: usize,
 }
 
-/// The steady state nearest to where the plant is, which is left there.
+/// Finds the steady state nearest to the point of the plant, and leaves the plant there.
 pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
     let states = plant.states();
     let n = states.len();
@@ -67,7 +67,7 @@ pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
     let rests: Vec<usize> = (0..n).filter(|i| !states[*i].drifts).collect();
     let mut system = System {
         nominal: nominal.chain((0..groups).map(|group| plant.nominal_of_input(group))).collect(),
-        // Without a free input the derivative of a held state is what it is.
+        // Without a free input, the derivative of a held state is not an equation.
         equations: rests.iter().copied().filter(|i| states[*i].held.is_none() || groups > 0).collect(),
         unknowns: rests
             .iter()
@@ -85,7 +85,7 @@ pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
     if system.residual(&end) > TOLERANCE || system.outside(&end).is_some() {
         let reached = system.euler(start)?;
         let other = system.newton(reached)?;
-        // Where the model comes to rest itself, rather than at a point that it is not for.
+        // Prefer the point where the model comes to rest by itself to one outside of its valid range.
         let comes_to_rest = system.residual(&other) <= TOLERANCE && system.outside(&other).is_none();
         if other.norm < end.norm || comes_to_rest {
             end = other;
@@ -107,7 +107,7 @@ pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
 }
 
 impl System<'_, '_> {
-    /// Goes to a point.
+    /// Moves to a point.
     fn at(&mut self, x: &[f64], inputs: &[f64]) -> Result<Point, String> {
         self.plant.move_to(x, inputs)?;
         let rates = self.plant.derivatives()?;
@@ -127,7 +127,7 @@ impl System<'_, '_> {
         (0..self.states).find(|i| !states[*i].has(point.x[*i]))
     }
 
-    /// A share of a step from a point; `None` where the FMU does not go.
+    /// Moves from a point by a share of a step; `None` if the FMU rejects the point.
     fn moved(&mut self, from: &Point, step: &[f64], share: f64) -> Option<Point> {
         let (mut x, mut inputs) = (from.x.clone(), from.inputs.clone());
         for (unknown, change) in self.unknowns.iter().zip(step) {
@@ -162,7 +162,7 @@ impl System<'_, '_> {
         Ok((step, open.into_iter().map(|j| self.unknowns[j]).collect()))
     }
 
-    /// Newton's method with a line search, until roundings are all that is left.
+    /// Newton's method with a line search, until only rounding errors are left.
     fn newton(&mut self, from: Point) -> Result<Point, String> {
         let mut best = from;
         for _ in 0..NEWTON_STEPS {
@@ -191,7 +191,7 @@ impl System<'_, '_> {
         Ok(best)
     }
 
-    /// Implicit Euler with steps that grow while the derivatives fall: it goes where the plant itself comes to rest.
+    /// Implicit Euler with steps that grow while the derivatives fall: it ends where the plant comes to rest by itself.
     fn euler(&mut self, from: Point) -> Result<Point, String> {
         let mut best = from;
         let mut length = FIRST_STEP;

@@ -6,7 +6,7 @@ use crate::description::{BaseType, Causality, Initial, ModelDescription, Value, 
 use crate::loader::{CallError, Instance};
 use std::f64::consts::FRAC_PI_2;
 
-/// What a parameter is called that a calculated state starts from.
+/// Word in the name of a parameter that a calculated state starts from.
 const INITIAL: &str = "initial";
 /// Attempts to reach the value of a calculated state by its parameter.
 const ATTEMPTS: usize = 8;
@@ -19,11 +19,11 @@ pub(super) struct State {
     /// Index of its variable.
     pub(super) variable: usize,
     pub(super) nominal: f64,
-    /// How it gets a start value.
+    /// Source of its start value.
     pub(super) start: Start,
     /// The value that it keeps.
     pub(super) held: Option<f64>,
-    /// It integrates others, and none that rests depends on it.
+    /// True if it integrates others, and no state at rest depends on it.
     pub(super) drifts: bool,
     /// Least and greatest value of the valid range of the model: those of the description, and a quarter turn of an angle.
     range: [f64; 2],
@@ -63,10 +63,10 @@ fn range(description: &ModelDescription, variable: &Variable) -> [f64; 2] {
     [low.max(-turn), high.min(turn)]
 }
 
-/// How a state gets a start value.
+/// Source of the start value of a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
-    /// It has one of its own.
+    /// Its own start value.
     Exact,
     /// The FMU computes it from this parameter, among others: index of its variable.
     Parameter(usize),
@@ -138,7 +138,7 @@ impl<'a> Plant<'a> {
             plant.states[i].held = Some(x[i]);
             is_sought[i] = true;
         }
-        // What the FMU computes from the same parameter follows: wheels roll at the speed that is held.
+        // Other values that the FMU computes from the same parameter follow: wheels roll at the speed that is held.
         plant.x.copy_from_slice(&x);
         plant.initialize()?;
         plant.reach(&x, &is_sought)?;
@@ -171,7 +171,8 @@ impl<'a> Plant<'a> {
         self.request.free.len()
     }
 
-    /// Goes to states and inputs. A calculated state is there but for roundings of its parameter; [`Self::point`] tells.
+    /// Moves to states and inputs. A calculated state is reached up to rounding errors of its parameter; [`Self::point`]
+    /// returns its value.
     pub(super) fn move_to(&mut self, x: &[f64], inputs: &[f64]) -> Result<(), String> {
         self.x.copy_from_slice(x);
         self.inputs.copy_from_slice(inputs);
@@ -202,7 +203,7 @@ impl<'a> Plant<'a> {
                 let slope = (self.x[i] - here[i]) / change;
                 self.parameters[i] = before[i];
                 if slope != 0.0 && slope.is_finite() {
-                    // Roundings do not leave the range of the parameter: 0 m/s, not -1e-12.
+                    // Rounding must not leave the range of the parameter: 0 m/s, not -1e-12.
                     after[i] = (before[i] + (x[i] - here[i]) / slope).max(low).min(high);
                 }
             }
@@ -268,7 +269,7 @@ impl<'a> Plant<'a> {
         Ok(values)
     }
 
-    /// An instance that has returned an error is not used again.
+    /// Drops an instance that has returned an error: it is not used again.
     fn checked(&mut self, result: Result<(), CallError>) -> Result<(), String> {
         result.map_err(|error| {
             self.instance = None;
@@ -276,7 +277,7 @@ impl<'a> Plant<'a> {
         })
     }
 
-    /// Initialization Mode at the point, from the beginning: every call is what a master does before a run.
+    /// Enters Initialization Mode at the point from the beginning, with the calls of a master before a run.
     fn initialize(&mut self) -> Result<(), String> {
         let reset = self.instance.as_mut().is_some_and(|instance| instance.reset().is_ok());
         if !reset {
@@ -306,7 +307,7 @@ impl<'a> Plant<'a> {
                 Start::Exact => {
                     let [low, high] = bounds(&self.description.variables[state.variable]);
                     let (x, slack) = (self.x[i], REACHED * state.nominal);
-                    // Roundings do not leave the range of the variable; what is farther outside is the FMU's to reject.
+                    // Rounding must not leave the range of the variable; the FMU rejects values farther outside.
                     let x = if (low - slack..low).contains(&x) {
                         low
                     } else if x > high && x <= high + slack {
@@ -402,8 +403,8 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// Whether the derivative of a state depends on another, by the model structure; without one by the Jacobian here and at a
-    /// point nearby.
+    /// Dependencies of the derivatives of the states on the states, by the model structure; where it does not list them, by
+    /// the Jacobian here and at a point nearby.
     fn dependencies(&mut self) -> Result<Vec<Vec<bool>>, String> {
         let n = self.states.len();
         let listed: Vec<Option<&Vec<usize>>> =

@@ -1,8 +1,9 @@
 //! The connection between a worker and the process that started it.
 //!
 //! On Unix it is a pair of sockets. The worker finds its end as the standard input, moves it to a descriptor that is closed
-//! in programs it starts, and puts `/dev/null` in its place, so that an FMU that reads or writes its standard streams meets
-//! nothing of the protocol. Elsewhere the worker calls back on the loopback interface with a word that only it was told.
+//! in programs it starts, and puts `/dev/null` in its place, so that an FMU that reads or writes its standard streams does
+//! not touch the protocol. Elsewhere the worker calls back on the loopback interface with a secret word that only it has
+//! received.
 
 use std::io::{self, Read, Write};
 use std::process::{Child, Command};
@@ -18,7 +19,7 @@ type Stream = std::net::TcpStream;
 pub(super) struct Connection(Stream);
 
 impl Connection {
-    /// How long to wait for something to read. `None`: until it comes.
+    /// Sets the time to wait for something to read. `None`: no limit.
     pub(super) fn set_patience(&self, patience: Option<Duration>) -> io::Result<()> {
         self.0.set_read_timeout(patience)
     }
@@ -45,7 +46,7 @@ impl Write for Connection {
     }
 }
 
-/// Whether nothing has come in time.
+/// Returns true for the error of a read that timed out.
 pub(super) fn is_patience_over(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
 }
@@ -72,7 +73,7 @@ pub(super) fn accept() -> io::Result<Connection> {
     Ok(Connection(stream))
 }
 
-/// Where a worker calls back to, and the word it says.
+/// Environment variable with the port that a worker calls back and the secret word it sends.
 #[cfg(not(unix))]
 const CALLBACK: &str = "CHASSIS_FMU_WORKER";
 

@@ -14,7 +14,7 @@ pub(super) struct Status {
 impl Status {
     fn read(id: i32) -> Option<Self> {
         let text = std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
-        // The name may hold anything.
+        // The name may contain any characters.
         let (start, rest) = text.rsplit_once(')')?;
         let (_, program) = start.split_once('(')?;
         let fields: Vec<&str> = rest.split_ascii_whitespace().collect();
@@ -28,7 +28,7 @@ impl Status {
     }
 }
 
-/// The processes that come from this one and run, the newest first: it may be gone when the others were looked at.
+/// The running descendants of this process, the newest first, because it may end while the others are read.
 pub(super) fn members() -> impl Iterator<Item = (Pid, Status)> {
     let entries = std::fs::read_dir("/proc").into_iter().flatten().filter_map(Result::ok);
     let mut ids: Vec<i32> = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).collect();
@@ -37,9 +37,9 @@ pub(super) fn members() -> impl Iterator<Item = (Pid, Status)> {
     members.filter_map(|id| Some((Pid::from_raw(id)?, Status::read(id).filter(|status| !status.is_over)?)))
 }
 
-/// Whether a process or thread comes from this process.
+/// Returns true if a process or thread descends from this process.
 pub(super) fn is_member(id: i32) -> bool {
-    // Deeper than any FMU nests processes; a number that is given again in the meantime cannot make it endless.
+    // Deeper than any FMU nests processes, so that a reused process ID cannot cause an endless loop.
     const DEEPEST: usize = 1000;
     let own = getpid().as_raw_nonzero().get();
     let parents = std::iter::successors(Some(id), |id| Status::read(*id).map(|status| status.parent));

@@ -1,4 +1,4 @@
-//! What this crate has workers do: checks, linearizations and steady states.
+//! Jobs of the workers of this crate: checks, linearizations and steady states.
 
 use super::process::{Ended, Process, Settings, Watch};
 use super::serve::{Replies, serve as serve_requests};
@@ -13,21 +13,21 @@ use std::path::{Path, PathBuf};
 /// The job of workers that [`serve`].
 pub const JOB: &str = "import";
 
-/// What a worker is asked for.
+/// Request to a worker.
 #[derive(Debug, Serialize, Deserialize)]
 enum Request {
-    /// To check a `.fmu` file.
+    /// Check a `.fmu` file.
     Check(PathBuf, Options),
-    /// To linearize a `.fmu` file with other values of these variables, by name.
+    /// Linearize a `.fmu` file with other values of these variables, by name.
     Linearize { path: PathBuf, changes: Vec<(String, String)> },
-    /// To find the steady state of a `.fmu` file.
+    /// Find the steady state of a `.fmu` file.
     Trim { path: PathBuf, settings: Vec<(String, String)>, free: Vec<Vec<String>> },
 }
 
-/// What a worker responds.
+/// Response of a worker.
 #[derive(Debug, Serialize, Deserialize)]
 enum Response {
-    /// Something about the file that is checked; more follows.
+    /// Progress or a finding of a check; more follows.
     Event(Event),
     /// All is done.
     Done,
@@ -35,7 +35,7 @@ enum Response {
     Linear(Linear),
     /// The steady state.
     Trimmed(SteadyState),
-    /// It could not be done.
+    /// The job failed.
     Failed(String),
 }
 
@@ -75,9 +75,9 @@ fn respond(request: Request, _: &[f64], replies: &mut Replies) -> io::Result<()>
     }
 }
 
-/// Checks a `.fmu` file in a worker and returns what was found, and what was looked at. An FMU that ends the worker is one more
-/// finding; the trials behind that one go on in another worker, unless it took too long. What the sandbox denied, what the FMU wrote
-/// to the working directory, which is a temporary one, and what it left running are findings, too.
+/// Checks a `.fmu` file in a worker and returns the findings and the scope of the check. An FMU that ends the worker is one more
+/// finding; the trials after that one continue in another worker, unless it took too long. Accesses denied by the sandbox, files
+/// that the FMU wrote to the working directory, which is a temporary one, and processes that it left running are findings, too.
 ///
 /// # Errors
 /// The worker cannot be started.
@@ -112,7 +112,7 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Chec
             }
         }
         let Some(ended) = ended else { return Ok((findings, checked)) };
-        // It was not left out: without it there are no others.
+        // The trial ran although it is to be skipped: the others need it.
         if options.skip.contains(&trial) {
             return Ok((findings, checked));
         }
@@ -148,7 +148,7 @@ fn besides(settings: &Settings, mut process: Process) -> Vec<Finding> {
     findings
 }
 
-/// The finding about an incident; none about what this machine lacks.
+/// The finding about an incident; `None` for a missing feature of this machine.
 fn finding(settings: &Settings, incident: &Incident) -> Option<Finding> {
     let subject = match incident {
         Incident::Denied { .. } => "sandbox",
@@ -169,8 +169,7 @@ fn finding(settings: &Settings, incident: &Incident) -> Option<Finding> {
 /// Linearizes a `.fmu` file in a worker, at the start values with these changes.
 ///
 /// # Errors
-/// Why that does not work: the worker cannot be started, the FMU ends it, has no states, or
-/// does not take a value.
+/// The worker cannot be started, the FMU ends it, has no states, or does not take a value.
 pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)]) -> Result<Linear, String> {
     let mut process =
         Process::start(settings, JOB, true).map_err(|error| format!("cannot start a worker process: {error}"))?;
@@ -192,8 +191,8 @@ pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)])
 /// Finds the steady state of a `.fmu` file in a worker: see [`trim::trim`].
 ///
 /// # Errors
-/// Why that does not work: the worker cannot be started, the FMU ends it, has no states with directional derivatives, does not
-/// take a value, or has a state that cannot rest.
+/// The worker cannot be started, the FMU ends it, has no states with directional derivatives, does not take a value, or has a
+/// state that cannot rest.
 pub fn trim(
     settings: &Settings,
     path: &Path,

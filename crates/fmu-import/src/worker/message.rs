@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::io::{self, Read, Write};
 
-/// Longest header, bytes. What FMUs log is the longest part: 100 messages of 10,000 bytes per instance at most.
+/// Longest header, bytes. Log messages of FMUs are the longest part: 100 messages of 10,000 bytes per instance at most.
 const MAX_HEADER: u32 = 256 << 20;
 /// Most numbers of a body: 8 GB, beyond what a run can record in memory.
 const MAX_NUMBERS: u64 = 1 << 30;
@@ -48,7 +48,7 @@ pub fn write(mut to: impl Write, header: &impl Serialize, body: &[&[f64]]) -> io
 pub struct Numbers<'a>(&'a [u8]);
 
 impl Numbers<'_> {
-    /// The next numbers; `None` if there are not so many.
+    /// The next numbers; `None` if there are fewer.
     pub fn take(&mut self, count: usize) -> Option<Vec<f64>> {
         let (bytes, rest) = self.0.split_at_checked(count.checked_mul(8)?)?;
         self.0 = rest;
@@ -60,21 +60,21 @@ impl Numbers<'_> {
         Some(bytes.chunks_exact(8).map(number).collect())
     }
 
-    /// All that are left.
+    /// All numbers that are left.
     #[must_use]
     pub fn rest(mut self) -> Vec<f64> {
         self.take(self.0.len() / 8).unwrap_or_default()
     }
 }
 
-/// Reads messages from a connection that may have only a part of one yet. Its buffer stays for the next message: to get
-/// and give back this memory again and again costs more than to copy it.
+/// Reads messages from a connection that may have only a part of one yet. Its buffer is kept for the next message:
+/// allocating and freeing it repeatedly costs more than copying.
 #[derive(Debug, Default)]
 pub struct Reader {
     buffer: Vec<u8>,
     /// Bytes of the buffer that have been received.
     received: usize,
-    /// Where the body of a complete message begins.
+    /// Position of the body of a complete message.
     body: Option<usize>,
 }
 
@@ -82,8 +82,8 @@ impl Reader {
     /// The header of the next message; `None` if the connection was closed before it was complete.
     ///
     /// # Errors
-    /// As the connection, among them that nothing has come within the time it waits; the call may be repeated then. Also
-    /// if what comes is not a message.
+    /// As the connection, including a timeout without data, after which the call may be repeated. Also if the data is
+    /// not a message.
     pub fn read<T: DeserializeOwned>(&mut self, from: &mut impl Read) -> io::Result<Option<T>> {
         if self.body.take().is_some() {
             self.received = 0;
@@ -99,7 +99,7 @@ impl Reader {
                 self.body = Some(body);
                 return Ok(Some(serde_json::from_slice(&self.buffer[PREFIX..body])?));
             }
-            // A part at a time: a length that lies costs no memory.
+            // One part at a time: a wrong length costs no memory.
             let end = wanted.min(self.received + (1 << 20));
             if self.buffer.len() < end {
                 self.buffer.resize(end, 0);

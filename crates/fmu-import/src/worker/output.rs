@@ -1,4 +1,4 @@
-//! What FMUs print: any bytes, in any amount.
+//! Output printed by FMUs: any bytes, in any amount.
 
 use crate::terminal;
 use std::io::{BufRead, BufReader, PipeReader, Read as _};
@@ -10,7 +10,7 @@ use std::time::Duration;
 const MAX_LINE: u64 = 1000;
 /// Most lines of a worker that are passed on.
 const MAX_LINES: usize = 1000;
-/// How long a worker that has ended may leave its output open to programs it has started.
+/// Time for which a worker that has ended may leave its output open to programs it has started.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Takes lines that FMUs print, without control characters and without the end of the line.
@@ -46,7 +46,7 @@ fn pass_on(mut from: impl BufRead, printed: &dyn Fn(&str)) {
             Ok(0) => return,
             Ok(_) if count < MAX_LINES => printed(&printable(&line)),
             Ok(_) if count == MAX_LINES => printed("(what FMUs print from here on is left out)"),
-            // The pipe is emptied all the same, so that nothing waits for it.
+            // The pipe is still emptied, so that no writer blocks.
             Ok(_) => (),
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => (),
             Err(_) => return,

@@ -1,4 +1,4 @@
-//! A worker as the process sees it that starts it.
+//! A worker, seen by the process that starts it.
 
 use super::connection::{self, Connection};
 use super::message::{self, Numbers, Reader};
@@ -16,17 +16,17 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How often the board of a worker is looked at.
+/// Interval at which the board of a worker is read.
 const LOOK: Duration = Duration::from_millis(100);
-/// How long a worker may take until it announces that it is there, whatever the timeout of a step.
+/// Time in which a worker must announce itself, whatever the timeout of a step.
 const START: Duration = Duration::from_secs(60);
-/// How long a worker that has closed its connection may take to end.
+/// Time in which a worker must end after closing its connection.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// Time for a supervisor to end the processes that its worker has left.
 #[cfg(target_os = "linux")]
 const CLEARING: Duration = Duration::from_secs(6);
 
-/// How a worker is started: the program, and the arguments that make it a worker. Two more follow: what it works at
+/// Command line of a worker: the program, and the arguments that make it a worker. Two more follow: its job
 /// ([`super::JOB`] or that of another crate), and the path of the board for [`super::serve`].
 #[derive(Debug, Clone)]
 pub struct Launch {
@@ -36,28 +36,28 @@ pub struct Launch {
     pub arguments: Vec<OsString>,
 }
 
-/// What workers are like.
+/// Settings of workers.
 #[derive(Clone)]
 pub struct Settings {
-    /// How they are started.
+    /// Command line that starts them.
     pub launch: Launch,
-    /// The longest that a step of a run, or a trial of a check, may take.
+    /// Time limit of a step of a run, or of a trial of a check.
     pub timeout: Duration,
-    /// The library of Python, for FMUs that need one.
+    /// The Python library, for FMUs that need one.
     pub libpython: Option<PathBuf>,
-    /// Takes what FMUs print.
+    /// Receives the lines that FMUs print.
     pub printed: Printed,
     /// Folders that FMUs may write to, beside the temporary folder of their worker, in a sandbox; `None`: without a sandbox. Other systems
     /// than Linux have none.
     pub sandbox: Option<Vec<PathBuf>>,
-    /// Most memory that each process of a worker may have (`RLIMIT_DATA`), bytes. Other systems than Linux have no limit.
+    /// Memory limit of each process of a worker (`RLIMIT_DATA`), bytes. Other systems than Linux have no limit.
     pub memory: Option<u64>,
-    /// Takes what happens to workers besides their work, unless it is taken by [`Process::incidents`].
+    /// Receives incidents of workers, unless they are taken by [`Process::incidents`].
     pub noticed: Printed,
 }
 
 impl Settings {
-    /// Workers without a sandbox, a limit of memory or a library of Python. What is noticed about them is lost.
+    /// Workers without a sandbox, a memory limit or a Python library. Their incidents are discarded.
     #[must_use]
     pub fn new(launch: Launch, timeout: Duration, printed: Printed) -> Self {
         let noticed: Printed = Arc::new(|_| ());
@@ -91,41 +91,41 @@ pub struct Ended {
     pub time: Option<f64>,
     /// Index of the component that it was in.
     pub component: Option<usize>,
-    /// How it ended and in which call.
+    /// Description of the end and of the call it was in.
     pub message: String,
-    /// Whether it was ended because it took too long.
+    /// True if it was ended because it took too long.
     pub is_timeout: bool,
 }
 
-/// How long something has taken.
+/// Stopwatch with a timeout.
 #[derive(Debug)]
 pub struct Watch {
     timeout: Duration,
     since: Instant,
     pulse: Option<u64>,
-    /// Whether progress starts it anew.
+    /// True if progress restarts it.
     is_per_step: bool,
 }
 
 impl Watch {
-    /// For every step.
+    /// A stopwatch for each step.
     #[must_use]
     pub fn new(timeout: Duration) -> Self {
         Self { timeout, since: Instant::now(), pulse: None, is_per_step: true }
     }
 
-    /// For all steps together.
+    /// A stopwatch for all steps together.
     #[must_use]
     pub fn of_all(timeout: Duration) -> Self {
         Self { is_per_step: false, ..Self::new(timeout) }
     }
 
-    /// Starts it anew.
+    /// Restarts it.
     pub fn restart(&mut self) {
         self.since = Instant::now();
     }
 
-    /// Whether there was no progress for too long.
+    /// Returns true if there was no progress for too long.
     fn is_over(&mut self, pulse: u64) -> bool {
         if self.pulse.replace(pulse) != Some(pulse) && self.is_per_step {
             self.restart();
@@ -136,7 +136,7 @@ impl Watch {
 }
 
 impl Process {
-    /// Starts a worker for a job, with the library of Python if that is asked for.
+    /// Starts a worker for a job, with the Python library if requested.
     ///
     /// # Errors
     /// The program cannot be started, or does not connect.
@@ -169,7 +169,7 @@ impl Process {
         if let Some(directory) = &directory {
             command.current_dir(directory);
         }
-        // Signals to the group of a worker, and those of the keyboard, end at the group.
+        // In its own group, a worker gets no keyboard signals, and signals to its group do not reach this process.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         if let Some(library) = settings.libpython.as_ref().filter(|_| with_python) {
@@ -192,7 +192,7 @@ impl Process {
         self.incidents.take()
     }
 
-    /// Ends the worker, and all that it has left behind. Returns the rest of what happened besides its work.
+    /// Ends the worker and all processes that it has left behind. Returns the remaining incidents.
     pub(super) fn finish(&mut self) -> Vec<Incident> {
         self.kill();
         self.incidents()
@@ -203,12 +203,12 @@ impl Process {
         self.folder.path()
     }
 
-    /// Sends a request. That the worker cannot be reached shows when its response is awaited.
+    /// Sends a request. A broken connection is reported when the response is awaited.
     pub fn send(&mut self, request: &impl Serialize, body: &[f64]) {
         let _ = message::write(&mut self.connection, request, &[body]);
     }
 
-    /// Waits for a response; `steps` is told now and then how many steps are done.
+    /// Waits for a response; `steps` receives the number of completed steps now and then.
     ///
     /// # Errors
     /// The worker has ended, or was ended because it took too long.
@@ -254,7 +254,7 @@ impl Process {
         self.reader.body()
     }
 
-    /// What the board says about a worker that has ended in some way.
+    /// Describes a worker that has ended, with the call on its board; `how` states how it ended.
     fn ended(&self, how: &str) -> Ended {
         let snapshot = Snapshot::read(&self.board).ok();
         let call = snapshot.and_then(|snapshot| snapshot.call);
@@ -267,7 +267,7 @@ impl Process {
         Ended { time, component: call.map(|(index, _)| index), message, is_timeout: false }
     }
 
-    /// The status of a worker whose connection is closed; `None` if it goes on and had to be ended.
+    /// The status of a worker whose connection is closed; `None` if it continued and had to be ended.
     fn wait(&mut self) -> Option<ExitStatus> {
         let begin = Instant::now();
         while begin.elapsed() < FAREWELL {
@@ -281,12 +281,12 @@ impl Process {
         None
     }
 
-    /// Ends the worker and all that comes from it.
+    /// Ends the worker and all its descendants.
     #[cfg(target_os = "linux")]
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process};
         if let Ok(None) = self.child.try_wait() {
-            // The supervisor ends the others first. Its number is its own until it was waited for.
+            // The supervisor ends the others first. Its process ID is not reused before it was waited for.
             let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
             let begin = Instant::now();
             let mut pause = Duration::from_micros(100);
@@ -302,7 +302,7 @@ impl Process {
     #[cfg(all(unix, not(target_os = "linux")))]
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process_group};
-        // The number of the group is taken as long as one process is in it.
+        // The group ID is not reused as long as a process is in the group.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         self.kill_child();
     }
@@ -335,7 +335,7 @@ impl Drop for Process {
     }
 }
 
-/// How a process ended.
+/// Describes the exit status of a process.
 fn words(status: ExitStatus) -> String {
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
@@ -343,7 +343,7 @@ fn words(status: ExitStatus) -> String {
         return format!("signal {signal}{name}");
     }
     match status.code() {
-        // Windows numbers what a crash is called elsewhere.
+        // On Windows a crash has a numeric code instead of a signal.
         Some(code) if code < 0 => format!("exit code {code:#x}"),
         Some(code) => format!("exit code {code}"),
         None => status.to_string(),

@@ -1,11 +1,11 @@
 //! The sandbox of a worker, which protects the rest of the machine from the code of an FMU.
 //!
 //! It consists of two features of Linux. *Landlock* forbids all changes of files outside of some folders. A *filter of system calls*
-//! (seccomp) forbids programs, the network, signals to processes that are not the worker's own, and calls that would lead out. Calls that the
-//! filter does not let pass wait for the [`Guard`] in the supervisor, which reads what they are about, notes what it denies, and
-//! answers. Calls that change files are among them, because Landlock does not report what it denies; the guard only lets them
-//! go on to Landlock, so that nothing depends on a path that another thread changes after it was read. Calls
-//! that an FMU makes while it computes are not among them, so a step takes as long as without a sandbox.
+//! (seccomp) forbids programs, the network, signals to processes that are not the worker's own, and calls that would lead out. Calls that
+//! the filter does not allow wait for the [`Guard`] in the supervisor, which reads their arguments, notes what it denies, and responds.
+//! Calls that change files are among them, because Landlock does not report what it denies; the guard only passes them on to Landlock, so
+//! that nothing depends on a path that another thread changes after it was read. Calls that an FMU makes while it computes are not among
+//! them, so a step takes as long as without a sandbox.
 //!
 //! Reading is allowed: without a network, nothing that was read leaves the machine, other than in results.
 
@@ -23,11 +23,11 @@ use std::io;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 
-/// Files that may be written to: what is written to them is lost.
+/// Files that may be written to, because their contents are discarded.
 const SINKS: [&str; 5] = ["/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"];
 
-/// Puts this thread, and all threads and processes that it makes, into the sandbox, for good. `supervisor` is sent the listener
-/// of the filter. Returns what this machine lacks, a sentence each.
+/// Puts this thread, and all threads and processes that it makes, into the sandbox, permanently. `supervisor` receives the
+/// listener of the filter. Returns the missing features of this machine, a sentence each.
 ///
 /// # Errors
 /// The supervisor is gone.

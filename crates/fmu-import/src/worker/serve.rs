@@ -1,4 +1,4 @@
-//! The side of the worker.
+//! The worker's side.
 
 use super::connection::{self, Connection};
 use super::message::{self, Reader};
@@ -12,16 +12,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 
-/// What a worker sends its responses with.
+/// Sends the responses of a worker.
 #[derive(Debug)]
 pub struct Replies {
     connection: Connection,
-    /// The process that works: a copy of it that an FMU has made has nothing to send.
+    /// ID of the worker process: a copy of it made by an FMU must not send.
     process: u32,
 }
 
 impl Replies {
-    /// Ends this process if it is a copy of the worker, which an FMU has made and let go on: it would do all work twice.
+    /// Ends this process if it is a copy of the worker that an FMU has made and not ended: it would do all work twice.
     pub fn end_copies(&self) {
         if std::process::id() != self.process {
             signal_hook::low_level::exit(0);
@@ -72,7 +72,7 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
                 break;
             }
         }
-        // At once: neither the end of the program nor what FMUs have registered for it has anything left to do.
+        // Immediately: neither the end of the program nor exit handlers of FMUs have anything left to do.
         signal_hook::low_level::exit(0);
     })?;
 
@@ -83,9 +83,9 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
     Ok(())
 }
 
-/// Lets the allocator keep what a run frees for the next run.
+/// Lets the allocator keep memory that a run frees for the next run.
 ///
-/// glibc gives it back to the system at once, more than 128 kB at the end of the heap, and gets it again page by page,
+/// glibc returns it to the system at once, more than 128 kB at the end of the heap, and gets it back page by page,
 /// which takes 2 % of a run of a study. A larger block that is freed raises this limit to twice its size (mallopt(3),
 /// `M_MMAP_THRESHOLD`). Nothing is written to the block, so it takes no memory.
 fn keep_memory() {

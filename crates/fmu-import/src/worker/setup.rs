@@ -1,4 +1,4 @@
-//! The rules for a worker, and what happens to it besides its work: files in its folder, which no FMU can write to.
+//! The rules for a worker, and its incidents: files in its folder, which no FMU can write to.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -62,12 +62,12 @@ pub enum Incident {
     },
     /// It ended when it had this share of its memory, bytes.
     Memory {
-        /// The most that it has had, bytes.
+        /// The most memory that it has had, bytes.
         used: u64,
         /// Its limit, bytes.
         limit: u64,
     },
-    /// It has no sandbox, or a part of one, because this machine lacks what it takes.
+    /// It has no sandbox, or a part of one, because this machine lacks the features.
     NoSandbox(String),
 }
 
@@ -111,7 +111,7 @@ impl fmt::Display for Incident {
 
 const GIB: f64 = (1_u64 << 30) as f64;
 
-/// Reads incidents as they are written.
+/// Reads incidents while they are written.
 #[derive(Debug)]
 pub(super) struct Incidents {
     file: File,
@@ -119,11 +119,11 @@ pub(super) struct Incidents {
 }
 
 impl Incidents {
-    /// Those that were written since the last time. Unreadable ones are left out.
+    /// The incidents that were written since the last call. Unreadable ones are left out.
     pub(super) fn take(&mut self) -> Vec<Incident> {
         let mut text = String::new();
         let read = self.file.seek(SeekFrom::Start(self.position)).and_then(|_| self.file.read_to_string(&mut text));
-        // The last line may be in the making.
+        // The last line may be incomplete.
         let (Ok(_), Some(end)) = (read, text.rfind('\n')) else { return Vec::new() };
         self.position += end as u64 + 1;
         text[..end].lines().filter_map(|line| serde_json::from_str(line).ok()).collect()

@@ -1,9 +1,9 @@
 //! The process between a worker and the process that started it.
 //!
-//! A worker starts as one process and divides itself: the first process supervises, the second one works. All that an FMU
-//! starts, and what that starts in turn, belongs to the supervisor when its own parent ends (`PR_SET_CHILD_SUBREAPER`), so
-//! none of it outlives the worker: not in another process group, not as a daemon. The supervisor ends in the same way as the worker does.
-//! SIGTERM asks it to end all of them. If it is killed itself, the worker is too.
+//! A worker starts as one process and divides itself: the first process supervises, the second one works. All processes that an FMU
+//! starts, directly or indirectly, belong to the supervisor when their own parent ends (`PR_SET_CHILD_SUBREAPER`), so none of them
+//! outlives the worker: not in another process group, not as a daemon. The supervisor ends in the same way as the worker does. SIGTERM
+//! requests the end of all of them. If it is killed itself, the worker is too.
 
 use super::family;
 use super::sandbox::{self, Guard};
@@ -29,8 +29,8 @@ const GRACE: Duration = Duration::from_millis(50);
 /// Share of its memory limit above which the end of a worker is reported as a possible lack of memory.
 const NEARLY_ALL: f64 = 0.8;
 
-/// Divides this process, which has to have one thread, and returns in the one that works. Without a supervisor the worker
-/// works all the same.
+/// Divides this process, which must have one thread, and returns in the one that works. Without a supervisor the worker
+/// still works.
 ///
 /// # Errors
 /// The worker cannot keep to its rules.
@@ -38,9 +38,9 @@ pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
     let incidents = Setup::incidents(board)?;
     let (ours, theirs) = UnixStream::pair()?;
     let supervisor = rustix::process::getpid();
-    // Before there is a worker whose FMU could leave a process.
+    // Before a worker exists whose FMU could leave a process behind.
     rustix::process::set_child_subreaper(Some(supervisor))?;
-    // Until the supervisor listens for it: otherwise it could end without its worker.
+    // Until the supervisor listens for it: otherwise the supervisor could end without its worker.
     linux::hold_termination(true);
     match linux::fork() {
         Ok(Forked::Child) => {
@@ -68,10 +68,10 @@ pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
     }
 }
 
-/// Makes the worker keep to its rules; `supervisor` takes the listener of its sandbox.
+/// Applies the rules to the worker; `supervisor` receives the listener of its sandbox.
 fn obey(setup: &Setup, supervisor: Option<UnixStream>, incidents: &File) -> io::Result<()> {
     if let Some(bytes) = setup.memory {
-        // Nobody may go beyond a limit that is there.
+        // A present limit must not be exceeded.
         let present = rustix::process::getrlimit(Resource::Data).maximum;
         let limit = Some(present.map_or(bytes, |present| present.min(bytes)));
         rustix::process::setrlimit(Resource::Data, Rlimit { current: limit, maximum: limit })?;
@@ -88,7 +88,7 @@ fn obey(setup: &Setup, supervisor: Option<UnixStream>, incidents: &File) -> io::
 /// which ends this process, too.
 fn supervise(setup: &Setup, board: &Path, worker: Pid, handed: UnixStream, incidents: File) -> io::Result<i32> {
     let ended = (|| {
-        // The worker alone holds its connection and its output.
+        // Only the worker holds its connection and its output.
         let null = File::options().read(true).write(true).open("/dev/null")?;
         rustix::stdio::dup2_stdin(&null)?;
         rustix::stdio::dup2_stdout(&null)?;
@@ -105,7 +105,7 @@ fn supervise(setup: &Setup, board: &Path, worker: Pid, handed: UnixStream, incid
     }
     let Some(status) = status else { return Ok(128 + SIGTERM) };
     if let Some(signal) = status.terminating_signal() {
-        // The memory of this process is of no interest to anybody.
+        // No core dump of this process is needed.
         let _ = rustix::process::setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) });
         signal_hook::low_level::emulate_default_handler(signal)?;
         return Ok(128 + signal);
@@ -135,7 +135,7 @@ fn watch(
         None => None,
     };
     loop {
-        // Also what ended before it was listened for.
+        // Also for processes that ended before.
         while let Ok(Some((id, status))) = rustix::process::wait(WaitOptions::NOHANG) {
             if id == worker {
                 return Ok(Some(status));
@@ -157,7 +157,7 @@ fn watch(
         if calls.contains(PollFlags::IN) {
             guard.iter_mut().for_each(|guard| guard.decide(incidents));
         } else if !calls.is_empty() {
-            // Nobody is left in the sandbox.
+            // No process is left in the sandbox.
             guard = None;
         }
     }
@@ -180,12 +180,12 @@ fn end_all(worker: Pid, incidents: &File) {
             }
             _ => (),
         }
-        // All are stopped before the first is killed: one that runs can start another when it sees the end of a third.
+        // All are stopped before the first is killed, because a running one can start another when it sees the end of a third.
         let before = found.len();
         for (id, process) in family::members().filter(|(id, _)| *id != worker) {
             if let Entry::Vacant(entry) = found.entry(id) {
                 let _ = if process.group == worker.as_raw_nonzero().get() {
-                    // All at once, however fast they start each other.
+                    // All together, however fast they start each other.
                     rustix::process::kill_process_group(worker, Signal::STOP)
                 } else {
                     rustix::process::kill_process(id, Signal::STOP)
@@ -196,7 +196,7 @@ fn end_all(worker: Pid, incidents: &File) {
         if found.len() == before {
             for (id, process) in family::members() {
                 let _ = rustix::process::kill_process(id, Signal::KILL);
-                // One that has come since the last look was not stopped.
+                // A process that has started since the last look was not stopped.
                 if id != worker {
                     found.entry(id).or_insert_with(|| family::name(id, process.program));
                 }

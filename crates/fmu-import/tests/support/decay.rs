@@ -13,7 +13,7 @@ const SOURCE: &str = include_str!("../data/decay.c");
 const DESCRIPTION_2: &str = include_str!("../data/decay2.xml");
 const DESCRIPTION_3: &str = include_str!("../data/decay3.xml");
 
-/// How an FMU is built.
+/// Options to build an FMU.
 pub(crate) struct Decay<'a> {
     pub(crate) fmi: FmiVersion,
     /// Defects, as macros of `decay.c`.

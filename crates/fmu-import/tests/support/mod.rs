@@ -1,4 +1,4 @@
-//! Builds FMUs from `stranger.c`: what the importer meets is made by another compiler, not by us.
+//! Builds FMUs from `stranger.c`: the importer is tested with FMUs of another compiler, not ours.
 
 use std::fs::File;
 use std::io::Write;
@@ -8,7 +8,7 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 
 const SOURCE: &str = include_str!("../data/stranger.c");
 
-/// How an FMU is built.
+/// Options to build an FMU.
 pub(crate) struct Build<'a> {
     /// Model identifier and file stem.
     pub(crate) name: &'a str,
@@ -18,7 +18,7 @@ pub(crate) struct Build<'a> {
     pub(crate) output: &'a str,
     /// Further attributes of `<CoSimulation>`.
     pub(crate) flags: &'a str,
-    /// Answer of `fmi2GetVersion`.
+    /// Value of `fmi2GetVersion`.
     pub(crate) version: &'a str,
     /// Export state and derivative functions.
     pub(crate) states: bool,
@@ -26,7 +26,7 @@ pub(crate) struct Build<'a> {
     pub(crate) step: &'a str,
     /// Declarations in C at the end of the file.
     pub(crate) declarations: &'a str,
-    /// Time after which all steps are discarded, s, and whether the FMU then says that it wants to terminate.
+    /// Time after which all steps are discarded, s, and true if the FMU then requests termination.
     pub(crate) ends: Option<(f64, bool)>,
     /// GUID of the description; that of the binary is `{name}`.
     pub(crate) guid: &'a str,

@@ -1,11 +1,11 @@
-//! Capabilities: what the description promises is tried once each.
+//! Capabilities: each one that the description promises is tested once.
 
 use super::{Answer, Tell, Trial, derivative_problem, found, words};
 use crate::check::Finding;
 use crate::description::{BaseType, Causality, Unknown};
 
 impl Trial<'_> {
-    /// What the description says the FMU can do. States have a trial of their own.
+    /// Tests the capabilities that the description declares. States have a trial of their own.
     pub(super) fn capabilities(&self, tell: Tell<'_>) -> Answer<()> {
         let unit = self.description.co_simulation.clone().unwrap_or_default();
         let mut promise = |attribute: &str, result: Answer<()>| {
@@ -63,7 +63,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// The directional derivative of an unknown, in Initialization Mode or after two steps.
+    /// Returns the directional derivative of an unknown, in Initialization Mode or after two steps.
     pub(super) fn slope(&self, question: &Question) -> Answer<f64> {
         let (unknown, known) = (self.references(&[question.unknown]), self.references(&[question.known]));
         let mut slope = [f64::NAN];
@@ -78,8 +78,8 @@ impl Trial<'_> {
         Ok(slope[0])
     }
 
-    /// A directional derivative to ask for, the likeliest to be nonzero first. One that is 0 by the model structure has to be
-    /// given as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
+    /// Returns a directional derivative to request, the likeliest to be nonzero first. One that is 0 by the model structure
+    /// must be provided as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
     pub(super) fn question(&self) -> Option<Question> {
         let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real && !self.variable(*i).is_array();
         let real = |list: &[Unknown]| -> Vec<Unknown> {

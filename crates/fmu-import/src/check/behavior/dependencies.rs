@@ -1,4 +1,4 @@
-//! Dependencies of the model structure: what an unknown follows is compared with what it names.
+//! Dependencies of the model structure: those observed are compared with those declared.
 
 use super::{Answer, Tell, Trial, found, size, values};
 use crate::check::Finding;
@@ -28,7 +28,7 @@ enum Number {
 }
 
 impl Trial<'_> {
-    /// The same, with another value of one parameter.
+    /// Returns an instance in Initialization Mode with another value of one parameter.
     fn configured(&self, name: &str, choice: Option<Choice>) -> Answer<Instance> {
         let mut instance = self.instance(name)?;
         if let Some(Choice { parameter, value }) = choice {
@@ -44,7 +44,7 @@ impl Trial<'_> {
         Ok(instance)
     }
 
-    /// Other values of the parameters that choose between equations: switches, and whole numbers with few values.
+    /// Other values of the parameters that select between equations: Booleans, and Integers with few values.
     fn choices(&self) -> Vec<Choice> {
         let values = |variable: &Variable| match (&variable.start, variable.min, variable.max) {
             (Some(Value::Boolean(start)), ..) => vec![i32::from(!start)],
@@ -63,7 +63,7 @@ impl Trial<'_> {
     }
 
     /// The ends of the ranges of real parameters, where equations may have another structure than at the start value: the
-    /// limits, or where there are none a change as large as the value.
+    /// limits, or without limits a change as large as the value.
     fn limits(&self) -> Vec<Choice> {
         let ends = |variable: &Variable| match variable.start {
             Some(Value::Real(start)) => {
@@ -81,7 +81,7 @@ impl Trial<'_> {
             .collect()
     }
 
-    /// InitialUnknowns: what follows inputs, parameters and exact start values of any type in Initialization Mode.
+    /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization Mode.
     pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
         let mut known = self.settable_in_initialization();
         let unknowns = self.description.initial_unknowns.iter();
@@ -95,15 +95,15 @@ impl Trial<'_> {
                 };
                 let is_sound = search.vary(self, j, &mut ready, tell).is_ok();
                 instance = is_sound.then_some(ready);
-                // A value with which nothing can be read, as the name of a file that is not there, shows nothing.
+                // A value with which nothing can be read, such as the name of a missing file, proves nothing.
                 is_sound
             });
         }
-        // At the limits, only states are varied. Inputs are varied between steps, and the pairs of parameters are too many.
+        // At the limits, only states are varied. Inputs are varied between steps, and there are too many pairs of parameters.
         let states: Vec<usize> = known.into_iter().filter(|&j| self.is_state(j)).collect();
         for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
             search.choice = Some(limit);
-            // Values that do not suit each other show nothing.
+            // Inconsistent values prove nothing.
             let Some(mut instance) = self.readable(Some(limit), &search.variables) else { continue };
             for &state in &states {
                 if search.vary(self, state, &mut instance, tell).is_err() {
@@ -115,7 +115,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// True for a variable that one value stands for.
+    /// Returns true for a scalar that is not a wide integer.
     fn is_scalar(&self, unknown: &Unknown) -> bool {
         let variable = self.variable(unknown.variable);
         !variable.is_array() && !values::is_wide(variable)
@@ -133,12 +133,12 @@ impl Trial<'_> {
         self.values(&mut instance, variables).is_ok().then_some(instance)
     }
 
-    /// The parameters as they start, then every choice.
+    /// The start values of the parameters, then every choice.
     fn all_choices(&self) -> impl Iterator<Item = Option<Choice>> {
         std::iter::once(None).chain(self.choices().into_iter().map(Some))
     }
 
-    /// Outputs and Derivatives: what follows inputs between two steps, if the FMU answers for inputs that were just set.
+    /// Outputs and Derivatives: finds dependencies on inputs between two steps, if the FMU evaluates inputs that were just set.
     pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
         let is_real =
             |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
@@ -156,7 +156,7 @@ impl Trial<'_> {
                 instance.exit_initialization_mode()?;
                 Ok(instance)
             });
-            // Values that do not suit each other show nothing.
+            // Inconsistent values prove nothing.
             let Ok(mut instance) = started else { continue };
             for point in 0..points {
                 if self.go(&mut instance, point * steps..(point + 1) * steps, 1).is_err() {
@@ -170,7 +170,7 @@ impl Trial<'_> {
         }
         searches.iter().for_each(|search| search.end(tell));
         let [_, search] = searches;
-        // An FMU that computes its outputs in fmi2DoStep only follows no input between steps.
+        // In an FMU that computes its outputs only in fmi2DoStep, nothing depends on inputs between steps.
         if search.followed.is_empty() || search.is_cut() {
             return Ok(());
         }
@@ -205,7 +205,7 @@ impl Trial<'_> {
     }
 }
 
-/// A search for unknowns that follow what they do not name.
+/// A search for undeclared dependencies.
 struct Search<'a> {
     /// List of the model structure.
     list: &'static str,
@@ -214,9 +214,9 @@ struct Search<'a> {
     variables: Vec<usize>,
     /// Their dependencies; `None`: all knowns.
     named: Vec<Option<HashSet<usize>>>,
-    /// Variables that follow something.
+    /// Variables with observed dependencies.
     followed: BTreeSet<usize>,
-    /// Unknown and known that were told of: several points show the same.
+    /// Pairs of unknown and known that were reported: several points show the same ones.
     told: HashSet<(usize, usize)>,
     /// Values read.
     read: usize,
@@ -225,8 +225,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Changes one known after the other and sees which unknowns follow. Ends early if the FMU cannot be read: between
-    /// steps a master may not ask after setting inputs (FMI 2.0.4, section 4.2.4), so that nothing is promised.
+    /// Changes one known after the other and observes which unknowns change. Ends early if the FMU cannot be read:
+    /// between steps a master may not read after setting inputs (FMI 2.0.4, section 4.2.4), so reading may fail.
     fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
         for &j in known {
             if self.is_cut() {
@@ -235,7 +235,7 @@ impl Search<'_> {
             let before = trial.reals(instance, &self.variables)?;
             let kept = trial.reals(instance, &[j])?[0];
             for sign in [1.0, -1.0] {
-                // Rejected: outside of the limits, perhaps; nothing is learned.
+                // Rejected, perhaps because it is outside of the limits: proves nothing.
                 if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
                     continue;
                 }
@@ -252,7 +252,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Gives a known of any type other values and sees which unknowns follow. An error: the instance is of no use any more.
+    /// Gives a known of any type other values and observes which unknowns change. After an error the instance is unusable.
     fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
         if self.is_cut() {
             return Ok(());
@@ -261,7 +261,7 @@ impl Search<'_> {
         let before = trial.values(instance, &self.variables)?;
         let kept = values::read(instance, variable)?;
         for value in values::changes(variable, &kept) {
-            // Rejected: outside of the limits, perhaps; nothing is learned.
+            // Rejected, perhaps because it is outside of the limits: proves nothing.
             if values::write(instance, variable, &value).is_err() {
                 continue;
             }
@@ -277,7 +277,7 @@ impl Search<'_> {
         trial.values(instance, &self.variables).map(drop)
     }
 
-    /// Notes that an unknown follows a known, and tells if it does not name it.
+    /// Records that an unknown depends on a known, and reports the dependency if it is not declared.
     fn follows(&mut self, trial: &Trial<'_>, i: usize, j: usize, tell: Tell<'_>) {
         let unknown = self.variables[i];
         if unknown == j {
@@ -296,12 +296,12 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the search ends early.
+    /// Returns true if the search ends early.
     fn is_cut(&self) -> bool {
         self.read > MOST_READ
     }
 
-    /// Tells if the search ended early.
+    /// Reports a search that ended early.
     fn end(&self, tell: Tell<'_>) {
         if self.is_cut() {
             let message = format!("were tried in part: they are too many, {MOST_READ} values were read");

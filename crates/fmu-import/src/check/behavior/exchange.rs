@@ -22,8 +22,8 @@ struct Exchange<'a> {
     /// Time of the start and step of an integration, s.
     start: f64,
     step: f64,
-    /// Value references of the states and their derivatives; they may be arrays. Without states if the description does not
-    /// give every derivative a state of its size, which its rules find.
+    /// Value references of the states and their derivatives; they may be arrays. Empty if the description does not give
+    /// every derivative a state of its size, which its rules report.
     states: Vec<u32>,
     derivatives: Vec<u32>,
     /// Names of the elements of the states; of the derivatives if there are no such states.
@@ -52,7 +52,7 @@ impl From<CallError> for Failure {
 type Outcome<T> = Result<T, Failure>;
 type Part<'t> = fn(&Exchange<'t>, Tell<'_>) -> Outcome<()>;
 
-/// Tries what an importer does by model exchange. `co_simulation` is the library for the other interface, if there is one.
+/// Tests the calls of an importer by model exchange. `co_simulation` is the library for the other interface, if there is one.
 pub(in crate::check) fn check(
     library: &Arc<Library>,
     co_simulation: Option<&Arc<Library>>,
@@ -130,7 +130,7 @@ pub(in crate::check) fn check(
             }
         };
         finish(name, &exchange, tell);
-        // Without a start there is nothing else to try.
+        // Without a start, nothing else can be tested.
         if !is_settled && exchange.instances.get() == 1 {
             break;
         }
@@ -264,7 +264,7 @@ impl Exchange<'_> {
         }
         self.differs(tell, get_derivatives, "the variable has the value", &derivatives, &named);
 
-        // Nothing changed, so nothing changes: in this instance, and in another one.
+        // Without changes, all values must stay the same, in this instance and in another one.
         instance.set_time(self.start)?;
         instance.set_continuous_states(&states)?;
         let again = self.derivatives(&mut instance)?;
@@ -291,7 +291,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// The numbers of states and event indicators are those of the description.
+    /// Checks that the numbers of states and event indicators are those of the description.
     fn numbers(&self, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
         for (function, number, expected) in [
             ("fmi3GetNumberOfContinuousStates", instance.get_number_of_states()?, instance.number_of_states()),
@@ -309,7 +309,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Tells the first element that differs from what was expected; whether there is one.
+    /// Reports the first element that differs from what was expected; returns true if there is one.
     fn differs(&self, tell: Tell<'_>, function: &str, words: &str, values: &[f64], expected: &[f64]) -> bool {
         let differing = values.iter().zip(expected).position(|(a, b)| a.to_bits() != b.to_bits());
         let Some(i) = differing else { return false };
@@ -318,7 +318,7 @@ impl Exchange<'_> {
         true
     }
 
-    /// A restored state has the states and derivatives it had, also from bytes in a new instance.
+    /// Checks that a restored state has the states and derivatives it had, also from bytes in a new instance.
     fn saved_states(&self, tell: Tell<'_>) -> Outcome<()> {
         if !self.unit.can_get_and_set_fmu_state {
             return Ok(());
@@ -363,7 +363,7 @@ impl Exchange<'_> {
         Ok(self.differs(tell, function, "when the state was saved its derivative was", &now, derivatives))
     }
 
-    /// Directional derivatives, and the adjoint ones of FMI 3.0.
+    /// Tests directional derivatives, and the adjoint ones of FMI 3.0.
     fn directional(&self, tell: Tell<'_>) -> Outcome<()> {
         if !self.unit.provides_directional_derivative && !self.unit.provides_adjoint_derivatives {
             return Ok(());
@@ -399,7 +399,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// An integration and a directional derivative do not need much stack.
+    /// Checks that an integration and a directional derivative do not need much stack.
     fn stack(&self, tell: Tell<'_>) -> Outcome<()> {
         // Other trials report failed calls.
         let exchange = self.clone();

@@ -5,14 +5,14 @@ use crate::check::{Finding, Topic};
 use crate::loader::{CallError, CallProblem, Instance, Status};
 use std::time::Instant;
 
-/// Part of a step below which a rest of the experiment is a rounding error.
+/// Fraction of a step below which the rest of the experiment is a rounding error.
 const NOTHING: f64 = 1e-9;
 
 /// Name of the trial.
 pub(super) const EXPERIMENT: &str = "the default experiment";
 
 impl Trial<'_> {
-    /// The default experiment, once from its start to its stop, with the inputs as they start.
+    /// Runs the default experiment once, from its start to its stop, with the start values of the inputs.
     pub(super) fn experiment(&self, tell: Tell<'_>) -> Answer<()> {
         let Some(stop) = stop_time(self.description, self.start) else { return Ok(()) };
         let begin = Instant::now();
@@ -38,7 +38,7 @@ impl Trial<'_> {
                 break;
             }
             self.made.set(self.made.get() + 1);
-            // A step that ends after the declared stop by a rounding error is one to the stop.
+            // A step that exceeds the declared stop by a rounding error ends at the stop.
             let step = if time + self.step > stop { rest } else { self.step };
             if let Err(error) = instance.do_step(time, step) {
                 if ends_simulation(&mut instance, &error) {
@@ -62,7 +62,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// A run that starts in the middle of the default experiment. An FMU may reject it, which its users should know.
+    /// Runs from the middle of the default experiment. An FMU may reject this, which its users should know.
     pub(super) fn another_start(&self, tell: Tell<'_>) -> Answer<()> {
         let run = |trial: &Self| {
             let mut instance = trial.started("start")?;
@@ -72,7 +72,7 @@ impl Trial<'_> {
                 Err(error) => Err(error),
             }
         };
-        // What fails from the declared start on is found there.
+        // Failures from the declared start on are found by other trials.
         if run(self) != Ok(None) {
             return Ok(());
         }
@@ -91,14 +91,14 @@ impl Trial<'_> {
     }
 }
 
-/// Lets the time for a step begin anew, where a process watches this one: an experiment may take longer.
+/// Restarts the timeout of a step if another process watches this one: an experiment may take longer.
 pub(super) fn progress() {
     if let Some(board) = crate::loader::calls::board() {
         board.pulse();
     }
 }
 
-/// Whether an error of a step is the end of the simulation that the FMU wants.
+/// Returns true if the FMU ends the simulation by this error of a step.
 pub(super) fn ends_simulation(instance: &mut Instance, error: &CallError) -> bool {
     let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
     may_end && instance.wants_termination() == Ok(true)

@@ -1,11 +1,11 @@
-//! fmi2Reset, and instances beside each other: what is set in one life or one instance is not found in another.
+//! fmi2Reset and parallel instances: values set before a reset or in one instance must not appear after it or in another.
 
 use super::{Answer, Tell, Trial, found, words};
 use crate::check::Finding;
 use crate::description::Value;
 use crate::loader::{CallProblem, Instance};
 
-/// What precedes a reset.
+/// Calls before a reset.
 #[derive(Clone, Copy)]
 enum Before {
     /// Every variable that can be set has another value.
@@ -16,7 +16,7 @@ enum Before {
     StepsAndSettings,
 }
 
-/// An FMU as it is when it was never used.
+/// Values of an unused instance.
 struct Fresh {
     variables: Vec<usize>,
     starts: Vec<Value>,
@@ -24,17 +24,17 @@ struct Fresh {
 }
 
 impl Trial<'_> {
-    /// A reset before initialization forgets what was set.
+    /// Checks that a reset before initialization discards all settings.
     pub(super) fn reset_before_initialization(&self, tell: Tell<'_>) -> Answer<()> {
         self.resets(&[Before::Settings], "before initialization", tell)
     }
 
-    /// A reset after a run forgets what was set, and the run.
+    /// Checks that a reset after a run discards all settings and the run.
     pub(super) fn reset_after_run(&self, tell: Tell<'_>) -> Answer<()> {
         self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", tell)
     }
 
-    /// After a reset every start value and the whole run are those of a fresh instance.
+    /// Checks that after a reset every start value and the whole run are those of a fresh instance.
     fn resets(&self, cases: &[Before], when: &str, tell: Tell<'_>) -> Answer<()> {
         let variables = self.exact();
         let mut instance = self.initializing("fresh")?;
@@ -56,8 +56,8 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// An instance that is worth a reset. Errors on the way are allowed: the values may be wrong, and fmi2Reset ends an
-    /// error.
+    /// Returns a used instance, to be reset. Errors on the way are allowed: the values may be invalid, and fmi2Reset
+    /// clears an error.
     fn used(&self, before: Before) -> Answer<Instance> {
         if let Before::StepsAndSettings = before {
             let mut instance = self.started("reset")?;
@@ -77,7 +77,7 @@ impl Trial<'_> {
         Ok(instance)
     }
 
-    /// Whether an instance after its reset is as a fresh one; tells what is not.
+    /// Returns true if an instance equals a fresh one after its reset; reports the difference.
     fn is_fresh(&self, instance: &mut Instance, fresh: &Fresh, when: &str, tell: Tell<'_>) -> bool {
         let starts = instance
             .setup_experiment(self.start, None)
@@ -112,7 +112,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Two instances have values of their own.
+    /// Checks that two instances do not share values.
     pub(super) fn instances(&self, tell: Tell<'_>) -> Answer<()> {
         if self.is_single() {
             return Ok(());
@@ -137,7 +137,7 @@ impl Trial<'_> {
         let mut alone = self.started("alone")?;
         let expected = self.go(&mut alone, 0..self.steps, 1)?;
         drop(alone);
-        // Another one goes on in between, from another time.
+        // Another one is stepped in between, from another time.
         let mut other = self.started("other")?;
         self.go(&mut other, 0..self.steps, 1)?;
         let mut outputs = Vec::new();

@@ -1,4 +1,4 @@
-//! The stack that a run takes: other programs call FMUs on threads with less than the main thread has.
+//! The stack that a run needs: other programs call FMUs on threads with less stack than the main thread.
 
 use super::{Answer, Tell, Trial, found};
 use crate::check::{Finding, Topic};
@@ -7,11 +7,11 @@ use crate::loader::CallError;
 /// Name of the trial.
 pub(super) const STACK: &str = "stack";
 
-/// Stack in KiB above which a run gets a warning: threads of other programs have 512 KiB to 1 MiB, and part of it is theirs.
+/// Stack in KiB above which a run gets a warning: threads of other programs have 512 KiB to 1 MiB and use part of it themselves.
 const MOST: usize = 256;
 
 impl Trial<'_> {
-    /// A run and a directional derivative do not need much stack.
+    /// Checks that a run and a directional derivative do not need much stack.
     pub(super) fn stack(&self, tell: Tell<'_>) -> Answer<()> {
         let trial = self.clone();
         let run = move || -> Result<(), CallError> {
@@ -53,14 +53,14 @@ pub(super) fn taken<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)>
     measured(f)
 }
 
-/// Runs `f` on a thread of its own and returns what it returns with the stack that it touched in KiB, in whole pages; `None`
-/// where the system does not tell.
+/// Runs `f` on a new thread and returns its result with the stack that it touched in KiB, in whole pages; `None` where the
+/// system does not report it.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn measured<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
     use std::io::{Read as _, Seek as _, SeekFrom};
 
     const PAGE: usize = 4096;
-    /// Too large for the stack to be one that another thread has left behind.
+    /// Too large for the stack to be one left behind by another thread.
     const PAGES: usize = 16 * 1024;
     /// Bits of a page that is in memory, or was moved out of it.
     const IN_USE: u64 = 0b11 << 62;
@@ -71,7 +71,7 @@ fn measured<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
             let top = std::ptr::from_ref(std::hint::black_box(&mark)).addr() / PAGE;
             let result = f();
             let mut file = std::fs::File::open("/proc/self/pagemap").ok()?;
-            // The last pages may be those of the guard and of what lies below.
+            // The last pages may be those of the guard and of the memory below.
             let pages = PAGES - 64;
             let first = top - pages;
             file.seek(SeekFrom::Start(8 * (first as u64 + 1))).ok()?;

@@ -6,7 +6,7 @@ use crate::description::{BaseType, Causality, Value, Variable};
 use crate::loader::{Instance, SavedState};
 
 impl Trial<'_> {
-    /// A restored state goes on as it did before, also from bytes in a new instance.
+    /// Checks that a restored state continues as before, also from bytes in a new instance.
     pub(super) fn states(&self, tell: Tell<'_>) -> Answer<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
             return Ok(());
@@ -20,7 +20,7 @@ impl Trial<'_> {
         let saved = instance.save_state()?;
         let then = self.values(&mut instance, &self.given())?;
         let expected = self.go(&mut instance, middle..self.steps, 1)?;
-        // A state holds parameters and inputs, too. A value that is rejected may end the instance: then without.
+        // A state contains parameters and inputs, too. A rejected value may end the instance: the values are then not compared.
         if !self.change(&mut instance, &self.settable_between_steps()).is_empty() {
             return self.go_on(&mut instance, &saved, None, &expected, restored, tell).map(drop);
         }
@@ -39,7 +39,7 @@ impl Trial<'_> {
         other.free_state(saved)
     }
 
-    /// Restores a state of the middle of a run; whether values and outputs are those of the first time.
+    /// Restores a state of the middle of a run; returns true if values and outputs are those of the first time.
     fn go_on(
         &self,
         instance: &mut Instance,
@@ -72,8 +72,8 @@ impl Trial<'_> {
         Ok(self.compare(tell, function, message, expected, &again))
     }
 
-    /// Parameters that can have other values than their start values in a whole run: as many as possible, so that a
-    /// state without them is noticed. Strings are left out, which may be names of files.
+    /// Parameters that can differ from their start values in a whole run: as many as possible, so that a state without
+    /// them is detected. Strings are left out, because they may be names of files.
     fn configuration(&self) -> Vec<usize> {
         let of = |types: &[BaseType]| {
             let is_wanted =

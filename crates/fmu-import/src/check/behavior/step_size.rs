@@ -1,4 +1,4 @@
-//! The error of a solver of fixed step size, seen from outside: results with half of `max_step` against those with all of it.
+//! The error of a solver of fixed step size, measured from outside: results with half of `max_step` against those with all of it.
 
 use super::{Answer, Tell, Trial, found, words};
 use crate::check::Finding;
@@ -8,11 +8,11 @@ use crate::description::{BaseType, Causality, Value, Variable};
 const PARAMETER: &str = "max_step";
 /// Most communication steps of the default experiment that are compared.
 const MOST_STEPS: f64 = 20_000.0;
-/// Difference, relative to the peak of the output, above which the results are not to be trusted: a tenth of a percent.
+/// Difference, relative to the peak of the output, above which the results are unreliable: a tenth of a percent.
 const TOLERABLE: f64 = 1e-3;
 
 impl Trial<'_> {
-    /// The default experiment gives the same results with half of the integration step.
+    /// Checks that the default experiment gives the same results with half of the integration step.
     pub(super) fn step_size(&self, tell: Tell<'_>) -> Answer<()> {
         let is_parameter = |variable: &&Variable| {
             variable.name == PARAMETER
@@ -35,7 +35,7 @@ impl Trial<'_> {
             }
             Ok(rows)
         };
-        // A step that is the least possible cannot be halved; what else fails with it says nothing.
+        // The smallest possible step cannot be halved; other failures with half of it prove nothing.
         let Ok(half) = run(0.5 * max_step) else { return Ok(()) };
         let remedy = "use a smaller one, or a solver with error control";
         let whole = match run(max_step) {

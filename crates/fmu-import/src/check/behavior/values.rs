@@ -1,4 +1,4 @@
-//! Values of all types: what an FMU has, and others to set.
+//! Values of all types: those of an FMU, and others to set.
 
 use super::{Answer, Trial, is_plain, size};
 use crate::description::{BaseType, Causality, DataType, Initial, Value, Variability, Variable};
@@ -41,7 +41,7 @@ impl Trial<'_> {
         })
     }
 
-    /// Parameters and inputs: a master can ask for what it has set.
+    /// Parameters and inputs: a master can read what it has set.
     pub(super) fn given(&self) -> Vec<usize> {
         self.filtered(|variable| matches!(variable.causality, Causality::Parameter | Causality::Input))
     }
@@ -106,7 +106,7 @@ pub(super) fn is_same(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Values near this one, and as many as show whether anything follows the variable. They may be outside the limits.
+/// Values near this one, enough to show whether anything depends on the variable. They may be outside the limits.
 pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
     match value {
         Value::Real(value) => [1e-3, -1e-3].map(|change| Value::Real(value + change * size(*value))).into(),
@@ -114,7 +114,7 @@ pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
     }
 }
 
-/// Other values than this one, within the limits; the first that is accepted will do.
+/// Other values than this one, within the limits; the first that is accepted is used.
 fn others(variable: &Variable, start: &Value) -> Vec<Value> {
     let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
     match start {

@@ -1,10 +1,10 @@
-//! Elements and attributes that the XML schema of a version knows.
+//! Elements and attributes in the XML schema of each version.
 
 use super::{Finding, Findings};
 use crate::description::FmiVersion;
 use crate::xml::Element;
 
-/// Attributes and children that the schema of FMI 2.0 knows; `None`: not one of its elements.
+/// Attributes and children of an element in the schema of FMI 2.0; `None`: not one of its elements.
 fn known_2(element: &str) -> Option<(&'static str, &'static str)> {
     const TYPES: &str = "Real Integer Boolean String Enumeration";
     Some(match element {
@@ -60,7 +60,7 @@ fn known_2(element: &str) -> Option<(&'static str, &'static str)> {
     })
 }
 
-/// Attributes and children that the schema of FMI 3.0 knows; `None`: not one of its elements.
+/// Attributes and children of an element in the schema of FMI 3.0; `None`: not one of its elements.
 fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
     macro_rules! variable {
         ($attributes:literal, $children:literal) => {
@@ -160,9 +160,9 @@ fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
     })
 }
 
-/// Elements and attributes that are not in the schema. Returns the number of elements that were compared with it.
+/// Reports elements and attributes that are not in the schema. Returns the number of compared elements.
 pub(super) fn schema(element: &Element, fmi: FmiVersion, findings: &mut Findings<'_>) -> usize {
-    // What a tool writes for itself has a schema of its own.
+    // Tool-specific elements have their own schema.
     let is_foreign = matches!(element.name.as_str(), "Tool" | "Annotation");
     let known = match fmi {
         FmiVersion::V2 => known_2(&element.name),
@@ -201,12 +201,12 @@ pub(super) fn schema(element: &Element, fmi: FmiVersion, findings: &mut Findings
     compared
 }
 
-/// Whether the children of an element are a choice that repeats, or a child has no place of its own.
+/// Returns true if the children of an element are a choice that repeats, or a child has no fixed position.
 fn is_any_order(element: &str, child: &str) -> bool {
     matches!(element, "ModelVariables" | "TypeDefinitions") || matches!(child, "ModelExchange" | "CoSimulation")
 }
 
-/// Elements that the schema does not allow without children.
+/// Returns true for elements that must have children by the schema.
 fn must_have_children(element: &str, fmi: FmiVersion) -> bool {
     let in_both = ["UnitDefinitions", "TypeDefinitions", "LogCategories", "ModelVariables", "Annotations"];
     let in_2 = ["SourceFiles", "VendorAnnotations", "Outputs", "Derivatives", "InitialUnknowns"];

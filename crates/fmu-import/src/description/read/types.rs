@@ -1,4 +1,4 @@
-//! Type definitions, and what variables inherit of them.
+//! Type definitions, and the attributes that variables inherit from them.
 
 use super::{MAX_INHERITED, check_length, items};
 use crate::c_api::Reference;
@@ -25,7 +25,7 @@ impl<'a> Type<'a> {
     }
 }
 
-/// What both versions of FMI say about a variable.
+/// Attributes of a variable that both versions of FMI have.
 pub(super) struct Head {
     pub(super) name: String,
     pub(super) reference: Reference,
@@ -37,7 +37,7 @@ pub(super) struct Head {
     pub(super) data_type: DataType,
 }
 
-/// A scalar without a start value. `element` has the attributes that stand above those of the type.
+/// Reads a scalar without a start value. The attributes of `element` override those of the type.
 pub(super) fn variable(element: &Element, head: Head, types: &Types<'_>) -> Result<Variable, XmlError> {
     let Head { name, reference, description, causality, variability, initial, base_type, data_type } = head;
     let declared = match element.attribute("declaredType") {

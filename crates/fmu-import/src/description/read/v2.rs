@@ -51,7 +51,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
     Ok((variables, structure))
 }
 
-/// The child that says the type of a variable or of a type definition.
+/// The child that defines the type of a variable or of a type definition.
 fn typed_child(element: &Element) -> Result<(&Element, (BaseType, DataType)), XmlError> {
     element
         .children

@@ -16,7 +16,7 @@ use std::str::FromStr;
 
 const FMI: FmiVersion = FmiVersion::V3;
 
-/// The type of the elements that a tag such as `Float64` stands for.
+/// The type of the elements for a tag such as `Float64`.
 fn data_type(tag: &str) -> Option<DataType> {
     Some(match tag {
         "Float32" => DataType::Float32,
@@ -55,7 +55,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
     Ok((reader.variables, structure))
 }
 
-/// The variable behind a value reference.
+/// The variable for a value reference.
 #[derive(Clone, Copy)]
 enum Place {
     /// Index of a variable.
@@ -138,7 +138,7 @@ impl<'a> VariableReader<'a> {
         })
     }
 
-    /// Replaces value references by variables, and reads what needs the sizes of arrays.
+    /// Replaces value references by variables, and reads the parts that need the sizes of arrays.
     fn link(&mut self) -> Result<(), XmlError> {
         let mut total = 0_usize;
         for i in 0..self.variables.list.len() {
@@ -273,7 +273,7 @@ fn other_number(element: &Element) -> XmlError {
     element.place.error(message)
 }
 
-/// A variable without what refers to others.
+/// A variable without its references to others.
 fn variable(
     element: &Element,
     name: String,
@@ -317,7 +317,7 @@ fn value(text: &str, data_type: DataType) -> Option<Value> {
         DataType::Int32 => integer::<i32>(text),
         DataType::UInt32 => integer::<u32>(text),
         DataType::Int64 | DataType::Enumeration => integer::<i64>(text),
-        // Above the range of an i64 it is one that no `Value` can hold; `is_wide` has seen to it.
+        // Above the range of an i64 no `Value` can hold it, which `is_wide` has checked.
         DataType::UInt64 => text.parse::<u64>().ok().and_then(|value| value.try_into().ok()),
         DataType::String | DataType::Binary | DataType::Clock => None,
     };
@@ -353,7 +353,7 @@ fn start_values(element: &Element, variable: &mut Variable) -> Result<(), XmlErr
             })?);
         }
     }
-    // One value stands for all elements of an array.
+    // One value applies to all elements of an array.
     if variable.is_array() && values.len() == 1 {
         let value = values.remove(0);
         values = vec![value; variable.size];

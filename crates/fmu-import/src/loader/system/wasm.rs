@@ -1,4 +1,4 @@
-//! What the loader needs of its host where it is WebAssembly itself: modules of FMUs.
+//! Host functions of a loader that is WebAssembly itself: modules of FMUs.
 //!
 //! Each module has a memory of its own. The host (`web/lab/src/engine`) makes an instance of it and appends functions with the
 //! signatures of FMI to the table of this program, which copy arguments and results between the memories. The address of a
@@ -16,7 +16,7 @@ unsafe extern "C" {
     fn open_library(name: *const u8, length: usize) -> usize;
     /// Index of a function in the table. 0: the module does not export it, or no importer calls it.
     fn find_function(library: usize, name: *const u8, length: usize) -> usize;
-    /// Forgets an instance.
+    /// Drops an instance.
     fn close_library(library: usize);
 }
 
@@ -51,7 +51,7 @@ pub(super) fn open(path: &Path) -> Result<Library, String> {
 /// A function of a module.
 ///
 /// # Safety
-/// `T` is the type of a function with the signature that the host knows, and the library outlives it.
+/// `T` is the type of a function with the signature that the host uses, and the library outlives it.
 pub(super) unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Option<T> {
     const { assert!(size_of::<T>() == size_of::<usize>()) };
     match function(library, name) {
@@ -61,12 +61,12 @@ pub(super) unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Option<T>
     }
 }
 
-/// Whether a module exports a function that an importer calls.
+/// Returns true if a module exports a function that an importer calls.
 pub(super) fn exports(library: &Library, name: &str) -> bool {
     function(library, name) != 0
 }
 
-/// Whether a module has a symbol.
+/// Returns true if a module has a symbol.
 pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
     library.is_some_and(|library| exports(library, symbol))
 }

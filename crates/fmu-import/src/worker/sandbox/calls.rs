@@ -2,7 +2,7 @@
 
 use libc::{c_long, sock_filter};
 
-/// When a call is restricted.
+/// Condition under which a call is restricted.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Condition {
     Always,
@@ -168,7 +168,7 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
         SYS_bpf if Always => Other,
         SYS_perf_event_open if Always => Other,
         SYS_userfaultfd if Always => Other,
-        // Its requests pass no filter.
+        // Its requests bypass the filter.
         SYS_io_uring_setup if Always => Other,
         SYS_add_key if Always => Other,
         SYS_request_key if Always => Other,

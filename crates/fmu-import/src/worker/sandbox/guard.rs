@@ -42,7 +42,7 @@ pub(in super::super) struct Guard {
     calls: HashMap<i64, Call>,
     /// Folders and files that may be written to.
     writable: Vec<PathBuf>,
-    /// Whether the kernel decides about files, too.
+    /// True if the kernel decides about files, too.
     has_landlock: bool,
     board: File,
     noted: HashSet<Incident>,
@@ -54,7 +54,7 @@ enum Decision {
     GoesOn,
     /// It fails; the text is noted.
     Denied(i32, String),
-    /// It fails, and harms nobody.
+    /// It fails, and nothing is noted.
     Fails(i32),
 }
 use Decision::{Denied, Fails, GoesOn};
@@ -74,7 +74,7 @@ impl Guard {
         });
         let listener = descriptors.next().and_then(|mut descriptors| descriptors.next());
         let Some(listener) = listener.filter(|_| received.bytes == 1) else { return Ok(None) };
-        // As they are found behind links.
+        // With links resolved.
         let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
         let writable = folders.iter().map(PathBuf::as_path).chain(SINKS.map(Path::new)).map(real).collect();
         let calls = restricted().unwrap_or_default().into_iter().map(|call| (call.number, call)).collect();
@@ -94,7 +94,7 @@ impl Guard {
             Some(call) => self.decision(call, Caller(&waiting)),
             None => Fails(libc::EPERM),
         };
-        // Otherwise what was read belongs to another thread, and nobody waits for the answer.
+        // Otherwise the data belongs to another thread, and nobody waits for the answer.
         if !linux::is_waiting(self.listener(), &waiting) {
             return;
         }
@@ -136,7 +136,7 @@ impl Guard {
                     return GoesOn;
                 }
                 let Some(path) = caller.path(place, true) else { return self.unknown(name) };
-                // Without the file there is nothing to change, and the kernel says so.
+                // Without the file there is nothing to change, and the kernel reports the error.
                 let is_missing = flags & libc::O_CREAT == 0 && !path.exists();
                 if is_missing || self.is_writable(&path) { GoesOn } else { denied_change(&path, name) }
             }
@@ -182,7 +182,7 @@ impl Guard {
         }
     }
 
-    /// A file whose path cannot be read: the kernel knows it.
+    /// Decides about a file whose path cannot be read: with Landlock, the kernel decides.
     fn unknown(&self, name: &str) -> Decision {
         if self.has_landlock {
             GoesOn
@@ -199,7 +199,7 @@ impl Guard {
         };
         match signal {
             _ if is_own => GoesOn,
-            // Asks whether the process is there.
+            // Tests whether the process exists.
             0 => Fails(libc::EPERM),
             _ => {
                 let whom = match target {
@@ -214,7 +214,7 @@ impl Guard {
     }
 
     fn is_writable(&self, path: &Path) -> bool {
-        // Pipes, sockets and the like have names that are no paths; the caller has them open.
+        // Pipes, sockets and the like have names that are not paths; the caller has them open.
         !path.is_absolute() || self.writable.iter().any(|folder| path.starts_with(folder))
     }
 }
@@ -233,7 +233,7 @@ fn family_name(family: i32) -> String {
     }
 }
 
-/// The thread that waits.
+/// The waiting thread.
 struct Caller<'a>(&'a Waiting);
 
 impl Caller<'_> {

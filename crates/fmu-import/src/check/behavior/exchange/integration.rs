@@ -16,7 +16,7 @@ const MOST_PARTS: usize = 1 << 24;
 const MOST_STEPS: usize = 64 * STEPS;
 
 impl Exchange<'_> {
-    /// A short integration stays finite, repeats itself, and does so after a reset.
+    /// Checks that a short integration stays finite and is reproducible, also after a reset.
     pub(super) fn integration(&self, tell: Tell<'_>) -> Outcome<()> {
         let mut parts = 1;
         let (first, mut instance) = loop {
@@ -49,12 +49,12 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// An integration that starts in the middle of the default experiment. An FMU may reject it, which its users should know.
+    /// Integrates from the middle of the default experiment. An FMU may reject this, which its users should know.
     pub(super) fn another_start(&self, tell: Tell<'_>) -> Outcome<()> {
         let parts = self.parts.get();
         let count = (STEPS * parts).min(MOST_STEPS);
         let run = |start| self.integrate_over(&mut self.instance("start")?, &Span { start, stop: None, parts, count });
-        // What fails from the declared start on is found there.
+        // Failures from the declared start on are found by other trials.
         if !run(self.start).is_ok_and(|end| end.states.iter().all(|state| state.is_finite())) {
             return Ok(());
         }
@@ -72,7 +72,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// The default experiment, once from its start to its stop.
+    /// Runs the default experiment once, from its start to its stop.
     pub(super) fn experiment(&self, tell: Tell<'_>) -> Outcome<()> {
         let Some(stop) = stop_time(self.description, self.start) else { return Ok(()) };
         let parts = self.parts.get();
@@ -170,7 +170,7 @@ impl Exchange<'_> {
         Ok(End { states, time, is_cut: false })
     }
 
-    /// A step of the classical Runge-Kutta method.
+    /// Takes a step of the classical Runge-Kutta method.
     fn advance(&self, instance: &mut Instance, time: f64, states: &[f64], h: f64) -> Answer<Vec<f64>> {
         let moved = |slope: &[f64], h: f64| -> Vec<f64> { states.iter().zip(slope).map(|(x, k)| x + h * k).collect() };
         let mut slope = |time: f64, states: &[f64]| {
@@ -187,7 +187,7 @@ impl Exchange<'_> {
     }
 }
 
-/// What is integrated.
+/// Time span of an integration.
 struct Span {
     /// Start and declared stop, s.
     start: f64,
@@ -203,6 +203,6 @@ pub(super) struct End {
     states: Vec<f64>,
     /// Time, s.
     time: f64,
-    /// Whether it took too long.
+    /// True if it took too long.
     is_cut: bool,
 }
