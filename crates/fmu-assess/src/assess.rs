@@ -1,4 +1,4 @@
-//! Carries out an assessment: all maneuvers of both systems, each in a thread of its own that waits for its runs.
+//! Runs an assessment: all maneuvers of both systems, each in its own thread, which waits for its runs.
 
 use crate::Trace;
 use crate::bench::Bench;
@@ -24,7 +24,7 @@ use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How an assessment is carried out.
+/// Options of an assessment.
 #[derive(Debug)]
 pub struct Options {
     /// Groups of maneuvers; none means all.
@@ -33,15 +33,15 @@ pub struct Options {
     pub speed: Option<f64>,
     /// Ends the series of sine with dwell after the first unstable runs.
     pub is_quick: bool,
-    /// The driver knows each of the systems, instead of the one without controllers only.
+    /// Gives the driver model each system's understeer gradient, instead of only that of the system without controllers.
     pub adapts: bool,
-    /// Limits of one's own: name of a metric and limit, which is at least or at most that by the metric's direction.
+    /// Limits of the caller: name of a metric and limit, a minimum or maximum by the metric's direction.
     pub required: Vec<(String, f64)>,
     /// Number of processes.
     pub jobs: NonZeroUsize,
 }
 
-/// How far an assessment is: maneuvers that are done, all of them, and runs.
+/// Progress of an assessment: number of maneuvers that are done, of all maneuvers, and of runs that are done.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, usize) + Sync);
 
 /// Signals of runs for figures: system, run, trace.
@@ -50,7 +50,7 @@ pub type Shown = Vec<(&'static str, String, Trace<'static>)>;
 /// Assesses a plant.
 ///
 /// # Errors
-/// An FMU is missing or cannot be driven, or a value or a requirement does not fit. What happens in a run is no error.
+/// An FMU is missing or cannot be driven, or a value or a requirement does not fit. A failure in a run is not an error.
 pub fn assess(
     subject: &Subject,
     source: &dyn Descriptions,
@@ -77,7 +77,7 @@ pub fn assess(
             let mass = place.bench(&systems.systems[0], &vehicle, None, None).weighed();
             vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, mass);
         }
-        // What it tells, braking and ride need only of a vehicle that nobody knows.
+        // Braking and ride need its results only for a vehicle whose understeer gradient is unknown.
         let is_known = vehicle.understeer_gradient.is_some() && !options.wants_steering();
         let steered = if is_known { Vec::new() } else { systems.systems.iter().collect() };
         let increasing = in_threads(steered, |system| {
@@ -92,8 +92,8 @@ pub fn assess(
             let source = "slowly increasing steer".to_owned();
             vehicle.understeer_gradient = measured.map(|value| Datum { value, source });
         }
-        // The amplitude is the same in both systems, so that the difference is the controllers', and so is what the driver knows,
-        // unless it adapts.
+        // Both systems have the same amplitude, so that the difference comes from the controllers. They also have the same understeer
+        // gradient of the driver, unless it adapts.
         let of_first = increasing.first().map(|(_, known)| *known);
         let tasks: Vec<(usize, &Maneuver)> = (0..systems.systems.len())
             .flat_map(|index| chosen.iter().map(move |maneuver| (index, *maneuver)))
@@ -106,7 +106,7 @@ pub fn assess(
             tell();
             result
         });
-        // Metrics of unequal entry speeds say nothing: the faster system drives at the speed of the other one, too.
+        // Metrics at different entry speeds are not comparable: the faster system is also driven at the speed of the other one.
         for part in Part::ALL {
             let of = |system: usize| {
                 let name = systems.systems.get(system)?.name;
@@ -144,12 +144,12 @@ impl Options {
         self.suites.is_empty() || self.suites.contains(&suite)
     }
 
-    /// Whether a maneuver takes its amplitude from the slowly increasing steer.
+    /// Returns true if a maneuver takes its amplitude from the slowly increasing steer.
     fn wants_steering(&self) -> bool {
         self.steering().is_some()
     }
 
-    /// The suite that has the numbers of the slowly increasing steer: the first that needs it.
+    /// The suite that reports the numbers of the slowly increasing steer: the first that needs it.
     fn suite_of_steering(&self) -> Suite {
         self.steering().unwrap_or(Suite::Handling)
     }
@@ -159,7 +159,7 @@ impl Options {
     }
 }
 
-/// What all benches share.
+/// Shared data of all benches.
 struct Place<'a> {
     executor: &'a Executor,
     fmus: &'a Fmus,
@@ -169,7 +169,7 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// `first` is what the slowly increasing steer of the system without controllers says, `own` that of this one.
+    /// `first` is the result of the slowly increasing steer of the system without controllers, `own` that of this one.
     fn bench(
         &self,
         system: &'a System,
@@ -206,7 +206,7 @@ impl Bench<'_> {
     }
 }
 
-/// Does something for each item in a thread of its own; the results have the order of the items.
+/// Calls `work` for each item in its own thread; the results have the order of the items.
 fn in_threads<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
     std::thread::scope(|scope| {
         let work = &work;
@@ -283,7 +283,7 @@ fn assembled(
     })
 }
 
-/// The metrics of both systems side by side; those of the system with controllers only behind the one before them there.
+/// Puts the metrics of both systems side by side; those of only the system with controllers follow their predecessor there.
 fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
     let Some(with) = with else { return without.iter().map(|metric| row(Pair::One(metric))).collect() };
     let of = |metrics: &[&'_ Measured], id: &str| metrics.iter().position(|metric| metric.id == id);
@@ -304,7 +304,7 @@ fn weighting() -> [Vec<f64>; 2] {
     [frequencies, gains]
 }
 
-/// Each once, in the order of the first.
+/// Removes duplicates; the order is that of the first occurrences.
 fn unique<T: PartialEq>(items: Vec<T>) -> Vec<T> {
     items.into_iter().fold(Vec::new(), |mut found, item| {
         if !found.contains(&item) {

@@ -1,4 +1,4 @@
-//! One of the two systems on the bench: it makes runs out of the courses of maneuvers.
+//! One of the two systems on the bench. It makes runs from the courses of maneuvers.
 
 use crate::course::{Course, Setting};
 use crate::vehicle::{Class, Vehicle};
@@ -19,7 +19,7 @@ pub(crate) trait Runs: Sync {
 
 /// Descriptions of the FMUs of runs.
 pub(crate) trait Described: Sync {
-    /// That of an FMU, by the path that a plan has.
+    /// Returns the description of an FMU, by its path in a plan.
     fn description(&self, path: &str) -> Option<&ModelDescription>;
 }
 
@@ -35,14 +35,14 @@ impl Described for BTreeMap<String, Arc<ModelDescription>> {
     }
 }
 
-/// A system on the bench, and what all its maneuvers need to know.
+/// A system on the bench, and the data that all its maneuvers need.
 pub(crate) struct Bench<'a> {
     pub(crate) executor: &'a dyn Runs,
     pub(crate) fmus: &'a dyn Described,
     pub(crate) plant: &'a Plant,
     pub(crate) system: &'a System,
     pub(crate) vehicle: &'a Vehicle,
-    /// Understeer gradient that the driver knows, rad/(m/s2).
+    /// Understeer gradient that the driver model gets, rad/(m/s2).
     pub(crate) understeer_gradient: f64,
     /// A of the slowly increasing steer, deg at the steering wheel; `None` until it is known.
     pub(crate) amplitude: Option<f64>,
@@ -66,12 +66,12 @@ impl Bench<'_> {
         self.vehicle.class == Class::Car
     }
 
-    /// Whether it has pedals.
+    /// Returns true if its speed is held by pedals.
     pub(crate) fn has_pedals(&self) -> bool {
         self.system.speed == Speed::Pedals
     }
 
-    /// Why limits for cars that coast do not apply; `None` if they do.
+    /// Returns the reason that limits for coasting cars do not apply; `None` if they do.
     pub(crate) fn foreign(&self) -> Option<&'static str> {
         match self.system.speed {
             _ if !self.is_car() => Some("the limit is that of cars"),
@@ -88,12 +88,12 @@ impl Bench<'_> {
         self.other_speed.unwrap_or(if self.is_car() { 80.0 } else { 60.0 } / 3.6)
     }
 
-    /// Whether the plant has these outputs.
+    /// Returns true if the plant has this output.
     pub(crate) fn has_output(&self, name: &str) -> bool {
         self.plant.has_output(name)
     }
 
-    /// Outputs and inputs of the plant that begin with this, by the names of the bench.
+    /// Inputs of the plant that begin with `start`, by the names of the bench.
     pub(crate) fn inputs(&self, start: &str) -> Vec<String> {
         self.plant.inputs().into_iter().filter(|name| name.starts_with(start)).collect()
     }
@@ -151,8 +151,8 @@ impl Bench<'_> {
         Ok((simulation, run))
     }
 
-    /// Makes a prescribed speed that does not change a constant of the plant. The driver of paths gives it from its first sample on
-    /// only, and the plant would be initialized at a standstill.
+    /// Makes a constant prescribed speed a constant of the plant. The driver of paths writes it only from its first sample on, so the plant
+    /// would be initialized at a standstill.
     fn start_at_speed(&self, run: &mut Run, speed: f64) {
         let name = self.plant.variable("driver.speed");
         let Some(variable) = self.plant.unit.found.description.variable(name) else { return };

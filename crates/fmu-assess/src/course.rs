@@ -1,4 +1,4 @@
-//! A run of a maneuver: what is simulated, where it ends, and what is left of it.
+//! A run of a maneuver: its simulation, its end and its recording.
 
 use crate::Trace;
 use crate::bench::Bench;
@@ -21,7 +21,7 @@ pub(crate) enum Setting {
     Text(String),
 }
 
-/// A run to be made.
+/// A planned run.
 #[derive(Debug, Clone)]
 pub(crate) struct Course {
     /// Name, unique in a system.
@@ -34,9 +34,9 @@ pub(crate) struct Course {
     /// Longest time, s.
     pub(crate) stop: f64,
     pub(crate) ends: Vec<EndAt>,
-    /// Whether the driver has a path to the end of which it should get.
+    /// True if the driver should reach the end of a path.
     pub(crate) has_end: bool,
-    /// What the report says of it.
+    /// Numbers shown in the report.
     pub(crate) shown: BTreeMap<String, f64>,
 }
 
@@ -74,7 +74,7 @@ impl Course {
         self
     }
 
-    /// The driver should get to the end of its path.
+    /// Requires the driver to reach the end of its path.
     pub(crate) fn with_end(mut self) -> Self {
         self.has_end = true;
         self
@@ -87,16 +87,16 @@ impl Course {
     }
 }
 
-/// What ends a run before its longest time. The row in which it is so is the last one.
+/// Condition that ends a run before its longest time. The row in which it holds is the last one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum EndAt {
     /// Magnitude of the lateral acceleration above this, m/s2.
     LateralAcceleration(f64),
-    /// So long after the end of the path, s.
+    /// Time after the end of the path, s.
     Finished(f64),
     /// The driver has lost the path.
     Lost,
-    /// Place along x beyond this, m.
+    /// Position along x beyond this, m.
     Position(f64),
     /// Speed below this, m/s.
     Speed(f64),
@@ -104,16 +104,16 @@ pub(crate) enum EndAt {
     GroundSpeed(f64),
 }
 
-/// What is left of a run.
+/// Result of a run.
 #[derive(Debug)]
 pub(crate) struct Ended {
     pub(crate) course: Course,
     pub(crate) trace: Trace<'static>,
     /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
     pub(crate) flags: Vec<&'static str>,
-    /// Why it ended there.
+    /// Reason for its end.
     pub(crate) stop_reason: String,
-    /// What went wrong, if something did: time and signal or call.
+    /// Error, if any: time and signal or call.
     pub(crate) error: Option<String>,
 }
 
@@ -135,7 +135,7 @@ impl Ended {
     }
 }
 
-/// Executes runs of a system. Of a run that fails, the rows before the failure count.
+/// Executes runs of a system. For a failed run, the rows before the failure count.
 pub(crate) fn drive(bench: &Bench<'_>, courses: Vec<Course>) -> Vec<Ended> {
     let requests = courses.iter().map(|course| bench.run(course, course.stop)).collect::<Vec<_>>();
     let mut wanted = Vec::new();
@@ -162,7 +162,7 @@ fn failed(course: Course, message: String) -> Ended {
     Ended { course, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
 }
 
-/// The rows before a failure, if there are any behind the start.
+/// The rows before a failure, if there are any after the start.
 fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
     let message = failure.to_string();
     match &failure.recorded {
@@ -171,15 +171,15 @@ fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
     }
 }
 
-/// Cuts a recording where the run ends. `failure` is what came after its last row.
+/// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.
 pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
     let names = bench.system.columns(course.driving);
     cut(course, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
 }
 
-/// Cuts a recording, whose columns have these names, where the run ends. `failure` is what came after its last row.
+/// Cuts a recording, whose columns have these names, where the run ends. `failure` is the failure after its last row, if any.
 fn cut(course: Course, names: &[String], recording: &Recording, ratio: f64, failure: Option<String>) -> Ended {
-    // No row at the start: what a row says of the driver was held during the step before it.
+    // No row at the start: the driver signals of a row were held during the step before it.
     let of = |name: &str| {
         let index = names.iter().position(|column| column == name)?;
         recording.column(index)?.get(1..)
@@ -235,7 +235,7 @@ fn cut(course: Course, names: &[String], recording: &Recording, ratio: f64, fail
         };
         if let Some(reason) = reason {
             (rows, stop_reason) = (row + 1, reason.to_owned());
-            // What fails later does not concern this run.
+            // A later failure does not concern this run.
             error = None;
             break;
         }
@@ -322,7 +322,7 @@ mod tests {
         assert_eq!(ended.trace.column("driver.steering_wheel").unwrap()[0], 8.0);
     }
 
-    /// The rows before the first value that is none are kept.
+    /// The rows before the first value that is not finite are kept.
     #[test]
     fn a_value_that_is_not_finite_ends_the_run() {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -372,7 +372,7 @@ mod tests {
         assert_eq!((ended.trace.times().len(), ended.flags), (1000, vec!["lost"]));
     }
 
-    /// A spin is a flag; the run goes on. At less than 3 m/s over ground a large sideslip angle is none.
+    /// A spin is a flag; the run continues. Below 3 m/s over ground a large sideslip angle is not a spin.
     #[test]
     fn a_spin_is_a_flag() {
         let of = |speed: f64, sideslip: f64| {

@@ -98,7 +98,7 @@ pub fn find(name: &str) -> Option<&'static Evaluator> {
 }
 
 impl Evaluator {
-    /// Computes all metrics. What the trace does not allow to compute is [`Value::Null`].
+    /// Computes all metrics. A metric that the trace cannot provide is [`Value::Null`].
     ///
     /// # Errors
     /// The options are not an object, an option is unknown or missing, or a value is not allowed.
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// Options that every evaluator accepts one of.
+    /// Options of all evaluators, of which this one gets those that it accepts.
     fn options(evaluator: &Evaluator) -> serde_json::Value {
         let all = json!({
             "steer.ratio": 16.0, "geometry.wheelbase": 2.7, "maneuver": 2, "vehicle.width": 1.75,
@@ -168,7 +168,7 @@ mod tests {
         evaluator.evaluate(trace, &options(evaluator)).unwrap()
     }
 
-    /// Of each definition there is a metric, in the order of the table.
+    /// Each definition has a metric, in the order of the table.
     #[track_caller]
     fn assert_complete(evaluator: &Evaluator, evaluation: &Evaluation) {
         let mut names: Vec<&str> = evaluation.metrics.iter().map(|metric| metric.definition.name).collect();
@@ -196,7 +196,7 @@ mod tests {
                 let evaluation = evaluated(evaluator, &trace(evaluator, times, |_, _| value));
                 assert_complete(evaluator, &evaluation);
                 for metric in evaluation.metrics {
-                    // What is known before a signal is looked at.
+                    // Known without any signal.
                     if metric.name == "frequency" {
                         continue;
                     }

@@ -1,4 +1,4 @@
-//! Executes runs in worker processes, for several callers at once. What a caller gets depends on its runs alone.
+//! Executes runs in worker processes, for several callers at once. The results of a caller depend on its runs alone.
 
 use crate::bench::Runs;
 use fmu_import::worker::Settings;
@@ -11,7 +11,7 @@ use std::num::NonZeroUsize;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
-/// A run, and who waits for it.
+/// A run, and the channel for its outcome.
 struct Work {
     index: usize,
     simulation: Simulation,
@@ -19,14 +19,14 @@ struct Work {
     reply: Sender<(usize, Result<Recording, Failure>)>,
 }
 
-/// Takes runs of any thread.
+/// Accepts runs from any thread.
 #[derive(Debug)]
 pub(crate) struct Executor {
     queue: Mutex<Sender<Work>>,
 }
 
 impl Executor {
-    /// Starts as many workers as `jobs` says, and ends them after `body`. `done` is called after each run.
+    /// Starts `jobs` workers, and ends them after `body`. `done` is called after each run.
     pub(crate) fn scope<T>(
         settings: &Settings,
         jobs: NonZeroUsize,
@@ -44,7 +44,7 @@ impl Executor {
                     work(receiver, &pool, done);
                 });
             }
-            // The workers end when nobody can send any more.
+            // The workers end when no sender is left.
             let executor = Self { queue: Mutex::new(sender) };
             body(&executor)
         })
@@ -59,7 +59,7 @@ impl Runs for Executor {
         {
             let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
             for (index, (simulation, run)) in runs.into_iter().enumerate() {
-                // Workers are there as long as this is.
+                // The workers live as long as this executor.
                 let _ = queue.send(Work { index, simulation, run, reply: reply.clone() });
             }
         }

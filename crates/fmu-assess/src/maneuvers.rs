@@ -1,4 +1,4 @@
-//! The maneuvers: which runs they make, and which numbers come of them.
+//! The maneuvers: their runs and their metrics.
 
 pub(crate) mod braking;
 pub(crate) mod double_lane_change;
@@ -32,12 +32,12 @@ pub(crate) struct Maneuver {
     pub(crate) suite: Suite,
     /// Outputs that the plant needs for it.
     pub(crate) outputs: &'static [&'static str],
-    /// Why a plant that has them cannot be driven like this; `None` if it can.
+    /// Returns the reason that a plant with these outputs cannot be driven like this; `None` if it can.
     pub(crate) hindrance: fn(&Bench<'_>) -> Option<Hindrance>,
     pub(crate) carry_out: fn(&Bench<'_>, &mut Results),
 }
 
-/// Why a plant cannot be driven in a maneuver.
+/// Reason that a plant cannot be driven in a maneuver.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Hindrance {
     /// Signals that are missing, if signals are.
@@ -154,7 +154,7 @@ fn needs_speed(bench: &Bench<'_>) -> Option<Hindrance> {
     (bench.system.speed == Speed::Own).then(|| Hindrance::without(&["driver.speed"], reason))
 }
 
-/// To follow a path, the driver knows the wheelbase.
+/// To follow a path, the driver needs the wheelbase.
 fn needs_path(bench: &Bench<'_>) -> Option<Hindrance> {
     needs_speed(bench).or_else(|| bench.wheelbase().err().map(Hindrance::new))
 }
@@ -198,7 +198,7 @@ fn needs_footprint(bench: &Bench<'_>) -> Option<Hindrance> {
     })
 }
 
-/// Carries out a maneuver, or says why not.
+/// Runs a maneuver, or reports the reason that it does not apply.
 pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     let mut results = Results::new(maneuver.name, maneuver.suite, bench.system.name);
     let missing: Vec<String> = (maneuver.outputs.iter())
@@ -221,7 +221,7 @@ pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     results
 }
 
-/// What comes of a maneuver of a system.
+/// Results of a maneuver of a system.
 #[derive(Debug)]
 pub(crate) struct Results {
     pub(crate) maneuver: &'static str,
@@ -244,7 +244,7 @@ impl Results {
         Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None, entry_speed: None }
     }
 
-    /// Leaves the maneuver out. A metric of the name of the maneuver has the verdict.
+    /// Skips the maneuver. A metric with the name of the maneuver has the verdict.
     fn drop_out(&mut self, Hindrance { missing, reason }: Hindrance) {
         self.metrics.push(Measured {
             id: self.maneuver.to_owned(),
@@ -255,7 +255,7 @@ impl Results {
         self.dropped = Some(Dropped { run: self.maneuver.to_owned(), missing, reason });
     }
 
-    /// Notes a run with the metrics of its evaluator.
+    /// Adds a run with the metrics of its evaluator.
     pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
         self.runs.push(RunRecord {
             id: ended.course.id.clone(),
@@ -283,7 +283,7 @@ impl Results {
         });
     }
 
-    /// Adds a metric that has no number, and why.
+    /// Adds a metric without a number, with the reason.
     pub(crate) fn without(
         &mut self,
         name: &str,
@@ -339,7 +339,7 @@ pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
     }
 }
 
-/// Why a metric of an evaluator has no value.
+/// Returns the reason that a metric of an evaluator has no value.
 pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
     let found = metrics.metrics.iter().find(|metric| metric.definition.name == name);
     found.and_then(|metric| match &metric.value {
@@ -348,7 +348,7 @@ pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
     })
 }
 
-/// A truth value of an evaluator.
+/// A Boolean of an evaluator.
 pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
     match metrics.value(name) {
         Some(metric::Value::Boolean(value)) => Some(*value),
@@ -356,7 +356,7 @@ pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
     }
 }
 
-/// A value as JSON; null if it is none.
+/// A value as JSON; null if it is missing or not finite.
 pub(crate) fn or_null(value: Option<f64>) -> Value {
     value.filter(|value| value.is_finite()).map_or(Value::Null, |value| json!(value))
 }

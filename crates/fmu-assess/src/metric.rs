@@ -64,13 +64,13 @@ pub enum Value {
     Number(f64),
     /// Yes or no.
     Boolean(bool),
-    /// Several numbers. `None` has no value; the definition says when.
+    /// Several numbers. `None` has no value, as the definition describes.
     Numbers(Vec<Option<f64>>),
     /// The value cannot be computed.
     Null(Reason),
 }
 
-/// Why a value cannot be computed.
+/// Reason that a value cannot be computed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reason(String);
 

@@ -44,7 +44,7 @@ pub enum Form {
 pub enum Fallback {
     /// The option has to be given.
     Required,
-    /// The option may be left out; its meaning says what happens then.
+    /// The option may be left out; its meaning describes the consequence.
     Absent,
     /// A number.
     Number(f64),

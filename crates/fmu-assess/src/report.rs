@@ -1,4 +1,4 @@
-//! What an assessment says: metrics of both systems side by side with their verdicts, as JSON, JUnit and text.
+//! Report on an assessment: metrics of both systems side by side with their verdicts, as JSON and JUnit XML.
 
 use crate::metric::Direction;
 use crate::vehicle::Vehicle;
@@ -52,7 +52,7 @@ pub(crate) const REQUIRED: &str = "--require";
 pub(crate) struct Limit {
     kind: Kind,
     source: String,
-    /// Why it does not apply.
+    /// Reason that it does not apply.
     foreign: Option<String>,
 }
 
@@ -68,7 +68,7 @@ impl Limit {
         Self { kind, source: source.to_owned(), foreign: None }
     }
 
-    /// A truth value has to be true.
+    /// A Boolean that must be true.
     pub(crate) fn holds(source: &str) -> Self {
         Self::new(Kind::Holds, source)
     }
@@ -81,7 +81,7 @@ impl Limit {
         Self::new(Kind::AtMost(limit), source)
     }
 
-    /// True if the caller has set it, which does not need a number.
+    /// True if the caller has set it. It then gives a verdict even without a number.
     fn is_required(&self) -> bool {
         self.source == REQUIRED
     }
@@ -110,18 +110,18 @@ impl Limit {
 pub(crate) struct Measured {
     pub(crate) id: String,
     pub(crate) title: String,
-    /// How it is computed.
+    /// Computation, in words.
     pub(crate) definition: String,
     pub(crate) unit: &'static str,
     pub(crate) suite: Suite,
     pub(crate) value: Value,
     pub(crate) direction: Direction,
-    /// Why there is no value.
+    /// Reason for a missing value.
     pub(crate) reason: Option<String>,
     pub(crate) limit: Option<Limit>,
-    /// The plant lacks a signal that it needs.
+    /// True if the plant lacks a signal that it needs.
     pub(crate) is_dropped: bool,
-    /// A missing number is the best result.
+    /// True if a missing number is the best result.
     pub(crate) is_best_without: bool,
     /// Bound of a number that is missing.
     pub(crate) bound: Option<Bound>,
@@ -129,11 +129,11 @@ pub(crate) struct Measured {
     pub(crate) series: Option<Series>,
     /// Reason that the value cannot be compared with that of another system.
     pub(crate) incomparable: Option<String>,
-    /// Words of a standard for the number.
+    /// Class of the number in a standard.
     pub(crate) words: Option<&'static str>,
 }
 
-/// A number that the procedure ends before it finds.
+/// Bound of a number that the procedure does not reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Bound {
     Above(f64),
@@ -149,15 +149,15 @@ impl Bound {
     }
 }
 
-/// Values of a metric by the condition of their runs, such as the speed. Another system that gets further has other runs: values of
-/// unequal conditions cannot be compared.
+/// Values of a metric by the condition of their runs, such as the speed. A system that gets further has other runs, and values under
+/// different conditions are not comparable.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
     /// Unit of measure of the condition.
     pub(crate) unit: &'static str,
     /// Condition and value, of the runs that the vehicle can drive.
     pub(crate) values: Vec<(f64, f64)>,
-    /// Whether the metric depends on these runs only.
+    /// True if the metric depends on these runs only.
     pub(crate) is_whole: bool,
 }
 
@@ -185,21 +185,21 @@ impl Measured {
 }
 
 impl crate::maneuvers::Results {
-    /// Gives the last metric a limit; `foreign` says why it does not apply, if it does not.
+    /// Sets the limit of the last metric; `foreign` is the reason that it does not apply, if it does not.
     pub(crate) fn limit(&mut self, limit: Limit, foreign: Option<&str>) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.limit = Some(Limit { foreign: foreign.map(str::to_owned), ..limit });
         }
     }
 
-    /// Says how the last metric is computed.
+    /// Sets the definition of the last metric.
     pub(crate) fn defined(&mut self, definition: &str) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.definition = definition.to_owned();
         }
     }
 
-    /// Says that the last metric has no value because the plant lacks a signal.
+    /// Marks the last metric as without a value because the plant lacks a signal.
     pub(crate) fn dropped(&mut self, reason: &str) {
         self.because(reason);
         if let Some(metric) = self.metrics.last_mut() {
@@ -207,7 +207,7 @@ impl crate::maneuvers::Results {
         }
     }
 
-    /// Says that the last metric has no value because nothing is wrong.
+    /// Marks the last metric as without a value because nothing is wrong.
     pub(crate) fn best(&mut self, reason: &str) {
         self.because(reason);
         if let Some(metric) = self.metrics.last_mut() {
@@ -215,35 +215,35 @@ impl crate::maneuvers::Results {
         }
     }
 
-    /// Says on which side of a limit the missing number of the last metric is.
+    /// Sets the bound of the missing number of the last metric.
     pub(crate) fn bounded(&mut self, bound: Bound) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.bound = Some(bound);
         }
     }
 
-    /// Gives the values of the runs of which the last metric is made.
+    /// Sets the values of the runs from which the last metric is computed.
     pub(crate) fn series(&mut self, series: Series) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.series = Some(series);
         }
     }
 
-    /// Says why the last metric cannot be compared, if it cannot.
+    /// Sets the reason that the last metric cannot be compared, if it cannot.
     pub(crate) fn incomparable(&mut self, reason: Option<String>) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.incomparable = reason;
         }
     }
 
-    /// Says what a standard calls the last metric.
+    /// Sets the class of the last metric in a standard.
     pub(crate) fn called(&mut self, words: &'static str) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.words = Some(words);
         }
     }
 
-    /// Says why the last metric has no value.
+    /// Sets the reason that the last metric has no value.
     pub(crate) fn because(&mut self, reason: &str) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.reason = Some(reason.to_owned());
@@ -260,15 +260,15 @@ pub struct RunRecord {
     pub suite: Suite,
     /// `without` or `with`.
     pub system: &'static str,
-    /// What it was driven with, SI; amplitudes in degrees at the steering wheel.
+    /// Inputs of the run, SI; amplitudes in degrees at the steering wheel.
     pub parameters: BTreeMap<String, f64>,
     /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
     pub flags: Vec<&'static str>,
-    /// Why it ended.
+    /// Reason for its end.
     pub stop_reason: String,
     /// Number of rows.
     pub rows: usize,
-    /// What went wrong, if something did.
+    /// Error, if any.
     pub error: Option<String>,
     /// Numbers of its evaluator.
     pub metrics: Value,
@@ -281,7 +281,7 @@ pub struct Dropped {
     pub run: String,
     /// Signals that are missing.
     pub missing: Vec<String>,
-    /// Why.
+    /// Reason.
     pub reason: String,
 }
 
@@ -303,7 +303,7 @@ pub enum Verdict {
     Error,
 }
 
-/// How a metric changes with the controllers.
+/// Change of a metric by the controllers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Judgment {
@@ -337,7 +337,7 @@ pub struct Row {
     pub id: String,
     /// Title.
     pub title: String,
-    /// How it is computed.
+    /// Computation, in words.
     pub definition: String,
     /// Unit of measure.
     pub unit: String,
@@ -347,20 +347,20 @@ pub struct Row {
     pub without: Value,
     /// With them; null if there are none.
     pub with: Value,
-    /// Words of a standard for the numbers, by system.
+    /// Classes of the numbers in a standard, by system.
     pub words: BTreeMap<&'static str, &'static str>,
     /// Bounds of numbers that are missing, such as `< 30`, by system.
     pub bounds: BTreeMap<&'static str, String>,
-    /// Numbers that can be compared, where those of the systems come of runs under different conditions.
+    /// Numbers that can be compared, where those of the systems come from runs under different conditions.
     pub compared: Option<Compared>,
     /// Reason that the systems cannot be compared.
     pub incomparable: Option<String>,
     /// Change of the numbers that can be compared, percent; null if a number is missing or the first one is small.
     pub change: Value,
-    /// Which change is better.
+    /// Direction that is better.
     #[serde(serialize_with = "direction")]
     pub direction: Direction,
-    /// Whether it is better.
+    /// Judgment of the change.
     pub judgment: Option<Judgment>,
     /// Verdict on the system with the controllers, or on the only one.
     pub verdict: Verdict,
@@ -368,7 +368,7 @@ pub struct Row {
     pub verdict_without: Verdict,
     /// Limit, if there is one.
     pub limit: Value,
-    /// Why there is no number, or why the limit does not apply.
+    /// Reason for a missing number, or that the limit does not apply.
     pub reason: Option<String>,
     /// Reason for no number without the controllers.
     pub reason_without: Option<String>,
@@ -400,13 +400,13 @@ pub struct Assessment {
     pub set: Vec<Value>,
     /// Data of the vehicle and where each comes from.
     pub vehicle: Vehicle,
-    /// What the driver knows: understeer gradient, rad/(m/s2), and amplitude A, deg.
+    /// Data of the driver model: understeer gradient, rad/(m/s2), and amplitude A, deg.
     pub driver: Value,
     /// Names of the systems.
     pub systems: Vec<&'static str>,
-    /// Inputs of each system that nothing writes, and what they get.
+    /// Inputs of each system that nothing writes, and the values that they get.
     pub unwritten: BTreeMap<&'static str, BTreeMap<String, String>>,
-    /// Units without an effect.
+    /// Components without an effect.
     pub idle: Vec<String>,
     /// Signals of the plant that declare no unit, and the unit in which the bench takes them.
     pub assumed: BTreeMap<String, &'static str>,
@@ -414,7 +414,7 @@ pub struct Assessment {
     pub runs: Vec<RunRecord>,
     /// All metrics.
     pub metrics: Vec<Row>,
-    /// What was left out.
+    /// Skipped maneuvers.
     pub dropped: Vec<Dropped>,
     /// Sections of the coned tracks, by maneuver, m: begin, end, right and left edge of each.
     pub tracks: BTreeMap<&'static str, [[f64; 4]; 3]>,
@@ -422,7 +422,7 @@ pub struct Assessment {
     pub weighting: Option<[Vec<f64>; 2]>,
 }
 
-/// Least change that counts, percent.
+/// Minimum relevant change, percent.
 const COUNTS: f64 = 1.0;
 
 /// A number with nine significant digits, which is what the JSON file holds.
@@ -517,19 +517,19 @@ pub(crate) enum Pair<'a> {
     Two(Option<&'a Measured>, Option<&'a Measured>),
 }
 
-/// Why a system has no number that the other one has.
+/// Reason that a system lacks a number that the other one has.
 const ONLY_WITHOUT: &str = "only the runs without controllers have it";
 const ONLY_WITH: &str = "only the runs with controllers have it";
 
 /// The part of two systems that can be compared.
 enum Comparison {
-    /// Two numbers, and under which condition if not that of the metric.
+    /// Two numbers, and their condition if it is not that of the metric.
     Numbers(f64, f64, Option<Compared>),
     /// Truth values.
     Booleans(bool, bool),
-    /// Of a number only a bound is known, but the other one is beyond it: whether the number rises.
+    /// Only a bound of one number is known, but the other one is beyond it: true if the number rises.
     Rises(bool),
-    /// Nothing, and why.
+    /// Nothing, with the reason.
     None(String),
 }
 
@@ -607,7 +607,7 @@ fn percent(old: f64, new: f64, unit: &str) -> Option<f64> {
     (old.abs() >= nothing(unit) && change.abs() <= TELLS).then_some(change)
 }
 
-/// Tells if a metric is better with the controllers.
+/// Compares a metric with and without the controllers.
 fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured) -> Option<Judgment> {
     let is_up = metric.direction == Direction::Up;
     let judge = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
@@ -629,7 +629,7 @@ fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured
 }
 
 fn verdict(metric: &Measured) -> Verdict {
-    // The words of a trace whose column is missing.
+    // The message for a trace without the column.
     let is_missing = metric.is_dropped || metric.reason.as_ref().is_some_and(|reason| reason.contains("has no column"));
     match &metric.limit {
         Some(limit) if metric.value.is_null() && limit.is_required() => {
@@ -660,13 +660,13 @@ impl Assessment {
         text
     }
 
-    /// Whether a run was made at all.
+    /// Returns true if a run was made at all.
     #[must_use]
     pub fn has_run(&self) -> bool {
         self.runs.iter().any(|run| run.rows > 0)
     }
 
-    /// Whether no metric of the system with the controllers, or of the only one, fails, and no run of it broke down.
+    /// Returns true if no metric of the system with the controllers, or of the only one, fails, and none of its runs broke down.
     #[must_use]
     pub fn is_passed(&self) -> bool {
         let decisive = self.systems.last().copied().unwrap_or("without");
@@ -674,7 +674,7 @@ impl Assessment {
         !self.metrics.iter().any(is_bad) && !self.runs.iter().any(|run| run.system == decisive && run.error.is_some())
     }
 
-    /// The verdicts as JUnit writes them: a test suite for each suite and system, a test case for each metric.
+    /// The verdicts as JUnit XML: a test suite for each suite and system, a test case for each metric.
     #[must_use]
     pub fn to_junit(&self) -> String {
         let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
@@ -773,7 +773,7 @@ mod tests {
         assert_eq!(of(5.0, 6.0, Direction::None), None);
     }
 
-    /// A number that is missing cannot be compared, unless a bound of it is known. Truth values are compared, too.
+    /// A number that is missing cannot be compared, unless a bound of it is known. Booleans are compared, too.
     #[test]
     fn numbers_that_come_and_go_are_compared_by_their_bounds() {
         let of = |old: Value, new: Value, direction, bound| {
@@ -803,7 +803,7 @@ mod tests {
         assert_eq!(of(json!(true), json!(true), Direction::Up, None), Some(Judgment::Same));
     }
 
-    /// By hand: 20 at 40 km/h against 10 at 30 km/h says nothing; at 30 km/h both are known.
+    /// By hand: 20 at 40 km/h and 10 at 30 km/h are not comparable; at 30 km/h both are known.
     #[test]
     fn numbers_of_unequal_speeds_are_compared_at_the_highest_that_both_can_drive() {
         let of = |value: f64, values: &[(f64, f64)], is_whole| {
@@ -819,7 +819,7 @@ mod tests {
         // The same speeds: the metrics themselves.
         let found = row(Pair::Two(Some(&slow), Some(&of(11.0, &[(25.0, 1.0), (30.0, 11.0)], true))));
         assert_eq!((found.compared, found.change), (None, json!(10.0)));
-        // A metric that also comes of runs that the vehicle cannot drive.
+        // A metric that also comes from runs that the vehicle cannot drive.
         let found = row(Pair::Two(Some(&slow), Some(&of(50.0, &[(25.0, 1.0), (30.0, 11.0)], false))));
         assert_eq!(found.compared.map(|compared| compared.with), Some(11.0));
         let none = row(Pair::Two(Some(&slow), Some(&of(1.0, &[], false))));

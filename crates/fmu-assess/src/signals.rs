@@ -18,7 +18,7 @@ const OTHERS: [(&str, &str); 6] = [
 const WRITTEN: [(&str, &str); 4] =
     [("steer.front", "rad"), ("vehicle.initial_speed", "m/s"), ("road_friction.*", "1"), ("target_slip.*", "1")];
 
-/// Parameters of a plant that tell its size, in the order in which the bench looks for them.
+/// Parameters of a plant that define its size, in the order in which the bench looks for them.
 pub(crate) const DATA: [(&str, &str); 9] = [
     ("vehicle.mass", "kg"),
     ("geometry.track", "m"),
@@ -31,7 +31,7 @@ pub(crate) const DATA: [(&str, &str); 9] = [
     ("geometry.cg_to_rear_suspension", "m"),
 ];
 
-/// The unit in which the bench reads or writes a signal; `None` for a signal that it does not know.
+/// The unit in which the bench reads or writes a signal; `None` for an unknown signal.
 #[must_use]
 pub fn unit(signal: &str) -> Option<&'static str> {
     let columns = EVALUATORS.iter().flat_map(|evaluator| evaluator.columns).map(|column| (column.name, column.unit));
@@ -68,7 +68,7 @@ impl Conversion {
 /// caller has named, which takes precedence over that of the description.
 ///
 /// # Errors
-/// The unit is of another quantity, or nothing says what it is. The message begins with the unit.
+/// The unit is of another quantity, or unknown. The message begins with the unit.
 pub(crate) fn conversion(
     needed: &str,
     description: &ModelDescription,

@@ -1,7 +1,7 @@
 //! One run of a maneuver at chosen values, for programs that make its steps themselves: the lab.
 //!
-//! The runs are those of the bench, with the same wiring, courses and evaluators. What a series of runs decides (limits of
-//! regulations, a largest speed) needs the bench.
+//! The runs are those of the bench, with the same wiring, courses and evaluators. Results that need a series of runs (limits of
+//! regulations, a largest speed) need the bench.
 
 use crate::bench::{Bench, Runs};
 use crate::course::{self, Course};
@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 /// Time that a visitor drives, s.
 const FREE: f64 = 600.0;
-/// Steering wheel angle at the end of its way, rad: one and a quarter turns.
+/// Steering wheel angle at full lock, rad: one and a quarter turns.
 const LOCK: f64 = 7.85;
 
 /// A number that can be chosen before a run.
@@ -286,10 +286,10 @@ impl Chosen<'_> {
     }
 }
 
-/// Why a plant cannot drive a maneuver; `None` if it can.
+/// Returns the reason that a plant cannot drive a maneuver; `None` if it can.
 ///
 /// # Errors
-/// The FMU is not there or is not a plant that can be driven.
+/// The FMU does not exist or is not a plant that can be driven.
 pub fn hindrance(plant: &str, maneuver: &Maneuver, source: &dyn Descriptions) -> Result<Option<String>, SetupError> {
     let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
     let found = Systems::found(&subject, source)?;
@@ -317,7 +317,7 @@ fn can_be_rough(plant: &crate::wiring::Plant) -> bool {
 /// FMUs that a plant needs in every system.
 ///
 /// # Errors
-/// The FMU is not there or is not a plant that can be driven.
+/// The FMU does not exist or is not a plant that can be driven.
 pub fn base(plant: &str, source: &dyn Descriptions) -> Result<Vec<String>, SetupError> {
     let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
     Ok(Systems::found(&subject, source)?.base.into_iter().map(|unit| unit.fmu).collect())
@@ -334,7 +334,7 @@ pub struct Single {
     pub plan: Plan,
     /// Speed at the start, m/s.
     pub speed: f64,
-    /// Front steering angle at the end of the steering wheel's way, rad.
+    /// Front steering angle at full lock, rad.
     pub largest_steer: f64,
     /// Sections of cones, m: begin, end, right and left edge of each.
     pub cones: Vec<[f64; 4]>,
@@ -353,7 +353,7 @@ pub const PLANT: &str = "plant";
 /// Roll angle from which a vehicle has rolled over, rad: the bench ends a run there.
 pub const ROLLED_OVER: f64 = course::ROLLED_OVER;
 
-/// Nobody executes runs here.
+/// Executes no runs.
 struct Nobody;
 
 impl Runs for Nobody {

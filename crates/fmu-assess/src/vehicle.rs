@@ -1,11 +1,10 @@
-//! What the bench has to know of a vehicle: its size, class and how it steers. It comes from the parameters of the plant, or
-//! from a file.
+//! Vehicle data that the bench needs: size, class and steering. They come from the parameters of the plant, or from a file.
 
 use crate::wiring::Plant;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A file about a vehicle: data that its FMU does not have, and names of signals that are others than the bench's.
+/// A vehicle file: data that its FMU does not have, and names of signals that differ from the bench's.
 #[derive(Debug, Clone, Default)]
 pub struct VehicleFile {
     /// Data.
@@ -49,7 +48,7 @@ struct WithUnit {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Given {
-    /// Which limits apply.
+    /// Class, which decides the limits that apply.
     pub class: Option<Class>,
     /// Mass, kg.
     pub mass: Option<f64>,
@@ -63,7 +62,7 @@ pub struct Given {
     pub wheelbase: Option<f64>,
     /// Steering wheel angle over angle of the front wheels.
     pub steer_ratio: Option<f64>,
-    /// Understeer gradient that the driver knows, rad/(m/s2).
+    /// Understeer gradient for the driver model, rad/(m/s2).
     pub understeer_gradient: Option<f64>,
 }
 
@@ -79,27 +78,27 @@ pub enum Class {
 
 /// Heaviest car, kg.
 const HEAVIEST_CAR: f64 = 3500.0;
-/// What a vehicle is wider than its track, m, and longer than its axles at each end, m.
+/// Width of a vehicle beyond its track, m, and length beyond its axles at each end, m.
 const BESIDE: f64 = 0.25;
 const OVERHANG: f64 = 0.85;
-/// Cornering stiffness of the axles behind over that of the front axle, where nothing is known of it.
+/// Assumed cornering stiffness of the axles behind over that of the front axle, if unknown.
 const STIFFNESS_RATIO: f64 = 3.0;
 
-/// A number and where it comes from.
+/// A number and its source.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Datum {
     /// The number, SI.
     pub value: f64,
-    /// Where it comes from.
+    /// Its source.
     pub source: String,
 }
 
 /// Data of a vehicle.
 #[derive(Debug, Clone, Serialize)]
 pub struct Vehicle {
-    /// Which limits apply.
+    /// Class, which decides the limits that apply.
     pub class: Class,
-    /// Mass, kg; `None` if neither a parameter nor tire loads tell.
+    /// Mass, kg; `None` if neither a parameter nor tire loads give it.
     pub mass: Option<Datum>,
     /// Largest width, m.
     pub width: Option<Datum>,
@@ -111,7 +110,7 @@ pub struct Vehicle {
     pub wheelbase: Option<Datum>,
     /// Steering wheel angle over angle of the front wheels.
     pub steer_ratio: Datum,
-    /// Understeer gradient that the driver knows, rad/(m/s2); `None` until it is measured.
+    /// Understeer gradient for the driver model, rad/(m/s2); `None` until it is measured.
     pub understeer_gradient: Option<Datum>,
     /// Places of the axles behind the front axle, m.
     #[serde(skip)]
@@ -127,10 +126,10 @@ const KNOWN: [(&str, &str); 4] = [
 ];
 
 impl VehicleFile {
-    /// Reads a file about a vehicle.
+    /// Reads a vehicle file.
     ///
     /// # Errors
-    /// The text is no such file; the message says where.
+    /// The text is not a vehicle file; the message contains the place.
     pub fn parse(text: &str) -> Result<Self, String> {
         let Written { vehicle, signals } = toml::from_str(text).map_err(|error| error.to_string())?;
         let mut file = Self { vehicle, ..Self::default() };
@@ -165,14 +164,14 @@ impl VehicleFile {
         Ok(file)
     }
 
-    /// What the library knows of a vehicle; nothing of one of somebody else.
+    /// Data of a vehicle of the library; empty for any other vehicle.
     #[must_use]
     pub fn of_library(fmu: &str) -> Self {
         let text = KNOWN.iter().find(|(name, _)| *name == fmu).map(|(_, text)| *text);
         text.map_or_else(Self::default, |text| Self::parse(text).expect("the file is tested"))
     }
 
-    /// These data, and those of another file where they are absent.
+    /// Returns these data, with those of another file where they are absent.
     #[must_use]
     pub fn over(self, other: Self) -> Self {
         let (own, rest) = (self.vehicle, other.vehicle);
@@ -197,7 +196,7 @@ impl VehicleFile {
 }
 
 impl Vehicle {
-    /// Puts data of a file and parameters of a plant together. `mass` is that of the tire loads.
+    /// Combines data of a file and parameters of a plant. `mass` is that of the tire loads.
     #[must_use]
     pub(crate) fn new(given: &Given, plant: &Plant, mass: Option<f64>) -> Self {
         let datum = |written: Option<f64>, computed: Option<(f64, String)>| {
@@ -239,7 +238,7 @@ impl Vehicle {
     }
 }
 
-/// Places of the axles in front of the reference point, m, from front to rear; empty if the plant does not tell.
+/// Places of the axles in front of the reference point, m, from front to rear; empty if unknown.
 fn axles(parameter: &dyn Fn(&str) -> Option<f64>) -> Vec<f64> {
     let Some(front) = parameter("geometry.cg_to_front_axle") else { return Vec::new() };
     let spacing = parameter("geometry.middle_to_rear_axle");

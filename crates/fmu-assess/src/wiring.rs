@@ -1,4 +1,4 @@
-//! The systems that are compared: a plant with the units that belong to it, driven by a driver, without and with controllers.
+//! The systems that are compared: a plant with its base components, driven by a driver, without and with controllers.
 //!
 //! All signals are wired by name. A system becomes a scenario, so that all rules and messages of scenarios hold, and each of its
 //! runs can be repeated by `cargo fmu run`.
@@ -21,16 +21,16 @@ const TIME: &str = "time";
 /// Communication step of all runs, s.
 pub(crate) const STEP: f64 = 1e-3;
 
-/// Base unit of plants whose brakes and drives are torques.
+/// Base component of plants whose brakes and drives are torques.
 const ACTUATORS: &str = "BrakeAndDriveActuators";
 
-/// Why the bench cannot begin.
+/// Error while setting up the bench.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct SetupError {
-    /// What and where.
+    /// Message, with the place.
     pub message: String,
-    /// What to do.
+    /// Remedy.
     pub help: Option<String>,
 }
 
@@ -44,18 +44,18 @@ impl SetupError {
     }
 }
 
-/// What is assessed.
+/// Subject of an assessment.
 #[derive(Debug, Clone, Default)]
 pub struct Subject {
     /// Name of the plant's FMU.
     pub plant: String,
-    /// Units that belong to the vehicle; `None` for those that the plant needs.
+    /// Components that belong to the vehicle; empty for those that the plant needs.
     pub base: Vec<String>,
     /// Controllers.
     pub with: Vec<String>,
-    /// Values for parameters: component, parameter, value as written; a number may have a unit behind it, after a space.
+    /// Values for parameters: component, parameter, value as written; a number may be followed by a space and a unit.
     pub set: Vec<(String, String, String)>,
-    /// FMUs of `with` and `base` in the order in which they were named; empty: those of `with` first.
+    /// FMUs of `with` and `base` in the caller's order; empty: those of `with` first.
     pub order: Vec<String>,
     /// Vehicle data and names of signals.
     pub vehicle: VehicleFile,
@@ -120,18 +120,18 @@ impl Unit {
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
     pub(crate) unit: Unit,
-    /// Parameters that tell its size, SI.
+    /// Parameters that define its size, SI.
     data: BTreeMap<&'static str, f64>,
     /// Other Real parameters that the caller has set.
     set: BTreeMap<String, f64>,
-    /// Of outputs that are not in the unit of the bench.
+    /// Conversions of outputs that are not in the unit of the bench.
     conversions: BTreeMap<String, Conversion>,
     /// Signals that declare no unit, and the unit that they are taken to be in.
     pub(crate) assumed: BTreeMap<String, &'static str>,
 }
 
 impl Plant {
-    /// `set` has parameters of the caller, `units` those of signals that take precedence over the declared ones.
+    /// `set` are parameters of the caller, `units` are units of signals, which take precedence over the declared ones.
     fn new(mut unit: Unit, set: BTreeMap<String, f64>, units: &BTreeMap<String, String>) -> Result<Self, SetupError> {
         // The time is that of recordings.
         unit.given = units.iter().filter(|(signal, _)| *signal != TIME).map(|(a, b)| (a.clone(), b.clone())).collect();
@@ -203,12 +203,12 @@ impl Plant {
         self.unit.has(Causality::Output, signal)
     }
 
-    /// Whether an input begins with this.
+    /// Returns true if an input begins with `start`.
     fn has_inputs(&self, start: &str) -> bool {
         self.unit.signals(Causality::Input).any(|signal| signal.starts_with(start))
     }
 
-    /// Refuses a controller that reads a signal which the bench converts: a connection passes it on as it is.
+    /// Rejects a controller that reads a signal that the bench converts: a connection does not convert it.
     fn check_reader(&self, reader: &Unit, all: &[&Unit]) -> Result<(), SetupError> {
         let is_raw = |signal: &&str| {
             self.conversions.contains_key(*signal)
@@ -230,7 +230,7 @@ impl Plant {
         ))
     }
 
-    /// Value of a Real parameter, SI where it tells the size of the plant.
+    /// Value of a Real parameter, in SI if it defines the size of the plant.
     pub(crate) fn parameter(&self, name: &str) -> Option<f64> {
         self.data.get(name).copied().or_else(|| real_parameter(&self.unit, &self.set, name))
     }
@@ -271,7 +271,7 @@ fn real_parameter(unit: &Unit, set: &BTreeMap<String, f64>, name: &str) -> Optio
     }
 }
 
-/// How the speed of a plant is held.
+/// Control of the speed of a plant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Speed {
     /// An input prescribes it.
@@ -282,7 +282,7 @@ pub(crate) enum Speed {
     Own,
 }
 
-/// Who drives.
+/// Kind of driving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Driving {
     /// Steering as a function of time.
@@ -297,20 +297,20 @@ pub(crate) enum Driving {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Road {
     Flat,
-    /// A component, whose parameters tell how rough.
+    /// A component, whose parameters define the roughness.
     Rough,
 }
 
-/// A plant with its units, wired for each kind of driving.
+/// A plant with its components, wired for each kind of driving.
 #[derive(Debug)]
 pub(crate) struct System {
     /// `without` or `with`.
     pub(crate) name: &'static str,
     pub(crate) speed: Speed,
     plans: Vec<(Driving, Plan)>,
-    /// Inputs that nothing writes, and what they get instead, of all kinds of driving.
+    /// Inputs that nothing writes, and the values that they get instead, of all kinds of driving.
     pub(crate) unwritten: Vec<(String, String)>,
-    /// Units that have no effect.
+    /// Components without an effect.
     pub(crate) idle: Vec<String>,
     /// Recorded signals: names of the bench, in the order of the columns.
     columns: Vec<(Driving, Vec<String>)>,
@@ -337,7 +337,7 @@ pub(crate) struct Systems {
     pub(crate) plant: Plant,
     pub(crate) base: Vec<Unit>,
     pub(crate) with: Vec<Unit>,
-    /// Controllers and base units, in the caller's order.
+    /// Controllers and base components, in the caller's order.
     all: Vec<Unit>,
     drivers: Vec<Unit>,
     /// Values of the caller, by the components of the scenarios.
@@ -348,7 +348,7 @@ pub(crate) struct Systems {
     pub(crate) systems: Vec<System>,
 }
 
-/// A name as a component has it: `AntilockBraking` -> `antilock_braking`.
+/// Name of the component of an FMU: `AntilockBraking` -> `antilock_braking`.
 pub(crate) fn component_name(fmu: &str) -> String {
     let mut name = String::new();
     let letters: Vec<char> = fmu.chars().collect();
@@ -395,7 +395,7 @@ fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, St
 }
 
 impl Systems {
-    /// The values that the caller gave: unit, parameter, value.
+    /// Values of the caller: component, parameter, value.
     pub(crate) fn given(&self) -> impl Iterator<Item = (&Unit, &str, &str)> {
         self.set.iter().filter_map(|(component, name, value)| {
             let mut units = self.all.iter().chain(&self.drivers);
@@ -491,7 +491,7 @@ impl Systems {
 /// FMUs of the drivers: steering as a function of time, and along a path.
 const DRIVERS: [&str; 2] = ["Driver", "PathDriver"];
 
-/// Parameters that the bench gives to drivers and plants itself, and what to do instead of setting them.
+/// Parameters of drivers and plants that the bench sets itself, and what to do instead of setting them.
 const GIVEN: [(&str, &str, &str); 6] = [
     ("driver", "geometry.wheelbase", "Give `wheelbase` in the table [vehicle] of a file, by --vehicle."),
     (
@@ -600,7 +600,7 @@ fn settings(
     Ok(set)
 }
 
-/// Inputs to which only the bench gives a value, a constant.
+/// Returns true for an input that only the bench sets, to a constant.
 fn of_bench(signal: &str) -> bool {
     ["road_friction.", "target_slip."].iter().any(|start| signal.starts_with(start))
 }
@@ -656,8 +656,8 @@ fn check_plant(plant: &Plant) -> Result<(), SetupError> {
     ))
 }
 
-/// Units in the order of a step: who writes a signal comes before who reads it. A cycle is cut at the one of its units that was
-/// named first; ties keep the order.
+/// Components in the order of a step: the writer of a signal comes before its readers. A cycle is broken at its first component in `units`;
+/// ties keep the order.
 fn ordered(units: &[Unit]) -> Vec<&Unit> {
     let writes = |unit: &Unit, other: &Unit| {
         unit.name != other.name && unit.signals(Causality::Output).any(|output| other.has(Causality::Input, output))
@@ -667,12 +667,12 @@ fn ordered(units: &[Unit]) -> Vec<&Unit> {
     order(&edges).into_iter().map(|index| &units[index]).collect()
 }
 
-/// The order of a graph: `edges[i][j]` says that i comes before j, unless both are in a cycle that is cut there.
+/// The order of a graph: `edges[i][j]` is true if i comes before j, unless both are in a cycle that is cut there.
 fn order(edges: &[Vec<bool>]) -> Vec<usize> {
     let mut left: Vec<usize> = (0..edges.len()).collect();
     let mut order = Vec::new();
     while !left.is_empty() {
-        // Who comes before whom, also by way of others.
+        // Transitive closure of the edges.
         let mut reaches = edges.to_vec();
         for via in &left {
             for from in &left {
@@ -722,7 +722,7 @@ const RECORDED: [&str; 20] = [
 const OF_VEHICLE: [&str; 5] =
     ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.speed", "body.roll_rate"];
 
-/// Whether a signal of the plant is recorded.
+/// Returns true if a signal of the plant is recorded.
 fn is_recorded(signal: &str) -> bool {
     RECORDED.iter().any(|wanted| *wanted == signal || (wanted.ends_with('.') && signal.starts_with(wanted)))
 }
@@ -751,7 +751,7 @@ impl Wiring<'_> {
         (self.road == Road::Rough && of_road).then(|| ("road", signal.to_owned()))
     }
 
-    /// Where an input gets its value from: another component, or a constant.
+    /// Finds the source of an input: another component, or a constant.
     ///
     /// # Errors
     /// The constant does not fit the unit of the input.
@@ -877,7 +877,7 @@ impl Wiring<'_> {
     }
 }
 
-/// Where an input gets its value from.
+/// Source of an input.
 enum Source {
     /// Component and output.
     Signal(String, String),
@@ -894,7 +894,7 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// A value of the command line as TOML: a number, also with a unit behind it, or a truth value as it is, anything else as text.
+/// A value of the command line as TOML: a number, also with a unit after it, or a Boolean as it is, anything else as text.
 fn literal(value: &str) -> String {
     if let Some((number, unit)) = value.split_once(' ').filter(|(number, _)| number.parse::<f64>().is_ok()) {
         return format!("{{ value = {}, unit = {} }}", literal(number), quoted(unit));
@@ -948,7 +948,7 @@ fn system(
     let mut unwritten: Vec<(String, String)> = Vec::new();
     for &(driving, road) in drivings {
         let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
-        // Each of the drivers has parameters that the other one does not have, and no run has all units.
+        // Each driver has parameters that the other one does not have, and no run has all components.
         let description = drivers.iter().find(|unit| unit.fmu == driver).map(Unit::description);
         let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
             "driver" => description.is_none_or(|description| description.variable(name).is_some()),
@@ -971,7 +971,7 @@ fn system(
     Ok(System { name, speed, plans, unwritten, idle, columns })
 }
 
-/// The bench's name of a column, which has that of its component in front if a component before it has the signal, too.
+/// The bench's name of a column. The column has the name of its component in front if a component before it has the signal, too.
 fn signal_of(column: &str, plant: &Plant) -> String {
     let (component, variable) = column.split_once(':').unwrap_or(("", column));
     let is_of_driver = OF_DRIVER.contains(&variable) || OF_PATH.contains(&variable);
@@ -984,7 +984,7 @@ fn signal_of(column: &str, plant: &Plant) -> String {
 fn explained(error: &fmu_system::resolve::ResolveError) -> String {
     use fmu_system::resolve::ResolveError;
     match error {
-        // Places in a text that nobody has written would not help.
+        // Places in a generated text would not help.
         ResolveError::Problems(problems) => {
             let lines = problems.problems.iter().map(ToString::to_string);
             lines.collect::<Vec<_>>().join("\n")

@@ -1,4 +1,4 @@
-//! Evaluators on a linear bicycle model, whose answers are known in closed form.
+//! Evaluators on a linear bicycle model, whose response is known in closed form.
 
 use fmu_assess::{Evaluation, Trace, Value, evaluators};
 use rustfft::num_complex::Complex;

@@ -1,4 +1,4 @@
-//! What may change while a system runs: tunable parameters, and inputs that nothing writes.
+//! Values that may change while a system runs: tunable parameters, and inputs that nothing writes.
 
 use crate::columns::display;
 use crate::fmus::Fmus;
@@ -57,7 +57,7 @@ fn group(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(group, _)| group)
 }
 
-/// Names of the inputs that an id means, which may be `component:group.*`.
+/// Names of the inputs of an id, which may be `component:group.*`.
 pub(crate) fn variables(component: &Component, name: &str) -> Vec<String> {
     match name.strip_suffix(".*") {
         Some(wanted) => {

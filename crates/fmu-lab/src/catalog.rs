@@ -1,4 +1,4 @@
-//! What the page can offer, from the descriptions of FMUs and the scenarios.
+//! Choices that the page offers, from the descriptions of FMUs and the scenarios.
 
 use crate::fmus::{Fmus, name_of};
 use crate::free::ALONE;
@@ -54,7 +54,7 @@ pub(crate) struct Scenario {
     pub(crate) vehicle: String,
 }
 
-/// Resolves all scenarios. One that has no plan, for want of an FMU, is left out.
+/// Resolves all scenarios. A scenario without a plan, because an FMU is missing, is left out.
 pub(crate) fn scenarios(paths: &[String], fmus: &Fmus, systems: &Systems) -> Vec<Scenario> {
     let resolved = |path: &String| {
         let plan = resolve(Path::new(path), &fmus.descriptions, &Options::default()).ok()?;
@@ -74,7 +74,7 @@ pub(crate) fn catalog(fmus: &Fmus, systems: &Systems, scenarios: &[Scenario]) ->
         let is_controller = |vehicle: &Vehicle| vehicle.controllers.iter().any(|controller| controller.fmu == *name);
         vehicles.iter().any(|vehicle| vehicle.fmu == *name || is_controller(vehicle))
     };
-    // What fits no vehicle runs without others.
+    // FMUs that fit no vehicle run without others.
     let alone: Vec<String> = fmus.dropped.iter().filter(|name| !is_part(name)).cloned().collect();
     vehicles.extend(alone.iter().filter_map(|name| lone(name, fmus)));
     let alone = (!alone.is_empty()).then(|| Maneuver {
@@ -159,7 +159,7 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
             controllers.iter().filter(|other| other.as_str() != of && shares(own, &fmus.descriptions[**other]));
         others.map(|name| (*name).clone()).collect()
     };
-    // What the plant, its base, drivers and the road write, no controller is needed for.
+    // Signals of the plant, its base, the drivers and the road need no controller.
     let mut given = names(description, Causality::Output);
     for other in base.iter().map(String::as_str).chain(["Driver", "PathDriver", "Road"]) {
         given.extend(fmus.descriptions.get(other).map(|of| names(of, Causality::Output)).into_iter().flatten());
@@ -200,7 +200,7 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
     })
 }
 
-/// Controllers of the paper: of the scenario of this vehicle that has most of those that fit, in the last case that has them.
+/// Controllers of the paper: those of the vehicle's scenario that has most of the fitting ones, in the last case that has them.
 fn defaults(vehicle: &str, controllers: &[&String], scenarios: &[Scenario]) -> Vec<String> {
     let mut best: Vec<String> = Vec::new();
     for scenario in scenarios.iter().filter(|scenario| scenario.vehicle == vehicle && !scenario.id.starts_with("swap_"))

@@ -1,4 +1,4 @@
-//! What the page sees of a system: all scalar outputs of all components.
+//! Signals that the page shows: all scalar outputs of all components.
 
 use crate::fmus::Fmus;
 use crate::requests::{Column, Display};
@@ -64,7 +64,7 @@ fn column(description: &ModelDescription, variable: &Variable) -> Column {
     }
 }
 
-/// The unit that a variable asks to be shown in.
+/// The display unit of a variable.
 pub(crate) fn display(description: &ModelDescription, variable: &Variable) -> Display {
     let own = variable.unit.as_deref().unwrap_or_default();
     let units = description.display_units(variable);

@@ -18,7 +18,7 @@ pub(crate) struct Driver {
     pub(crate) component: String,
     /// Inputs that read each of its outputs.
     readers: BTreeMap<String, Vec<Input>>,
-    /// Front steering angle at the end of the steering wheel's way, rad.
+    /// Front steering angle at full lock, rad.
     largest_steer: f64,
     speed: f64,
     driving: Option<Driving>,
@@ -89,7 +89,7 @@ impl Driver {
         })
     }
 
-    /// Sets the speed that a plant with prescribed speed is given.
+    /// Sets the speed of a plant with prescribed speed.
     pub(crate) fn set_speed(&mut self, speed: f64) {
         self.speed = speed;
     }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Name and content of the file. The name says that its FMUs have no other binaries.
+/// Name and content of the file. The name shows that its FMUs have no other binaries.
 pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String, Vec<u8>), Failure> {
     let describe = |path: &str| {
         let missing = || ArchiveError::Io { path: PathBuf::from(path), cause: io::ErrorKind::NotFound.into() };

@@ -1,6 +1,6 @@
 //! The functions that the worker calls.
 //!
-//! Texts and bytes pass through memory that the worker asks for ([`lab_allocate`]) or that stays here until the next request
+//! Texts and bytes pass through memory that the worker requests ([`lab_allocate`]) or that stays here until the next request
 //! ([`lab_response`], [`lab_body`]). All code but this module is safe.
 
 #![allow(unsafe_code)]
@@ -13,7 +13,7 @@ use crate::Lab;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What all functions work on: the worker has one thread.
+/// State shared by all functions: the worker has one thread.
 #[derive(Default)]
 struct State {
     lab: Lab,
@@ -26,7 +26,7 @@ thread_local! {
     static PANIC: RefCell<String> = RefCell::default();
 }
 
-/// Does something with the state; `otherwise` if it panics.
+/// Calls `work` with the state; returns `otherwise` if it panics.
 fn with<T>(otherwise: T, work: impl FnOnce(&mut State) -> T) -> T {
     let caught = catch_unwind(AssertUnwindSafe(|| STATE.with_borrow_mut(work)));
     caught.unwrap_or(otherwise)
@@ -42,7 +42,7 @@ unsafe extern "C" {
 /// The module of an FMU, which the worker keeps.
 #[cfg(target_family = "wasm")]
 pub(crate) fn module(fmu: &str) -> Vec<u8> {
-    // SAFETY: the worker reads the name, and writes as many bytes as it has said.
+    // SAFETY: the worker reads the name, and writes as many bytes as it has reported.
     unsafe {
         let mut bytes = vec![0; read_module(fmu.as_ptr(), fmu.len(), std::ptr::null_mut())];
         read_module(fmu.as_ptr(), fmu.len(), bytes.as_mut_ptr());
@@ -102,13 +102,13 @@ pub unsafe extern "C" fn lab_request(text: *const u8, length: usize, body: *cons
     })
 }
 
-/// Where the response is.
+/// Returns a pointer to the response.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_response() -> *const u8 {
     with(std::ptr::null(), |state| state.response.as_ptr())
 }
 
-/// Where the body of the response is.
+/// Returns a pointer to the body of the response.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_body() -> *const u8 {
     with(std::ptr::null(), |state| state.body.as_ptr())
@@ -120,7 +120,7 @@ pub extern "C" fn lab_body_size() -> usize {
     with(0, |state| state.body.len())
 }
 
-/// Advances a system by at most so many steps. Returns those that were made: fewer at the end, -1 if it has failed now or before.
+/// Advances a system by at most `steps` steps. Returns the number made: fewer at the end, -1 if it has failed now or before.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_advance(system: usize, steps: u32) -> i32 {
     let caught = catch_unwind(AssertUnwindSafe(|| STATE.with_borrow_mut(|state| state.lab.advance(system, steps))));
@@ -143,19 +143,19 @@ pub extern "C" fn lab_rows(system: usize) -> usize {
     with(0, |state| state.lab.rows(system).0)
 }
 
-/// Where the new rows are: doubles, row by row.
+/// Returns a pointer to the new rows: doubles, row by row.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_rows_data(system: usize) -> *const f64 {
     with(std::ptr::null(), |state| state.lab.rows(system).1.as_ptr())
 }
 
-/// Forgets the new rows, which were read.
+/// Discards the new rows, which were read.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_rows_read(system: usize) {
     with((), |state| state.lab.rows_read(system));
 }
 
-/// Why a system has failed, as a response: component, message and time. Returns its length.
+/// Makes the failure of a system the response: component, message and time. Returns its length.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_failure(system: usize) -> usize {
     with(0, |state| {

@@ -1,4 +1,4 @@
-//! The FMUs that the lab knows, and instances of them.
+//! The FMUs of the lab, and instances of them.
 
 use crate::requests::{Dropped, Failure};
 use fmu_import::archive::{Archive, ArchiveError};
@@ -14,7 +14,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Descriptions by name. They are what the resolver looks FMUs up in.
+/// Descriptions by name, in which the resolver looks up FMUs.
 pub(crate) type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 
 /// FMUs by name.
@@ -26,7 +26,7 @@ pub(crate) struct Fmus {
     pub(crate) dropped: Vec<String>,
 }
 
-/// Name of an FMU in the path that a plan has.
+/// Name of an FMU from its path in a plan.
 pub(crate) fn name_of(path: &str) -> &str {
     path.strip_suffix(".fmu").unwrap_or(path)
 }
@@ -41,7 +41,7 @@ impl Fmus {
         Ok(())
     }
 
-    /// The description in the path of a plan.
+    /// Returns the description of an FMU by its path in a plan.
     pub(crate) fn described(&self, path: &str) -> Option<&Arc<ModelDescription>> {
         self.descriptions.get(name_of(path))
     }
@@ -86,14 +86,14 @@ impl Fmus {
         let documentation = ["documentation/index.html", "documentation/_main.html"].into_iter();
         let documentation = documentation.filter_map(|name| archive.entry(name).ok().flatten()).next();
         let documentation = documentation.map_or(String::new(), |text| String::from_utf8_lossy(&text).into_owned());
-        // It takes the name of its file, and never the place of one of ours.
+        // Named after its file; it never replaces one of ours.
         let stem = name_of(file).to_owned();
         let name = if self.texts.contains_key(&stem) { format!("{stem} (dropped)") } else { stem };
         Ok((Dropped { name, description: text, documentation }, module))
     }
 }
 
-/// The version of FMI in a description, if it is another one than 2.0.
+/// The version of FMI in a description, if it is not 2.0.
 fn other_version(text: &str) -> Option<&str> {
     let (_, rest) = text.split_once("fmiVersion")?;
     let quote = rest.find(['"', '\''])?;
@@ -102,7 +102,7 @@ fn other_version(text: &str) -> Option<&str> {
     (version != "2.0").then_some(version)
 }
 
-/// Instances of one system: each system has modules of its own, so that one that is trapped in an FMU leaves the other alone.
+/// Instances of one system. Each system has its own modules, so that a trap in an FMU does not affect the other system.
 pub(crate) struct Modules {
     prefix: usize,
     descriptions: Descriptions,

@@ -1,4 +1,4 @@
-//! Systems by their parts, and scenarios: what is to be run.
+//! Prepares systems to run, by their parts or from scenarios.
 
 use crate::adjust;
 use crate::catalog::{self, Scenario};
@@ -18,7 +18,7 @@ use std::path::Path;
 /// Id of the maneuver of an FMU that runs without others, and name of its component.
 pub(crate) const ALONE: &str = "alone";
 
-/// Where the numbers of a system come from.
+/// Source of the metrics of a system.
 pub(crate) enum Source {
     /// Metrics of the scenario.
     Scenario { case: String },
@@ -28,7 +28,7 @@ pub(crate) enum Source {
     Nothing,
 }
 
-/// A system that is to be run.
+/// A system to run.
 pub(crate) struct Prepared {
     pub(crate) title: String,
     pub(crate) vehicle: String,

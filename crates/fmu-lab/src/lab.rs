@@ -28,7 +28,7 @@ pub struct Lab {
     systems: Vec<Open>,
 }
 
-/// A system that runs, and what it was made from.
+/// A running system and its origin.
 struct Open {
     plan: Plan,
     source: Source,
@@ -261,7 +261,7 @@ impl Lab {
         }
     }
 
-    /// Why a system cannot go on, as JSON.
+    /// Returns the reason that a system cannot continue, as JSON.
     pub(crate) fn failure(&self, system: usize) -> String {
         let stopped = self.systems.get(system).and_then(|open| open.running.stopped.clone());
         stopped.map_or("null".to_owned(), |stopped| {

@@ -95,7 +95,7 @@ fn of_scenario(systems: &[Recorded<'_>]) -> Vec<Metric> {
     found
 }
 
-/// What a metric is computed from.
+/// Describes the inputs of a metric.
 fn definition(plan: &Plan, source: &report::Source) -> String {
     match source {
         report::Source::Signals(definition) => {

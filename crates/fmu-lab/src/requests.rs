@@ -1,4 +1,4 @@
-//! What the worker asks and what it gets, in the words of `web/lab/src/protocol.ts`.
+//! Requests of the worker and their responses, with the names in `web/lab/src/protocol.ts`.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ pub enum Request {
     },
     /// Ends the systems that run and makes others. Response: [`Opened`], or [`Needs`].
     Open {
-        /// What to simulate.
+        /// The systems to simulate.
         setup: Setup,
         /// FMUs whose modules are there.
         modules: Vec<String>,
@@ -71,7 +71,7 @@ pub enum Request {
     },
 }
 
-/// What is simulated.
+/// Systems to simulate.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Setup {
     /// The system.
@@ -98,7 +98,7 @@ pub enum System {
         maneuver_values: BTreeMap<String, f64>,
         /// Id.
         road: String,
-        /// Of the road.
+        /// Seed of the road.
         #[serde(default)]
         seed: i32,
     },
@@ -127,7 +127,7 @@ pub struct Driving {
     pub brake: f64,
 }
 
-/// What the page can offer.
+/// Choices that the page offers.
 #[derive(Debug, Default, Serialize)]
 pub struct Catalog {
     /// Vehicles.
@@ -166,7 +166,7 @@ pub struct Vehicle {
     pub base: Vec<String>,
     /// Controllers that fit.
     pub controllers: Vec<Controller>,
-    /// Those of its paper.
+    /// Controllers of its paper.
     pub defaults: Vec<String>,
     /// Start values of Real parameters.
     pub parameters: BTreeMap<String, f64>,
@@ -289,7 +289,7 @@ pub struct SystemInfo {
     pub components: Vec<ComponentInfo>,
     /// Columns of the rows.
     pub columns: Vec<Column>,
-    /// What may change.
+    /// Values that may change.
     pub adjustables: Vec<Adjustable>,
 }
 
@@ -326,7 +326,7 @@ pub struct Origin {
     pub guid: String,
 }
 
-/// The time that was gone to.
+/// The time after a seek.
 #[derive(Debug, Serialize)]
 pub struct Sought {
     /// Time, s.
@@ -346,7 +346,7 @@ pub struct Metric {
     pub definition: String,
     /// One for each system.
     pub values: Vec<Option<MetricValue>>,
-    /// Why the first system has none.
+    /// Reason that the first system has none.
     pub reason: String,
     /// `pass`, `fail` or `info`, of the first system.
     pub verdict: Option<&'static str>,
@@ -388,12 +388,12 @@ pub struct VariableInfo {
     pub description: String,
 }
 
-/// A request that cannot be met.
+/// A failed request.
 #[derive(Debug, Serialize)]
 pub struct Failure {
-    /// What is wrong.
+    /// Message.
     pub message: String,
-    /// What to do.
+    /// Remedy.
     pub help: String,
 }
 

@@ -1,4 +1,4 @@
-//! A system that runs: steps, rows, recording, saved states and the way back to them.
+//! A running system: steps, rows, recording, saved states and rewinding.
 
 use crate::columns::Shown;
 use crate::drive::{Driver, SPEED};
@@ -17,7 +17,7 @@ const BETWEEN_STATES: f64 = 1.0;
 /// Least time between two rows for the page, s.
 const BETWEEN_ROWS: f64 = 0.01;
 
-/// What the visitor does while a system runs. It is kept, because a way back to a time between two saved states repeats it.
+/// Action of the visitor while a system runs. It is kept, because rewinding to a time between two saved states repeats it.
 #[derive(Debug, Clone)]
 pub(crate) enum Action {
     /// Sets variables of a component.
@@ -33,7 +33,7 @@ struct Checkpoint {
     driver: Option<Driver>,
 }
 
-/// Why a system cannot go on.
+/// Reason that a system cannot continue.
 #[derive(Debug, Clone)]
 pub(crate) struct Stopped {
     pub(crate) time: f64,
@@ -61,7 +61,7 @@ pub(crate) struct Running {
     overwrites: BTreeMap<(String, String), Overwrite>,
     driver: Option<Driver>,
     descriptions: Descriptions,
-    /// Whether a vehicle on its side ends the run: on the test bench it does, in a scenario it does not.
+    /// True if a vehicle on its side ends the run, as on the test bench; false for a scenario.
     pub(crate) ends_rolled_over: bool,
     pub(crate) stopped: Option<Stopped>,
 }
@@ -171,7 +171,7 @@ impl Running {
         ended
     }
 
-    /// Ends the run of a vehicle on its side, as the test bench does: what a model says of it has no meaning.
+    /// Ends the run of a vehicle on its side, as the test bench does: the model is not valid there.
     fn end_rolled_over(&mut self) {
         let is_roll =
             |shown: &&Shown| shown.component == PLANT && shown.variable == "body.roll" && shown.column.unit == "rad";
@@ -207,7 +207,7 @@ impl Running {
         }
     }
 
-    /// Does something from the next step on.
+    /// Applies an action from the next step on.
     pub(crate) fn act(&mut self, action: Action) -> Result<(), Failure> {
         self.apply(&action)?;
         let step = self.session.steps();
@@ -242,7 +242,7 @@ impl Running {
         self.descriptions.get(name_of(&planned.fmu))?.variable(variable).cloned()
     }
 
-    /// The input, which from now on gets its value from here.
+    /// Returns the input, whose value is set from here from now on.
     fn overwrite(&mut self, component: &str, name: &str) -> Result<Overwrite, Failure> {
         let key = (component.to_owned(), name.to_owned());
         if let Some(input) = self.overwrites.get(&key) {
@@ -271,7 +271,7 @@ impl Running {
         self.session.tune(component, &variable, value).map_err(|error| Failure::new(error.to_string()))
     }
 
-    /// Goes back to a time, and forgets what came after it.
+    /// Rewinds to a time and discards what came after it.
     pub(crate) fn seek(&mut self, time: f64) -> Result<(), Failure> {
         let target = ((time - self.simulation.start) / self.simulation.step).round().max(0.0) as u64;
         let target = target.min(self.session.steps());
@@ -280,12 +280,12 @@ impl Running {
         }
         let failed = |error: RunError| Failure::new(format!("cannot rewind: {error}"));
         let at = self.checkpoints.iter().rposition(|checkpoint| checkpoint.step <= target);
-        // An instance that has ended for good restores nothing, and some FMUs save nothing: another one begins.
+        // A terminated instance cannot be restored, and some FMUs cannot save their state: start with another one.
         if at.is_none_or(|at| self.restore(at).is_err()) {
             self.restart().map_err(failed)?;
         }
         self.stopped = None;
-        // Rows up to the saved state are there; the way from it to the time is repeated with what the visitor did.
+        // Rows up to the saved state exist; the steps from there to the time are repeated with the visitor's actions.
         let from = self.session.steps();
         let actions = std::mem::take(&mut self.actions);
         let mut next = actions.iter().filter(|(step, _)| *step >= from && *step < target).peekable();
@@ -320,7 +320,7 @@ impl Running {
         Ok(())
     }
 
-    /// Begins anew, with other instances.
+    /// Starts over with other instances.
     fn restart(&mut self) -> Result<(), RunError> {
         let instances = Modules::new(self.modules, self.descriptions.clone());
         self.checkpoints.clear();

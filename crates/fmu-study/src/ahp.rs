@@ -1,8 +1,8 @@
 //! Weights from judgments: the analytic hierarchy process.
 //!
-//! A judgment matrix says how much more important each feature is than each other one, on Saaty's scale from 1 (equal)
-//! to 9 (extremely more), reciprocals below the diagonal. The weights are its principal eigenvector; how far the
-//! judgments contradict each other shows in the largest eigenvalue.
+//! A judgment matrix states how much more important each feature is than each other one, on Saaty's scale from 1
+//! (equal) to 9 (extremely more), reciprocals below the diagonal. The weights are its principal eigenvector; the
+//! largest eigenvalue shows how far the judgments contradict each other.
 //!
 //! Reference: Applied Sciences 2020, 10, 1852, equations 26 to 28 and Table 3; Saaty, The Analytic Hierarchy Process,
 //! 1980. Equation 27 lacks the division by the order in print.
@@ -13,7 +13,7 @@ const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.
 /// Judgments with a consistency ratio above this are rejected.
 pub const MAX_RATIO: f64 = 0.10;
 
-/// How far the product of an entry and its counterpart may be from 1: room for 0.333333.
+/// Maximum deviation from 1 of the product of an entry and its counterpart: room for 0.333333.
 const RECIPROCAL_SLACK: f64 = 1e-5;
 
 /// Weights and how consistent the judgments are.
@@ -29,7 +29,7 @@ pub struct Weights {
     pub ratio: f64,
 }
 
-/// Why a matrix gives no weights.
+/// Error in a judgment matrix.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AhpError {
     /// Its order is 0 or above 10.
@@ -94,7 +94,7 @@ pub enum AhpError {
 /// Weights of a judgment matrix.
 ///
 /// # Errors
-/// The matrix is no judgment matrix, or its consistency ratio is above [`MAX_RATIO`].
+/// The matrix is not a judgment matrix, or its consistency ratio is above [`MAX_RATIO`].
 pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, AhpError> {
     check(matrix)?;
     let n = matrix.len();
@@ -104,7 +104,7 @@ pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, AhpError> {
     let index = if n > 1 { ((lambda_max - n as f64) / (n as f64 - 1.0)).max(0.0) } else { 0.0 };
     let ratio = if n > 2 { index / RANDOM_INDEX[n - 1] } else { 0.0 };
     if ratio > MAX_RATIO {
-        // How many times too large or too small an entry is.
+        // Factor by which an entry is too large or too small.
         let misfit = |i: usize, j: usize| (matrix[i][j] * q[j] / q[i]).max(q[i] / (q[j] * matrix[i][j]));
         let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
         let (i, j) = pairs.max_by(|a, b| misfit(a.0, a.1).total_cmp(&misfit(b.0, b.1))).unwrap_or_default();
@@ -153,7 +153,7 @@ fn multiply(matrix: &[Vec<f64>], q: &[f64]) -> Vec<f64> {
 }
 
 /// Power iteration. A positive matrix has one eigenvalue of largest magnitude and a positive eigenvector to it, so it
-/// converges from any positive start; ours stand within a factor 9 of each other, so a few dozen steps do.
+/// converges from any positive start; ours are within a factor of 9 of each other, so a few dozen steps are enough.
 fn principal_eigenvector(matrix: &[Vec<f64>]) -> Vec<f64> {
     let mut q = vec![1.0 / matrix.len() as f64; matrix.len()];
     for _ in 0..1000 {

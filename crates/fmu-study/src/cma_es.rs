@@ -1,4 +1,4 @@
-//! CMA-ES of the crate `cmaes`, an outside yardstick: evolution of a normal distribution by covariance matrix
+//! CMA-ES of the crate `cmaes`, an external reference: evolution of a normal distribution by covariance matrix
 //! adaptation, restarted with twice the population whenever it has converged.
 //!
 //! Reference: Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger and Hansen, A Restart CMA
@@ -48,11 +48,11 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
     Ok(())
 }
 
-/// The population that follows the objectives known so far; `None` if the strategy has come to its end.
+/// Returns the population that follows the objectives known so far; `None` if the strategy has ended.
 ///
-/// The crate asks for objectives one by one and cannot be copied. But it is a function of its seed and the objectives,
-/// and cheap beside a simulation: so it starts anew each time, is told what is known, and what it asks for beyond that is
-/// the next population, which it never hears about.
+/// The crate requests objectives one by one and cannot be copied. But it is a function of its seed and the objectives,
+/// and cheap compared with a simulation. So it is restarted each time with the known objectives, and the points that it
+/// requests after them are the next population, whose objectives it does not get.
 fn ask(options: &CMAESOptions, known: &[f64]) -> Option<Vec<Vec<f64>>> {
     let generations = known.len() / options.population_size;
     let mut asked = 0;

@@ -3,12 +3,12 @@
 //! | file in OUT/STUDY | content |
 //! |---|---|
 //! | `METHOD/history.csv` | every evaluation, appended as it happens |
-//! | `METHOD/state.json` | what the history belongs to, and how far it is; replaced after every generation |
+//! | `METHOD/state.json` | hash of the inputs of the history, and progress; replaced after every generation |
 //! | `METHOD/best.ssv` | the best values so far as an SSP parameter set; replaced when there are better ones |
 //! | `summary.json` | [`Summary`]; replaced after every method |
 //! | `best.ssv` | the best values of all methods |
 //!
-//! Apart from the history, a file is complete or not there.
+//! Apart from the history, a file is complete or does not exist.
 
 use crate::journal::{self, Candidate, Journal, Progress};
 use crate::search::{JournalError, Stop};
@@ -28,24 +28,24 @@ use std::path::{Path, PathBuf};
 
 /// Version of the layout of the summary.
 pub const FORMAT: u32 = 3;
-/// Version of the history and its state. An older summary does not matter, it is made anew from the history.
+/// Version of the history and its state. An older summary does not matter: it is regenerated from the history.
 const HISTORY_FORMAT: u32 = 1;
 
-/// What to do with results of an earlier call.
+/// Treatment of results of an earlier call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
-    /// Leave them alone and fail.
+    /// Keep them and fail.
     Error,
-    /// Go on with them.
+    /// Continue with them.
     Resume,
-    /// Begin anew.
+    /// Start over.
     Overwrite,
 }
 
-/// Why a study was not carried out.
+/// Error while running a study.
 #[derive(Debug, thiserror::Error)]
 pub enum ExecutionError {
-    /// There are results.
+    /// Results exist.
     #[error("{} is there: `--resume` goes on with it, `--overwrite` begins anew", .0.display())]
     Exists(PathBuf),
     /// The results are those of another study.
@@ -75,7 +75,7 @@ pub enum ExecutionError {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: io::Error,
     },
     /// A history cannot be used.
@@ -83,7 +83,7 @@ pub enum ExecutionError {
     Journal(#[from] JournalError),
 }
 
-/// How a method came to its end.
+/// Reason for the end of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum End {
@@ -118,9 +118,9 @@ pub struct Summary {
     pub duration: f64,
     /// Evaluations per method.
     pub budget: u64,
-    /// Objective asked for.
+    /// Target of the objective.
     pub target: Option<f64>,
-    /// Objective of what is not feasible.
+    /// Objective of infeasible candidates.
     pub penalty: f64,
     /// Parameters.
     pub parameters: Vec<Parameter>,
@@ -136,17 +136,17 @@ pub struct Summary {
     pub judged: Option<ahp::Weights>,
     /// The scenario's own values.
     pub baseline: Baseline,
-    /// What was compared with.
+    /// Results of the comparisons.
     pub comparisons: Vec<Compared>,
-    /// Methods that have come to their end.
+    /// Methods that have ended.
     pub methods: Vec<MethodSummary>,
     /// Name of the method with the best values.
     pub best: Option<String>,
-    /// Whether these are better than the scenario's own.
+    /// True if these are better than the scenario's own.
     pub improved: bool,
 }
 
-/// The parameters as the scenario has them, and what comes of them.
+/// The scenario's own values of the parameters, and their objective.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Baseline {
     /// Title.
@@ -155,7 +155,7 @@ pub struct Baseline {
     pub values: Vec<Option<f64>>,
     /// Objective.
     pub objective: f64,
-    /// Why it is not feasible.
+    /// Reason that it is not feasible.
     pub reason: Option<String>,
 }
 
@@ -168,7 +168,7 @@ pub struct Compared {
     pub values: BTreeMap<String, f64>,
     /// Objective.
     pub objective: f64,
-    /// Why it is not feasible.
+    /// Reason that it is not feasible.
     pub reason: Option<String>,
 }
 
@@ -178,9 +178,9 @@ pub struct MethodSummary {
     /// Method and settings.
     #[serde(flatten)]
     pub method: Method,
-    /// Why it ended.
+    /// Reason for its end.
     pub end: End,
-    /// How far it came.
+    /// Progress.
     #[serde(flatten)]
     pub progress: Progress,
 }
@@ -189,17 +189,17 @@ pub struct MethodSummary {
 #[derive(Serialize, serde::Deserialize)]
 struct State<P> {
     format: u32,
-    /// Of all that the history depends on.
+    /// Hash of everything that the history depends on.
     fingerprint: String,
     progress: P,
 }
 
-/// Carries out a study. `out` is the folder of all results; `report` is told the method and its progress after every
+/// Runs a study. `out` is the folder of all results; `report` is called with the method and its progress after every
 /// evaluation.
 ///
 /// # Errors
-/// An FMU cannot be loaded, there are results that must not be touched or are those of another study, or a file cannot be
-/// read or written.
+/// An FMU cannot be loaded, there are results that must be kept or belong to another study, or a file cannot be read or
+/// written.
 pub fn execute(
     study: &Study,
     out: &Path,
@@ -337,7 +337,7 @@ fn rows(times: &fmu_system::run::Simulation, term: &Term) -> usize {
     fmu_system::metrics::window(&all, term.window, times.step).len()
 }
 
-/// All but the results of the methods.
+/// Returns the summary without the results of the methods.
 fn summary(study: &Study) -> Summary {
     let simulation = &study.simulation;
     let name = |index: usize| simulation.parameters[index].name.clone();
@@ -383,7 +383,7 @@ fn summary(study: &Study) -> Summary {
     }
 }
 
-/// A hash of each FMU file, whose GUID only stands for its interface, and of each file that a String names, by its path.
+/// Hashes, by path, of the FMU files, whose GUIDs only identify their interfaces, and of the files that Strings name.
 fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionError> {
     let mut hashes = BTreeMap::new();
     for component in study.simulation.runs.iter().flat_map(|run| &run.components) {
@@ -404,7 +404,7 @@ fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionErro
     Ok(hashes)
 }
 
-/// A hash of all that decides about the history of a method. Budget and target only decide where it ends.
+/// Hash of everything that determines the history of a method. Budget and target only determine where it ends.
 fn fingerprint(study: &Study, method: &Method, files: &BTreeMap<String, String>) -> String {
     let simulation = &study.simulation;
     // The place of a file does not matter, its content does.
@@ -470,7 +470,7 @@ fn parameter_set(study: &Study, values: &[f64]) -> String {
     set.to_xml(&units).unwrap_or_default()
 }
 
-/// As text with line breaks. The types at hand have no map with keys other than text, so it does not fail.
+/// Formats JSON with line breaks. The types here have no map with keys other than text, so it does not fail.
 fn json<T: Serialize>(value: &T) -> String {
     serde_json::to_string_pretty(value).map(|text| text + "\n").unwrap_or_default()
 }
@@ -488,7 +488,7 @@ fn write(path: &Path, content: &[u8]) -> Result<(), ExecutionError> {
     written.map(drop).map_err(|cause| ExecutionError::Io { path: path.to_path_buf(), cause })
 }
 
-/// Temporary files are for their owner alone; results are as other files.
+/// Temporary files are for their owner alone; results have the permissions of other files.
 #[cfg(unix)]
 fn readable(file: &std::fs::File) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

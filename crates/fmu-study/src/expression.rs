@@ -6,23 +6,23 @@
 
 use std::ops::Range;
 
-/// Deepest nesting; the parser calls itself.
+/// Maximum nesting depth; the parser is recursive.
 const MAX_DEPTH: usize = 50;
 
-/// Names with a meaning of their own.
+/// Reserved names.
 pub const FUNCTIONS: [&str; 4] = ["abs", "sqrt", "min", "max"];
 
-/// A text that is no inequality.
+/// A text that is not an inequality.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct ExpressionError {
-    /// What was found and expected.
+    /// Message: found and expected text.
     pub message: String,
-    /// Where in the text, in bytes.
+    /// Place in the text, in bytes.
     pub span: Range<usize>,
 }
 
-/// `left < right` and its kin.
+/// `left < right` and the like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inequality {
     left: Node,
@@ -52,7 +52,7 @@ impl Inequality {
     /// Parses an inequality. `variables` are the names in the order in which [`Self::holds`] gets their values.
     ///
     /// # Errors
-    /// The text is no inequality or holds an unknown name.
+    /// The text is not an inequality or contains an unknown name.
     pub fn parse(text: &str, variables: &[&str]) -> Result<Self, ExpressionError> {
         let tokens = tokens(text)?;
         let mut parser = Parser { tokens: &tokens, at: 0, end: text.len(), variables, depth: 0 };
@@ -72,7 +72,7 @@ impl Inequality {
         Ok(Self { left, relation, right })
     }
 
-    /// Whether it holds for these values of the variables; false if a side is not a number.
+    /// Returns true if it holds for these values of the variables; false if a side is NaN.
     #[must_use]
     pub fn holds(&self, values: &[f64]) -> bool {
         let (left, right) = (self.left.value(values), self.right.value(values));
@@ -89,7 +89,7 @@ impl Node {
     fn value(&self, values: &[f64]) -> f64 {
         match self {
             Self::Number(v) => *v,
-            // The parser only makes indices of known variables; too few values are no number.
+            // The parser only makes indices of known variables; a missing value is NaN.
             Self::Variable(index) => values.get(*index).copied().unwrap_or(f64::NAN),
             Self::Negative(node) => -node.value(values),
             Self::Binary(operator, a, b) => {
@@ -147,7 +147,7 @@ fn tokens(text: &str) -> Result<Vec<(Token<'_>, Range<usize>)>, ExpressionError>
             at += 1;
             continue;
         } else if byte.is_ascii_digit() || byte == b'.' {
-            // A sign belongs to a number only behind its exponent.
+            // A sign belongs to a number only after the letter of its exponent.
             at = take(start, &|i| {
                 bytes[i].is_ascii_alphanumeric()
                     || bytes[i] == b'.'
@@ -341,7 +341,7 @@ mod tests {
         assert!(!holds("x < y", &[1.0, 1.0]) && holds("x <= y", &[1.0, 1.0]));
     }
 
-    /// What is not a number fulfills nothing, whichever way it is asked.
+    /// NaN fulfills no inequality, in either direction.
     #[test]
     fn not_a_number_is_false() {
         for text in ["sqrt(x) < 1", "sqrt(x) >= 1", "0/0 <= 0", "min(1, sqrt(x)) <= 1", "max(sqrt(x), 1) >= 1"] {

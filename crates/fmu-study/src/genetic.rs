@@ -15,7 +15,7 @@ pub struct Settings {
     pub crossover: f64,
     /// Mutation rate per bit.
     pub mutation: f64,
-    /// How many of the best live on unchanged, fewer than the population.
+    /// Number of the best that are kept unchanged, fewer than the population.
     pub elite: usize,
     /// Generations.
     pub generations: u32,
@@ -47,7 +47,7 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
         let wanted = settings.population - settings.elite;
         let mut children: Vec<Code> = Vec::with_capacity(wanted + 1);
         while children.len() < wanted {
-            // A stream per pair, named by its first child.
+            // A stream per pair, identified by its first child.
             let mut random = Random::new(seed, generation, children.len());
             let parents = [wheel.spin(random.uniform()), wheel.spin(random.uniform())].map(|i| codes[i].as_slice());
             let pair = if random.chance(settings.crossover) {

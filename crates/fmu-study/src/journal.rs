@@ -1,9 +1,8 @@
-//! What a method has tried: kept in a file as it happens, and the way to go on after an interruption.
+//! History of a method: kept in a file while it grows, to resume after an interruption.
 //!
-//! A method is a function of its settings, its seed and the objectives it is told. So the history is all there is to
-//! keep: to go on, the method starts anew, and as long as the history has answers, nothing is computed. A candidate that
-//! is not the one in the history shows that the study has changed. A line that was cut off by the interruption is
-//! dropped.
+//! A method is a function of its settings, its seed and the objectives that it gets. So only the history must be kept:
+//! to resume, the method starts over, and as long as the history has outcomes, nothing is computed. A candidate that
+//! differs from the history shows that the study has changed. A line that was cut off by the interruption is dropped.
 
 use crate::search::{Evaluate, JournalError, Stop};
 use crate::space::Parameter;
@@ -13,16 +12,16 @@ use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What came of a candidate.
+/// Outcome of a candidate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// Objective, finite, not negative; the penalty if it is not feasible.
     pub objective: f64,
-    /// Why it is not feasible.
+    /// Reason that it is not feasible.
     pub reason: Option<String>,
 }
 
-/// Computes what comes of candidates.
+/// Computes the outcomes of candidates.
 pub trait Objective: Sync {
     /// Calls `done` with the index and the outcome of each candidate (values of the parameters) once, in any order and
     /// from any thread.
@@ -42,12 +41,12 @@ pub struct Candidate {
     pub objective: f64,
 }
 
-/// How far a method is.
+/// Progress of a method.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Progress {
     /// Evaluations, all candidates counted, also those whose outcome was known before.
     pub evaluations: u64,
-    /// Generations begun.
+    /// Generations started.
     pub generations: u64,
     /// Evaluations that violate a constraint, a limit, or failed.
     pub infeasible: u64,
@@ -55,19 +54,19 @@ pub struct Progress {
     pub best: Option<Candidate>,
 }
 
-/// Told about every evaluation that is computed or read.
+/// Called after every evaluation that is computed or read.
 pub type Report<'a> = &'a (dyn Fn(&Progress) + Sync);
-/// Told after every generation that brought something new; keeps what shall survive an interruption.
+/// Called after every generation with new evaluations; saves what must survive an interruption.
 pub type Checkpoint<'a> = &'a dyn Fn(&Progress) -> Result<(), JournalError>;
 
-/// Answers a method, writes the history, keeps the budget.
+/// Gives a method its objectives, writes the history, enforces the budget.
 pub struct Journal<'a> {
     parameters: &'a [Parameter],
     objective: &'a dyn Objective,
     budget: u64,
     target: Option<f64>,
     path: PathBuf,
-    /// Read from the file, not yet asked for.
+    /// Read from the file, not yet requested.
     replay: std::vec::IntoIter<Row>,
     known: HashMap<Vec<u64>, Outcome>,
     log: Mutex<Log<'a>>,
@@ -84,10 +83,10 @@ struct Log<'a> {
 }
 
 impl<'a> Journal<'a> {
-    /// Opens the history. A file that is there is gone on with.
+    /// Opens the history. An existing file is continued.
     ///
     /// # Errors
-    /// The file cannot be read or written, or is no history of these parameters.
+    /// The file cannot be read or written, or is not a history of these parameters.
     pub fn open(
         path: &Path,
         parameters: &'a [Parameter],
@@ -108,7 +107,7 @@ impl<'a> Journal<'a> {
         })?;
         let mut content = Vec::new();
         io::Read::read_to_end(&mut file, &mut content).map_err(failed)?;
-        // What stands behind the last line feed was cut off.
+        // A line without a line feed was cut off.
         let whole = content.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
         file.set_len(whole as u64).map_err(failed)?;
         file.seek(io::SeekFrom::End(0)).map_err(failed)?;
@@ -136,7 +135,7 @@ impl<'a> Journal<'a> {
         })
     }
 
-    /// How far it is.
+    /// Returns the progress.
     #[must_use]
     pub fn progress(&self) -> Progress {
         self.log().progress.clone()
@@ -150,7 +149,7 @@ impl<'a> Journal<'a> {
         JournalError::Io { path: self.path.clone(), cause }
     }
 
-    /// Takes the answers of the history, as far as it goes.
+    /// Takes the outcomes of the history, as far as it goes.
     fn replayed(&mut self, candidates: &[Vec<f64>]) -> Result<Vec<Outcome>, JournalError> {
         let mut outcomes = Vec::new();
         for candidate in candidates {
@@ -189,7 +188,7 @@ impl Evaluate for Journal<'_> {
             self.known.insert(bits(candidate), outcome.clone());
             self.log().count(generation, candidate, outcome);
         }
-        // What is new, each once; `place` says where in it a candidate is.
+        // New candidates, each once; `place` is the index of a candidate among them.
         let new = &candidates[old.len()..];
         let mut places: HashMap<Vec<u64>, usize> = HashMap::new();
         let mut work: Vec<Vec<f64>> = Vec::new();
@@ -210,7 +209,7 @@ impl Evaluate for Journal<'_> {
             Some(at) => done[at].clone(),
             None => known.get(&bits(&new[i])).cloned(),
         };
-        // Rows are written in order, each as soon as it and all before it are there.
+        // Rows are written in order, each as soon as it and all before it are done.
         let results: Mutex<(usize, Vec<Option<Outcome>>)> = Mutex::new((0, vec![None; work.len()]));
         let advance = |finished: Option<(usize, Outcome)>| {
             let mut guard = lock(&results);
@@ -288,7 +287,7 @@ impl Log<'_> {
     }
 }
 
-/// A panic in another thread leaves whole rows behind, so what it held is fine.
+/// A panic in another thread leaves whole rows behind, so the data are valid.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -297,7 +296,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| v.to_bits()).collect()
 }
 
-/// Whole evaluations in a history; a line that was cut off is none.
+/// Number of whole evaluations in a history; a line that was cut off does not count.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -332,10 +331,10 @@ fn csv_line(fields: impl Iterator<Item = String>) -> io::Result<Vec<u8>> {
     writer.into_inner().map_err(|error| io::Error::other(error.to_string()))
 }
 
-/// Values of the parameters and what came of them.
+/// Values of the parameters and their outcome.
 type Row = (Vec<f64>, Outcome);
 
-/// Rows of a history; the error is a line and what is wrong there.
+/// Reads the rows of a history; the error is a line number and a message.
 fn read(content: &[u8], header: &str, count: usize) -> Result<Vec<Row>, (usize, String)> {
     if !content.starts_with(header.as_bytes()) {
         return Err((1, format!("expected the columns {}", header.trim_end())));

@@ -1,14 +1,14 @@
-//! Searches parameters of FMUs in a scenario.
+//! Optimizes parameters of FMUs in a scenario.
 //!
 //! A [`study`] names a scenario, the parameters with their ranges, inequalities they must fulfill, an objective made of
 //! recorded signals, and one or more methods. From the bottom up:
 //!
-//! - [`ahp`] turns judgments into weights, [`expression`] checks inequalities, [`space`] has the ranges,
-//! - [`pacsa`], [`genetic`] and [`cma_es`] search. They know nothing of FMUs: all they have is
-//!   [`Evaluate::evaluate`](search::Evaluate::evaluate), which takes a population and gives its objectives,
-//! - [`simulation`] computes objectives by runs of the FMUs on all processors, [`journal`] keeps every evaluation on disk
-//!   and makes an interrupted study go on to the bit,
-//! - [`execute`](execution::execute) does it all and writes the results.
+//! - [`ahp`] turns judgments into weights, [`expression`] checks inequalities, [`space`] defines the ranges,
+//! - [`pacsa`], [`genetic`] and [`cma_es`] search. They do not depend on FMUs: they only use
+//!   [`Evaluate::evaluate`](search::Evaluate::evaluate), which takes a population and returns its objectives,
+//! - [`simulation`] computes objectives by runs of the FMUs on all processors, [`journal`] keeps every evaluation on
+//!   disk, so that a resumed study is bit-identical,
+//! - [`execute`](execution::execute) runs a study and writes the results.
 //!
 //! # Evaluations
 //! Every candidate a method asks for is an evaluation and counts against the budget: also one that violates a constraint
@@ -17,8 +17,8 @@
 //! the history; it never stops the study.
 //!
 //! # Reproducibility
-//! The result is a function of the study, the scenario and the FMUs, to the bit, for any number of threads: every
-//! individual of every generation has random numbers of its own, and sums are taken in the order of the runs.
+//! The result is a function of the study, the scenario and the FMUs, bit-identical for any number of threads: every
+//! individual of every generation has its own random numbers, and sums are taken in the order of the runs.
 
 pub mod ahp;
 pub mod cma_es;

@@ -13,7 +13,7 @@ use crate::search::{Code, Evaluate, Random, Stop, affinity, decode, mutate, rank
 pub struct Settings {
     /// n_p: antibodies, at least 2.
     pub population: usize,
-    /// n_s: how many of the best may be cloned.
+    /// n_s: number of the best that may be cloned.
     pub selected: usize,
     /// n_m: base of the number of clones.
     pub clone_scale: usize,
@@ -97,7 +97,7 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
     Ok(())
 }
 
-/// Equations 30 and 31: who is cloned how often, and how fast the clones mutate.
+/// Equations 30 and 31: number of clones of each antibody, and their mutation rate.
 fn cloning(settings: &Settings, x: u32, affinities: &[f64], order: &[usize]) -> Vec<Cloning> {
     let average = mean(affinities);
     let least = affinities.iter().copied().fold(f64::INFINITY, f64::min);
@@ -115,13 +115,13 @@ fn cloning(settings: &Settings, x: u32, affinities: &[f64], order: &[usize]) -> 
         .filter(|cloning| cloning.clones > 0)
         .collect();
     if clonings.is_empty() {
-        // All equal: nobody exceeds the average, and the rate is that of the second branch of equation 30.
+        // All equal: none exceeds the average, and the rate is that of the second branch of equation 30.
         return vec![Cloning { antibody: order[0], clones: settings.clone_scale, rate: settings.mutation_min }];
     }
     clonings
 }
 
-/// Equation 32, rounded: how many antibodies are replaced.
+/// Equation 32, rounded: number of antibodies that are replaced.
 fn updates(settings: &Settings, x: u32, affinities: &[f64]) -> usize {
     let most = affinities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let least = affinities.iter().copied().fold(f64::INFINITY, f64::min);

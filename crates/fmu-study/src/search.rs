@@ -1,11 +1,11 @@
-//! What the methods have in common: how they ask for objectives, and where their random numbers come from.
+//! Common parts of the methods: evaluation of objectives and random numbers.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::io;
 use std::path::PathBuf;
 
-/// Why the history of the evaluations cannot be used.
+/// Error in the history of the evaluations.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// A file cannot be read or written.
@@ -13,31 +13,31 @@ pub enum JournalError {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: io::Error,
     },
-    /// A line is not what the file should hold.
+    /// A line has other content than expected.
     #[error("{}, line {line}: {message}", path.display())]
     Line {
         /// The file.
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Message.
         message: String,
     },
 }
 
-/// Why a search ends before its own end.
+/// Reason that a search ends early.
 #[derive(Debug, thiserror::Error)]
 pub enum Stop {
     /// All evaluations are spent.
     #[error("the budget is spent")]
     Budget,
-    /// The objective asked for is reached.
+    /// The target is reached.
     #[error("the target is reached")]
     Target,
-    /// What was found cannot be kept.
+    /// The history cannot be kept.
     #[error(transparent)]
     Failed(#[from] JournalError),
 }
@@ -47,7 +47,7 @@ pub trait Evaluate {
     /// Objectives of a population, in its order: finite, the smaller the better. Each call is a generation.
     ///
     /// # Errors
-    /// The search shall end.
+    /// The search must end.
     fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop>;
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn decode(code: &[u16]) -> Vec<f64> {
     code.iter().map(|c| f64::from(*c) / f64::from(u16::MAX)).collect()
 }
 
-/// Turns each bit over with a probability.
+/// Flips each bit with a probability.
 pub(crate) fn mutate(code: &mut [u16], probability: f64, random: &mut Random) {
     for word in code {
         for bit in (0..BITS).rev() {

@@ -17,7 +17,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub struct Term {
     /// Signal as named in the study.
     pub signal: String,
-    /// How it becomes a number; one of those that need neither a threshold nor times, and are never undefined.
+    /// Kind of the number; one that needs neither a threshold nor times and is always defined.
     pub kind: Kind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
@@ -31,7 +31,7 @@ pub struct Term {
 }
 
 impl Term {
-    /// What the number is multiplied by: the weight over the reference, squared for a mean square.
+    /// Factor of the number: the weight over the reference, squared for a mean square.
     #[must_use]
     pub fn factor(&self) -> f64 {
         match self.kind {
@@ -69,11 +69,11 @@ pub struct Simulation {
     pub times: run::Simulation,
     /// The FMUs, unpacked.
     pub fmus: Fmus,
-    /// Runs them.
+    /// Workers that execute them.
     pub pool: Pool,
     /// The runs whose mean is the objective.
     pub runs: Vec<Run>,
-    /// What is tuned.
+    /// Parameters to optimize.
     pub parameters: Vec<Parameter>,
     /// Terms of the objective.
     pub terms: Vec<Term>,
@@ -81,14 +81,14 @@ pub struct Simulation {
     pub limits: Vec<Limit>,
     /// Inequalities.
     pub constraints: Vec<Constraint>,
-    /// Values of the constants, behind those of the symbols.
+    /// Values of the constants, after those of the symbols.
     pub constants: Vec<f64>,
-    /// Objective of what is not feasible.
+    /// Objective of infeasible candidates.
     pub penalty: f64,
 }
 
 impl Simulation {
-    /// What comes of some values of the parameters (index, value) in some runs; constraints are not looked at.
+    /// Computes the outcome of values of the parameters (index, value) in some runs; constraints are not checked.
     #[must_use]
     pub fn outcome(&self, runs: &[Run], values: &[(usize, f64)]) -> Outcome {
         let outcome = Mutex::new(None);
@@ -101,7 +101,7 @@ impl Simulation {
         Outcome { objective: self.penalty, reason: Some(reason) }
     }
 
-    /// What comes of several sets of values, each in all of the runs.
+    /// Computes the outcomes of several sets of values, each in all of the runs.
     fn outcomes(&self, runs: &[Run], sets: &[Vec<(usize, f64)>], done: &(dyn Fn(usize, Outcome) + Sync)) {
         // Every run is done even if one fails, and the first failure in their order is reported: nothing depends on the
         // number of processes.
@@ -183,7 +183,7 @@ impl Simulation {
         Ok(objective)
     }
 
-    /// Why a candidate need not be run.
+    /// Returns the outcome of a candidate that violates a constraint and need not be run.
     fn violated(&self, values: &[f64]) -> Option<Outcome> {
         let symbols = self.parameters.iter().zip(values).filter(|(p, _)| p.symbol.is_some()).map(|(_, v)| *v);
         let variables: Vec<f64> = symbols.chain(self.constants.iter().copied()).collect();

@@ -7,13 +7,13 @@ pub struct Parameter {
     pub name: String,
     /// Name in constraints, if it has one.
     pub symbol: Option<String>,
-    /// Component of measure.
+    /// Unit of measure.
     pub unit: Option<String>,
     /// Lower bound.
     pub min: f64,
     /// Upper bound, above the lower one.
     pub max: f64,
-    /// Equal shares of the range are equal factors, not equal differences; both bounds are above 0.
+    /// True if equal shares of the range are equal factors, not equal differences; both bounds are then above 0.
     pub log: bool,
 }
 

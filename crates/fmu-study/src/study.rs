@@ -32,12 +32,12 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-/// Objective of what is not feasible, unless the study says otherwise.
+/// Default objective of infeasible candidates.
 const PENALTY: f64 = 1e6;
 /// Title of the scenario's own values, unless a `[[compare]]` names them.
 const BASELINE: &str = "As in the scenario";
 
-/// Why a study cannot be carried out.
+/// Error while reading a study.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum StudyError {
     /// The study cannot be read.
@@ -45,7 +45,7 @@ pub enum StudyError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: std::io::Error,
     },
     /// The study has mistakes.
@@ -64,9 +64,9 @@ pub enum StudyError {
 /// The processes that run the FMUs of a study.
 #[derive(Debug, Clone)]
 pub struct Workers {
-    /// What they are like.
+    /// Their settings.
     pub settings: WorkerSettings,
-    /// How many there are.
+    /// Number of processes.
     pub jobs: NonZeroUsize,
 }
 
@@ -101,17 +101,17 @@ pub struct Study {
     pub simulation: Simulation,
 }
 
-/// Whether a file is a study, not a scenario: it names one. False if it cannot be read or is no TOML.
+/// Returns true if a file is a study, not a scenario: it names a scenario. False if it cannot be read or is not TOML.
 #[must_use]
 pub fn is_study(path: &Path) -> bool {
     let table = text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
     table.is_some_and(|table| table.contains_key("scenario"))
 }
 
-/// What any study needs, also one that another program carries out.
+/// Keys that every study needs, including studies for another program.
 #[derive(Debug, Deserialize)]
 struct Needs {
-    /// Not used, but a study without one is told before anything is built.
+    /// Not used, but a missing title is reported before anything is built.
     #[serde(rename = "title")]
     _title: String,
     scenario: String,
@@ -119,7 +119,7 @@ struct Needs {
     factors: Vec<Factor>,
 }
 
-/// What varies, as far as it is the FMU of a component.
+/// A varied factor, as far as it is the FMU of a component.
 #[derive(Debug, Deserialize)]
 struct Factor {
     fmu: Option<String>,
@@ -127,7 +127,7 @@ struct Factor {
     values: Vec<toml::Value>,
 }
 
-/// Path of the scenario that a study names, and names of the FMUs that it puts in the place of those of the scenario.
+/// Path of the scenario that a study names, and names of the FMUs that replace those of the scenario.
 ///
 /// # Errors
 /// The file cannot be read or does not have the layout of a study.
@@ -171,7 +171,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
             return Err(problems.fail().into());
         }
     };
-    // What needs no scenario.
+    // Checks that need no scenario.
     if file.method.get_ref() != "optimize" {
         problems.add(file.method.span(), format!("unknown method `{}`, expected optimize", file.method.get_ref()));
     }
@@ -270,7 +270,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
     })
 }
 
-/// The method of a study that something else varies in than `[[parameter]]`.
+/// Returns the method of a study that varies something other than `[[parameter]]`.
 fn other_method(text: &str) -> Option<String> {
     let table = text.parse::<toml::Table>().ok()?;
     let method = table.get("method")?.as_str()?;
@@ -288,7 +288,7 @@ fn without_columns(mut run: Run, needed: &BTreeSet<usize>) -> Run {
     run
 }
 
-/// The runs of the cases named, all without names.
+/// Returns the runs of the named cases, or all runs if no cases are named.
 fn chosen_runs(file: &File, plan: &Plan, problems: &mut Collector) -> Vec<Run> {
     let Some(cases) = &file.cases else { return plan.runs.clone() };
     let known = || plan.cases.iter().map(|c| c.name.as_str());

@@ -1,4 +1,4 @@
-//! The history: what is written, what an interruption leaves, what the number of threads changes.
+//! The history: its content, the effect of an interruption, and of the number of threads.
 
 use fmu_study::journal::{Checkpoint, Journal, Objective, Outcome, Progress, Report};
 use fmu_study::search::{Evaluate, JournalError, Stop};
@@ -62,7 +62,7 @@ const METHODS: [Method; 3] = [
 const QUIET: Report<'static> = &|_| ();
 const NOTHING: Checkpoint<'static> = &|_| Ok(());
 
-/// Runs a method with a history at `path`; how it ended and how far it came.
+/// Runs a method with a history at `path`; returns its end and its progress.
 fn run(path: &Path, method: Method, bowl: &Bowl, budget: u64) -> (Result<(), Stop>, Progress) {
     let parameters = parameters();
     let mut journal = Journal::open(path, &parameters, bowl, (budget, None), QUIET, NOTHING).unwrap();
@@ -91,7 +91,7 @@ fn rows_come_in_order_for_any_number_of_threads() {
     }
 }
 
-/// However the file was cut off, going on makes the same file, and what was there is not computed again.
+/// Wherever the file was cut off, resuming makes the same file, and nothing in it is computed again.
 #[test]
 fn going_on_equals_never_stopping() {
     let folder = TempDir::new().unwrap();
@@ -102,7 +102,7 @@ fn going_on_equals_never_stopping() {
         let (_, expected_progress) = run(&path, method, &whole, 150);
         let expected = std::fs::read(&path).unwrap();
         let lines = |bytes: &[u8]| bytes.iter().filter(|b| **b == b'\n').count();
-        // In the header, behind it, within lines, within generations, at the end.
+        // In the header, after it, within lines, within generations, at the end.
         for share in [0.001, 0.02, 0.1, 0.25, 0.5, 0.77, 0.9, 1.0] {
             let cut = (expected.len() as f64 * share) as usize;
             std::fs::write(&path, &expected[..cut]).unwrap();
@@ -117,7 +117,7 @@ fn going_on_equals_never_stopping() {
     }
 }
 
-/// The budget may cut a generation; with more of it the search goes on as if it had been there from the start.
+/// The budget may cut a generation; with a larger one the search continues as if it had been there from the start.
 #[test]
 fn a_larger_budget_goes_on() {
     let folder = TempDir::new().unwrap();

@@ -74,7 +74,7 @@ fn cmaes_on(function: Function, seed: u64) -> Recorder {
     recorder
 }
 
-/// The best of so many points drawn at random.
+/// The best of `BUDGET` points drawn at random.
 fn random_on(function: Function, seed: u64) -> f64 {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut coordinate = || 4.0 * (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64 - 2.0;
@@ -140,7 +140,7 @@ fn searches_are_those_of_the_first_version() {
     assert_eq!(found, [7065142992357304163, 13331227793405948313, 5138591771957982308]);
 }
 
-/// A flat objective: nobody is better than anybody, and all go on without an error.
+/// A flat objective: no candidate is better than another, and all methods continue without an error.
 #[test]
 fn flat_objectives_do_no_harm() {
     for search in [pacsa_on, ga_on, cmaes_on] {

@@ -1,8 +1,7 @@
-//! Many runs of a plan with other values, reduced to the numbers of its metrics.
+//! Runs a plan many times with changed values and reduces each run to the numbers of its metrics.
 //!
-//! A [`Sample`] is a set of values and the runs of the plan that it is tried in. Its runs are executed one behind the other in
-//! the list of all; nothing but its own values decides about a [`Row`], so a batch has the same rows whatever their order, the
-//! number of processes, and what else is in it.
+//! A [`Sample`] is a set of values and the runs of the plan to try them in. Its runs are consecutive tasks. A [`Row`] depends only on the
+//! values of its sample, so a batch gives the same rows in any order, with any number of processes and beside any other samples.
 
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
@@ -20,9 +19,9 @@ use std::sync::{Mutex, PoisonError};
 /// Values for variables of components, and the runs they are tried in.
 #[derive(Debug, Clone)]
 pub struct Sample {
-    /// The values. Those of a component that a run does not have do not concern it.
+    /// The values. A run ignores those of components that it does not have.
     pub changes: Vec<Change>,
-    /// Indices of runs of the plan, rising.
+    /// Indices of runs of the plan, ascending.
     pub runs: Vec<usize>,
 }
 
@@ -37,7 +36,7 @@ pub struct Change {
     pub value: Value,
 }
 
-/// What came of a run with the values of a sample.
+/// Outcome of a run with the values of a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Index of the sample.
@@ -46,15 +45,15 @@ pub struct Row {
     pub run: usize,
     /// Numbers of the metrics of the plan; `None` if undefined. Empty if the run failed.
     pub numbers: Vec<Option<f64>>,
-    /// How it ended.
+    /// End of the run.
     pub end: End,
-    /// Where it failed.
+    /// Place of the failure, if it failed.
     pub place: Place,
     /// Time that the run took, s; 0 if it failed.
     pub seconds: f64,
 }
 
-/// Component and variable that a failure is about, if known.
+/// Component and variable that caused a failure, if known.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
     /// Name of the component.
@@ -63,15 +62,15 @@ pub struct Place {
     pub variable: Option<String>,
 }
 
-/// How a run of a sample ended.
+/// End of a run of a sample.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum End {
-    /// All went well.
+    /// The run succeeded.
     Ok,
     /// An FMU did not accept the values, or could not be used at all.
     Rejected {
-        /// Why.
+        /// Reason.
         message: String,
     },
     /// A step failed, a signal is not finite, or an FMU ended the simulation before the stop time.
@@ -81,7 +80,7 @@ pub enum End {
         /// Component and call, or the signal.
         message: String,
     },
-    /// The process that executed it ended.
+    /// The process that executed the run ended.
     Crashed {
         /// Start of the step, s; `None` before the first one.
         time: Option<f64>,
@@ -109,7 +108,7 @@ impl From<&Failure> for End {
     }
 }
 
-/// The runs of a plan, prepared for many samples: they record what the metrics need, and nothing else.
+/// The runs of a plan, prepared for many samples. They record only what the metrics need.
 #[derive(Debug, Clone)]
 pub struct Batch {
     plan: Plan,
@@ -118,7 +117,7 @@ pub struct Batch {
     baselines: Vec<Option<usize>>,
 }
 
-/// Takes a row when it is done, in no order. The runs that are not begun yet are left out after it has returned false.
+/// Receives each row when it is done, in no particular order. After it returns false, runs that have not started are skipped.
 pub type Take<'a> = &'a (dyn Fn(Row) -> bool + Sync);
 
 impl Batch {
@@ -223,7 +222,7 @@ impl Batch {
         pool.execute(&self.plan.simulation, runs.len(), &task, &|_| (), take);
     }
 
-    /// Executes the runs of a sample in this process: the FMUs have to be loaded, and one that crashes ends it.
+    /// Executes the runs of a sample in this process. The FMUs must be loaded; one that crashes ends the process.
     #[must_use]
     pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
         let outcome = |run: &usize| {
@@ -287,7 +286,7 @@ impl Batch {
     }
 }
 
-/// Outcomes of the runs of a sample, until it has all.
+/// Outcomes of the runs of a sample, until all are there.
 struct Collected {
     outcomes: Vec<(usize, Option<Result<Recording, Failure>>)>,
 }
@@ -297,7 +296,7 @@ impl Collected {
         Self { outcomes: runs.into_iter().map(|run| (run, None)).collect() }
     }
 
-    /// All outcomes, if this is the last one.
+    /// Adds an outcome; returns all of them after the last one.
     fn add(
         &mut self,
         run: usize,

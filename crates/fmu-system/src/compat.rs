@@ -1,9 +1,9 @@
-//! Which FMUs fit which plants by their signals.
+//! Finds the FMUs whose signals fit a plant.
 //!
 //! A *plant* is an FMU with continuous states (the model structure lists derivatives) that writes no input of an FMU with
 //! more states; one that does is an actuator of the larger one. A *block* such as `Actuator` is not a plant either: its
-//! inputs and outputs have no unit of measure, and no other FMU has a signal of their names, so only explicit connections join
-//! it to others. All FMUs that are no plants are *components*: controllers, sources, actuators, blocks.
+//! inputs and outputs have no unit of measure, and no other FMU has a signal of their names, so only explicit connections join it to
+//! others. All other FMUs are *components*: controllers, sources, actuators, blocks.
 //!
 //! A signal goes from an output to an input of the same name, if base types and units of measure agree
 //! ([`Variable::mismatch`]). A component *fits* a plant if
@@ -11,9 +11,9 @@
 //! - it is supplied: every input is written by the plant or by another component that is supplied, and
 //! - it acts: an output is an input of the plant or of a supplied component that acts.
 //!
-//! Components may need each other in a circle. Other plants never count, as there is one in a system. Inputs that a scenario
-//! could hold constant count as missing. That signals fit does not say that the law does the vehicle any good: vehicle
-//! data in it may have to be changed, and an output that the plant does not know goes nowhere.
+//! Components may form a cycle. Other plants never count, because a system has one plant. Inputs that a scenario could hold constant count
+//! as missing. Matching signals are not enough: a controller may need the parameters of the new vehicle, and an output that the plant does
+//! not read has no effect.
 
 use fmu_import::description::{Causality, ModelDescription, Variable};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,14 +31,14 @@ pub struct Systems {
     pub fits: Vec<Vec<Fit>>,
 }
 
-/// How a component fits a plant.
+/// Fit of a component to a plant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Fit {
     /// All inputs are written, and it acts on the plant, directly or through other components.
     Fits,
     /// All inputs are written, but nothing that acts on the plant reads its outputs.
     Idle,
-    /// Inputs that nothing beside this plant writes; never empty.
+    /// Inputs that nothing writes in a system with this plant; never empty.
     Lacks(Vec<Missing>),
 }
 
@@ -49,25 +49,25 @@ pub struct Missing {
     pub input: String,
     /// Its unit of measure.
     pub unit: Option<String>,
-    /// Why it is not written.
+    /// Reason that it is not written.
     pub reason: Reason,
 }
 
-/// Why an input is not written.
+/// Reason that an input is not written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reason {
     /// No other FMU has an output of this name.
     Unknown,
-    /// The plant or a component has it, but as something else.
+    /// The plant or a component has an output of this name, but with another shape, type or unit.
     Mismatch {
         /// FMU that has it.
         writer: String,
-        /// What it is there.
+        /// Shape, type or unit of the output.
         is: String,
-        /// What it should be.
+        /// Shape, type or unit of the input.
         expected: String,
     },
-    /// Only these components write it, which lack inputs themselves.
+    /// Only these components write it, but they lack inputs themselves.
     Unsupplied(Vec<String>),
     /// Only these other plants write it.
     OtherPlants(Vec<String>),
@@ -112,7 +112,7 @@ fn is_plant(fmus: &Descriptions, name: &str) -> bool {
     states(name) > 0 && !is_block(fmus, name) && !fmus.keys().any(is_actuator_of)
 }
 
-/// Whether the inputs and outputs of an FMU have no units, and no other FMU has one of them.
+/// Returns true if the inputs and outputs of an FMU have no units, and no other FMU has a signal of the same name.
 fn is_block(fmus: &Descriptions, name: &str) -> bool {
     let is_signal = |variable: &&Variable| matches!(variable.causality, Causality::Input | Causality::Output);
     let is_elsewhere = |signal: &Variable| {
@@ -126,24 +126,24 @@ fn variables(description: &ModelDescription, causality: Causality) -> impl Itera
     description.variables.iter().filter(move |variable| variable.causality == causality)
 }
 
-/// The output of an FMU that has the name of an input.
+/// Returns the output of an FMU with the name of an input.
 fn output<'a>(writer: &'a ModelDescription, input: &Variable) -> Option<&'a Variable> {
     writer.variable(&input.name).filter(|variable| variable.causality == Causality::Output)
 }
 
-/// Whether an FMU writes this input.
+/// Returns true if an FMU writes this input.
 fn supplies(writer: &ModelDescription, input: &Variable) -> bool {
     output(writer, input).is_some_and(|output| output.mismatch(input).is_none())
 }
 
-/// Whether an FMU writes an input of another one.
+/// Returns true if an FMU writes an input of another one.
 fn writes(writer: &ModelDescription, reader: &ModelDescription) -> bool {
     variables(reader, Causality::Input).any(|input| supplies(writer, input))
 }
 
-/// How each component fits a plant.
+/// Determines the fit of each component to a plant.
 fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str]) -> Vec<Fit> {
-    // The largest set of components that write each other's inputs together with the plant: circles stay in it.
+    // The largest set of components that write each other's inputs together with the plant: cycles stay in it.
     let mut supplied: BTreeSet<&str> = components.iter().copied().collect();
     let unwritten = |component: &str, supplied: &BTreeSet<&str>| -> Vec<&Variable> {
         // An FMU cannot write its own inputs: names are unique in it.
@@ -188,7 +188,7 @@ fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str
     components.iter().map(fit).collect()
 }
 
-/// Why an input is not written.
+/// Finds the reason that an input is not written.
 fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&str], components: &[&str]) -> Missing {
     let of = |names: &[&str], is_writer: &dyn Fn(&str) -> bool| -> Vec<String> {
         names.iter().filter(|name| is_writer(name)).map(|name| (*name).to_string()).collect()
@@ -285,7 +285,7 @@ mod tests {
         assert_eq!(reasons("Degrees"), ["yaw_rate (deg/s): Car has it in rad/s, expected in deg/s"]);
         assert_eq!(reasons("Switch"), ["roll: Car has it Real, expected Boolean"]);
         assert_eq!(reasons("Blind"), ["pitch (rad): no FMU has it"]);
-        // What it writes is not what the plant reads.
+        // Its output has another unit than the input of the plant.
         assert_eq!(*fit(&systems, "Turned", "Car"), Fit::Idle);
     }
 

@@ -1,7 +1,7 @@
 //! Data from CSV files: measurements of loggers, tables of spreadsheets, signals of simulations.
 //!
-//! A [`Table`] is a file as it is: columns of numbers by their names, with the units that it gives. [`Table::times`] makes a clock of
-//! one column, [`Table::signal`] a signal of another. All commands that read data use this module, so a file means the same everywhere.
+//! A [`Table`] holds the columns of a file by name, with the units in the file. [`Table::times`] makes a clock from one column,
+//! [`Table::signal`] a signal from another. All commands that read data use this module, so a file means the same everywhere.
 //!
 //! Cells and names are data: nothing in a file is evaluated.
 
@@ -20,25 +20,25 @@ use std::borrow::Cow;
 use std::io::Read as _;
 use std::path::Path;
 
-/// Most rows of a table.
+/// Maximum number of rows of a table.
 const ROWS: usize = 10_000_000;
-/// Most columns of a table.
+/// Maximum number of columns of a table.
 const COLUMNS: usize = 4096;
 /// Longest line, in bytes.
 const LINE: usize = 1_000_000;
-/// Rows that show the decimal mark.
+/// Rows from which the decimal mark is detected.
 const LOOKED_AT: usize = 100;
-/// Most mistakes that are reported of a file.
+/// Maximum number of mistakes reported for a file.
 const REPORTED: usize = 20;
-/// Delimiters; of two that are as frequent, the first counts.
+/// Delimiters; of two that are equally frequent, the first one is chosen.
 const DELIMITERS: [char; 4] = ['\t', ';', ',', '|'];
 /// The first bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-/// Format of a file. `None` is detected.
+/// Format of a file; what is `None` is detected.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Format {
-    /// What separates cells.
+    /// Cell separator.
     pub delimiter: Option<char>,
     /// Decimal mark, `.` or `,`.
     pub decimal: Option<char>,
@@ -53,7 +53,7 @@ pub struct Format {
 pub struct Found {
     /// Encoding.
     pub encoding: Encoding,
-    /// What separates cells.
+    /// Cell separator.
     pub delimiter: char,
     /// Decimal mark.
     pub decimal: char,
@@ -74,20 +74,20 @@ pub struct Table {
 /// A column of a file.
 #[derive(Debug)]
 pub struct Column {
-    /// Name, without a unit in brackets behind it.
+    /// Name, without the unit in brackets after it.
     pub name: String,
-    /// Unit in the line below the header, or in brackets behind the name.
+    /// Unit in the line below the header, or in brackets after the name.
     pub unit: Option<String>,
-    /// A number for each row, NaN for a missing cell and one that is no number.
+    /// A number for each row; NaN for a missing or invalid cell.
     cells: Vec<f64>,
-    /// Cells that are no numbers, as far as they are reported, by row.
+    /// Invalid cells by row, as far as they are reported.
     wrong: Vec<(usize, String)>,
 }
 
 /// A mistake in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
-    /// Line, from 1; `None` for one that has no place.
+    /// Line, from 1; `None` if the mistake has no line.
     pub line: Option<usize>,
     /// Description of the mistake.
     pub message: String,
@@ -287,7 +287,7 @@ impl Table {
         self.found
     }
 
-    /// Name of the file, as messages give it.
+    /// Name of the file in messages.
     #[must_use]
     pub fn file(&self) -> &str {
         &self.file
@@ -304,13 +304,13 @@ impl Table {
         self.lines.get(row).map_or(0, |line| *line as usize)
     }
 
-    /// Whether there is a column of that name.
+    /// Returns true if a column has this name.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
         self.columns.iter().any(|column| column.name == name)
     }
 
-    /// A column that holds numbers only.
+    /// Returns a column, which must contain only numbers.
     fn numbers(&self, name: &str) -> Result<&Column, DataError> {
         let mut of_name = self.columns.iter().filter(|column| column.name == name);
         let Some(column) = of_name.next() else {
@@ -360,7 +360,7 @@ fn delimiter(header: &str) -> char {
     counts.iter().position(|count| *count == most).map_or(',', |index| DELIMITERS[index])
 }
 
-/// The line of units: one without a number, before one that has one.
+/// Returns the line of units: a line without a number, followed by one with a number.
 fn unit_line(rows: &Rows<'_>, count: usize) -> Option<Vec<String>> {
     let mut rows = rows.clone();
     let has_number = |cells: &[Cow<'_, str>]| cells.iter().any(|cell| is_number(cell, '.') || is_number(cell, ','));
@@ -371,7 +371,7 @@ fn unit_line(rows: &Rows<'_>, count: usize) -> Option<Vec<String>> {
     is_line.then(|| units.iter().map(|unit| unit.trim_matches(['[', ']', '(', ')']).to_owned()).collect())
 }
 
-/// The decimal mark that the first rows show.
+/// Detects the decimal mark in the first rows.
 fn decimal(mut rows: Rows<'_>, delimiter: char) -> char {
     let mut cells = Vec::new();
     for _ in 0..LOOKED_AT {
@@ -386,7 +386,7 @@ fn decimal(mut rows: Rows<'_>, delimiter: char) -> char {
     '.'
 }
 
-/// Name and unit of `Speed [m/s]` or `Speed (m/s)`. The index of an array (`a[2,1]`) is no unit, nor are words (`Force (front)`).
+/// Splits `Speed [m/s]` or `Speed (m/s)` into name and unit. An index (`a[2,1]`) and words (`Force (front)`) are not units.
 fn split_unit(name: &str) -> (&str, Option<&str>) {
     let within = |open, close| name.strip_suffix(close).and_then(|rest: &str| rest.rsplit_once(open));
     let (before, unit) = match (within('[', ']'), within('(', ')')) {

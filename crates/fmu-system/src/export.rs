@@ -1,16 +1,15 @@
 //! Writes a run of a plan for other masters: an SSP file and an OSP system structure, with the FMUs.
 //!
-//! [`System`] is a run in names instead of numbers. [`System::write`] makes a folder with
+//! [`System`] is a run with names instead of references and slots. [`System::write`] makes a folder with
 //!
 //! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 with a component of FMI 3.0: the structure with connectors, units of measure and
 //!   connections, a parameter set for every component, the FMUs, and the annotations from which OMSimulator and libcosim take
-//!   the step (Ecos and FMPy are told),
-//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it; not with a component of FMI 3.0, which
-//!   libcosim does not take.
+//!   the step (Ecos and FMPy take it from the caller),
+//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it; not with a component of FMI 3.0, which libcosim does
+//!   not support.
 //!
-//! Inputs that keep one value are start values in both. Neither format says in which order the components of a step follow
-//! each other, nor what is recorded how often and computed from it; outputs that are recorded are connectors, so that a
-//! tool which records all of them records these.
+//! Constant inputs become start values in both. Neither format defines the order of the components within a step, nor what is recorded, how
+//! often, and computed from it. Recorded outputs become connectors, so a tool that records all connectors also records these outputs.
 
 mod osp;
 mod ssp;
@@ -31,16 +30,16 @@ use std::sync::Arc;
 pub const STRUCTURE: &str = "SystemStructure.ssd";
 /// Name of the file that libcosim reads.
 pub const OSP_STRUCTURE: &str = "OspSystemStructure.xml";
-/// Name of every parameter set in an SSP file. Ecos applies the sets of all components that have the name it is given.
+/// Name of every parameter set in an SSP file. Ecos applies the sets of all components that have the requested name.
 pub const PARAMETERS: &str = "parameters";
 
-/// Why a run cannot be written for other masters.
+/// Error while exporting a run for other masters.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// An FMU cannot be read.
     #[error(transparent)]
     Fmu(#[from] ArchiveError),
-    /// The description is not that of the plan.
+    /// The description does not match the plan.
     #[error("{fmu}: the FMU has changed since the plan was made: it has no {what} {base_type} {reference}")]
     Changed {
         /// The file.
@@ -55,7 +54,7 @@ pub enum ExportError {
     /// The run reads signals from a file.
     #[error("signals from a file cannot be written: neither SSP nor OSP structures hold them")]
     InputSeries,
-    /// A name that stands for something else in a path or URI.
+    /// A file name that has another meaning in a path or URI.
     #[error("{0}: the name of an FMU may hold letters, digits, `_`, `-` and `.` only, because it is part of a URI")]
     FileName(String),
     /// A variable of a type that other masters do not set.
@@ -93,22 +92,22 @@ pub enum ExportError {
         /// Their type.
         input: BaseType,
     },
-    /// A unit of measure that means two things.
+    /// A unit of measure with two definitions.
     #[error("the unit of measure `{name}` is another one in {second} than in {first}")]
     UnitOfMeasure {
         /// Its name.
         name: String,
         /// An FMU that defines it.
         first: String,
-        /// An FMU that defines it otherwise.
+        /// An FMU that defines it differently.
         second: String,
     },
-    /// The folder holds something.
+    /// The folder is not empty.
     #[error("{}: the folder is not empty{hint}", path.display())]
     Occupied {
         /// The folder.
         path: PathBuf,
-        /// What can be done.
+        /// Remedy, appended to the message.
         hint: String,
     },
     /// A file cannot be written.
@@ -116,15 +115,15 @@ pub enum ExportError {
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: io::Error,
     },
 }
 
-/// A run, complete and in names.
+/// A complete run, by names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {
-    /// Name: that of the scenario, with `_` in place of what is no letter, digit or `_`.
+    /// Name of the scenario, with `_` in place of characters other than letters, digits and `_`.
     pub name: String,
     /// Scenario, case, point and seed.
     pub description: String,
@@ -166,7 +165,7 @@ pub struct Component {
 pub struct Connector {
     /// Name of the variable.
     pub name: String,
-    /// An output, else an input.
+    /// True for an output, false for an input.
     pub output: bool,
     /// Base type, not `String`.
     pub base_type: BaseType,
@@ -179,19 +178,19 @@ pub struct Connector {
 /// A wire: component and variable at both ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connection {
-    /// What writes.
+    /// Component and variable that write.
     pub from: [String; 2],
-    /// What reads.
+    /// Component and variable that read.
     pub to: [String; 2],
 }
 
 impl System {
-    /// The run of a plan.
+    /// Makes a system from a run of a plan.
     ///
     /// # Errors
-    /// An FMU cannot be read or is another one than that of the plan, a file writes signals, an FMU has a name that is
-    /// no part of a URI, an enumeration is set or wired, a connection converts Real or Boolean, a unit of measure is
-    /// defined in two ways.
+    /// An FMU cannot be read or is not that of the plan, signals come from a file, the file name of an FMU is not valid in a URI, an
+    /// enumeration or an element of an array is set or connected, a connection converts between Real and Boolean, or a unit of measure has
+    /// two definitions.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
         Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.with_elements().into()))
     }
@@ -234,7 +233,7 @@ impl System {
             for wire in planned.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot))
             {
                 let variable = wired(&wirable, planned, wire, Causality::Output)?;
-                // Nothing reads it there.
+                // Skip an element of an array that is only recorded.
                 if variable.element.is_some() && !read.contains(&wire.slot) {
                     continue;
                 }
@@ -242,7 +241,7 @@ impl System {
                 writers.insert(wire.slot, ([planned.name.clone(), variable.name.clone()], wire.base_type));
             }
             let steady = planned.steady.iter().flatten();
-            // A start value that was found takes the place of the parameter.
+            // A start value of the steady state replaces the parameter.
             let is_found = |name: &str| planned.steady.iter().flatten().any(|setting| setting.name == name);
             let parameters = planned.parameters.iter().filter(|setting| !is_found(&setting.name));
             for setting in parameters.chain(steady).chain(&planned.constants) {
@@ -300,7 +299,7 @@ impl System {
         ssp::write_to(output, self, copy)
     }
 
-    /// Whether a component is of FMI 3.0.
+    /// Returns true if a component is of FMI 3.0.
     fn has_fmi_3(&self) -> bool {
         self.components.iter().any(|component| component.fmi == FmiVersion::V3)
     }
@@ -314,7 +313,7 @@ impl System {
     /// components of FMI 2.0 only the configuration of libcosim. With `overwrite` it may hold the files of an earlier call.
     ///
     /// # Errors
-    /// The folder is not empty, or holds something else than an earlier call wrote; a file cannot be read or written.
+    /// The folder is not empty, or contains files that an earlier call did not write; a file cannot be read or written.
     pub fn write(&self, folder: &Path, overwrite: bool) -> Result<Vec<PathBuf>, ExportError> {
         let at = |path: &Path| {
             let path = path.to_path_buf();
@@ -354,7 +353,7 @@ impl System {
         }
         if let Err(cause) = std::fs::rename(&new, folder) {
             if replaced {
-                // What was there shall stay; the first error is the one to report.
+                // Restore the old folder; the first error is the one to report.
                 let _ = std::fs::rename(&old, folder);
             }
             return Err(at(folder)(cause));
@@ -394,7 +393,7 @@ fn defined<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Unit
 
 type Wirable<'a> = HashMap<(Causality, BaseType, Reference), &'a Variable>;
 
-/// The variables by what a wire says of them; of aliases the first.
+/// Maps causality, type and value reference of a wire to its variable; to the first one of aliases.
 fn wirable(description: &ModelDescription) -> Wirable<'_> {
     let mut wirable = HashMap::new();
     for variable in &description.variables {
@@ -441,7 +440,7 @@ fn type_name(variable: &Variable, fmi: FmiVersion) -> String {
     }
 }
 
-/// Rejects what other masters do not read.
+/// Rejects variables that other masters do not support.
 fn reject(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
     match variable {
         Some(variable) if variable.element.is_some() => {
@@ -461,7 +460,7 @@ fn file_name(fmu: &Path) -> Result<String, ExportError> {
     if name.chars().all(plain) { Ok(name) } else { Err(ExportError::FileName(name)) }
 }
 
-/// What the run is, in a line.
+/// Describes the run in one line.
 fn text(plan: &Plan, run: &Run) -> String {
     let mut text = format!("{}: case {}", plan.title, run.case);
     if let Some(point) = &run.point {
@@ -493,7 +492,7 @@ fn reject_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
     Err(ExportError::Occupied { path: folder.to_path_buf(), hint })
 }
 
-/// A number as XML Schema and every reader takes it, which reads back as the same double.
+/// Formats a number for XML Schema so that it reads back as the same double.
 fn number(value: f64) -> String {
     format!("{value:?}")
 }

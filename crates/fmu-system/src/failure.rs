@@ -1,4 +1,4 @@
-//! Runs that are not whole, of whichever process executed them.
+//! Failures of runs, in this process or in a worker.
 
 use crate::master::Recording;
 use serde::{Deserialize, Serialize};
@@ -18,15 +18,15 @@ pub struct Failure {
     pub variable: Option<Box<str>>,
     /// Component, call, and what happened.
     pub message: String,
-    /// What kind of failure it is.
+    /// Kind of failure.
     pub kind: FailureKind,
-    /// The rows before it. They are never those of a whole run.
+    /// The rows before it; never those of a complete run.
     #[serde(skip)]
     pub recorded: Option<Box<Recording>>,
 }
 
 impl Failure {
-    /// A run that could not be begun or whose file could not be written.
+    /// A run that could not be started or whose file could not be written.
     #[must_use]
     pub fn new(run: &str, message: String) -> Self {
         Self {
@@ -41,16 +41,16 @@ impl Failure {
     }
 }
 
-/// How a run failed.
+/// Kind of failure of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FailureKind {
-    /// It could not be begun, a call returned an error, or its file could not be written.
+    /// It could not be started, a call returned an error, or its file could not be written.
     Error,
     /// A signal is not finite.
     NotFinite,
     /// An FMU discarded a step.
     Discarded,
-    /// An FMU ended the simulation, which is no mistake.
+    /// An FMU ended the simulation, which is not an error.
     Terminated,
     /// Its process ended.
     Crashed,
@@ -59,7 +59,7 @@ pub enum FailureKind {
 }
 
 impl FailureKind {
-    /// Where a run failed, as part of a message. Of a call, the message itself names the component.
+    /// Describes where a run failed, as part of a message. For a call, the message itself names the component.
     pub(crate) fn place(self, time: Option<f64>, component: Option<&str>) -> String {
         match (self, time) {
             (_, None) => String::new(),

@@ -8,7 +8,7 @@ use fmu_import::loader::{CallError, Instance};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Why an FMU of a system cannot be used.
+/// Error of the FMUs of a system.
 #[derive(Debug, thiserror::Error)]
 pub enum FmusError {
     /// The FMU itself.
@@ -29,7 +29,7 @@ pub enum FmusError {
     Steady {
         /// Name of the component.
         component: String,
-        /// Why.
+        /// Reason.
         message: String,
     },
     /// A value that an FMU returned, or that the caller gives an input, is not finite.
@@ -83,12 +83,12 @@ impl From<CallError> for FmusError {
     }
 }
 
-/// What a master gets instances from.
+/// Source of the instances of a master.
 pub trait Instances {
     /// A new instance for a component of a plan, with its name.
     ///
     /// # Errors
-    /// The FMU is not there, cannot be loaded, returns no instance, or allows only one and has it.
+    /// The FMU does not exist, cannot be loaded, returns no instance, or allows only one and already has it.
     fn of(&self, component: &Component) -> Result<Instance, FmusError>;
 
     /// The description of the FMU of a component.
@@ -105,7 +105,7 @@ pub trait Instances {
 pub struct Fmus(BTreeMap<String, Fmu>);
 
 impl Fmus {
-    /// Opens all FMUs that these runs name.
+    /// Opens all FMUs of these runs.
     ///
     /// # Errors
     /// As [`Fmu::open`]; also if a GUID is not that of the plan.
@@ -117,7 +117,7 @@ impl Fmus {
         Ok(fmus)
     }
 
-    /// Opens all FMUs that these runs name, for a process that lets others load them: see [`Fmu::unpack`].
+    /// Opens all FMUs of these runs, for a process that lets others load them: see [`Fmu::unpack`].
     ///
     /// # Errors
     /// As [`Fmu::unpack`]; also if a GUID is not that of the plan.
@@ -145,7 +145,7 @@ impl Fmus {
         Ok(Self(fmus))
     }
 
-    /// The FMU of that path, as written in the plan.
+    /// Returns the FMU with this path, as written in the plan.
     ///
     /// # Errors
     /// It was not loaded.

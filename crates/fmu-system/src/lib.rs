@@ -1,16 +1,15 @@
 //! Runs systems of co-simulation FMUs of FMI 2.0 and 3.0.
 //!
-//! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
-//!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
-//!   [`problem`] shows mistakes with their place,
-//! - [`mod@run`] is what a [`master`] executes in this process, a [`session`] step by step, [`worker`] in others, which
-//!   may crash; [`fmus`] are the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect,
-//!   [`steady`] the states in which components start that begin at rest,
+//! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with all its parameters, connections and recorded
+//!   columns; [`parameter_set`] reads and writes files of values, [`problem`] shows mistakes with their place,
+//! - a [`mod@run`] is executed by a [`master`] in this process, by a [`session`] step by step, or by a [`worker`] in another process, which
+//!   may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect, [`steady`]
+//!   finds the steady states in which components start,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
-//! - [`report`] is what the results are to show; nothing that executes runs knows of it; [`metrics`] computes the numbers,
+//! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the numbers,
 //!   [`requirements`] gives verdicts on those that have limits,
 //! - [`data`] reads CSV files of any origin,
-//! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
+//! - [`export`] writes a run for other masters, [`compat`] finds the FMUs whose signals fit a plant.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
 //! once and then executes changed copies of a run in memory:

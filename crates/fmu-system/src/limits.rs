@@ -1,5 +1,4 @@
-//! Sizes beyond which a file or a plan is rejected at once: far above what anybody needs, far below what takes a machine
-//! down.
+//! Size limits of files and plans, far above any realistic need and far below what exhausts a machine.
 
 use std::io;
 use std::path::Path;
@@ -10,11 +9,11 @@ pub const TEXT_FILE: u64 = 4_000_000;
 pub const INPUT_FILE: u64 = 256_000_000;
 /// Longest line of any of these files, in bytes.
 pub const LINE: usize = 100_000;
-/// Most steps of a run.
+/// Maximum number of steps of a run.
 pub const STEPS: u64 = 100_000_000;
-/// Most values a run records: rows times signals. 8 bytes each, that is 1 GB of memory per run.
+/// Maximum number of values that a run records, rows times signals: at 8 bytes each, 1 GB of memory per run.
 pub const RECORDED: u64 = 125_000_000;
-/// Most runs of a scenario: cases times points times seeds.
+/// Maximum number of runs of a scenario: cases times points times seeds.
 pub const RUNS: usize = 10_000;
 
 /// Reads a text file that has at most `limit` bytes, in lines of at most [`LINE`].
@@ -48,10 +47,10 @@ fn too_large(size: Option<u64>, limit: u64) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, format!("{size}, the limit is {limit}"))
 }
 
-/// What a file holds.
+/// Content of a file.
 enum Content {
     Bytes(Vec<u8>),
-    /// More than the limit: bytes, if the system tells how many.
+    /// More than the limit: number of bytes, if known.
     TooLarge(Option<u64>),
 }
 
@@ -69,7 +68,7 @@ mod files {
             return Ok(Content::TooLarge(Some(told)));
         }
         let mut bytes = Vec::new();
-        // A device or a pipe tells no size: no more than the limit is read of anything.
+        // The size of a device or a pipe is unknown: never read more than the limit.
         let read = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
         Ok(if read > limit { Content::TooLarge(None) } else { Content::Bytes(bytes) })
     }
@@ -132,7 +131,7 @@ mod tests {
         assert_eq!(error(&long, TEXT_FILE), "line 2 has 100001 bytes, the limit is 100000");
         std::fs::write(&path, "12345").unwrap();
         assert_eq!(read_text(&path, 5).unwrap(), "12345");
-        // As sparse as it is, it would not fit into memory.
+        // Although sparse, it would not fit into memory.
         std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(read_text(&path, INPUT_FILE).unwrap_err().to_string().contains("the limit is 256000000"));
     }

@@ -17,7 +17,7 @@ pub struct Recording {
     pub time: Vec<f64>,
     /// Values of each of the columns of the run; `None` where the case leaves the component out.
     pub columns: Vec<Option<Vec<f64>>>,
-    /// What the components logged although all went well, with the name of the component: warnings.
+    /// Warnings that components logged during a successful run, with the name of the component.
     pub messages: Vec<(String, Message)>,
     /// Time the run took, instantiation included, s.
     pub seconds: f64,
@@ -40,7 +40,7 @@ struct Recorder {
 impl Recorder {
     fn new(simulation: &Simulation, run: &Run) -> Self {
         let slots: Vec<usize> = run.columns.iter().copied().flatten().collect();
-        // A plan does not exceed the limit. A caller that does reserves no more, and its columns grow.
+        // A plan does not exceed the limit. Above it, nothing more is reserved, and the columns grow.
         let most = limits::RECORDED / (slots.len() as u64 + 1);
         let rows = usize::try_from((simulation.steps / simulation.every + 1).min(most)).unwrap_or(0);
         let columns = slots.into_iter().map(|slot| (slot, Vec::with_capacity(rows))).collect();
@@ -65,7 +65,7 @@ impl Recorder {
 ///
 /// # Errors
 /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU ends the
-/// simulation before the stop time. The error has the rows before it.
+/// simulation before the stop time. The error contains the rows before it.
 pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
@@ -91,7 +91,7 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
             let messages = error.cause.call().map(|call| call.messages.clone()).unwrap_or_default();
             let component = error.cause.component().unwrap_or_default().to_owned();
             let is_whole = session.is_over();
-            // What an FMU says of its end after it has ended the simulation decides nothing.
+            // Errors of the termination do not matter after an FMU has ended the simulation.
             let later = session.terminate().unwrap_or_default();
             if !is_whole {
                 return Err(keeping(error, recording));
@@ -105,7 +105,7 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
     Ok(recording)
 }
 
-/// The error with the rows before it.
+/// Adds the rows before it to an error.
 fn keeping(error: RunError, recording: Recording) -> RunError {
     RunError { recorded: Some(Box::new(recording)), ..error }
 }

@@ -1,4 +1,4 @@
-//! Values of parameters: which an FMU takes, and setting them in a run.
+//! Checks values of parameters and sets them in a run.
 
 use crate::fmus::{Fmus, FmusError};
 use crate::run::{Component, Run, Setting};
@@ -6,7 +6,7 @@ use fmu_import::description::{Causality, Initial, ModelDescription, Value, Varia
 use fmu_import::named_values::listed;
 use fmu_import::names::suggestion;
 
-/// Why a parameter cannot be set.
+/// Error while setting a parameter.
 #[derive(Debug, thiserror::Error)]
 pub enum ParameterError {
     /// The run has no such component.
@@ -20,13 +20,13 @@ pub enum ParameterError {
     Rejected {
         /// Component.
         component: String,
-        /// What does not fit.
+        /// Reason.
         reason: String,
     },
 }
 
 impl Run {
-    /// Sets a parameter, on top of what the scenario says.
+    /// Sets a parameter, overriding the scenario.
     ///
     /// # Errors
     /// The run has no such component, its FMU no such parameter, or the value has another type or lies
@@ -41,8 +41,7 @@ impl Run {
         self.set(fmus, component, value, |description| parameter(description, name).map_err(|error| error.message))
     }
 
-    /// Sets a parameter, the start value of a state or another variable, or an input that keeps one value, on top of what the
-    /// scenario says.
+    /// Sets a parameter, the start value of a state or another variable, or a constant input, overriding the scenario.
     ///
     /// # Errors
     /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type or lies
@@ -118,10 +117,10 @@ impl Component {
     }
 }
 
-/// The parameter, variable with a start value of its own, or input of that name.
+/// Finds the parameter, variable with a start value of its own, or input of this name.
 ///
 /// # Errors
-/// There is none; the text says so and proposes another name.
+/// There is none; the message suggests another name.
 pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, String> {
     let starts = |v: &&Variable| {
         v.variability != Variability::Constant && matches!(v.initial, Some(Initial::Exact | Initial::Approx))
@@ -135,20 +134,20 @@ pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a
     }
 }
 
-/// The variable that a name sets: that of its alias, but for aliases of outputs.
+/// Finds the variable that a name sets, following aliases except those of outputs.
 fn named<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Variable> {
     let variable = description.variable(name)?;
     let of = variable.alias_of.filter(|_| variable.causality != Causality::Output);
     Some(of.map_or(variable, |of| &description.variables[of]))
 }
 
-/// A name that is no parameter.
+/// A name that is not a parameter.
 pub(crate) struct NoParameter {
     pub(crate) message: String,
     pub(crate) help: Option<String>,
 }
 
-/// The parameter of that name.
+/// Finds the parameter of this name.
 pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, NoParameter> {
     let settable = |v: &&Variable| v.causality == Causality::Parameter && v.variability != Variability::Constant;
     let model = &description.model_name;
@@ -169,13 +168,13 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
     }
 }
 
-/// What the name of an array stands for.
+/// Returns the help for the name of an array: the elements to write instead.
 pub(crate) fn array(description: &ModelDescription, name: &str) -> Option<String> {
     let [first, last] = description.elements_of(name)?;
     Some(format!("`{name}` is an array: write its elements, `{}` to `{}`", first.name, last.name))
 }
 
-/// What a variable is, with its article.
+/// Returns the role of a variable, with its article.
 pub(crate) fn role(variable: &Variable) -> &'static str {
     match (variable.causality, variable.variability) {
         (_, Variability::Constant) => "a constant",
@@ -189,7 +188,7 @@ pub(crate) fn role(variable: &Variable) -> &'static str {
     }
 }
 
-/// Checks that an Integer is in the list of values, if there is one; the text is the rule.
+/// Checks that an Integer is in the list of values, if there is one; the error states the rule.
 pub(crate) fn check_item(variable: &Variable, value: i64) -> Result<(), String> {
     let named = variable.named_values();
     if named.is_empty() || named.iter().any(|(item, _)| i64::from(*item) == value) {
@@ -198,7 +197,7 @@ pub(crate) fn check_item(variable: &Variable, value: i64) -> Result<(), String> 
     Err(format!("expected one of {}", listed(&named)))
 }
 
-/// Checks type, limits and items; the text says what does not fit.
+/// Checks type, limits and items; the error names what does not fit.
 pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
     let name = &variable.name;
     if variable.is_array() {

@@ -17,7 +17,7 @@ pub(crate) const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCom
 /// Names of the attributes of a base unit, in the order of [`BaseUnit::exponents`].
 const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
-/// Why a parameter set cannot be read.
+/// Error while reading a parameter set.
 #[derive(Debug, thiserror::Error)]
 pub enum ParameterSetError {
     /// The file cannot be read.
@@ -25,15 +25,15 @@ pub enum ParameterSetError {
     Read {
         /// The file.
         path: String,
-        /// Why.
+        /// Cause.
         cause: io::Error,
     },
-    /// It is no parameter set.
+    /// It is not a parameter set.
     #[error("{path}: {cause}")]
     Content {
         /// The file.
         path: String,
-        /// Where and why.
+        /// Place and cause.
         cause: XmlError,
     },
 }
@@ -62,7 +62,7 @@ impl ParameterSet {
     /// Reads a file.
     ///
     /// # Errors
-    /// The file cannot be read or is no parameter set; the text names file and place.
+    /// The file cannot be read or is not a parameter set; the message contains file and place.
     pub fn read(path: &Path) -> Result<Self, ParameterSetError> {
         let name = || path.to_string_lossy().into_owned();
         let text = limits::read_text(path, limits::TEXT_FILE)
@@ -73,7 +73,7 @@ impl ParameterSet {
     /// Parses the text of a file.
     ///
     /// # Errors
-    /// The text is no parameter set of SSP 1.0 or 2.0, holds a value that cannot be read, or has a name twice.
+    /// The text is not a parameter set of SSP 1.0 or 2.0, contains an invalid value, or has a name twice.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if local(&root) != "ParameterSet" {
@@ -195,7 +195,7 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
         .find(|c| local(c) != "Annotations")
         .ok_or_else(|| element.place.error(format!("the parameter `{name}` has no value")))?;
     let value = match local(typed) {
-        // XML Schema also writes INF and NaN, which no parameter takes.
+        // XML Schema also allows INF and NaN, which no parameter accepts.
         "Real" | "Float64" | "Float32" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
         "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
             typed.parsed("value", "a whole number of 64 bits")?.map(Value::Integer)
@@ -226,7 +226,7 @@ mod tests {
         }
     }
 
-    /// What is written is read back to the same values, to the bit; the layout is that of the standard.
+    /// Values read back bit-identical; the layout is that of the standard.
     #[test]
     fn written_and_read_back() {
         let parameter = |name: &str, value, unit: Option<&str>| Parameter {

@@ -1,7 +1,7 @@
-//! The plan: a scenario with nothing left to look up.
+//! The plan: a fully resolved scenario.
 //!
-//! It holds what a master executes ([`run`](crate::run)) and what the results are to show
-//! ([`report`](crate::report)), and is printed as JSON for other programs.
+//! It contains what a master executes ([`run`](crate::run)) and what the results show ([`report`](crate::report)), and
+//! is printed as JSON for other programs.
 
 use crate::report::{Figure, Finding, Metric};
 use crate::run::{Run, Simulation, Trial};
@@ -48,18 +48,18 @@ pub struct Plan {
     pub metrics: Vec<Metric>,
     /// Figures to draw.
     pub figures: Vec<Figure>,
-    /// What the paper says and what was found.
+    /// Claims of the paper, and what the runs show.
     pub findings: Vec<Finding>,
-    /// Where the inputs of each case get their values from, by name.
+    /// Sources of the inputs of each case, by name.
     pub wiring: Vec<Wiring>,
-    /// What is allowed but probably not meant, each as `file:line:column: message`.
+    /// Warnings about what is allowed but probably unintended, each as `file:line:column: message`.
     pub warnings: Vec<String>,
-    /// What only a trial run can tell: whether parameters that the scenario sets have an effect.
+    /// Trial runs that show whether parameters set by the scenario have an effect.
     #[serde(skip)]
     pub trials: Vec<Trial>,
 }
 
-/// The JSON Schema of a plan as it is printed.
+/// Returns the JSON Schema of a plan as it is printed.
 #[must_use]
 pub fn schema() -> schemars::Schema {
     SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<Plan>()
@@ -85,12 +85,12 @@ pub struct Signal {
     pub variable: String,
 }
 
-/// An input and where its value comes from.
+/// An input and its source.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Connected {
     /// The input.
     pub input: Signal,
-    /// What writes it.
+    /// Source of its value.
     pub source: Origin,
     /// Type conversion in the connection, if any.
     pub type_change: Option<TypeChange>,
@@ -106,7 +106,7 @@ pub enum TypeChange {
     RealToBoolean,
 }
 
-/// Where the value of an input comes from.
+/// Source of the value of an input.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
@@ -114,7 +114,7 @@ pub enum Origin {
     Output(Signal),
     /// A column of the input file.
     File(String),
-    /// A value that stays, in the unit of the input.
+    /// A constant value, in the unit of the input.
     Constant {
         /// The value.
         value: Value,
@@ -184,7 +184,7 @@ pub struct Column {
     pub description: String,
     /// All units the values can be shown in.
     pub units: Vec<Conversion>,
-    /// Whether the values are those of the input file (in some case), not of the component.
+    /// True if the values come from the input file (in some case), not from the component.
     pub from_file: bool,
 }
 

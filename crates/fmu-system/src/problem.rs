@@ -33,7 +33,7 @@ impl Problem {
         format!("{}:{line}:{column}: {}", self.source_code.name(), self.message)
     }
 
-    /// [`Self::line`], and what helps.
+    /// [`Self::line`], and the help.
     #[must_use]
     pub fn explained(&self) -> String {
         self.help.as_ref().map_or_else(|| self.line(), |help| format!("{}; {help}", self.line()))
@@ -54,26 +54,26 @@ pub struct Problems {
 #[derive(Debug)]
 pub struct Collector {
     source_code: Arc<NamedSource<String>>,
-    /// Included files: their places begin there.
+    /// Included files, each with the offset at which its places begin.
     included: Vec<(usize, Arc<NamedSource<String>>)>,
     problems: Vec<Noted>,
     warnings: Vec<Noted>,
-    /// The case that is looked at.
+    /// The case being checked.
     context: Option<Context>,
-    /// Number of contexts; a mistake met in all of them does not depend on them.
+    /// Number of contexts; a mistake found in all of them does not depend on them.
     contexts: usize,
 }
 
-/// The part of a file that a mistake was met in: a case.
+/// The part of a file in which a mistake was found: a case.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Context {
-    /// What messages call it.
+    /// Name in messages.
     pub(crate) label: String,
-    /// Whether it changes what was written elsewhere, so that it is named even if there is no other context.
+    /// True if it changes what is written elsewhere. It is then named even if there is no other context.
     pub(crate) is_special: bool,
 }
 
-/// A problem and where it was met.
+/// A problem and the contexts in which it was found.
 #[derive(Debug)]
 struct Noted {
     problem: Problem,
@@ -81,7 +81,7 @@ struct Noted {
 }
 
 impl Noted {
-    /// The problem; its message names the contexts if it depends on them.
+    /// Returns the problem; its message names the contexts if it depends on them.
     fn named(mut self, contexts: usize) -> Problem {
         let is_special = self.contexts.iter().any(|context| context.is_special);
         if is_special || (1..contexts).contains(&self.contexts.len()) {
@@ -93,7 +93,7 @@ impl Noted {
 }
 
 impl Collector {
-    /// No mistakes yet in this text; `file` names it in messages, `language` is that of the text ("toml").
+    /// Creates an empty collector for a text; `file` is its name in messages, `language` its language ("toml").
     #[must_use]
     pub fn new(file: &Path, text: &str, language: &str) -> Self {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
@@ -107,7 +107,7 @@ impl Collector {
         }
     }
 
-    /// Adds the text of an included TOML file. Its places begin at the result.
+    /// Adds the text of an included TOML file. Returns the offset at which its places begin.
     pub(crate) fn add_source(&mut self, file: &Path, text: &str) -> usize {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language("toml");
         let (from, last) = self.included.last().map_or((0, &self.source_code), |(from, last)| (*from, last));
@@ -117,7 +117,7 @@ impl Collector {
         from
     }
 
-    /// The file that a place is in, and where it begins.
+    /// Returns the file of a place and the offset at which it begins.
     fn source(&self, place: usize) -> (usize, &Arc<NamedSource<String>>) {
         let of_included = self.included.iter().rev().find(|(from, _)| *from <= place);
         of_included.map_or((0, &self.source_code), |(from, source)| (*from, source))
@@ -129,7 +129,7 @@ impl Collector {
         source.inner().get(place - from..)
     }
 
-    /// Sets how many contexts there are.
+    /// Sets the number of contexts.
     pub(crate) fn expect_contexts(&mut self, contexts: usize) {
         self.contexts = contexts;
     }
@@ -139,7 +139,7 @@ impl Collector {
         self.context = context;
     }
 
-    /// Notes a mistake. The same one at the same place, met again in another case, counts once.
+    /// Adds a mistake. The same mistake at the same place in several cases counts once.
     pub fn add(&mut self, span: Range<usize>, message: impl Into<String>) {
         self.add_with_help(span, message, None);
     }
@@ -149,13 +149,13 @@ impl Collector {
         self.add_at(&[span], message, help);
     }
 
-    /// As [`Self::add_with_help`] for a mistake with several places. The first one is where messages in one line put it.
+    /// As [`Self::add_with_help`] for a mistake with several places. Messages in one line use the first one.
     pub(crate) fn add_at(&mut self, spans: &[Range<usize>], message: impl Into<String>, help: Option<String>) {
         let problem = self.problem(spans, message.into(), help);
         note(&mut self.problems, problem, self.context.as_ref());
     }
 
-    /// Notes something that is allowed but probably not meant.
+    /// Adds a warning about something that is allowed but probably unintended.
     pub(crate) fn warn(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
         let problem = self.problem(&[span], message.into(), help);
         note(&mut self.warnings, problem, self.context.as_ref());
@@ -179,13 +179,13 @@ impl Collector {
         self.source_code.name()
     }
 
-    /// Notes why the file does not have its layout. For an unknown key or word, the nearest known one is the hint.
+    /// Adds an error in the layout of the file. For an unknown key or word, the hint is the nearest known one.
     pub fn add_layout(&mut self, error: &toml::de::Error) {
         let source = Arc::clone(&self.source_code);
         self.add_layout_of(error, source.inner(), 0);
     }
 
-    /// As [`Self::add_layout`] for the included file at the place `from`; its text begins with blanks up to there.
+    /// As [`Self::add_layout`] for the included file at the place `from`; its text is padded with blanks up to there.
     pub(crate) fn add_layout_of(&mut self, error: &toml::de::Error, text: &str, from: usize) {
         let (message, help) = layout::explain(error, text);
         self.add_with_help(error.span().unwrap_or(from..from), message, help);
@@ -197,7 +197,7 @@ impl Collector {
         line.trim_end_matches(": ").to_string()
     }
 
-    /// Whether nothing was noted.
+    /// Returns true if there are no mistakes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
@@ -211,7 +211,7 @@ impl Collector {
         if self.problems.is_empty() { Ok(()) } else { Err(self.fail()) }
     }
 
-    /// What was noted, as an error.
+    /// Returns the mistakes as an error.
     #[must_use]
     pub fn fail(self) -> Problems {
         let contexts = self.contexts;
@@ -230,7 +230,7 @@ impl Collector {
     }
 }
 
-/// Adds a problem, or the context to the one that was noted before.
+/// Adds a problem, or only its context if the problem is already there.
 fn note(noted: &mut Vec<Noted>, problem: Problem, context: Option<&Context>) {
     let is_same = |n: &&mut Noted| {
         let known = &n.problem;
@@ -269,7 +269,7 @@ mod tests {
         assert_eq!(help("title = `a`"), None);
     }
 
-    /// A mistake is told of the cases it was met in, unless those are all; a special context is always named.
+    /// A mistake names the cases in which it was found, unless these are all cases; a special context is always named.
     #[test]
     fn contexts_are_named() {
         let context = |label: &str, is_special| Some(Context { label: label.to_string(), is_special });

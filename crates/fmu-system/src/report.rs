@@ -1,7 +1,7 @@
-//! What the results are to show: metrics with the numbers of a paper, figures, and findings.
+//! Report on the results: metrics with the numbers of a paper, figures and findings.
 //!
-//! Nothing is computed here. The plan holds references, and whoever has the results fills them in. What executes runs
-//! knows nothing of this module.
+//! Nothing is computed here. The plan contains references, which the reader of the results resolves. The execution of runs does not depend
+//! on this module.
 
 use crate::metrics::{Definition, Expression};
 use schemars::JsonSchema;
@@ -15,7 +15,7 @@ pub struct Metric {
     pub name: String,
     /// Title.
     pub title: String,
-    /// How it is computed.
+    /// Computation.
     #[serde(flatten)]
     pub source: Source,
     /// Unit of measure of the number.
@@ -24,17 +24,17 @@ pub struct Metric {
     pub digits: Option<u8>,
     /// The paper's numbers, in the same unit.
     pub paper: Option<Paper>,
-    /// What the number must be.
+    /// Required limits of the number.
     pub requirement: Option<Requirement>,
 }
 
-/// How a metric is computed.
+/// Computation of a metric.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Source {
     /// From signals; the columns are indices into those of the plan.
     Signals(Definition),
-    /// From other metrics of the same run, which stand before it in the plan.
+    /// From other metrics of the same run, which precede it in the plan.
     Metrics {
         /// The formula, with the names of the metrics.
         value: Expression,
@@ -43,31 +43,31 @@ pub enum Source {
     },
 }
 
-/// Limits that the numbers of the runs keep, of all seeds and points.
+/// Limits on the numbers of the runs of all seeds and points.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Requirement {
-    /// Least number, in the unit of the metric.
+    /// Minimum, in the unit of the metric.
     pub min: Option<f64>,
-    /// Greatest number.
+    /// Maximum.
     pub max: Option<f64>,
-    /// Names of the cases that keep it.
+    /// Names of the cases that must keep it.
     pub cases: Vec<String>,
-    /// Share of their runs that have to keep it, above 0 and up to 1.
+    /// Share of their runs that must keep it, above 0 and up to 1.
     pub share: f64,
-    /// What demands it, such as a standard.
+    /// Source of the requirement, such as a standard.
     pub source: Option<String>,
 }
 
 /// Numbers printed in a paper.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Paper {
-    /// Where they stand.
+    /// Table or place in the paper.
     pub table: Option<String>,
     /// Value by case, or by `case@point`.
     pub values: BTreeMap<String, f64>,
     /// Change in percent by `case/case` or `case@point/case@point`, where the paper gives no values.
     pub changes: BTreeMap<String, f64>,
-    /// Keys of the values that something was fitted to, the others being predictions; `None`: not said.
+    /// Keys of the values used for calibration, the others being predictions; `None`: unknown.
     pub calibrated: Option<Vec<String>>,
 }
 
@@ -78,7 +78,7 @@ pub struct Figure {
     pub name: String,
     /// Title.
     pub title: String,
-    /// What it shows.
+    /// Kind of figure.
     pub kind: FigureKind,
     /// Names of the cases shown.
     pub cases: Vec<String>,
@@ -90,14 +90,14 @@ pub struct Figure {
     pub against: Option<usize>,
     /// Index of the column drawn over a second vertical axis in every panel of a time plot.
     pub right: Option<usize>,
-    /// What is on the abscissa: index of a column for [`FigureKind::Xy`], of the input for [`FigureKind::Transfer`], of a
-    /// metric for [`FigureKind::Scatter`].
+    /// Abscissa: index of a column for [`FigureKind::Xy`], of the input for [`FigureKind::Transfer`], of a metric for
+    /// [`FigureKind::Scatter`].
     pub over: Option<usize>,
     /// Indices into the metrics of the plan, for the kinds that show metrics.
     pub metrics: Vec<usize>,
-    /// All panels have the same scale, of the abscissa and of the ordinate.
+    /// True if all panels have the same scale, of the abscissa and of the ordinate.
     pub same_scale: bool,
-    /// A unit of length is as long on the abscissa as on the ordinate, in [`FigureKind::Xy`].
+    /// True if a unit of length is as long on the abscissa as on the ordinate, in [`FigureKind::Xy`].
     pub equal_axes: bool,
     /// Frequencies shown, Hz; `None`: all.
     pub band: Option<[f64; 2]>,
@@ -111,11 +111,11 @@ pub struct Figure {
     pub factor: f64,
     /// Offset to that unit.
     pub offset: f64,
-    /// What one sees.
+    /// Caption.
     pub caption: Option<Text>,
 }
 
-/// What a figure shows.
+/// Kind of figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FigureKind {
@@ -157,7 +157,7 @@ impl FigureKind {
         }
     }
 
-    /// Whether it shows signals, not metrics.
+    /// Returns true if it shows signals, not metrics.
     #[must_use]
     pub fn is_of_signals(self) -> bool {
         matches!(self, Self::Time | Self::Spectrum | Self::Xy | Self::Transfer)
@@ -168,33 +168,33 @@ impl FigureKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Level {
-    /// Where, in the unit of the figure.
+    /// Value, in the unit of the figure.
     pub value: f64,
-    /// What it is.
+    /// Label.
     pub title: String,
 }
 
-/// A claim, what decides on it, and an explanation.
+/// A claim, the checks that decide on it, and an explanation.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Finding {
-    /// What is claimed.
+    /// Claim.
     pub claim: Text,
-    /// What the runs show and why.
+    /// Explanation of what the runs show.
     pub explanation: Text,
-    /// The claim is not a paper's.
+    /// True if the claim is not from a paper.
     pub own: bool,
-    /// What must hold; at least one.
+    /// Checks that must all pass; at least one.
     pub checks: Vec<Check>,
 }
 
 /// A comparison that decides on a claim.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Check {
-    /// What is looked at.
+    /// Cell that is checked.
     pub cell: Cell,
-    /// What it is compared with.
+    /// Cell to compare with.
     pub against: Option<Cell>,
-    /// What is expected.
+    /// Expected result.
     pub expect: Expect,
     /// Level for [`Expect::Above`] and [`Expect::Below`], in the unit of the metric.
     pub level: Option<f64>,
@@ -211,7 +211,7 @@ pub struct Cell {
     pub point: Option<String>,
 }
 
-/// What a check expects of its cell.
+/// Expectation of a check for its cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Expect {
@@ -246,18 +246,18 @@ pub enum Part {
     Words(String),
     /// A number of the results.
     Number {
-        /// What number, and how it is written.
+        /// Number to show, and its format.
         format: Format,
         /// Index into the metrics of the plan.
         metric: usize,
         /// The cells it is of; several give a range, none where the format needs none.
         cells: Vec<Cell>,
-        /// What each cell is compared with; empty where the format needs nothing.
+        /// Cells to compare with, one for each cell; empty if the format needs none.
         against: Vec<Cell>,
     },
 }
 
-/// What number of a cell a text shows, and how.
+/// Number of a cell that a text shows, and its format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
@@ -273,7 +273,7 @@ pub enum Format {
     Change,
     /// The size of the change in percent.
     By,
-    /// How many times what it is compared with.
+    /// The ratio to the cell to compare with.
     Ratio,
     /// The difference with its unit.
     Difference,
@@ -285,7 +285,7 @@ pub enum Format {
     PaperBy,
     /// The threshold of the metric.
     Threshold,
-    /// The begin of the metric's window.
+    /// The start of the metric's window.
     From,
     /// The end of the metric's window.
     To,
@@ -294,12 +294,12 @@ pub enum Format {
 }
 
 impl Format {
-    /// The number belongs to the metric, whatever the cell.
+    /// Returns true if the number belongs to the metric, whatever the cell.
     pub(crate) fn is_of_metric(self) -> bool {
         matches!(self, Self::Threshold | Self::From | Self::To | Self::Band)
     }
 
-    /// The number compares two cells.
+    /// Returns true if the number compares two cells.
     pub(crate) fn compares(self) -> bool {
         matches!(self, Self::Change | Self::By | Self::Ratio | Self::Difference | Self::PaperChange | Self::PaperBy)
     }

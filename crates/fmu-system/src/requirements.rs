@@ -1,4 +1,4 @@
-//! Requirements: whether the numbers of the runs keep the limits of the metrics, in numbers, words and JUnit XML.
+//! Requirements: verdicts on the numbers of the runs by the limits of the metrics, as numbers, text and JUnit XML.
 //!
 //! This is the only implementation of the rules: `cargo fmu run` and the Python package call [`evaluate`].
 
@@ -10,12 +10,12 @@ use fmu_import::terminal::escaped;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-/// Whether a requirement is met.
+/// Status of a requirement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// Enough runs keep the limits.
     Passed,
-    /// Too few do.
+    /// Too few runs keep the limits.
     Failed,
     /// A run failed, was ended by an FMU or was cut short.
     Open,
@@ -43,14 +43,14 @@ impl Status {
     }
 }
 
-/// What came of the runs of a case at a point.
+/// Result of the runs of a case at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// Whether the requirement is met.
+    /// Status of the requirement.
     pub status: Status,
     /// The number that comes closest to a limit or exceeds it most; `None`: no run has one.
     pub worst: Option<f64>,
-    /// Runs that took place and have no number.
+    /// Number of executed runs without a number.
     pub missing: usize,
 }
 
@@ -59,8 +59,8 @@ pub struct Outcome {
 pub enum Rows {
     /// All of them.
     All,
-    /// The runs end before the last ones. What the metric, of this kind, exceeds already is failed, everything else is open.
-    /// `None`: it is computed from other metrics.
+    /// The runs end before the last of them. A requirement fails if a metric of this kind already exceeds its limit, else it is open.
+    /// `None` for a metric that is computed from other metrics.
     Cut(Option<Kind>),
 }
 
@@ -72,24 +72,24 @@ fn margin([min, max]: [Option<f64>; 2], value: f64) -> f64 {
     (value - min.unwrap_or(f64::NEG_INFINITY)).min(max.unwrap_or(f64::INFINITY) - value)
 }
 
-/// Whether a number keeps limits, least and greatest. One that is missing or not finite keeps none.
+/// Returns true if a number is within limits, minimum and maximum. A missing or non-finite number is not.
 #[must_use]
 pub fn holds(limits: [Option<f64>; 2], value: Option<f64>) -> bool {
     value.is_some_and(|value| margin(limits, value) >= 0.0)
 }
 
-/// Whether enough of some runs keep the limits, `share` of which have to.
+/// Returns true if enough runs keep the limits, at least `share` of them.
 #[must_use]
 pub fn is_enough(kept: usize, of: usize, share: f64) -> bool {
     kept as f64 >= share * of as f64
 }
 
-/// Compares the numbers of runs that took place with the limits; `None` is a run without a number. `runs` are planned.
+/// Compares the numbers of the executed runs with the limits; `None` is a run without a number. `runs` is the planned number.
 #[must_use]
 pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
     let known = || numbers.iter().copied().flatten();
     let kept = numbers.iter().filter(|value| holds(limits, **value)).count();
-    // More rows do not bring these numbers back.
+    // More rows cannot bring these numbers back within the limits.
     let stays_outside = |kind: Option<Kind>| {
         let [least, greatest] = limits;
         let decides = match kind {
@@ -110,26 +110,26 @@ pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], r
     Outcome { status, worst, missing: numbers.len() - known().count() }
 }
 
-/// A requirement of a case at a point, and what came of it.
+/// A requirement of a case at a point, and its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict<'a> {
     /// The metric.
     pub metric: &'a Metric,
-    /// What it must be.
+    /// The requirement.
     pub requirement: &'a Requirement,
     /// Name of the case.
     pub case: &'a str,
     /// Name of the point; `None` without a sweep.
     pub point: Option<&'a str>,
-    /// What came of it.
+    /// Outcome.
     pub outcome: Outcome,
 }
 
-/// The metrics that requirements are about, and those that they are made of, rising.
+/// Returns the metrics that have requirements, and those from which they are computed, in ascending order.
 fn needed(plan: &Plan) -> BTreeSet<usize> {
     let mut all: BTreeSet<usize> =
         (0..plan.metrics.len()).filter(|index| plan.metrics[*index].requirement.is_some()).collect();
-    // A metric is made of those above it.
+    // A metric is computed from metrics above it.
     for index in (0..plan.metrics.len()).rev() {
         if let (true, Source::Metrics { uses, .. }) = (all.contains(&index), &plan.metrics[index].source) {
             all.extend(uses);
@@ -160,7 +160,7 @@ impl Signals {
     }
 }
 
-/// Why a requirement cannot be evaluated.
+/// Error while evaluating a requirement.
 #[derive(Debug, thiserror::Error)]
 pub enum RequirementError {
     /// A metric has no number, whatever the signals.
@@ -168,7 +168,7 @@ pub enum RequirementError {
     Metric {
         /// Its name.
         metric: String,
-        /// Why.
+        /// Cause.
         source: MetricError,
     },
     /// The signals of a run cannot be read.
@@ -250,7 +250,7 @@ fn of_run(
     Ok(numbers)
 }
 
-/// Whether runs that end at the stop of the plan end before the rows that a metric is computed from.
+/// Returns true if a metric needs rows after the stop of the plan.
 fn is_cut_off(plan: &Plan, index: usize) -> bool {
     match &plan.metrics[index].source {
         Source::Metrics { uses, .. } => uses.iter().any(|index| is_cut_off(plan, *index)),
@@ -259,7 +259,7 @@ fn is_cut_off(plan: &Plan, index: usize) -> bool {
 }
 
 impl Verdict<'_> {
-    /// What the requirement is about and what was found.
+    /// Describes the requirement and the result.
     #[must_use]
     pub fn text(&self, plan: &Plan) -> String {
         let Self { metric, requirement, outcome, .. } = self;
@@ -345,11 +345,11 @@ fn attribute(text: &str) -> String {
 
 /// Numbers and units as text, as `chassis_fmu.tables` writes them.
 mod words {
-    /// Numbers below this are written with a power of ten, and from the other one on.
+    /// Numbers below `SMALL` and from `LARGE` on are written with a power of ten.
     const SMALL: f64 = 1e-4;
     const LARGE: f64 = 1e9;
 
-    /// With so many decimals, or four significant digits.
+    /// Formats a number with these decimals, or with four significant digits.
     pub(super) fn number(value: f64, digits: Option<u8>) -> String {
         let size = value.abs();
         if size >= LARGE || (digits.is_none() && size > 0.0 && size < SMALL) {
@@ -362,7 +362,7 @@ mod words {
         minus(&format!("{value:.decimals$}"))
     }
 
-    /// With up to so many significant digits, and a power of ten where that is shorter: C's format `g`.
+    /// Formats a number with up to `digits` significant digits, and with a power of ten where that is shorter: C's format `g`.
     pub(super) fn significant(value: f64, digits: usize) -> String {
         if !value.is_finite() {
             return minus(&value.to_string().to_lowercase());
@@ -383,7 +383,7 @@ mod words {
         format!("{}×10{}", minus(&trimmed(mantissa)), raised(&power.to_string()))
     }
 
-    /// The hyphen as a minus sign; a negative zero loses it.
+    /// Replaces the hyphen with a minus sign and drops it for a negative zero.
     fn minus(text: &str) -> String {
         match text.strip_prefix('-') {
             Some(size) if size.chars().all(|c| matches!(c, '0' | '.')) => size.to_owned(),
@@ -399,7 +399,7 @@ mod words {
         text.chars().map(of).collect()
     }
 
-    /// rad/s2 as rad/s², N.m as N·m, deg as °, 1 as nothing.
+    /// Formats a unit: rad/s2 as rad/s², N.m as N·m, deg as °, 1 as an empty text.
     pub(super) fn unit(name: &str) -> String {
         if name == "1" {
             return String::new();
@@ -444,7 +444,7 @@ mod tests {
         assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(2.0), missing: 0 });
         let outcome = evaluate([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, Rows::All);
         assert_eq!(outcome, Outcome { status: Status::Passed, worst: Some(1.0), missing: 0 });
-        // A number that is not finite keeps no limit, on neither side.
+        // A number that is not finite keeps no limit.
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for limits in [AT_MOST, [Some(-1.0), None]] {
                 assert!(!holds(limits, Some(value)));
@@ -467,7 +467,7 @@ mod tests {
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(0.0)], 2, Rows::All).status, Status::Open);
         assert_eq!(evaluate(AT_MOST, 1.0, &[], 1, Rows::All).status, Status::Open);
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 1, Rows::Cut(None)).status, Status::Open);
-        // One failure is enough, whatever the others would say.
+        // One failure is enough, whatever the other runs give.
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 2, Rows::All).status, Status::Failed);
     }
 

@@ -35,21 +35,21 @@ use serde_spanned::Spanned;
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
-/// What a call of the resolver changes about a scenario.
+/// Options of the resolver, which override the scenario.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// Stop here instead, s.
+    /// Stop time, s.
     pub stop: Option<f64>,
-    /// Use this order instead.
+    /// Order of the components.
     pub order: Option<run::Order>,
-    /// Use the first so many seeds only.
+    /// Number of seeds to use, from the first.
     pub seeds: Option<usize>,
     /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these
     /// signals instead of the components; components that nothing needs any more are dropped.
     pub inputs: Option<PathBuf>,
     /// Value of a signal of that file after its last sample.
     pub after_end: AfterEnd,
-    /// Use another FMU for a component, in all cases.
+    /// Other FMUs for components, in all cases.
     pub fmus: Vec<OtherFmu>,
 }
 
@@ -60,11 +60,11 @@ pub struct OtherFmu {
     pub component: String,
     /// Name of the FMU.
     pub fmu: String,
-    /// Whether the component's own parameters apply to it, where it has the same.
+    /// True if the component's own parameters apply to it, as far as it has them.
     pub keep_parameters: bool,
 }
 
-/// Why a scenario has no plan.
+/// Error while resolving a scenario.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum ResolveError {
     /// A file cannot be read.
@@ -72,7 +72,7 @@ pub enum ResolveError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         cause: std::io::Error,
     },
     /// A file has mistakes.
@@ -88,7 +88,7 @@ pub enum ResolveError {
     Stop {
         /// The stop, s.
         stop: f64,
-        /// What does not fit.
+        /// Reason.
         message: String,
     },
     /// Another option does not fit the scenario.
@@ -117,7 +117,7 @@ pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
     }
 }
 
-/// Names another FMU for a component in all cases, as if each said so.
+/// Sets another FMU for a component in all cases.
 fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError> {
     let OtherFmu { component, fmu, keep_parameters } = other;
     let Some(own) = scenario.components.iter().find(|own| own.name.get_ref() == component) else {
@@ -130,7 +130,7 @@ fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError
     Ok(())
 }
 
-/// The absolute path of a file that a String of a scenario names, if there is one: a relative path starts at the folder of the
+/// Returns the absolute path of a file that a String of a scenario names, if the file exists. Relative paths start at the folder of the
 /// scenario. Any other String, such as the name of a file within the FMU, stays as it is.
 #[must_use]
 pub fn file_of(scenario: &Path, text: &str) -> Option<String> {

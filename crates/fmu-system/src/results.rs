@@ -21,11 +21,11 @@ pub fn file_name(run: &Run) -> String {
     format!("{}.csv", run.id.replace(['@', '#'], "_"))
 }
 
-/// Writes `time` and the columns that the run has, with all their names given, numbers in the shortest form that reads back
-/// as the same double. The file appears complete or not at all.
+/// Writes `time` and the columns that the run has; `names` are those of all columns. Numbers have the shortest form that reads back as the
+/// same double. The file appears complete or not at all.
 ///
 /// # Errors
-/// The folder cannot be made or the file cannot be written; the path is in the text.
+/// The folder cannot be made or the file cannot be written; the message contains the path.
 pub fn write_csv(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
     let part = Part::of(path);
     part.write(names, recording)?;
@@ -34,7 +34,7 @@ pub fn write_csv(path: &Path, names: &[String], recording: &Recording) -> io::Re
 
 /// A file that is hidden until it is complete and on the disk.
 ///
-/// One process can write it and another publish it. A file of which only one is done never has its name.
+/// One process can write it and another publish it. Without both steps the file never has its name.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Part {
     path: PathBuf,
@@ -58,7 +58,7 @@ impl Part {
         self.or_remove(write_hidden(&self.hidden, names, recording))
     }
 
-    /// Waits until what was written is on the disk, and gives the file its name.
+    /// Syncs the file to the disk and gives it its name.
     ///
     /// # Errors
     /// The disk has lost data, or the name cannot be given. Nothing is left of the part then.
@@ -67,9 +67,9 @@ impl Part {
         self.or_remove(stored.and_then(|()| std::fs::rename(&self.hidden, &self.path)))
     }
 
-    /// Removes what a process has left of it that did not come to its end.
+    /// Removes what an unfinished process has left of it.
     pub(crate) fn remove(&self) {
-        // What is left is hidden and small.
+        // A remaining file is hidden and small.
         let _ = std::fs::remove_file(&self.hidden);
     }
 
@@ -82,7 +82,7 @@ impl Part {
     }
 }
 
-/// Removes what writers of a file have left that did not come to their end.
+/// Removes what unfinished writers of a file have left.
 pub fn remove_parts(path: &Path) {
     let start = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
     let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok());
@@ -90,19 +90,19 @@ pub fn remove_parts(path: &Path) {
         let name = entry.file_name();
         let number = name.to_str().and_then(|name| name.strip_prefix(&start)?.strip_suffix(".part"));
         if number.is_some_and(|number| number.parse::<u32>().is_ok()) {
-            // What is left is hidden and small.
+            // A remaining file is hidden and small.
             let _ = std::fs::remove_file(entry.path());
         }
     }
 }
 
-/// Columns of a file, in the order in which they were asked for; `None` for one that the run does not have.
+/// Columns of a file, in the requested order; `None` for one that the run does not have.
 pub type Columns = Vec<Option<Vec<f64>>>;
 
 /// Reads columns of a file that [`write_csv`] has written: the times, and the columns by name.
 ///
 /// # Errors
-/// The file cannot be read or is none of these; the path is in the text.
+/// The file cannot be read or is not such a file; the message contains the path.
 pub fn read_csv(path: &Path, names: &[&str]) -> io::Result<(Vec<f64>, Columns)> {
     let wrong = |error: &dyn std::fmt::Display| {
         io::Error::new(io::ErrorKind::InvalidData, format!("{}: {error}", path.display()))
@@ -137,7 +137,7 @@ fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Res
 /// Writes the content of a file of [`write_csv`].
 ///
 /// # Errors
-/// Those of the file.
+/// The file cannot be written.
 pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -> io::Result<()> {
     let (names, columns): (Vec<&str>, Vec<&[f64]>) = names
         .iter()
@@ -148,7 +148,7 @@ pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -
     let mut text = Vec::with_capacity(CHUNK + (columns.len() + 1) * (number::MAX_LENGTH + 1));
     text.extend_from_slice(b"time");
     for name in names {
-        // Names of FMI variables may hold anything.
+        // Names of FMI variables may contain any character.
         if name.contains([',', '"', '\n', '\r']) {
             write!(text, ",\"{}\"", name.replace('"', "\"\""))?;
         } else {
@@ -199,7 +199,7 @@ mod tests {
     fn a_part_is_hidden_until_it_is_published() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
-        // More than is written at once.
+        // More than one chunk.
         let time: Vec<f64> = (0..30_000).map(|k| f64::from(k) * 0.001).collect();
         let recording = Recording { time, columns: Vec::new(), messages: Vec::new(), seconds: 0.0 };
         let part = Part::of(&path);
@@ -210,7 +210,7 @@ mod tests {
         let back: Vec<f64> = text.lines().skip(1).map(|line| line.parse().unwrap()).collect();
         assert_eq!(back, recording.time);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        // What was not written cannot be published.
+        // A part that was not written cannot be published.
         let error = Part::of(&path).publish().unwrap_err().to_string();
         assert!(error.contains("a.csv: "), "{error}");
     }

@@ -1,7 +1,7 @@
 //! Runs: what a master executes.
 //!
-//! Signals travel on a *bus* of doubles per run: every wired or recorded output has a slot, so has every signal fed from a
-//! file; integers and booleans are doubles there.
+//! Signals travel on a *bus* of doubles per run: every connected or recorded output and every signal from a file has a slot. Integers and
+//! Booleans are doubles there.
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, FmiVersion, Value, Variable};
@@ -22,26 +22,26 @@ pub struct Simulation {
     pub steps: u64,
     /// Order of the components.
     pub order: Order,
-    /// Every how many steps a row is recorded, from 1.
+    /// Number of steps between two recorded rows, from 1.
     pub every: u64,
 }
 
 impl Simulation {
-    /// Size of the step from a time, s: the communication step, or what is left of it before the stop time. An FMU that was told
-    /// the stop time may refuse to go beyond it, and the sum of the two may do so by rounding.
+    /// Size of the step from a time, s: the communication step, or the rest before the stop time. An FMU may reject a step beyond its stop
+    /// time, and the sum of the two may exceed it by rounding.
     #[must_use]
     pub fn step_size(&self, time: f64) -> f64 {
         if time + self.step > self.stop { self.stop - time } else { self.step }
     }
 }
 
-/// How the components of a system follow each other within a step.
+/// Execution order of the components of a system within a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// One after the other; a component sees the new outputs of those before it (Gauss-Seidel).
     Sequential,
-    /// All at once from the outputs of the step before.
+    /// All at once, with the outputs of the previous step.
     Jacobi,
 }
 
@@ -159,7 +159,7 @@ pub struct InputSeries {
 }
 
 impl InputSeries {
-    /// Value at a time. `row` is the last sample that is not after the time before, 0 in the beginning.
+    /// Returns the value at a time. `row` is the last sample that is not after the previous time, 0 at first.
     pub(crate) fn at(&self, time: f64, row: &mut usize) -> Option<f64> {
         while self.times.get(*row + 1).is_some_and(|next| *next <= time) {
             *row += 1;
@@ -183,12 +183,12 @@ fn from_sequence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f64]
     Ok(Vec::deserialize(deserializer)?.into())
 }
 
-/// Parameters that a scenario sets for a component without inputs, none of whose cases reads all outputs.
+/// Parameters that a scenario sets for a component without inputs, if no case reads all its outputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// Name of the component.
     pub(crate) component: String,
-    /// The component as the runs have it, each variant once.
+    /// Variants of the component in the runs, each once.
     pub(crate) variants: Vec<Variant>,
     /// Parameters that are set.
     pub(crate) suspects: Vec<Suspect>,

@@ -15,7 +15,7 @@ use std::path::Path;
 /// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be read or
 /// does not have the layout of a scenario.
 ///
-/// The included files become sources of `problems`, and their places are behind those of the files before.
+/// The included files become sources of `problems`, and their places follow those of the files before.
 pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Option<Scenario> {
     let own = written(text, 0, problems)?;
     let mut files = Vec::new();
@@ -26,7 +26,7 @@ pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Opti
     assembled(own, files, problems)
 }
 
-/// The part of the text from a place on, which are the places of its mistakes.
+/// Parses the text of a file, whose places begin at `from`.
 fn written(text: &str, from: usize, problems: &mut Collector) -> Option<Written> {
     match toml::from_str(text) {
         Ok(written) => Some(written),
@@ -37,7 +37,7 @@ fn written(text: &str, from: usize, problems: &mut Collector) -> Option<Written>
     }
 }
 
-/// What an included file says.
+/// Reads an included file.
 fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> Option<Written> {
     let file = folder.join(path.get_ref());
     let text = match limits::read_text(&file, limits::TEXT_FILE) {
@@ -48,7 +48,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
         }
     };
     let from = problems.add_source(&file, &text);
-    // Blanks in front move its places to where they are among those of all files.
+    // Leading blanks shift its places to their position among those of all files.
     let moved = format!("{}{text}", " ".repeat(from));
     let part = written(&moved, from, problems)?;
     let texts = [("title", &part.title), ("description", &part.description), ("reference", &part.reference)];
@@ -64,8 +64,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
     Some(part)
 }
 
-/// Puts the included files and the scenario's own together: lists one behind the other, single tables by the last file that has
-/// one.
+/// Merges the included files and the scenario's own: lists are concatenated, single tables are taken from the last file that has one.
 fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Option<Scenario> {
     let (title, description, reference) = (own.title.clone(), own.description.clone(), own.reference.clone());
     let parameter_set = own.parameter_set.clone();
@@ -93,7 +92,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
             match all.components.iter_mut().find(|component| component.name == name) {
                 Some(component) => {
                     for (parameter, value) in values {
-                        // The place of the name is where the value stands.
+                        // Reinserted, because the place of the name must be that of the value.
                         component.parameters.remove(&parameter);
                         component.parameters.insert(parameter, value);
                     }

@@ -2,7 +2,7 @@
 //!
 //! Components are stepped with a fixed communication step, either one after the other (Gauss-Seidel) or
 //! all from the outputs of the step before (Jacobi); see [`Order`]. The sequence of calls is part of
-//! the plan's meaning: another master that makes the same calls gets the same bits.
+//! the plan's meaning: another master that makes the same calls gets bit-identical results.
 //!
 //! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same places:
 //! `fmi3EnterInitializationMode` has the times of `fmi2SetupExperiment`, and Event Mode and early return are not used.
@@ -14,8 +14,8 @@
 //!    the outputs of all.
 //! 4. Step k goes from start + k*step: input series, linear ones in the middle of the step, the others at its start; sequential:
 //!    component by component set inputs, `fmi2DoStep`, read outputs; Jacobi: set the inputs of all, step all, read all. The step
-//!    size is constant, except where start + k*step + step exceeds the stop time in double arithmetic: that step has what is
-//!    left of it.
+//!    size is constant, except where start + k*step + step exceeds the stop time in double arithmetic: that step covers the
+//!    rest.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
 //!
 //! An input that the caller overwrites ([`Session::overwrite`]) gets its value right after the inputs of its component are set
@@ -45,7 +45,7 @@ pub struct RunError {
     /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s; `None`
     /// before the first step.
     pub time: Option<f64>,
-    /// Component, function, status and what the component logged.
+    /// Component, function, status and messages logged by the component.
     pub cause: Box<FmusError>,
     /// The rows before it, if a [`master`](crate::master) recorded some.
     pub recorded: Option<Box<Recording>>,
@@ -85,7 +85,7 @@ impl From<RunError> for Failure {
     }
 }
 
-/// A step is done if the FMU says that it has reached a time this near to its end, in steps: FMUs add up times with rounding.
+/// Tolerance, in steps, of the time that an FMU reports at the end of a step: FMUs add up times with rounding.
 const STEP_SLACK: f64 = 1e-6;
 
 /// Variables of one base type, set or read by one call.
@@ -222,7 +222,7 @@ impl Member {
         }
     }
 
-    /// Meaning of a step that is not done.
+    /// Interprets a step that is not done.
     #[cold]
     fn ended(&mut self, error: CallError, end: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
@@ -257,7 +257,7 @@ impl Member {
     }
 }
 
-/// Sets Integers of which one does not fit into 32 bits, as outputs of 64 bits may have. The error is that of the call.
+/// Sets Integers of which one does not fit into 32 bits, as is possible for outputs of 64 bits. The error is that of the call.
 #[cold]
 fn set_exactly(instance: &mut Instance, integers: &Group<i32>, bus: &[f64]) -> Result<(), CallError> {
     let values: Vec<f64> = integers.slots.iter().map(|slot| bus[*slot]).collect();
@@ -276,7 +276,7 @@ struct Feeder {
 
 impl Feeder {
     /// Puts the values of the step that begins at a time onto the bus, or with `is_step` false those of the time itself. Times must
-    /// rise from call to call.
+    /// increase from call to call.
     fn feed(&mut self, time: f64, is_step: bool, bus: &mut [f64]) {
         for (feed, row) in &mut self.series {
             let at = match feed.interpolation {
@@ -345,7 +345,7 @@ impl Session {
         Self::initialized(simulation, run, fmus)?.checked()
     }
 
-    /// The session, if no signal at the start is not finite.
+    /// Returns the session if all signals at the start are finite.
     fn checked(self) -> Result<Self, RunError> {
         self.check_bus(self.simulation.start)?;
         Ok(self)
@@ -382,11 +382,11 @@ impl Session {
     /// Time, s.
     #[must_use]
     pub fn time(&self) -> f64 {
-        // Product, then sum: no error piles up, and every master gets the same bits.
+        // Product, then sum: no error accumulates, and the times of all masters are bit-identical.
         self.simulation.start + self.step as f64 * self.simulation.step
     }
 
-    /// Whether all steps are done.
+    /// Returns true if all steps are done.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.step >= self.simulation.steps
@@ -405,8 +405,7 @@ impl Session {
         self.bus.get(slot).copied()
     }
 
-    /// Lets the caller give the values of an input. Its connection, series or constant counts until the first
-    /// [`Self::set`].
+    /// Lets the caller set the values of an input. Its connection, series or constant applies until the first [`Self::set`].
     ///
     /// # Errors
     /// The run has no such component, or the variable is not a scalar Real, Integer or Boolean input.
@@ -480,9 +479,9 @@ impl Session {
         ended.map_or(Ok(()), |(_, error)| Err(self.failed(Some(self.time()), error)))
     }
 
-    /// An error if a signal at a time is not finite.
+    /// Returns an error if a signal is not finite.
     fn check_bus(&self, time: f64) -> Result<(), RunError> {
-        // Without a way out of the loop, so that it is one of vectors.
+        // No early exit, so that the loop is vectorized.
         let is_finite = self.bus.iter().fold(true, |all, value| all & value.is_finite());
         if is_finite { Ok(()) } else { Err(self.not_finite(time)) }
     }
@@ -522,7 +521,7 @@ impl Session {
         })
     }
 
-    /// Goes back, or forward, to a state. An input that the caller overwrites since then counts as before.
+    /// Restores a state, earlier or later. An input that the caller has overwritten since then gets its previous source again.
     ///
     /// # Errors
     /// The state is of another session, or an FMU returns an error.
@@ -555,7 +554,7 @@ impl Session {
         freed.map_err(|error| self.failed(Some(self.time()), error))
     }
 
-    /// Ends the run. Returns what the components logged although all went well, with the name of the component: warnings.
+    /// Ends the run. Returns the warnings that components logged during a successful run, with the name of the component.
     ///
     /// # Errors
     /// A call returns more than `fmi2Warning`.
@@ -613,7 +612,7 @@ impl Session {
         Ok(())
     }
 
-    /// Makes a step of all components. If one ends the simulation: at which end of the step, and the call.
+    /// Makes a step of all components. If one ends the simulation, returns the end of the step at which it does, and the call.
     fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let Self { simulation, members, bus, overwritten, .. } = self;
         let step = simulation.step_size(time);

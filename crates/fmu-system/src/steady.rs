@@ -1,8 +1,8 @@
 //! Components that start in a steady state: `start = "steady"`.
 //!
-//! The inputs are those that a run begins with: constants, series, and the outputs of the other components as they are after
-//! initialization, with these in their declared start states. Only what a plant passes on at once changes with its own start, so
-//! that it is looked at again until the inputs stay the same.
+//! The inputs are those at the start of a run: constants, series, and the outputs of the other components after initialization in their
+//! declared start states. Only the direct feedthrough of a plant changes with its own start, so the search is repeated until the inputs
+//! stay the same.
 
 use crate::fmus::{FmusError, Instances};
 use crate::run::{Component, Run, Setting, Simulation};
@@ -10,10 +10,10 @@ use crate::session::{RunError, Session};
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value};
 use fmu_import::trim::{self, Request};
 
-/// Times that the inputs are looked at.
+/// Maximum number of searches until the inputs stay the same.
 const ROUNDS: usize = 20;
 
-/// Why a component cannot start in a steady state, as far as its description tells.
+/// Checks that a component can start in a steady state, as far as its description shows.
 ///
 /// # Errors
 /// It has no states with directional derivatives for co-simulation.
@@ -28,16 +28,16 @@ pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
 }
 
 impl Run {
-    /// Whether a component starts in a steady state that has not been found yet.
+    /// Returns true if a component starts in a steady state that has not been found yet.
     #[must_use]
     pub fn needs_steady_starts(&self) -> bool {
         self.components.iter().any(|component| component.steady.as_ref().is_some_and(Vec::is_empty))
     }
 
-    /// Finds the steady states that components start in. A master that finds them not yet found does it before a run.
+    /// Finds the steady states in which components start. A master finds those that are missing before a run.
     ///
     /// # Errors
-    /// A run cannot be initialized, a state cannot rest, or the inputs of a component change with its start again and again.
+    /// A run cannot be initialized, there is no steady state, or the inputs of a component keep changing with its start.
     pub fn find_steady_starts(&mut self, simulation: &Simulation, fmus: &dyn Instances) -> Result<(), RunError> {
         let id = self.id.clone();
         let failed = |component: &str, message: String| {
@@ -51,7 +51,7 @@ impl Run {
             .map_err(|error| RunError::new(&id, None, error))?;
         let mut before: Option<Vec<u64>> = None;
         for _ in 0..ROUNDS {
-            // No instance lives on: some FMUs allow one only.
+            // No instance is kept: some FMUs allow only one.
             let bus = Session::initialized(simulation, self, fmus)?.bus().to_vec();
             let read = self.components.iter().filter(|component| component.steady.is_some());
             let read = read.flat_map(|component| &component.inputs).map(|wire| bus[wire.slot].to_bits());
@@ -75,7 +75,7 @@ impl Run {
         Err(failed(component.map_or("", |component| &component.name), message))
     }
 
-    /// Forgets the steady states: after a change they are to be found again.
+    /// Clears the steady states, which must be found again after a change.
     pub(crate) fn forget_steady_starts(&mut self) {
         for component in &mut self.components {
             if let Some(found) = &mut component.steady {

@@ -1,8 +1,8 @@
-//! Trial runs: whether a parameter that a scenario sets changes anything that is read.
+//! Trial runs: they show whether a parameter of a scenario changes anything that is read.
 //!
-//! The model structure of FMI tells on which parameters an initial value depends, not what a later one does, and it holds
-//! for all values of all parameters: the steering angle of a driver depends on his speed in a slalom, but not in a step
-//! steer. A component without inputs does the same with and without the rest of the system, so that a run of it alone tells.
+//! The model structure of FMI lists the parameters on which an initial value depends, but not those of a later one, and it holds for all
+//! values of all parameters: the steering angle of a driver depends on the speed in a slalom, but not in a step steer. A component without
+//! inputs behaves the same with and without the rest of the system, so a run of it alone is enough.
 
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
@@ -10,12 +10,12 @@ use crate::parameter;
 use crate::run::{Component, Order, Run, Simulation, Suspect, Trial, Variant, Wire};
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 
-/// Variants of a component that are tried at most; more are those of a long sweep.
+/// Maximum number of variants of a component that are tried; only a long sweep has more.
 const MAX_VARIANTS: usize = 10;
-/// Numbers that a trial run records at most; a longer one is not tried.
+/// Maximum number of values that a trial run records; a longer one is not tried.
 const MAX_RECORDED: u64 = 20_000_000;
 
-/// The warnings of all trials of a plan. Their FMUs are loaded into this process, which one of them may take down.
+/// Returns the warnings of all trials of a plan. Their FMUs are loaded into this process, which a crash of one would end.
 #[must_use]
 pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -28,8 +28,8 @@ pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
 }
 
 impl Trial {
-    /// Runs the component alone with other values of each parameter, and returns a warning for every one that changes
-    /// outputs, but none that is read. A run that fails tells nothing.
+    /// Runs the component alone with other values of each parameter, and returns a warning for every one that changes outputs, but none
+    /// that is read. A failed run gives no warning.
     fn warnings(&self, simulation: &Simulation, fmus: &Fmus) -> Vec<String> {
         let outcomes = |suspect: &Suspect| -> Option<Vec<String>> {
             let mut changed = Vec::new();
@@ -120,7 +120,7 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
     master::execute(&simulation, &run, fmus).ok()
 }
 
-/// Values a parameter may have instead of the one it has, each within its limits.
+/// Other values of a parameter, each within its limits.
 fn other_values(variable: &Variable, value: &Value) -> Vec<Value> {
     let candidates = match value {
         Value::Real(v) => [v * 1.25, v * 0.75, v + 1.0].map(Value::Real).to_vec(),

@@ -1,7 +1,7 @@
 //! Runs and trial runs in processes of their own: see [`fmu_import::worker`].
 //!
-//! `protocol` is what is asked and answered, [`serve`] the side of the worker, `pool` that of the process that starts
-//! workers and replaces those that have ended.
+//! `protocol` defines requests and responses, [`serve`] is the worker's side, and `pool` that of the process that starts workers and
+//! replaces those that have ended.
 
 mod pool;
 mod protocol;
@@ -19,11 +19,11 @@ use std::time::Duration;
 /// The job of workers that [`serve`].
 pub const JOB: &str = "system";
 
-/// How long all trials of a scenario may take. Those of ours take a fraction of a second.
+/// Time limit of all trials of a scenario. Ours take a fraction of a second.
 const TRIALS: Duration = Duration::from_secs(20);
 
-/// The warnings that the trial runs of a scenario give, made in a worker. Trials that fail or take too long give none: nothing
-/// depends on them.
+/// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give none, which does no
+/// harm.
 #[must_use]
 pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     if trials.is_empty() {
@@ -40,7 +40,7 @@ pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) ->
 /// Finds the steady states that components of runs start in, in a worker, so that another master can set them.
 ///
 /// # Errors
-/// The worker cannot be started, an FMU ends it, a run cannot be initialized, or a state cannot rest.
+/// The worker cannot be started, an FMU ends it, a run cannot be initialized, or there is no steady state.
 pub fn find_steady_starts(settings: &Settings, simulation: &Simulation, runs: &mut [Run]) -> Result<(), String> {
     let mut open = runs.iter_mut().filter(|run| run.needs_steady_starts()).peekable();
     if open.peek().is_none() {

@@ -173,7 +173,7 @@ fn units_come_from_a_line_or_from_brackets() {
         ]
     );
     assert_eq!(units("t;v\ns;[km/h]\n0;1\n"), [named("t", Some("s")), named("v", Some("km/h"))]);
-    // Text before text is no line of units.
+    // Text above text is not a line of units.
     assert_eq!(units("t;v\ns;m\nx;y\n"), [named("t", None), named("v", None)]);
 }
 
@@ -210,7 +210,7 @@ fn units_are_converted_if_their_dimensions_agree() {
     ] {
         assert_eq!(Target::named(to).from(from).unwrap_err().0, expected);
     }
-    // Names of other languages and tools get the one that is meant, not one of similar letters.
+    // For names of other languages and tools, the intended unit is suggested, not one of similar letters.
     for (from, to, meant) in [("Grad", "rad", "deg"), ("1/MIN", "rad/s", "rpm"), ("m/s/s", "m/s2", "m/s2")] {
         let help = Target::named(to).from(from).unwrap_err().1;
         assert!(help.starts_with(&format!("did you mean `{meant}`? ")), "{help}");
@@ -232,7 +232,7 @@ fn times_are_shifted_and_triggered() {
     assert_close(&times(&options(Offset::Add(-0.1), None)), &[-0.1, 0.0, 0.1, 0.2], "offset");
     let first = TimeColumn { offset: Offset::First, ..TimeColumn::default() };
     assert_eq!(parse("t,a\n5,1\n6,1\n").times(&first).unwrap().times(), [0.0, 1.0]);
-    // By hand: a passes 15 in the middle between 0.2 s and 0.3 s, b falls never.
+    // By hand: a passes 15 in the middle between 0.2 s and 0.3 s, b never falls.
     let trigger = |column: &str, level, falls| Some(Trigger { column: column.into(), level, falls });
     assert_close(&times(&options(Offset::Add(1.0), trigger("a", 15.0, false))), &[0.75, 0.85, 0.95, 1.05], "trigger");
     let error = table.times(&options(Offset::Add(0.0), trigger("b", 2.0, true))).unwrap_err().to_string();

@@ -336,7 +336,7 @@ fn a_folder_that_holds_something_is_kept() {
     std::fs::remove_file(out.join("thesis.txt")).unwrap();
     std::fs::remove_file(out.join(OSP_STRUCTURE)).unwrap();
     std::fs::remove_file(out.join("my_ring.ssp")).unwrap();
-    // Only FMUs: a folder of packed models is no earlier system.
+    // Only FMUs: a folder of packed models is not an earlier export.
     rejected(true, "not empty");
     assert!(out.join("Position.fmu").exists());
 }
@@ -366,7 +366,7 @@ fn what_cannot_be_written_is_said() {
     assert!(error.to_string().contains("My Meter.fmu: the name"), "{error}");
 }
 
-/// An FMU that is a description only, which is all that writing reads.
+/// An FMU with only a description, which is all that the export reads.
 fn described(folder: &TempDir, name: &str, units: &str, types: &str, variables: &str) {
     let text = format!(
         "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{name}\" guid=\"{name}\"><CoSimulation modelIdentifier=\"{name}\"/>\

@@ -17,7 +17,7 @@ const SCENARIO: &str = include_str!("data/scenario.toml");
 fn fmus() -> BTreeMap<String, Arc<ModelDescription>> {
     let parse = |text| Arc::new(ModelDescription::parse(text).unwrap());
     let steering = include_str!("data/Steering.xml");
-    // The other steering differs in what shows: a second output and no `strategy`.
+    // The other steering differs visibly: a second output and no `strategy`.
     let other = steering
         .replace("Steering\"", "OtherSteering\"")
         .replace("\"{steering}\"", "\"{other}\"")
@@ -133,10 +133,10 @@ fn a_variable_without_a_unit_passes_signals_of_every_unit() {
         };
         connections.into_iter().for_each(written);
     }
-    // Without it, the speed is no angle.
+    // Without it, the speed is not an angle.
     let error = through_the_follower(&[["driver:driver.speed", "vehicle:steer.front"]], "", "").unwrap_err();
     assert!(error.contains("is in m/s, but its target `vehicle:steer.front` is in rad"), "{error}");
-    // Nobody knows in which unit a value of its parameters would be.
+    // The unit of its parameters is unknown.
     let error = through_the_follower(&steer, "", "{ value = 1.0, unit = \"deg\" }").unwrap_err();
     assert!(error.contains("`bias` has no unit of measure"), "{error}");
 }
@@ -214,10 +214,10 @@ fn another_fmu_starts_from_its_own_defaults() {
     assert_eq!((component.guid.as_str(), component.model_identifier.as_str()), ("{other}", "OtherSteering"));
     assert_eq!(parameters, [""; 0], "none of the component's own");
     assert_eq!(warnings, [""; 0]);
-    // What the case itself says applies.
+    // The parameters of the case itself apply.
     let (_, parameters, _) = settings("fmu.steering = \"OtherSteering\"\nparameters.steering = { mode = 2 }");
     assert_eq!(parameters, ["mode=2"]);
-    // Kept is what is the same; the rest is told.
+    // Parameters in common are kept; the others give a warning.
     let (_, parameters, warnings) = settings("fmu.steering = { fmu = \"OtherSteering\", keep_parameters = true }");
     assert_eq!(parameters, ["sample_time=0.01"]);
     assert_eq!(
@@ -308,7 +308,7 @@ fn mistakes_name_their_case() {
     assert!(error.contains("`steering:steer.frnt`, in case `passive` and case `other` (fmu"), "{error}");
 }
 
-/// A mode by its name, wherever a value may stand.
+/// A named value, wherever a value is allowed.
 #[test]
 fn values_by_name() {
     let text = with_case("parameters.vehicle = { \"tire.mode\" = \"linear\" }")
@@ -356,7 +356,7 @@ fn values_by_name() {
     }
 }
 
-/// More than a full turn in rad is told; not if degrees were named, or if the FMU's own value is as large.
+/// More than a full turn in rad gives a warning, unless degrees are written or the FMU's own value is as large.
 #[test]
 fn angles_that_look_like_degrees_warn() {
     let driver = include_str!("data/Driver.xml").replace(" min=\"-1\" max=\"1\"", "");
@@ -427,7 +427,7 @@ fn what_is_too_large_is_rejected_at_once() {
     assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 1000000"), "{error}");
 }
 
-/// What nothing reads is told, and a parameter for it as far as the model structure says so.
+/// Warns about outputs that nothing reads, and about their parameters as far as the model structure shows it.
 #[test]
 fn what_nothing_reads_warns() {
     let structure =
@@ -460,7 +460,7 @@ fn what_nothing_reads_warns() {
     );
     let unread: Vec<_> = found.wiring[0].unread.iter().map(|s| s.variable.as_str()).collect();
     assert_eq!(unread, ["driver.steer"]);
-    // A superset of the dependencies, or none at all: nothing is certain, a trial run may tell.
+    // A superset of the dependencies, or none at all: nothing is certain, a trial run may decide.
     for initial in ["<Unknown index=\"5\"/><Unknown index=\"6\"/>", ""] {
         let found = plan(initial, &text);
         assert_eq!(found.warnings, [""; 0]);
@@ -469,7 +469,7 @@ fn what_nothing_reads_warns() {
     // Read in one of the cases: the parameter is set for that.
     let found = plan(separate, SCENARIO);
     assert_eq!((found.warnings, found.trials.len()), (Vec::new(), 0));
-    // A component for nothing.
+    // A component that nothing reads.
     let text = SCENARIO.replacen(
         "[[component]]\nname = \"vehicle\"",
         "[[component]]\nname = \"spare\"\nfmu = \"OtherSteering\"\n[[component]]\nname = \"vehicle\"",
@@ -506,7 +506,7 @@ fn options_change_the_plan() {
     assert!(error.contains("are 0.5 steps of 0.001 s, which must be a whole number above 0"), "{error}");
 }
 
-/// How a metric of signals is computed.
+/// Returns the definition of a metric of signals.
 fn definition(metric: &Metric) -> &Definition {
     match &metric.source {
         Source::Signals(definition) => definition,
@@ -514,7 +514,7 @@ fn definition(metric: &Metric) -> &Definition {
     }
 }
 
-/// [`SCENARIO`] with a metric and a figure behind it.
+/// [`SCENARIO`] followed by a metric and a figure.
 fn plan_with(metric: &str, figure: &str) -> Result<Plan, ResolveError> {
     let metric = if metric.is_empty() {
         String::new()
@@ -859,7 +859,7 @@ fn a_wrong_constant_is_the_only_mistake() {
     assert!(error.contains("expected at least 0") && !error.contains("nothing writes"), "{error}");
 }
 
-/// One change to the scenario, where the mistake is marked, and what is said.
+/// A change to the scenario, the marked place, and the message.
 #[test]
 fn mistakes_are_reported_with_their_place() {
     let cases: &[(&str, &str, &str)] = &[
@@ -1150,7 +1150,7 @@ fn missing_fmus_are_one_mistake() {
     let (line, help, _) = mistake(SCENARIO, &["Driver", "Vehicle"]);
     assert_eq!(line, "scenarios/step.toml:16:7: there is no Steering.fmu in memory");
     assert_eq!(help, pack);
-    // A slip is corrected, whether or not the right one is packed; what comes from elsewhere is not to be built.
+    // A typo is corrected, whether or not the right FMU is packed; FMUs from elsewhere cannot be built.
     let slip = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Vehicl\"");
     assert_eq!(mistake(&slip, &["Driver", "Steering"]).1, "did you mean `Vehicle`?");
     assert_eq!(mistake(&slip, &["Driver"]).1, format!("`Vehicl`: did you mean `Vehicle`?\n{pack}"));
@@ -1219,7 +1219,7 @@ fn a_stop_that_is_too_late_is_marked() {
     assert_eq!(marked("9e4"), ["9e4", "2"], "stop and every");
 }
 
-/// Input time series stand in for outputs; what nothing needs any more is dropped.
+/// Input time series replace outputs; components that nothing needs any more are dropped.
 #[test]
 fn inputs_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -1239,7 +1239,7 @@ fn inputs_from_a_file() {
     assert_eq!(run.components[0].inputs[0].slot, run.series[1].slot);
     assert_eq!(run.components[0].inputs[1].slot, run.series[0].slot);
 
-    // What the file replaces is named, at each input that read it.
+    // The output that the file replaces is named, at each input that read it.
     let at = |warnings: &[String], column: &str| {
         let found = warnings.iter().find(|warning| warning.contains(&format!("in.csv: `{column}` replaces")));
         found.map(|warning| warning.split_once("in.csv: ").unwrap().1.to_owned())
@@ -1251,7 +1251,7 @@ fn inputs_from_a_file() {
     let unit = "in.csv: columns without a unit are taken in that of the variable: ";
     assert!(plan.warnings.iter().any(|warning| warning.contains(unit)), "{:?}", plan.warnings);
 
-    // One input of one component only: the other readers keep the driver. It stands above a constant.
+    // One input of one component only: the other readers keep the driver. It takes precedence over a constant.
     let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n2,10,0.3\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
     assert_eq!(run.components.len(), 3);
@@ -1324,7 +1324,7 @@ fn scenario_with_sets() -> String {
         .replacen("baseline = \"passive\"", "baseline = \"passive\"\nparameter_set = \"case.ssv\"", 1)
 }
 
-/// From the bottom up: scenario's set, component's set, component's parameters, case's set, case's and point's parameters.
+/// In ascending precedence: scenario's set, component's set, component's parameters, case's set, case's and point's parameters.
 #[test]
 fn parameter_sets_are_layers_of_their_own() {
     let amplitude = "driver:steer.amplitude";
@@ -1387,7 +1387,7 @@ fn plan_of_files(files: &[(&str, String)]) -> Result<Plan, ResolveError> {
     resolve_text(&folder.path().join(files[0].0), &files[0].1, &fmus(), &Options::default())
 }
 
-/// [`SCENARIO`] in two files: what stands before the metrics, and the rest.
+/// [`SCENARIO`] in two files: the part before the metrics, and the rest.
 fn two_files(own: &str) -> [(&'static str, String); 2] {
     let (head, rest) = SCENARIO.split_at(SCENARIO.find("[[metric]]").unwrap());
     let system = &head[head.find("[simulation]").unwrap()..];
@@ -1402,7 +1402,7 @@ fn an_included_file_is_part_of_the_scenario() {
     let whole = plan();
     assert_eq!((&found.runs, &found.metrics, &found.figures), (&whole.runs, &whole.metrics, &whole.figures));
     assert_eq!(found.findings, whole.findings);
-    // Parameters stand on top of those of the components.
+    // Parameters override those of the components.
     let found =
         plan_of_files(&two_files("parameters.driver = { maneuver = 2 }\n")).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let maneuver = |plan: &Plan| {

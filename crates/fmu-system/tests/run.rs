@@ -82,7 +82,7 @@ fn oscillator(gain: f64, order: Order) -> Vec<(f64, f64)> {
     rows
 }
 
-/// Equality to the bit: the operations and their order are the same.
+/// Bit-identical: the operations and their order are the same.
 #[test]
 fn a_closed_loop_follows_the_order_of_the_components() {
     let folder = ring();
@@ -220,7 +220,7 @@ fn parameters_can_be_changed_between_runs() {
     assert_eq!(recording.columns, run(&plan, &fmus, "stiff").columns);
 }
 
-/// The cases that the scenario itself has are the reference: what they set, a sample sets.
+/// Reference: the cases of the scenario. A sample sets the same values.
 #[test]
 fn samples_are_what_the_scenario_would_say() {
     let folder = ring();
@@ -252,7 +252,7 @@ fn samples_are_what_the_scenario_would_say() {
     // The change reaches the run of the baseline, too.
     let row = execute(vec![change("velocity", "gain", -1.0)], "stiff");
     assert_eq!(row.numbers, [Some(free), Some(0.0), Some(free / 2.0)]);
-    // An input that keeps its value: x = 1 + 2 y over a second. What the case leaves out is not missed.
+    // An input that keeps its value: x = 1 + 2 y over a second. A component that the case omits is ignored.
     let row = execute(vec![change("position", "y", 4.0), change("velocity", "gain", 3.0)], "alone");
     assert_eq!(row.numbers, [None, None, None]);
     let changed = batch.changed(index("alone"), &[change("position", "y", 4.0)]).unwrap();

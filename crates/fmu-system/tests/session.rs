@@ -107,7 +107,7 @@ fn an_overwritten_input_replaces_its_connection_in_both_orders() {
             x += 0.01 * (1.0 * 0.5);
             assert_eq!(row, x);
         }
-        // In the state from before, the connection counts.
+        // In the state from before, the connection applies.
         session.restore(&wired).unwrap();
         let recording = master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
         assert_eq!(rest(&mut session), recording.column(0).unwrap()[1..]);

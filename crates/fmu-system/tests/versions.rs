@@ -95,7 +95,7 @@ fn a_system_of_both_versions_follows_the_closed_form() {
             }
         }
     }
-    // To the bit: the calls and their order are the same.
+    // Bit-identical: the calls and their order are the same.
     assert_eq!(integrals[0], integrals[1]);
 }
 
@@ -149,7 +149,7 @@ fn an_array_as_a_whole_is_a_mistake() {
         assert_eq!(found.problems[0].help().map(|found| found.to_string()).as_deref(), Some(help));
     }
 }
-/// SSP 1.0 and libcosim are of the time before FMI 3.0.
+/// SSP 1.0 and libcosim predate FMI 3.0.
 #[test]
 fn fmi_3_is_exported_as_ssp_2() {
     let folder = folder();
@@ -186,7 +186,7 @@ fn fmi_3_is_exported_as_ssp_2() {
         assert!(values.contains(&format!("version=\"{version}\"")), "{values}");
         assert!(values.contains(value), "{values}");
     }
-    // An element of an array is none of the variables that other masters know.
+    // Other masters do not support elements of arrays.
     let text = scenario(FmiVersion::V3).replace("flag = true", "flag = true, \"v[2]\" = 5.0");
     let text = text.replace(", mode = \"second\"", "");
     let plan = plan(&folder, &text).unwrap();
@@ -194,7 +194,7 @@ fn fmi_3_is_exported_as_ssp_2() {
     assert!(error.contains("`decay:v[2]` is an element of an array, which no other master connects"), "{error}");
 }
 
-/// A component has to be steppable.
+/// A component must support co-simulation.
 #[test]
 fn a_component_for_model_exchange_only_is_a_mistake() {
     let folder = folder();

@@ -149,7 +149,7 @@ pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: boo
 
 /// Motion over ground.
 struct Ground {
-    /// Distance travelled, m.
+    /// Distance traveled, m.
     way: Vec<f64>,
     /// Speed, m/s.
     speed: Vec<f64>,
@@ -187,7 +187,7 @@ impl Ground {
         Self { way, speed: speed.to_vec() }
     }
 
-    /// Both mean speeds until a row, or those in it, if they differ by more than [`DISAGREEMENT`].
+    /// Returns both speeds in a row if they, or the distances up to it, differ by more than [`DISAGREEMENT`].
     fn disagrees(&self, speed: &Self, row: usize) -> Option<[f64; 2]> {
         let differ = |a: f64, b: f64| (a - b).abs() > DISAGREEMENT * b.abs();
         let is_off = differ(self.speed[row], speed.speed[row]) || differ(self.way[row], speed.way[row]);

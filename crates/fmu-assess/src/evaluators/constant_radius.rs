@@ -8,7 +8,7 @@ use crate::options::{Fallback, Form, OptionRule, Options};
 
 /// Cutoff frequency of all filtered signals, Hz.
 const CUTOFF: f64 = 2.0;
-/// Lateral acceleration from which the gradients count, and up to which for both classes, m/s2.
+/// Lateral acceleration from which the gradients are computed, and up to which for both classes, m/s2.
 const FROM: f64 = 1.0;
 const TO_CAR: f64 = 3.0;
 const TO_TRUCK: f64 = 1.8;

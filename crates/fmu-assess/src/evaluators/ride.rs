@@ -13,7 +13,8 @@ const VIBRATIONS: [(&str, &str, Weighting, f64); 3] = [
     ("pitch", "body.pitch_acceleration", Weighting::Angular, 0.4),
 ];
 
-/// Words of ISO 2631-1 for the total, with the value below which they hold, m/s2. Its ranges overlap; these are their lower ends.
+/// Comfort classes of ISO 2631-1 for the total vibration, each with the value below which it applies, m/s2. The ranges of the standard
+/// overlap; these values are their lower ends.
 const COMFORT: [(f64, &str); 5] = [
     (0.315, "not uncomfortable"),
     (0.5, "a little uncomfortable"),
@@ -22,7 +23,7 @@ const COMFORT: [(f64, &str); 5] = [
     (2.0, "very uncomfortable"),
 ];
 
-/// Words of ISO 2631-1 for a total vibration, m/s2.
+/// Comfort class of ISO 2631-1 for a total vibration, m/s2.
 pub(crate) fn comfort(total: f64) -> &'static str {
     COMFORT.iter().find(|(limit, _)| total < *limit).map_or("extremely uncomfortable", |(_, words)| words)
 }
@@ -128,7 +129,7 @@ fn each(
 mod tests {
     use super::*;
 
-    /// Reference: the ranges of ISO 2631-1, C.2.3, of which the lower ends count.
+    /// Reference: the lower ends of the ranges of ISO 2631-1, C.2.3.
     #[test]
     fn totals_have_the_words_of_the_standard() {
         for (total, words) in [

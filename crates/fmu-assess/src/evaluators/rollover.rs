@@ -5,7 +5,7 @@ use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, smallest};
 use crate::options::Options;
 
-/// A tire that carries no more is off the road, N.
+/// Load up to which a tire is off the road, N.
 const OFF: f64 = 1.0;
 /// Time that a side is off for a two-wheel lift, s.
 const LIFT_TIME: f64 = 0.02;

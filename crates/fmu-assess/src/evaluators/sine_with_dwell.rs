@@ -185,7 +185,7 @@ impl Zeroing {
     fn new(rows: &Rows<'_>, angle: &[f64]) -> Result<Self, Reason> {
         let rate = smoothed(&derivative(angle, rows.rate), rows.count(RATE_SPAN));
         let lasting = rows.count(RATE_TIME).saturating_add(1);
-        // Fast rows on end, counted up to each row.
+        // Number of consecutive fast rows up to each row.
         let mut fast = 0;
         let end = rate.iter().position(|rate| {
             fast = if rate.abs() > RATE { fast + 1 } else { 0 };
@@ -361,7 +361,7 @@ mod tests {
     }
 
     /// Closed form: a constant lateral acceleration a gives a/2 (1.07 s)^2. Steering reaches 5 deg 0.0114 s after the acceleration has
-    /// begun. Tolerance: the low-pass filter takes part of the step away.
+    /// begun. Tolerance: the low-pass filter removes part of the step.
     #[test]
     fn displacements_on_both_sides_of_each_limit() {
         for (limit, mass) in [(1.83, 3500.0), (1.52, 3501.0)] {

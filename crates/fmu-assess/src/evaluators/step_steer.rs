@@ -149,7 +149,7 @@ struct Peak {
 }
 
 impl Response {
-    /// Of a signal that is positive in the direction of the steering angle.
+    /// Evaluates a signal that is positive in the direction of the steering angle.
     fn new(rows: &Rows<'_>, x: &[f64], steer: f64, step: &Result<(f64, usize), Reason>) -> Result<Self, Reason> {
         let steady = steady(rows, x)?;
         let after = step.clone().and_then(|step| {

@@ -1,4 +1,4 @@
-//! Braking: straight ahead and with other friction on one side (UN R13-H), and in a turn (ISO 7975).
+//! Braking: straight ahead and on split friction (UN R13-H), and in a turn (ISO 7975).
 
 use super::{Results, evaluated, number, or_null, reason};
 use crate::bench::Bench;
@@ -45,7 +45,7 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
     results.take(&run, &metrics, &["lateral_peak", "yaw_peak"]);
 }
 
-/// Braking with other friction on one side.
+/// Braking on split friction.
 pub(crate) fn split_course(bench: &Bench<'_>, id: String, speed: f64, slippery_left: bool) -> Course {
     let is_left = |name: &str| name.rsplit('.').next().is_some_and(|place| place.ends_with('l'));
     bench.inputs("road_friction.").iter().fold(course(id, speed), |course, input| {
@@ -69,7 +69,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         spun |= run.has("spun");
         is_finished &= run.stop_reason == "stopped";
         cut = cut.or_else(|| run.cut_short());
-        // Without the number of one side nobody knows which is larger.
+        // If the number of one side is missing, the larger one is unknown.
         for (worst, name) in worst.iter_mut().zip(NAMES) {
             let value = number(&metrics, name);
             let missing = || format!("{}: {}", run.course.id, reason(&metrics, name).unwrap_or_default());

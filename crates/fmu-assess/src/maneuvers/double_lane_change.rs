@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 /// Begin of the cones, m.
 const START: f64 = 50.0;
-/// Steps of the speed, and how near the bisection comes, km/h.
+/// Step of the speed, and tolerance of the bisection, km/h.
 const STEP: f64 = 5.0;
 const NEAR: f64 = 0.5;
 

@@ -7,10 +7,10 @@ use crate::wiring::Driving;
 use serde_json::json;
 
 const START: f64 = 50.0;
-/// Sine of lateral acceleration: frequency, Hz, and what it moves the vehicle to the side, m.
+/// Sine of lateral acceleration: frequency, Hz, and the resulting lateral offset, m.
 const FREQUENCY: f64 = 0.4;
 const OFFSET: f64 = 1.4637;
-/// Way behind the lane change, m.
+/// Distance after the lane change, m.
 const BEHIND: f64 = 60.0;
 
 /// The run at a speed, m/s.

@@ -11,7 +11,7 @@ use serde_json::json;
 /// Roughness classes, and seeds of each.
 const CLASSES: [(&str, f64); 4] = [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)];
 const SEEDS: [f64; 3] = [1.0, 2.0, 3.0];
-/// Begin of what is evaluated, and end, s.
+/// Start of the evaluation, and end of the run, s.
 pub(crate) const BEGIN: f64 = 2.0;
 const STOP: f64 = 22.0;
 

@@ -1,4 +1,4 @@
-//! Fishhook with roll-rate feedback and J-turn (NHTSA): from which speed on two wheels lift.
+//! Fishhook with roll-rate feedback and J-turn (NHTSA): lowest speed at which two wheels lift.
 
 use super::{Results, SIDES, evaluated, number, or_null, truth};
 use crate::bench::Bench;
@@ -97,7 +97,7 @@ impl Peaks {
         Self { name, largest: None, series: Series { unit: "mph", values: Vec::new(), is_whole: true } }
     }
 
-    /// Adds the runs of a speed, to both sides, which say whether they were cut short.
+    /// Adds the runs of a speed, to both sides, each with true if it was cut short.
     fn add(&mut self, mph: f64, found: &[(Evaluation, bool)], is_driven: bool) {
         let peaks: Vec<Option<f64>> = found.iter().map(|(metrics, _)| number(metrics, self.name)).collect();
         let largest = peaks.iter().flatten().copied().reduce(f64::max);
@@ -133,7 +133,7 @@ pub(crate) fn j_turn_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f6
     ])
 }
 
-/// Says why the last metric, which is of a signal, has no value.
+/// Sets the reason that the last metric, which needs a signal, has no value.
 fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
     if bench.has_output(signal) {
         results.because("no run has it");

@@ -36,7 +36,7 @@ pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
 /// Least A, deg: below, the series would have thousands of amplitudes.
 const LEAST: f64 = 0.1;
 
-/// Reason for no series.
+/// Returns the reason that no series is run, if there is one.
 pub(crate) fn hindrance(bench: &Bench<'_>) -> Option<Hindrance> {
     let small = bench.amplitude.filter(|a| *a <= LEAST)?;
     Some(Hindrance::new(format!("A is {small} deg, the series needs more than {LEAST} deg")))

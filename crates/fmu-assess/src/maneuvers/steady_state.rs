@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 /// Largest lateral acceleration of the slowly increasing steer, m/s2.
 const HIGHEST: f64 = 0.55 * G;
 
-/// What the slowly increasing steer says for the other maneuvers.
+/// Results of the slowly increasing steer for the other maneuvers.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Increasing {
     /// A: steering wheel angle at 0.3 g, deg.
@@ -36,7 +36,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
             .end(EndAt::Finished(1.0))
     });
     let ended = drive(bench, courses.into());
-    // An understeer gradient that needs a wheelbase nobody knows is taken out again.
+    // Remove an understeer gradient that needs an unknown wheelbase.
     let wheelbase = bench.wheelbase();
     let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": wheelbase.as_ref().unwrap_or(&1.0) });
     let mut found: Vec<_> = ended.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
@@ -50,7 +50,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
         results.note(run, metrics);
         results.show(run);
     }
-    // The mean of what both sides give, if both do.
+    // The mean of both sides, if both have a value.
     let mean = |name: &str| {
         let values: Option<Vec<f64>> = found.iter().map(|metrics| number(metrics, name)).collect();
         values.map(|values| values.iter().sum::<f64>() / values.len() as f64)

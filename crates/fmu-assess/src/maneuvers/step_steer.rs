@@ -7,9 +7,9 @@ use crate::evaluators::Evaluation;
 use crate::wiring::Driving;
 use serde_json::json;
 
-/// Most runs for the steering angle that gives the lateral acceleration: in proportion, and by halving what is left between two angles.
+/// Maximum number of runs to find the steering angle for the lateral acceleration: with proportional steps, and in total with bisection.
 const MOST_RUNS: (usize, usize) = (6, 20);
-/// How near the lateral acceleration has to come, relative.
+/// Relative tolerance of the lateral acceleration.
 const NEAR: f64 = 0.01;
 /// Relative distance of two angles below which the bisection ends.
 const NEAREST: f64 = 1e-4;
@@ -25,7 +25,7 @@ pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
         .show("steer", steer)
 }
 
-/// The reason that nothing is steady at the end of a run, if nothing is.
+/// Returns the reason that a run does not end in a steady state, if it does not.
 fn unsteady(run: &Ended) -> Option<String> {
     if let Some(reason) = run.cut_short() {
         return Some(reason);
@@ -44,7 +44,7 @@ fn unsteady(run: &Ended) -> Option<String> {
     })
 }
 
-/// The next steering angle: in proportion, then between the largest that gives too little and the smallest that gives too much.
+/// The next steering angle: in proportion, then between the largest one that is too small and the smallest one that is too large.
 fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]: [Option<f64>; 2]) -> Option<f64> {
     let proportional = steady.filter(|steady| *steady > 1e-6).map(|steady| steer * target / steady);
     let is_between = |angle: &f64| low.is_none_or(|low| *angle > low) && high.is_none_or(|high| *angle < high);
@@ -55,13 +55,13 @@ fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]:
     }
     match (low, high) {
         (Some(low), Some(high)) => (high - low > NEAREST * high).then_some(0.5 * (low + high)),
-        // Nothing settles: half of it may.
+        // No steady value: half of it may have one.
         (None, Some(high)) => Some(0.5 * high),
         _ => None,
     }
 }
 
-/// Finds the steering angle, then tells how the vehicle answers it.
+/// Finds the steering angle, then evaluates the response to it.
 pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let target = if bench.is_car() { 4.0 } else { 2.0 };
     // Without an amplitude of the slowly increasing steer: that of a neutral vehicle.

@@ -77,8 +77,8 @@ mod tests {
 
     const RATE: f64 = 1000.0;
 
-    /// Closed form: the gain of both passes is 1/(1 + (tan(pi f/fs)/tan(pi fc/fs))^12), the phase is 0. Tolerance: what the ends
-    /// leave in the middle of 20 s.
+    /// Closed form: the gain of both passes is 1/(1 + (tan(pi f/fs)/tan(pi fc/fs))^12), the phase is 0. Tolerance: the effect of the ends
+    /// in the middle of 20 s.
     #[test]
     fn sines_have_the_gain_of_the_closed_form() {
         for frequency in [0.5, 2.0, 5.0, 6.0, 7.0, 12.0] {
@@ -93,7 +93,7 @@ mod tests {
         }
     }
 
-    /// A filter without phase does not move a straight line. Tolerance: what the ends leave in the middle.
+    /// A filter without phase does not move a straight line. Tolerance: the effect of the ends in the middle.
     #[test]
     fn straight_lines_stay() {
         let line: Vec<f64> = (0..6_000).map(|k| 3.0 - 0.01 * f64::from(k)).collect();

@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 
 /// Longest gap that is bridged, s.
 const LONGEST_GAP: f64 = 0.5;
-/// What to do about a longer one.
+/// Remedy for a longer gap.
 const NOT_BRIDGED: &str = "a gap of more than 0.5 s is not bridged: cut the file before or after it";
-/// A distance of two rows of so many median ones is a gap.
+/// A distance of two rows of this many median distances is a gap.
 const GAP: f64 = 1.9;
 /// A row may be this share of the step away from its place in an even grid, as in `Rows`.
 const UNEVENNESS: f64 = 0.5;
@@ -78,7 +78,7 @@ impl Trace<'static> {
             })
             .collect();
         if table.found().rows == 0 {
-            // What is missing is the reason of each metric.
+            // The missing rows are the reason of each metric.
             let empty = wanted.iter().map(|(_, signal, _)| ((*signal).to_owned().into(), Vec::new().into()));
             return Ok((Self { times: Vec::new().into(), columns: empty.collect() }, Vec::new()));
         }
@@ -292,8 +292,7 @@ mod tests {
         assert!(read(b"time,vehicle.yaw_rate\n", &Reading::default()).unwrap().0.times().is_empty());
     }
 
-    /// Reference: 180 deg are pi rad, 1 kN is 1000 N.
-    /// A slip in any column is named, of a column that metrics cannot do without also those that share words with it.
+    /// A typo in any column is reported; for a column that metrics need, so are columns that share words with it.
     #[test]
     fn columns_of_similar_names_are_named() {
         let notes = |header: &str| read(format!("{header}\n0,1,2\n1,1,2\n").as_bytes(), &Reading::default()).unwrap().1;
@@ -305,6 +304,7 @@ mod tests {
         assert_eq!(notes("time,vehicle.yaw_rate,a"), [""; 0]);
     }
 
+    /// Reference: 180 deg are pi rad, 1 kN is 1000 N.
     #[test]
     fn columns_are_renamed_and_converted() {
         let text = "Zeit;Gier [°/s];vehicle.yaw_rate;tire_load.fl\nms;;;kN\n0;180,0;7;1,5\n10;90;7;2\n";
@@ -319,7 +319,7 @@ mod tests {
         assert!((rate[0] - std::f64::consts::PI).abs() < 1e-15, "{rate:?}");
         assert_eq!(trace.column("tire_load.fl"), Some(&[1500.0, 2000.0][..]));
         assert_eq!(notes.len(), 2);
-        // The file does not say that its times are in ms, and its column of the yaw rate has another name.
+        // The file does not declare that its times are in ms, and its column of the yaw rate has another name.
         let names = [("time", "Zeit"), ("vehicle.yaw_rate", "gier")];
         let reading = Reading {
             names: names.map(|(signal, column)| (signal.to_owned(), column.to_owned())).into(),
@@ -369,7 +369,7 @@ mod tests {
         let (trace, notes) = read(switch(&mut (0..300).filter(|k| *k != 200)).as_bytes(), &reading).unwrap();
         assert_eq!(notes.len(), 1, "{notes:?}");
         assert_eq!(trace.column("vehicle.yaw_rate").unwrap()[99..101], [0.0, 1.0]);
-        // When it rises is not known where rows are missing.
+        // The time of the rise is unknown where rows are missing.
         let (_, notes) = read(switch(&mut (0..300).filter(|k| !(90..120).contains(k))).as_bytes(), &reading).unwrap();
         assert!(
             notes[1].starts_with("`vehicle.yaw_rate` begins in the gap from 0.89 s to 1.2 s: when is known to 0.31"),

@@ -7,7 +7,7 @@ use fmu_system::problem::Collector;
 use serde_spanned::Spanned;
 use std::ops::RangeInclusive;
 
-/// Largest population: 16 doublings of CMA-ES's stay countable.
+/// Largest population: it stays countable after the doublings of CMA-ES.
 const MAX_POPULATION: i64 = 100_000;
 
 /// A method and its settings.

@@ -99,7 +99,7 @@ impl Columns<'_> {
         });
         let Some(index) = column else {
             let signal = text.split_once(':').map_or(text.as_str(), |(_, signal)| signal);
-            // Of the name as it is, the component is wrong.
+            // The signal exists, but in another component.
             let writer = names().position(|name| name == signal).and_then(|index| self.writer(index));
             let near = match writer {
                 Some(component) => Some(format!("did you mean `{component}:{signal}`?")),

@@ -17,13 +17,13 @@ use std::collections::BTreeSet;
 pub struct Comparison {
     /// Title.
     pub title: String,
-    /// (index of the parameter, value); the others are as the scenario has them.
+    /// (index of the parameter, value); the others keep the scenario's values.
     pub values: Vec<(usize, f64)>,
     /// The runs.
     pub runs: Vec<Run>,
 }
 
-/// Checks names and ranges; gives the symbols that constraints may use: those of the parameters, then the constants.
+/// Checks names and ranges; returns the symbols that constraints may use: those of the parameters, then the constants.
 pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> Vec<&'a str> {
     if file.parameters.is_empty() {
         problems.add(0..0, "a study needs at least one [[parameter]]");
@@ -94,7 +94,7 @@ pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut 
             for bound in [&entry.min, &entry.max] {
                 if let Err(error) = run.clone().set_parameter(fmus, component, name, Value::Real(*bound.get_ref())) {
                     let (help, in_range) = parameter_help(run, fmus, component, name);
-                    // A parameter that exists is wrong at its bound, any other by its name.
+                    // The bound of an existing parameter is wrong, otherwise its name.
                     let span = if in_range { bound.span() } else { entry.name.span() };
                     problems.add_with_help(span, format!("case `{}`: {error}", run.case), help);
                 }
@@ -115,7 +115,7 @@ pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut 
     parameters
 }
 
-/// A near name for a wrong one, and whether the parameter is there.
+/// Suggests a name for a wrong one; also returns true if the parameter exists.
 fn parameter_help(run: &Run, fmus: &Fmus, component: &str, name: &str) -> (Option<String>, bool) {
     let Some(found) = run.components.iter().find(|u| u.name == component) else {
         return (suggestion(component, run.components.iter().map(|u| u.name.as_str())), false);

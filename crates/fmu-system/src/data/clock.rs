@@ -1,11 +1,11 @@
-//! From cells to signals: times, and values at them.
+//! Converts cells to signals: times, and values at these times.
 
 use super::unit::{self, Conversion, Target};
 use super::{DataError, Mistake, REPORTED, Table};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Columns of times, of which the first that exists is used if none is named.
+/// Default names of the column of times; the first that exists is used.
 const TIMES: [&str; 3] = ["time", "Time", "t"];
 
 /// The column of times, and their shift.
@@ -17,9 +17,9 @@ pub struct TimeColumn {
     pub unit: Option<String>,
     /// Position of time 0.
     pub offset: Offset,
-    /// Puts time 0 to an event before the offset is added.
+    /// Event that becomes time 0 before the offset is added.
     pub trigger: Option<Trigger>,
-    /// What rows with equal times mean.
+    /// Treatment of rows with equal times.
     pub duplicates: Duplicates,
 }
 
@@ -38,18 +38,18 @@ impl Default for Offset {
     }
 }
 
-/// The event that time 0 is at.
+/// Event that defines time 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trigger {
     /// A column.
     pub column: String,
-    /// The level that it passes, in the unit of the file.
+    /// The level that it crosses, in the unit of the file.
     pub level: f64,
-    /// Whether it falls below the level instead of rising above it.
+    /// True if it falls below the level, false if it rises above it.
     pub falls: bool,
 }
 
-/// What rows with equal times mean.
+/// Treatment of rows with equal times.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Duplicates {
     /// They are a mistake.
@@ -57,11 +57,11 @@ pub enum Duplicates {
     Error,
     /// The signal jumps: the first row is the left limit, the last one holds from there on.
     Jump,
-    /// The first row counts.
+    /// The first row is used.
     First,
-    /// The last row counts.
+    /// The last row is used.
     Last,
-    /// Their mean counts.
+    /// Their mean is used.
     Mean,
 }
 
@@ -70,7 +70,7 @@ pub enum Duplicates {
 pub struct Clock {
     /// Index of the column.
     pub(crate) column: usize,
-    /// Times, s, not falling; equal ones are a jump.
+    /// Times, s, nondecreasing; equal ones are a jump.
     times: Arc<[f64]>,
     /// The rows of each time; `None` if each has its own, all in order.
     rows: Option<Vec<Range<usize>>>,
@@ -89,9 +89,9 @@ pub struct Channel<'a> {
     pub offset: f64,
     /// 1 or -1.
     pub sign: f64,
-    /// The column shows what was true so much earlier, s.
+    /// Delay of the column, s: its values are those of earlier times.
     pub delay: f64,
-    /// The mean within this interval, s, is subtracted.
+    /// Interval, s, whose mean is subtracted.
     pub zero: Option<[f64; 2]>,
 }
 
@@ -106,7 +106,8 @@ impl<'a> Channel<'a> {
 /// Samples of a signal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
-    /// Times, s, not falling; equal ones are a jump. Signals without missing cells and delay share those of their clock.
+    /// Times, s, nondecreasing; equal ones are a jump. Signals without missing cells and delay share those of their
+    /// clock.
     pub times: Arc<[f64]>,
     /// A value for each time, in the unit of the variable.
     pub values: Arc<[f64]>,
@@ -117,7 +118,7 @@ pub struct Signal {
 }
 
 impl Clock {
-    /// Times, s, not falling.
+    /// Times, s, nondecreasing.
     #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.times
@@ -133,7 +134,8 @@ impl Table {
     /// The times.
     ///
     /// # Errors
-    /// There is no column of times, a time is missing or no number, times fall, or two are equal and must not be.
+    /// There is no column of times, a time is missing or invalid, times decrease, or two are equal where that is an
+    /// error.
     pub fn times(&self, options: &TimeColumn) -> Result<Clock, DataError> {
         let fail = |row: Option<usize>, message: String, help: &str| {
             let mistake = Mistake { line: row.map(|row| self.line(row)), message, help: Some(help.to_owned()) };
@@ -215,7 +217,7 @@ impl Table {
         Ok(clock(index, times, options.duplicates))
     }
 
-    /// When a column first passes a level, interpolated.
+    /// Finds the time at which a column first crosses a level, interpolated.
     fn event(&self, trigger: &Trigger, times: &[f64]) -> Result<f64, DataError> {
         let column = self.numbers(&trigger.column)?;
         let sign = if trigger.falls { -1.0 } else { 1.0 };
@@ -237,10 +239,10 @@ impl Table {
         Err(DataError::new(&self.file, message, Some("choose another level, in the unit of the file".into())))
     }
 
-    /// A signal in the unit `target`.
+    /// Converts a column to a signal in the unit `target`.
     ///
     /// # Errors
-    /// There is no such column, a cell is no number, the unit does not fit, or the interval of `zero` has no sample.
+    /// There is no such column, a cell is not a number, the unit does not fit, or the interval of `zero` has no sample.
     pub fn signal(&self, clock: &Clock, channel: &Channel<'_>, target: &Target) -> Result<Signal, DataError> {
         let name = channel.column;
         let column = self.numbers(name)?;
@@ -298,7 +300,7 @@ impl Table {
     }
 }
 
-/// The clock of times that do not fall.
+/// Makes a clock from nondecreasing times.
 fn clock(column: usize, times: Vec<f64>, duplicates: Duplicates) -> Clock {
     if matches!(duplicates, Duplicates::Error | Duplicates::Jump) || times.windows(2).all(|pair| pair[0] < pair[1]) {
         return Clock { column, times: times.into(), rows: None };

@@ -9,7 +9,7 @@ pub enum Encoding {
     Utf8,
     /// UTF-8 with a byte order mark.
     Utf8Marked,
-    /// UTF-16 with a byte order mark, or in the order of little-endian machines.
+    /// UTF-16 with a byte order mark, or little-endian without one.
     Utf16,
     /// Windows-1252.
     Windows1252,
@@ -21,7 +21,7 @@ const WINDOWS: [char; 32] = [
     '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
 ];
 
-/// The text of a file. Without `encoding`: by the byte order mark, else UTF-8 if that is what it is, else Windows-1252.
+/// Decodes the text of a file. Without `encoding`: by the byte order mark, else UTF-8 if valid, else Windows-1252.
 pub(super) fn decode(bytes: &[u8], encoding: Option<Encoding>) -> Result<(Cow<'_, str>, Encoding), String> {
     let utf8 = |bytes| {
         std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(|error| format!("the file is not UTF-8: {error}"))
@@ -76,7 +76,7 @@ pub(super) struct Rows<'t> {
 }
 
 impl<'t> Rows<'t> {
-    /// The rows from the header on, and the line that it begins with: the first one, or that of a number.
+    /// Returns the rows from the header on, and the line of the header: the first row, or the line with a given number.
     pub(super) fn new(text: &'t str, header: Option<usize>) -> (Self, Option<&'t str>) {
         let mut rows = Self { rest: text, line: 1, delimiter: ',' };
         while header.is_some_and(|header| rows.line < header) && !rows.rest.is_empty() {
@@ -93,7 +93,7 @@ impl<'t> Rows<'t> {
         self.line += 1;
     }
 
-    /// The next line that is not skipped.
+    /// Skips to the next row and returns its line.
     fn skip_to_row(&mut self) -> Option<&'t str> {
         while !self.rest.is_empty() {
             let line = &self.rest[..self.rest.find(['\n', '\r']).unwrap_or(self.rest.len())];
@@ -105,7 +105,7 @@ impl<'t> Rows<'t> {
         None
     }
 
-    /// Reads a row; returns its line, or that of a quotation mark that is not closed.
+    /// Reads a row; returns its line number, or that of an unclosed quotation mark as an error.
     pub(super) fn next(&mut self, cells: &mut Vec<Cow<'t, str>>) -> Option<Result<usize, usize>> {
         cells.clear();
         let line = self.skip_to_row()?;
@@ -182,7 +182,7 @@ pub(super) fn cell(text: &str, decimal: char) -> Cell {
     }
 }
 
-/// Whether a cell is a number with that decimal mark, or a whole one. Words such as `inf` are none.
+/// Returns true if a cell is a number with this decimal mark, or an integer. Words such as `inf` are not numbers.
 pub(super) fn is_number(text: &str, decimal: char) -> bool {
     let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
     let text = text.strip_prefix(['+', '-']).unwrap_or(text);

@@ -28,7 +28,7 @@ const UNITS: [(&str, f64, [i32; 6]); 47] = [
     ("mph", 0.447_04, [0, 1, -1, 0, 0, 0]),
     ("m/s2", 1.0, [0, 1, -2, 0, 0, 0]),
     ("mm/s2", 1e-3, [0, 1, -2, 0, 0, 0]),
-    // The unit, not the gravity of a vehicle: exact.
+    // The unit, not the gravity of a vehicle model: exact.
     ("g", 9.806_65, [0, 1, -2, 0, 0, 0]),
     ("s", 1.0, [0, 0, 1, 0, 0, 0]),
     ("ms", 1e-3, [0, 0, 1, 0, 0, 0]),
@@ -63,7 +63,7 @@ const MORE: [(&str, f64, f64, [i32; 6]); 3] = [
     ("Hz", 1.0, 0.0, [0, 0, -1, 0, 0, 0]),
 ];
 
-/// What units are called elsewhere, and the names that are meant. They are not accepted: some have other meanings, too.
+/// Other spellings of units, and the unit that each one means. They are not accepted, because some also have other meanings.
 const SPELLINGS: [(&str, &str); 12] = [
     ("Grad", "deg"),
     ("degree", "deg"),
@@ -79,7 +79,7 @@ const SPELLINGS: [(&str, &str); 12] = [
     ("1/min", "rpm"),
 ];
 
-/// A unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are other ways to write `deg` and `2`, and `-` is 1.
+/// Finds a unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are accepted for `deg` and `2`, and `-` for 1.
 #[must_use]
 pub fn find(name: &str) -> Option<BaseUnit> {
     let name = name.trim().replace("°C", "degC").replace('°', "deg").replace('²', "2").replace("^2", "2");
@@ -102,13 +102,13 @@ pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
 /// The unit that values are converted to: that of a variable.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Target {
-    /// Its name; `None` takes values in any unit, as they are.
+    /// Its name; `None` accepts values in any unit, unconverted.
     pub name: Option<String>,
     /// The unit in SI; `None` if it is only known by its name.
     pub base: Option<BaseUnit>,
     /// Units to show values in.
     pub display: Vec<DisplayUnit>,
-    /// A difference, to which offsets do not apply.
+    /// True for a difference, to which offsets do not apply.
     pub is_relative: bool,
 }
 
@@ -121,7 +121,7 @@ pub struct Conversion {
     pub offset: f64,
 }
 
-/// Values stay as they are.
+/// No conversion.
 pub const SAME: Conversion = Conversion { factor: 1.0, offset: 0.0 };
 
 impl Target {
@@ -149,7 +149,7 @@ impl Target {
         }
     }
 
-    /// Conversion of values in a unit.
+    /// Returns the conversion from a unit.
     ///
     /// # Errors
     /// The unit is unknown or has another dimension: message and help.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::ops::Range;
 
-/// A deeper nesting than this is a mistake, not a formula.
+/// Maximum nesting depth.
 const DEPTH: usize = 50;
 
 /// An expression. It is written with `+`, `-`, `*`, `/`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
@@ -46,19 +46,19 @@ enum Step {
     Max,
 }
 
-/// What is wrong with an expression, and at which bytes of it.
+/// Error in an expression, with its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExpressionError {
-    /// What is wrong.
+    /// Kind of error.
     pub problem: Problem,
-    /// Where.
+    /// Affected bytes of the text.
     pub place: Range<usize>,
 }
 
-/// What is wrong with an expression.
+/// Kind of error in an expression.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
-    /// A name that is no metric.
+    /// A name that is not a metric.
     #[error("unknown metric `{0}`")]
     Unknown(String),
     /// Something is missing or out of place.
@@ -73,7 +73,7 @@ impl Expression {
     /// Reads an expression; `index` finds the metric of a name.
     ///
     /// # Errors
-    /// The text is no expression, or names a metric that `index` does not find.
+    /// The text is not an expression, or names a metric that `index` does not find.
     pub fn parse(text: &str, index: impl Fn(&str) -> Option<usize>) -> Result<Self, ExpressionError> {
         let mut parser = Parser { text, at: 0, depth: 0, index, steps: Vec::new() };
         parser.sum()?;
@@ -92,8 +92,8 @@ impl Expression {
         })
     }
 
-    /// The number for those of the metrics of a run. `None`: a metric has none, or the result is not a finite number, as
-    /// after a division by 0.
+    /// Computes the number from those of the metrics of a run. `None` if a metric has none, or if the result is not finite, as after a
+    /// division by 0.
     #[must_use]
     pub fn value(&self, metric: impl Fn(usize) -> Option<f64>) -> Option<f64> {
         let mut stack: Vec<f64> = Vec::new();
@@ -111,7 +111,7 @@ impl Expression {
                         Step::Minus => left - right,
                         Step::Times => left * right,
                         Step::Over => left / right,
-                        // Written so that a NaN stays.
+                        // NaN propagates.
                         Step::Min if right < left || right.is_nan() => right,
                         Step::Max if right > left || right.is_nan() => right,
                         _ => left,
@@ -126,7 +126,7 @@ impl Expression {
 
 struct Parser<'a, F> {
     text: &'a str,
-    /// Bytes that are read.
+    /// Number of bytes read.
     at: usize,
     depth: usize,
     index: F,
@@ -148,7 +148,7 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
         is_there
     }
 
-    /// The characters from here on that belong together.
+    /// Takes the characters from here on for which `belongs` is true.
     fn taken(&mut self, belongs: impl Fn(char) -> bool) -> (&str, Range<usize>) {
         let rest = &self.text[self.at..];
         let length = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
@@ -260,7 +260,7 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
     fn number(&mut self) -> Parsed {
         let start = self.at;
         self.taken(|c| c.is_ascii_digit() || c == '.');
-        // An exponent has a sign and digits behind the letter; without digits the letter is not part of the number.
+        // An exponent has a sign and digits after the letter; without digits the letter is not part of the number.
         let rest = &self.text[self.at..];
         if let Some(exponent) = rest.strip_prefix(['e', 'E']) {
             let sign = usize::from(exponent.starts_with(['+', '-']));

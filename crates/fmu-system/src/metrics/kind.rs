@@ -5,7 +5,7 @@ use super::{MetricError, Summation, interval, sum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How a metric is computed from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
+/// Computation of a metric from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
 ///
 /// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not finite give no number, but
 /// an error ([`MetricError::NotFinite`]). Sums are rounded once ([`Summation::Exact`]).
@@ -50,8 +50,8 @@ pub enum Kind {
     ShareBelow,
     /// Share of the rows with |x\[i\]| > threshold, 0 to 1. Unit: 1.
     MagnitudeShare,
-    /// How far the signal goes beyond its last value, as a share of that: max(x\[i\]/x\[n-1\]) - 1. Undefined if the last
-    /// value is 0. Unit: 1.
+    /// Largest excess of the signal over its last value, as a share of that: max(x\[i\]/x\[n-1\]) - 1. Undefined if the last value is 0.
+    /// Unit: 1.
     Overshoot,
     /// Time t\[i\] - t\[0\] of the first row with x\[i\]/x\[n-1\] >= threshold. Undefined if there is none or the last value
     /// is 0. Unit: s.
@@ -62,7 +62,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Whether the kind refers to a threshold.
+    /// Returns true if the kind refers to a threshold.
     #[must_use]
     pub fn has_threshold(self) -> bool {
         matches!(
@@ -109,7 +109,7 @@ impl Kind {
         }
     }
 
-    /// Whether the number follows from the values alone, without times or settings, and is never undefined.
+    /// Returns true if the number follows from the values alone, without times or settings, and is always defined.
     #[must_use]
     pub fn needs_only_values(self) -> bool {
         matches!(
@@ -127,13 +127,13 @@ impl Kind {
         )
     }
 
-    /// Whether there is a value for each row of a window: that of the window that ends there.
+    /// Returns true if there is a value for each row of a window: that of the window that ends there.
     #[must_use]
     pub fn has_running_values(self) -> bool {
         matches!(self, Self::Rms | Self::Mean | Self::Integral)
     }
 
-    /// Unit of measure of the number for a signal in a unit; `None`: none is known.
+    /// Unit of measure of the number for a signal in a unit; `None` if unknown.
     #[must_use]
     pub fn unit(self, of_signal: Option<&str>) -> Option<String> {
         match self {
@@ -150,8 +150,8 @@ impl Kind {
         }
     }
 
-    /// The number of a signal; `None` for kinds that [need more](Self::needs_only_values), without values, and with one that
-    /// is not finite.
+    /// Computes the number of a signal; `None` for kinds that [need more](Self::needs_only_values), without values, or if a value is not
+    /// finite.
     #[must_use]
     pub fn of_values(self, values: &[f64], summation: Summation) -> Option<f64> {
         let last = *values.last()?;
@@ -177,7 +177,7 @@ impl Kind {
         })
     }
 
-    /// The number of a signal; `Ok(None)` if it is undefined.
+    /// Computes the number of a signal; `Ok(None)` if it is undefined.
     pub(super) fn of_rows(
         self,
         times: &[f64],
@@ -200,7 +200,7 @@ impl Kind {
             Some(inside as f64 / values.len() as f64)
         };
         let first = |is_reached: &dyn Fn(f64) -> bool| values.iter().position(|x| is_reached(*x)).map(|row| times[row]);
-        // What refers to a last value of 0 is undefined.
+        // Numbers relative to a last value of 0 are undefined.
         let last = values.last().copied().filter(|last| *last != 0.0);
         Ok(match self {
             Self::Integral => Some(sum::exact(values.iter().copied()) * interval(times)?),
@@ -220,7 +220,7 @@ impl Kind {
         })
     }
 
-    /// The numbers of the windows that end at each row, summed in order; `None` for kinds without.
+    /// Computes the numbers of the windows that end at each row, summed in order; `None` for kinds without running values.
     pub(super) fn running(self, times: &[f64], values: &[f64]) -> Result<Option<Vec<f64>>, MetricError> {
         let sums = |of: &dyn Fn(f64) -> f64, shown: &dyn Fn(f64, usize) -> f64| {
             let mut sum = 0.0;

@@ -1,10 +1,10 @@
 //! Metrics: numbers, spectra and running values of recorded signals.
 //!
-//! This is the only implementation: scenarios and studies are computed with it, and so is what Python reports. It uses no file,
-//! thread or foreign function. The tests compare it with numpy and scipy (`python/tests/test_metrics.py`).
+//! This is the only implementation: scenarios, studies and Python use it. It needs no file, thread or foreign function. The tests compare
+//! it with numpy and scipy (`python/tests/test_metrics.py`).
 //!
-//! A metric takes its signal from one column or several that are combined row by row, subtracts another column and the signal
-//! of the baseline's run if it says so, converts the unit and computes the number of its [`Kind`] over the rows of its window.
+//! A metric takes its signal from one column or several that are combined row by row. If requested, it subtracts another column and the
+//! signal of the baseline's run. Then it converts the unit and computes the number of its [`Kind`] over the rows of its window.
 //! Other metrics are an [`Expression`] of such numbers.
 
 mod expression;
@@ -26,7 +26,7 @@ use std::ops::Range;
 /// rounded.
 const WINDOW_SLACK: f64 = 1e-6;
 
-/// Why a metric has no number.
+/// Error while computing a metric.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MetricError {
     /// The window, or what is left of it, is empty.
@@ -38,7 +38,7 @@ pub enum MetricError {
     /// The kind needs a band.
     #[error("this kind needs a band")]
     NoBand,
-    /// The distance of the rows is needed.
+    /// The kind needs the distance of the rows.
     #[error("a single row has no extent in time")]
     SingleRow,
     /// Too few rows for a spectrum.
@@ -47,7 +47,7 @@ pub enum MetricError {
     /// The kind has no running values.
     #[error("this kind has no running values")]
     NotRunning,
-    /// A row that counts holds a value that is not finite.
+    /// A row in the window has a value that is not finite.
     #[error("a signal is {value} at {time} s")]
     NotFinite {
         /// The value.
@@ -68,24 +68,24 @@ pub enum MetricError {
 /// Columns of a recording by their index. A run need not have all of them.
 pub type Columns<'a> = BTreeMap<usize, &'a [f64]>;
 
-/// What is computed: x = factor * signal + offset over the rows of a window.
+/// Definition of a metric: x = factor * signal + offset over the rows of a window.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Definition {
     /// Indices of the columns; several are combined row by row.
     pub columns: Vec<usize>,
-    /// How they are combined; `None` for a single one.
+    /// Combination of the columns; `None` for a single one.
     pub combine: Option<Combine>,
     /// Weight of each column, for [`Combine::Squares`].
     pub weights: Vec<f64>,
-    /// How the rows become a number.
+    /// Kind of number computed from the rows.
     pub kind: Kind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
-    /// What ends the window before its end.
+    /// Condition that ends the window early.
     pub until: Option<Until>,
     /// Index of the column that is subtracted before.
     pub minus: Option<usize>,
-    /// Whether the signal of the run of the case's baseline is subtracted before; no number for a case without one.
+    /// True if the signal of the run of the case's baseline is subtracted first; no number for a case without one.
     pub from_baseline: bool,
     /// Frequencies of [`Kind::BandPower`], Hz: from <= f < to.
     pub band: Option<[f64; 2]>,
@@ -106,7 +106,7 @@ pub struct Running {
     pub values: Vec<f64>,
 }
 
-/// How several signals become one, row by row.
+/// Combination of several signals into one, row by row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
@@ -139,7 +139,7 @@ impl Definition {
         self.columns.iter().copied().chain(self.minus).chain(until)
     }
 
-    /// The number of a run: of its rows at rising times, s, recorded with a communication step, s.
+    /// Computes the number of a run from its rows at rising times, s, recorded with a communication step, s.
     ///
     /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`], or not finite; a column is missing; or there is no
     /// baseline.
@@ -214,7 +214,7 @@ impl Definition {
         Ok(running.map(|values| Running { rows, values }))
     }
 
-    /// An error if a signal is not finite in some rows.
+    /// Checks that the signals are finite in these rows.
     fn finite(&self, columns: &Columns<'_>, times: &[f64], rows: &Range<usize>) -> Result<(), MetricError> {
         self.columns.iter().try_for_each(|index| all_finite(columns[index], times, rows))
     }

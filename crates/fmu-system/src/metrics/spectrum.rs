@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// Length of a segment as a share of the whole: eight segments that overlap by half fit in.
 const SEGMENT: f64 = 2.0 / 9.0;
 
-/// A segment has at least so many rows.
+/// Minimum number of rows of a segment.
 const MIN_ROWS: usize = 4;
 
 /// A one-sided power spectral density, without the frequency 0.
@@ -32,13 +32,12 @@ impl Spectrum {
 /// Estimates the power spectral density of a signal with evenly spaced rows by Welch's method (P. D. Welch, IEEE Trans. Audio
 /// Electroacoust. 15, 1967).
 ///
-/// Segments of N = floor(2/9 of the rows) rows start every floor(N/2) rows. From each its mean is subtracted; then it is
-/// multiplied with the periodic Hann window w\[i\] = 0.5 - 0.5 cos(2 pi i/N). The density is the mean over the segments of
-/// 2 dt |X\[k\]|^2/sum(w^2), where X is the discrete Fourier transform and dt = (last - first time)/(rows - 1). The highest
-/// frequency of an even N is its own mirror image and has half of it. The frequency 0 is left out: without the mean there is
-/// nothing.
+/// Segments of N = floor(2/9 of the rows) rows start every floor(N/2) rows. The mean of each is subtracted; then it is multiplied by the
+/// periodic Hann window w\[i\] = 0.5 - 0.5 cos(2 pi i/N). The density is the mean over the segments of 2 dt |X\[k\]|^2/sum(w^2), where X is
+/// the discrete Fourier transform and dt = (last - first time)/(rows - 1). The highest frequency of an even N is its own mirror image and
+/// has half of it. The frequency 0 is omitted, because the mean is subtracted.
 ///
-/// The transform uses no vector instructions, so the result does not depend on the machine's.
+/// The transform uses no vector instructions, so the result does not depend on the machine.
 ///
 /// # Errors
 /// A segment would have fewer than 4 rows (18 rows are needed).
@@ -48,8 +47,8 @@ pub fn spectrum(times: &[f64], values: &[f64]) -> Result<Spectrum, MetricError> 
     Ok(Spectrum { frequencies: segments.frequencies, densities })
 }
 
-/// What two signals have in common at each frequency, one-sided and without the frequency 0: densities that are averaged
-/// over several runs before [`Cross::transfer`].
+/// Cross spectrum of two signals, one-sided and without the frequency 0. The densities are averaged over several runs before
+/// [`Cross::transfer`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cross {
     /// Frequencies, Hz, as in [`Spectrum`].
@@ -114,11 +113,11 @@ impl Cross {
 /// The transformed segments of some signals.
 struct Segments<const N: usize> {
     frequencies: Vec<f64>,
-    /// Of each segment and signal, the bins of the frequencies.
+    /// Bins of the frequencies, by segment and signal.
     bins: Vec<[Vec<Complex<f64>>; N]>,
-    /// What a squared bin is multiplied with for a density.
+    /// Factor from a squared bin to a density.
     scale: f64,
-    /// Whether the last frequency is its own mirror image.
+    /// True if the last frequency is its own mirror image.
     is_even: bool,
 }
 
@@ -153,7 +152,7 @@ impl<const N: usize> Segments<N> {
         })
     }
 
-    /// The density that is the mean of a product of bins over the segments.
+    /// Averages a product of bins over the segments, as a density.
     fn mean(&self, product: impl Fn([Complex<f64>; N]) -> f64) -> Vec<f64> {
         let mut sums = vec![0.0; self.frequencies.len()];
         for segment in &self.bins {

@@ -1,6 +1,6 @@
 //! Sums of many numbers.
 
-/// How a sum is rounded.
+/// Rounding of a sum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Summation {
     /// Once: the result is the double nearest to the exact sum, whatever the order of the numbers.
@@ -90,7 +90,7 @@ mod tests {
         exact(values.iter().copied())
     }
 
-    /// By hand: what cancels, what is lost in order, and ties that the smallest number decides.
+    /// By hand: cancellation, loss in sequential summation, and ties that the smallest number decides.
     #[test]
     fn sums_are_rounded_once() {
         assert_eq!(sum(&[]), 0.0);

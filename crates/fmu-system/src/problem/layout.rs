@@ -1,11 +1,11 @@
-//! Messages of the TOML parser in the words of people who write scenarios.
+//! Rewrites messages of the TOML parser for authors of scenarios.
 
 use fmu_import::names::suggestion;
 
-/// Keys of earlier versions, and what they are called now.
+/// Keys of earlier versions, and their current names.
 const RENAMED: [(&str, &str); 1] = [("unit", "component")];
 
-/// Message and hint for a text that does not have the layout of its file.
+/// Returns message and hint for an error in the layout of a file.
 pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<String>) {
     let message = error.message().replace('\n', ", ");
     let key = error.span().and_then(|span| key_before(text, span.start));
@@ -69,10 +69,10 @@ fn wrong_type(message: &str, key: Option<&str>) -> Option<String> {
     })
 }
 
-/// The key whose value, or whose list, a place is in; `None` if the text before does not look like that.
+/// Finds the key whose value, or list, contains a place; `None` if there is none.
 fn key_before(text: &str, at: usize) -> Option<&str> {
     let mut before = text.get(..at)?;
-    // Out of the list that the place is in.
+    // Leave the list that contains the place.
     if before.trim_end().ends_with(['[', ',']) {
         before = before.rsplit_once('[')?.0;
         while before.trim_end().ends_with(['[', ',']) {

@@ -17,8 +17,8 @@ impl Resolver<'_> {
             }
             self.check_pattern(systems, pattern, component, text);
         }
-        // The first component of the scenario has the plain name of a signal that several record, so that another component with the
-        // same signal does not rename it.
+        // If several components record the same signal, the first one in the scenario keeps the plain name, so that adding a component does
+        // not rename it.
         let mut owners: HashMap<&str, &str> = HashMap::new();
         let mut columns: Vec<Column> = Vec::new();
         // (component, variable) -> index; an FMU may have very many outputs.
@@ -44,7 +44,7 @@ impl Resolver<'_> {
                         columns.push(column(member, variable, shared));
                         continue;
                     };
-                    // As with wires: an FMU that declares no units takes those of the one in its place.
+                    // As with wires: if the FMU of one case declares no unit, the unit of another case applies.
                     match (&known.plan.unit, &variable.unit) {
                         (None, Some(_)) => *known = column(member, variable, shared),
                         (Some(other), Some(unit)) if other != unit => self.problems.add(
@@ -72,7 +72,7 @@ impl Resolver<'_> {
             patterns.filter(|pattern| !all.iter().any(|(owner, name)| is_match(pattern, owner, name))).collect();
     }
 
-    /// Whether a pattern matches an input that is recorded, or says how one could be.
+    /// Returns true if a pattern matches an input. Reports inputs that are not recorded, and how to record them.
     fn is_input(&mut self, systems: &[System<'_>], pattern: &Spanned<String>) -> bool {
         let inputs = || {
             let members = systems.iter().flat_map(|system| &system.members);

@@ -1,4 +1,4 @@
-//! Which outputs may write which inputs, and where a connection converts between Real and Boolean.
+//! Compatibility of outputs and inputs, and conversion between Real and Boolean in connections.
 
 use super::system::Member;
 use crate::plan::TypeChange;
@@ -10,13 +10,13 @@ const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 }
 /// An end of a wire: a member and a variable of it.
 pub(super) type Place<'a> = (&'a Member<'a>, &'a Variable);
 
-/// Whether an output may write an input of the same name: same base type, same unit of measure where both have one.
+/// Checks that an output may write an input of the same name: same base type, same unit of measure where both have one.
 pub(super) fn compatible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
     from.1.mismatch(to.1).map_or(Ok(()), |[output_is, input_is]| Err(mismatch(from, to, &output_is, &input_is)))
 }
 
-/// Whether an explicit connection may join an output and an input: compatible ones, and a Boolean with a Real that has no
-/// unit of measure. The masters convert by what they do with any Boolean on the bus: true is 1, on is above 0.5.
+/// Checks that an explicit connection may join an output and an input: compatible ones, and a Boolean with a Real that
+/// has no unit of measure. Masters convert as they do for any Boolean on the bus: true is 1, and above 0.5 is true.
 pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
     if between(from.1, to.1).is_none() {
         return compatible(from, to);
@@ -32,7 +32,7 @@ pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> 
     })
 }
 
-/// The conversion in a connection of these two variables, if their types differ.
+/// Returns the conversion in a connection of these two variables, if their types differ.
 pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange> {
     match (output.base_type, input.base_type) {
         (BaseType::Real, BaseType::Boolean) => Some(TypeChange::RealToBoolean),
@@ -41,7 +41,7 @@ pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange>
     }
 }
 
-/// Whether a variable has no unit of measure, or that of a plain number.
+/// Returns true if a variable has no unit of measure, or that of a plain number.
 fn is_plain_number(member: &Member<'_>, variable: &Variable) -> bool {
     let base = |name| member.found.description.unit(name).and_then(|unit| unit.base);
     variable.unit.as_deref().is_none_or(|name| base(name) == Some(PLAIN))

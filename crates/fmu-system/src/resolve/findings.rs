@@ -1,9 +1,9 @@
-//! Findings: what a paper claims, how the metrics of the runs decide on it, and texts that take their numbers from them.
+//! Findings: claims of a paper, the metrics of the runs that verify them, and texts with these numbers.
 //!
 //! A scenario writes cells of the table of metrics as `metric.case`, with a sweep `metric.case@point`; without the point
-//! all points are meant. `/case`, `/case@point` or `/metric.case@point` behind a cell names what it is compared with, the
-//! baseline of the case otherwise. A text holds numbers as `{cell:format}`. Nothing is computed here: the plan holds
-//! references, and whoever has the results fills them in.
+//! all points are meant. `/case`, `/case@point` or `/metric.case@point` after a cell names the cell to compare with;
+//! the default is the baseline of the case. A text contains numbers as `{cell:format}`. Nothing is computed here: the
+//! plan contains references, which the reader of the results resolves.
 
 use crate::problem::Collector;
 use crate::report::{Cell, Check, Expect, Finding, Format, Part, Text};
@@ -130,7 +130,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// What the paper has on a cell: a change, else a value.
+    /// Returns the paper's number for a cell: a change, else a value.
     fn expect_of_paper(&self, cell: &Cell, against: Option<&Cell>, own: bool) -> Option<Expect> {
         let paper = self.scenario.metrics[cell.metric].paper.as_ref().filter(|_| !own)?;
         let has = |cell: &Cell| paper.values.keys().any(|key| *key.get_ref() == cell.key());
@@ -160,8 +160,8 @@ impl Resolver<'_> {
         self.scenario.metrics[metric].name.get_ref()
     }
 
-    /// Cells of `metric.case@point/case@point`, and for each what it is compared with, if there is something; `compares`:
-    /// there must be. `None`: a mistake was noted.
+    /// Returns the cells of `metric.case@point/case@point`, and the cells to compare them with, if any; `compares`
+    /// requires them. `None`: a mistake was reported.
     fn reference(&mut self, written: &str, span: Range<usize>, compares: bool) -> Option<(Vec<Cell>, Vec<Cell>)> {
         let (cell, other) = match written.split_once('/') {
             Some((cell, other)) => (cell, Some(other)),
@@ -248,7 +248,7 @@ impl Resolver<'_> {
                 return parts;
             };
             rest = behind;
-            // Where it stands in the file: escapes and line breaks make the string another one than its text.
+            // Find the text in the file: escapes and line breaks make it differ from the string.
             let raw = format!("{{{inside}}}");
             let length = written.span().end - from;
             let rest = self.problems.text_from(from).and_then(|rest| rest.get(..length));

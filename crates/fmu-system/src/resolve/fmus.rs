@@ -1,4 +1,4 @@
-//! Where the resolver finds FMUs.
+//! Sources of FMUs for the resolver.
 
 use fmu_import::archive::read_description;
 use fmu_import::description::ModelDescription;
@@ -10,29 +10,29 @@ use std::sync::Arc;
 /// An FMU that was found.
 #[derive(Debug, Clone)]
 pub struct Found {
-    /// Path of the file, as it shall stand in the plan.
+    /// Path of the file, as written to the plan.
     pub path: String,
     /// Its description.
     pub description: Arc<ModelDescription>,
 }
 
-/// Where the resolver looks FMUs up.
+/// Source of FMUs for the resolver.
 pub trait Descriptions {
-    /// The FMU of that file stem; `None` if there is none.
+    /// Finds the FMU with this file stem; `None` if there is none.
     ///
     /// # Errors
-    /// It is there but cannot be read; the text says why.
+    /// It exists but cannot be read; the message contains the reason.
     fn find(&self, name: &str) -> Result<Option<Found>, String>;
 
     /// File stems of all FMUs.
     fn names(&self) -> Vec<String>;
 
-    /// Names of the FMUs that `cargo fmu pack` can build, whether or not they are there.
+    /// Names of the FMUs that `cargo fmu pack` can build, whether or not they exist.
     fn buildable(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// Where was looked, for messages.
+    /// Describes the place that was searched, for messages.
     fn place(&self) -> String;
 }
 
@@ -45,13 +45,13 @@ pub struct FmuFolder {
 }
 
 impl FmuFolder {
-    /// Looks into these folders. They are read when something is looked up.
+    /// Searches these folders. They are read on the first lookup.
     #[must_use]
     pub fn new<P: Into<PathBuf>>(folders: impl IntoIterator<Item = P>) -> Self {
         Self { folders: folders.into_iter().map(Into::into).collect(), buildable: Vec::new, read: RefCell::default() }
     }
 
-    /// Names the FMUs that `cargo fmu pack` can build. It is asked only when one is missing.
+    /// Sets the function that names the FMUs that `cargo fmu pack` can build. It is called only if one is missing.
     #[must_use]
     pub fn with_buildable(self, buildable: fn() -> Vec<String>) -> Self {
         Self { buildable, ..self }
@@ -96,7 +96,7 @@ impl Descriptions for FmuFolder {
     }
 }
 
-/// Descriptions in memory, without files behind them.
+/// Descriptions in memory, without files.
 impl Descriptions for BTreeMap<String, Arc<ModelDescription>> {
     fn find(&self, name: &str) -> Result<Option<Found>, String> {
         Ok(self

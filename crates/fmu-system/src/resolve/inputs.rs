@@ -1,4 +1,4 @@
-//! The file of `--inputs`: which of its columns writes what, with which values.
+//! The file of `--inputs`: signals that its columns write, and their values.
 
 use super::pattern::is_match;
 use super::system::{Member, Resolver, Source, System};
@@ -23,7 +23,7 @@ pub enum AfterEnd {
     Hold,
 }
 
-/// The file and the signals that its columns are made into.
+/// The file and the signals made from its columns.
 pub(super) struct Inputs {
     table: Table,
     clock: Clock,
@@ -32,7 +32,7 @@ pub(super) struct Inputs {
     pub(super) feeds: Vec<Feed>,
     /// Columns that write an input in some case.
     used: BTreeSet<usize>,
-    /// What columns take the place of.
+    /// Outputs that columns replace.
     replacements: Vec<Replacement>,
     /// Columns without a unit, and the unit that their values are taken in.
     without_unit: Vec<(String, String)>,
@@ -59,7 +59,7 @@ struct Replacement {
     inputs: Vec<String>,
 }
 
-/// Fewest samples of a signal that are looked at for gaps: those of a profile that is written by hand may have any distance.
+/// Minimum number of samples of a signal for the check for gaps: the samples of a handwritten profile may have any distance.
 const SAMPLED: usize = 20;
 /// A distance between samples of this many times the usual one is a gap.
 const GAP: f64 = 5.0;
@@ -107,7 +107,7 @@ impl Inputs {
         &self.table.columns()[column].name
     }
 
-    /// The column as a signal in a unit. `None`: a mistake was noted.
+    /// Converts the column to a signal in a unit. `None`: a mistake was reported.
     fn feed(&mut self, column: usize, target: &Target, interpolation: Interpolation) -> Option<usize> {
         self.used.insert(column);
         let is_same =
@@ -155,7 +155,7 @@ impl Inputs {
         }
     }
 
-    /// Checks that a signal has values for the whole run. One that is held has them until the last row.
+    /// Checks that a signal has values for the whole run. A held signal has values until the last row.
     fn check_span(&mut self, name: &str, signal: &Signal, interpolation: Interpolation) {
         let Simulation { start, stop, step, .. } = self.simulation;
         // Times are rounded, too.
@@ -230,7 +230,7 @@ impl Inputs {
         let role = if variable.causality == Causality::Output { "output" } else { "input" };
         let (name, of) = (self.name(*column), member.name());
         let whole = |value: f64| {
-            // A number of a file is rounded to one of these, unless it is below.
+            // From 2^53 on, a number of the file may have been rounded to an integer.
             let is_whole = value.fract() == 0.0 && value.abs() < (1_u64 << f64::MANTISSA_DIGITS) as f64;
             Some(value as i64).filter(|whole| is_whole && variable.integers().contains(whole))
         };
@@ -277,7 +277,7 @@ impl Inputs {
         }
     }
 
-    /// Reports what is wrong with the file. Columns that write nothing are ignored, unless they name an input or nearly a signal.
+    /// Reports the mistakes in the file. Columns that write nothing are ignored, unless they name an input or nearly a signal.
     pub(super) fn finish(
         mut self,
         inputs: &[String],
@@ -338,7 +338,7 @@ fn interpolation(source: &Variable, reader: &Variable) -> Interpolation {
 }
 
 impl Resolver<'_> {
-    /// A column writes the input `reader` with values of `variable` of `member`: the input, or the output that it replaces.
+    /// Lets a column write the input `reader` with values of `variable` of `member`: the input, or the output that it replaces.
     pub(super) fn use_column(
         &mut self,
         column: usize,
@@ -360,8 +360,8 @@ impl Resolver<'_> {
         Ok(Source::Series(feed))
     }
 
-    /// Notes which recorded outputs of a case have the values of the file: those that a used column is named after, and those that
-    /// have lost all readers to one column. `lost` has the column that each lost wire has now.
+    /// Marks the recorded outputs of a case that have the values of the file: those with the name of a used column, and those that have
+    /// lost all readers to one column. `lost` contains the column that replaces each lost wire.
     pub(super) fn replace_recorded(&mut self, system: &mut System<'_>, lost: &[((usize, usize), usize)]) {
         let Some(inputs) = &self.inputs else { return };
         let sources = || system.members.iter().flat_map(|member| &member.inputs).map(|(_, source)| source);
@@ -400,7 +400,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Whether an input that a column writes is recorded: a pattern of `[record]` that no output matches names it.
+    /// Returns true if an input that a column writes is recorded: a pattern of `[record]` that no output matches names it.
     pub(super) fn records_input(&self, member: &Member<'_>, v: usize, source: &Source) -> bool {
         let Source::Series(_) = source else { return false };
         self.of_inputs.iter().any(|pattern| is_match(pattern, member.name(), &member.variable(v).name))
@@ -470,7 +470,7 @@ mod tests {
         };
         let (linear, hold) = (Interpolation::Linear, Interpolation::Hold);
         assert_eq!(warnings(&mut grid(&[]), linear), [""; 0]);
-        // Four missing rows are five distances, which is no gap.
+        // Four missing rows are five distances, which is not a gap.
         assert_eq!(warnings(&mut grid(&[11..15]), linear), [""; 0]);
         let found = warnings(&mut grid(&[11..20, 31..80]), linear);
         let expected = "in.csv: `a` has no samples from 0.3 s to 0.8 s, and one shorter gap (they are usually 0.01 s apart); \

@@ -50,7 +50,7 @@ impl<'a> Resolver<'a> {
         self.problems.is_empty().then_some(systems)
     }
 
-    /// The FMU of that name, which stands at `span`; adds it to `missing` if it is not there.
+    /// Finds the FMU with this name, written at `span`; adds it to `missing` if it does not exist.
     fn find<'s>(
         &mut self,
         name: &'s str,
@@ -79,7 +79,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Reports all FMUs that are not there as one mistake: most often none has been packed.
+    /// Reports all missing FMUs as one mistake: usually none has been packed.
     fn report_missing_fmus(&mut self, missing: &[(&str, Range<usize>)], source: &dyn Descriptions) {
         let mut names: Vec<&str> = Vec::new();
         for (name, _) in missing {
@@ -111,7 +111,7 @@ impl<'a> Resolver<'a> {
         if elsewhere {
             hints.push("name the folder of FMUs that are not built in this workspace with --fmus".to_string());
         }
-        // Names that may be wrong are marked; of those that are right, the first stands for all.
+        // Mark the names that may be wrong; if there are none, mark the first missing one.
         let wrong = missing.iter().filter(|(name, _)| unknown.contains(name));
         let mut places: Vec<Range<usize>> = wrong.map(|(_, place)| place.clone()).collect();
         if places.is_empty() {

@@ -1,6 +1,6 @@
 //! Patterns of signal names.
 
-/// `component:pattern` or `pattern`.
+/// Splits `component:pattern` or `pattern`.
 pub(super) fn split_pattern(text: &str) -> (Option<&str>, &str) {
     match text.split_once(':') {
         Some((component, pattern)) => (Some(component), pattern),
@@ -8,13 +8,13 @@ pub(super) fn split_pattern(text: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// Whether `component:pattern` or `pattern` matches a signal of a component.
+/// Returns true if `component:pattern` or `pattern` matches a signal of a component.
 pub(super) fn is_match(text: &str, component: &str, signal: &str) -> bool {
     let (of, pattern) = split_pattern(text);
     of.is_none_or(|of| of == component) && matches(pattern, signal)
 }
 
-/// Whether a name matches a pattern, in which `*` stands for any characters.
+/// Returns true if a name matches a pattern, in which `*` stands for any characters.
 pub(super) fn matches(pattern: &str, name: &str) -> bool {
     let Some((first, rest)) = pattern.split_once('*') else {
         return pattern == name;

@@ -111,7 +111,7 @@ impl Resolver<'_> {
         metrics
     }
 
-    /// How a metric of signals is computed, and its unit.
+    /// Resolves a metric of signals to its definition and unit.
     fn of_signals(
         &mut self,
         metric: &scenario::Metric,
@@ -148,7 +148,7 @@ impl Resolver<'_> {
             band: metric.band.as_ref().map(|b| *b.get_ref()),
             threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
             factor,
-            // A difference has none.
+            // A difference has no offset.
             offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
         };
         self.first_row(metric, &definition, systems, &columns[first]);
@@ -193,7 +193,7 @@ impl Resolver<'_> {
         self.problems.set_context(None);
     }
 
-    /// The formula of the metric with an index, of metrics above it.
+    /// Parses the formula of the metric with this index, which may use metrics above it.
     fn expression(&mut self, written: &Spanned<String>, index: usize) -> Option<Source> {
         let metrics = &self.scenario.metrics;
         let above = |name: &str| metrics[..index].iter().position(|metric| metric.name.get_ref() == name);
@@ -201,7 +201,7 @@ impl Resolver<'_> {
             Ok(value) => return Some(Source::Metrics { uses: value.metrics().collect(), value }),
             Err(error) => error,
         };
-        // Behind the quote, if the string stands in the file as it is.
+        // After the quote, if the file contains the string unescaped.
         let inside = written.span().start + 1;
         let rest = self.problems.text_from(inside);
         let is_plain = rest.is_some_and(|rest| rest.starts_with(written.get_ref().as_str()));
@@ -223,7 +223,7 @@ impl Resolver<'_> {
         None
     }
 
-    /// The limits that a metric is to keep, and of which cases.
+    /// Returns the limits of a metric, and the cases that must keep them.
     fn requirement(&self, metric: &scenario::Metric) -> Option<report::Requirement> {
         let [min, max] = [&metric.min, &metric.max].map(|limit| limit.as_ref().map(|limit| *limit.get_ref()));
         let cases = self.scenario.cases.iter().map(|case| &case.name);
@@ -238,7 +238,7 @@ impl Resolver<'_> {
         })
     }
 
-    /// Column of a signal that is compared with others, which have its unit of measure.
+    /// Finds the column of a signal that is compared with others and must have their unit of measure.
     fn beside(
         &mut self,
         signal: Option<&Spanned<String>>,

@@ -1,4 +1,4 @@
-//! A case with its components, and what the parts of the resolver share.
+//! A case with its components, and shared parts of the resolver.
 
 use super::fmus::Found;
 use super::inputs::Inputs;
@@ -21,9 +21,9 @@ pub(super) struct Member<'a> {
     pub(super) found: Found,
     /// Set if the case names another FMU than the component.
     pub(super) replaced: Option<Replaced>,
-    /// Inputs in the order of the description, each with what writes it.
+    /// Inputs in the order of the description, each with its source.
     pub(super) inputs: Vec<(usize, Source)>,
-    /// Nothing needs it since signals are fed from a file.
+    /// True if nothing needs it because signals come from a file.
     pub(super) dropped: bool,
 }
 
@@ -53,15 +53,15 @@ impl Member<'_> {
     }
 }
 
-/// What a case says about another FMU for a component.
+/// Replacement of the FMU of a component in a case.
 pub(super) struct Replaced {
-    /// The component's own FMU, if it is there.
+    /// The component's own FMU, if it exists.
     pub(super) original: Option<Found>,
-    /// Whether the component's own parameters apply.
+    /// True if the component's own parameters apply.
     pub(super) keep_parameters: bool,
 }
 
-/// What writes an input.
+/// Source of an input.
 #[derive(Clone)]
 pub(super) enum Source {
     /// An output: member and variable.
@@ -97,16 +97,16 @@ pub(super) struct Resolver<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) problems: Collector,
     pub(super) inputs: Option<Inputs>,
-    /// Patterns of recorded signals that no output matches, so that they are of inputs.
+    /// Patterns of recorded signals that match no output and are therefore for inputs.
     pub(super) of_inputs: Vec<&'a str>,
-    /// Folder of the scenario, which relative paths start at.
+    /// Folder of the scenario, to which paths are relative.
     pub(super) folder: &'a Path,
     /// Parameter sets by path as written.
     pub(super) sets: HashMap<String, ParameterSet>,
 }
 
 impl Resolver<'_> {
-    /// Splits `component:name` and checks the component; also returns where the name stands.
+    /// Splits `component:name` and checks the component; also returns the place of the name.
     pub(super) fn component_and_name<'s>(
         &mut self,
         written: &'s Spanned<String>,
@@ -135,7 +135,7 @@ pub(super) fn replacement<'c>(case: &'c Case, component: &Component) -> Option<&
     (other.get_ref().fmu != *component.fmu.get_ref()).then_some(other)
 }
 
-/// What messages call a case, with the FMU that it names for a component.
+/// Returns the name of a case in messages, with the FMU that it sets for a component.
 pub(super) fn context(case: &Case, component: Option<&Component>) -> Context {
     let name = case.name.get_ref();
     match component.and_then(|component| Some((component.name.get_ref(), replacement(case, component)?))) {
@@ -157,7 +157,7 @@ pub(super) fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) ->
         .collect()
 }
 
-/// A hint for a name that is not an output of a component, or of any: near names, or else what there is.
+/// Returns a hint for a name that is not an output of a component, or of any: similar names, or else the existing ones.
 pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name: &str) -> String {
     const SHOWN: usize = 6;
     let members = || {

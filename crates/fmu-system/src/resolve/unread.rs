@@ -1,4 +1,4 @@
-//! Components that nothing reads, and parameters that are set for nothing but outputs that nothing reads.
+//! Finds components that nothing reads, and parameters that affect only outputs that nothing reads.
 
 use super::system::{Member, Resolver, System, context};
 use crate::plan::Wiring;
@@ -23,8 +23,8 @@ impl Place<'_> {
 }
 
 impl Resolver<'_> {
-    /// Warns about what the cases compute for nothing, as far as the descriptions tell. What only a trial run tells is
-    /// returned.
+    /// Warns about components and parameters without an effect, as far as the descriptions show it. Returns the trial runs that are needed
+    /// for the others.
     pub(super) fn unread(&mut self, systems: &[System<'_>], wirings: &[Wiring], runs: &[Run]) -> Vec<Trial> {
         let scenario = self.scenario;
         let mut trials = Vec::new();
@@ -49,7 +49,7 @@ impl Resolver<'_> {
                 places.push(place);
             }
             self.problems.set_context(None);
-            // What has an effect in one case is set for that.
+            // A parameter with an effect in one case is set for that case.
             if places.is_empty() || places.iter().any(|place| place.unread.is_empty()) {
                 continue;
             }
@@ -60,7 +60,7 @@ impl Resolver<'_> {
             let (certain, open): (Vec<_>, Vec<_>) = self
                 .set_parameters(component)
                 .into_iter()
-                // Another FMU of a case does not take all over.
+                // Another FMU of a case does not take over all of them.
                 .filter(|(parameter, _)| applied(parameter))
                 .partition(|(parameter, _)| {
                     places.iter().all(|place| affects_only(&place.member.found.description, parameter, &place.unread))
@@ -102,7 +102,7 @@ impl Resolver<'_> {
     }
 }
 
-/// A component as the runs of all cases have it, each variant once.
+/// Returns the variants of a component in the runs of all cases, each once.
 fn variants(places: &[Place<'_>], runs: &[Run]) -> Vec<Variant> {
     let mut variants: Vec<Variant> = Vec::new();
     for place in places {
@@ -121,9 +121,9 @@ fn variants(places: &[Place<'_>], runs: &[Run]) -> Vec<Variant> {
     variants
 }
 
-/// Whether a parameter reaches unread outputs only, as the model structure has it. That lists on which parameters an initial
-/// value depends; an output that it does not list may depend on any. A model with states may pass a parameter on later, so
-/// that nothing is certain about it.
+/// Returns true if a parameter affects unread outputs only, according to the model structure. The structure lists the parameters on which
+/// an initial value depends; an output that it does not list may depend on any. A model with states may pass a parameter on later, so
+/// nothing is certain about it.
 fn affects_only(description: &ModelDescription, parameter: &str, unread: &BTreeSet<&str>) -> bool {
     let Some(parameter) = description.index(parameter) else { return false };
     let mut reaches_unread = false;

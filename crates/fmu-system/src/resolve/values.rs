@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Which parameters of an FMU a value may be for.
+/// Parameters of an FMU for which a value may be given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Names {
     /// All; another name is a mistake.
@@ -64,11 +64,11 @@ impl Resolver<'_> {
         }
     }
 
-    /// Parameters of a component: from the bottom up the parameter set of the scenario and its own, its parameters, the
-    /// parameter set of the case, the parameters of the case and of the point, the seed.
+    /// Parameters of a component, in ascending precedence: the parameter set of the scenario, its own parameter set, its parameters, the
+    /// parameter set of the case, the parameters of the case, the parameters of the point, the seed.
     ///
-    /// Another FMU that the case names for the component starts from its own defaults: the first three apply only if the case
-    /// says so; they, point and seed only to parameters that it shares with the component's own FMU.
+    /// Another FMU that the case sets for the component starts from its own defaults: the first three apply only if the case keeps them.
+    /// They, the point and the seed apply only to parameters that it shares with the component's own FMU.
     pub(super) fn parameters(
         &mut self,
         case: &Case,
@@ -145,8 +145,8 @@ impl Resolver<'_> {
         is_twice
     }
 
-    /// The parameter of a name that stands at `span`, in the file `set` if it is a parameter set. One that is not there is a
-    /// mistake, or a warning if only shared ones are meant.
+    /// Finds the parameter with a name at `span`, in the file `set` if it is a parameter set. A missing one is a mistake, or a warning if
+    /// only shared ones are meant.
     fn parameter<'m>(
         &mut self,
         name: &str,
@@ -175,7 +175,7 @@ impl Resolver<'_> {
         None
     }
 
-    /// What a parameter set says about a component: all of it, or what is named `component:parameter`.
+    /// Returns the values of a parameter set for a component: all of them, or those named `component:parameter`.
     fn set_values<'m>(
         &mut self,
         path: &Spanned<String>,
@@ -219,7 +219,7 @@ impl Resolver<'_> {
         values
     }
 
-    /// Constants of the inputs of a component: those of the case stand above those of the component.
+    /// Constants of the inputs of a component: those of the case take precedence over those of the component.
     pub(super) fn constants(&mut self, case: &Case, member: &Member<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         for (level, is_of_component) in
@@ -233,7 +233,7 @@ impl Resolver<'_> {
 
     fn constants_of_level(&mut self, level: &Values, is_of_component: bool, member: &Member<'_>) -> Constants {
         let mut constants = BTreeMap::new();
-        // A plain name stands above a pattern, so patterns come first.
+        // A plain name takes precedence over a pattern, so patterns come first.
         for is_plain in [false, true] {
             let mut by_pattern: BTreeMap<usize, &str> = BTreeMap::new();
             for (pattern, written) in level {
@@ -286,7 +286,7 @@ impl Resolver<'_> {
         });
         match result {
             Ok(value) => {
-                // Whoever names the unit means it.
+                // A value with an explicit unit is intended.
                 if !written.get_ref().is_table() {
                     self.check_angle(variable, &value, written.span(), None);
                 }
@@ -299,13 +299,12 @@ impl Resolver<'_> {
         }
     }
 
-    /// A String; that of a file is its absolute path, wherever the FMU is executed.
+    /// Makes a String value. The name of a file becomes its absolute path, so that the FMU can be executed anywhere.
     fn string(&self, text: &str) -> Value {
         Value::String(super::file_in(self.folder, text).unwrap_or_else(|| text.to_owned()))
     }
 
-    /// Warns about an angle that was probably meant in degrees. It stands at `span`, in the file `set` if it is a parameter
-    /// set.
+    /// Warns about an angle at `span` that was probably meant in degrees, in the file `set` if it is a parameter set.
     fn check_angle(&mut self, variable: &Variable, value: &Value, span: Range<usize>, set: Option<&str>) {
         if let Value::Real(number) = *value
             && is_implausible(variable, number)
@@ -328,7 +327,7 @@ pub(super) fn setting(variable: &Variable, value: Value) -> Setting {
     Setting { name: variable.name.clone(), base_type: variable.base_type, reference: variable.reference, value }
 }
 
-/// A value as written in TOML as a value of the variable, in the unit of the variable.
+/// Converts a value written in TOML to a value of the variable, in the unit of the variable.
 fn convert(description: &ModelDescription, variable: &Variable, written: &toml::Value) -> Result<Value, Mistake> {
     let name = &variable.name;
     if variable.is_array() {
@@ -349,7 +348,7 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
     };
     match (written, variable.base_type) {
         (toml::Value::Float(v), BaseType::Real) => Ok(Value::Real(*v)),
-        // TOML integers have 64 bits; whole numbers beyond 2^53 are no sensible parameters.
+        // TOML integers have 64 bits; whole numbers beyond 2^53 are not sensible parameters.
         (toml::Value::Integer(v), BaseType::Real) => Ok(Value::Real(*v as f64)),
         (toml::Value::Integer(v), BaseType::Integer) => Ok(Value::Integer(*v)),
         (toml::Value::String(name), BaseType::Integer) => named(variable, name),
@@ -389,7 +388,7 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// The value of that name.
+/// Finds the value of a name.
 fn named(variable: &Variable, name: &str) -> Result<Value, Mistake> {
     let values = variable.named_values();
     if let Some((value, _)) = values.iter().find(|(_, n)| *n == name) {
@@ -402,7 +401,7 @@ fn named(variable: &Variable, name: &str) -> Result<Value, Mistake> {
     Err((message, suggestion(name, values.iter().map(|(_, n)| *n))))
 }
 
-/// Whether an angle in rad is more than a full turn, although the start value of its variable is not.
+/// Returns true if an angle in rad is more than a full turn, although the start value of its variable is not.
 pub(super) fn is_implausible(variable: &Variable, value: f64) -> bool {
     let is_large = |value: f64| value.abs() > TAU;
     let usual = match variable.start {

@@ -1,4 +1,4 @@
-//! The wires of a case: what writes each input.
+//! The wires of a case: the source of each input.
 
 use super::conversion::{self, compatible, convertible};
 use super::system::{Column, Member, Resolver, Source, System, context, replacement};
@@ -14,14 +14,14 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was noted.
+/// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was reported.
 type End = Result<Option<(usize, usize)>, ()>;
 /// Outputs by name.
 type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
-/// Outputs that connections name, by the input that they write. `Err`: a mistake was noted.
+/// Outputs that connections name, by the input that they write. `Err`: a mistake was reported.
 type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
 
-/// How the FMU that a case names for a component changes what writes an input.
+/// Change of the source of an input by the FMU that a case sets for a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Change {
     /// The component's own FMU has no such input.
@@ -51,7 +51,7 @@ fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -
     system.members.iter().enumerate().find_map(change)
 }
 
-/// Place and words of a change that a swap makes for some inputs.
+/// Returns place and description of a change that a swap makes for some inputs.
 fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
     let component = system.members[m].component;
     let (own, written) = (component.fmu.get_ref(), replacement(system.case, component));
@@ -71,7 +71,7 @@ fn quoted(names: &[&str]) -> String {
 }
 
 impl<'a> Resolver<'a> {
-    /// Finds out what writes each input of a case.
+    /// Finds the source of each input of a case.
     pub(super) fn wire(&mut self, system: &mut System<'a>) {
         let connections = self.connections(system);
         // Outputs by name, to find the only other component that has one.
@@ -147,7 +147,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Reports inputs of a member without a writer, those that a swap has left so apart.
+    /// Reports inputs of a member without a writer, those that a swap has left without one separately.
     fn report_missing(&mut self, system: &System<'_>, m: usize, missing: &[&str], outputs: &Outputs<'_>) {
         let member = &system.members[m];
         let name = member.name();
@@ -194,8 +194,8 @@ impl<'a> Resolver<'a> {
         self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
-    /// What writes an input, constants aside. `Err`: a mistake was noted. A wire that the input file takes over is added to `lost`, as
-    /// its output and the column.
+    /// Finds the source of an input, except constants. `Err`: a mistake was reported. A wire that the input file replaces is added to
+    /// `lost`, as its output and the column.
     fn writer(
         &mut self,
         system: &System<'_>,
@@ -282,7 +282,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Name of the column of the input file that a signal is made of.
+    /// Name of the column of the input file from which a signal is made.
     fn column_name(&self, feed: usize) -> String {
         let inputs = self.inputs.as_ref();
         inputs.map_or(String::new(), |inputs| inputs.name(inputs.feeds[feed].column).to_owned())
@@ -408,7 +408,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Marks the components from which no way leads to a recorded output.
+    /// Marks the components from which no path leads to a recorded output.
     fn drop_unneeded(&mut self, system: &mut System<'_>) {
         let mut needed = vec![false; system.members.len()];
         let mut open: Vec<usize> = (0..system.members.len())

@@ -1,10 +1,10 @@
 //! Numbers as text.
 
-/// Most bytes of a number: `-2.2250738585072014e-308`.
+/// Maximum length of a number in bytes: `-2.2250738585072014e-308`.
 pub(super) const MAX_LENGTH: usize = 24;
 
 /// Appends the shortest text that reads back as the same double, in the notation of `{:?}` and in a quarter of its time.
-/// Of two shortest texts that are equally near it is the one with the even digit, as Python writes it: the files of the
+/// Of two shortest texts that are equally near, it writes the one with the even digit, as Python does: the files of the
 /// FMPy master have the same bytes.
 pub(super) fn push(text: &mut Vec<u8>, value: f64) {
     let mut buffer = zmij::Buffer::new();
@@ -83,7 +83,7 @@ mod tests {
         let tens = (-324..=308).map(|power| format!("1e{power}").parse().unwrap());
         let twos = (-1074..=1023).map(|power| 2.0_f64.powi(power));
         for value in special.into_iter().chain(tens).chain(twos) {
-            // Where the notation changes is a power of ten: both neighbors, too.
+            // The notation changes at powers of ten: both neighbors, too.
             let bits = value.to_bits();
             for near in [bits.saturating_sub(1), bits, bits + 1] {
                 assert_as_debug(f64::from_bits(near));

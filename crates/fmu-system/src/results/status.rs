@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Name of the file in the folder of the runs.
 pub const STATUS_FILE: &str = "status.json";
 
-/// The file: how each run ended.
+/// Content of the file: the outcome of each run.
 #[derive(Debug, Serialize)]
 pub struct RunStatuses {
     /// Version of the file.
@@ -17,7 +17,7 @@ pub struct RunStatuses {
     pub runs: Vec<RunStatus>,
 }
 
-/// How a run ended. Only the rows of one that is `completed` are those of a whole run.
+/// Outcome of a run. Only a run that is `completed` has the rows of a whole run.
 #[derive(Debug, Serialize)]
 pub struct RunStatus {
     run: String,
@@ -33,7 +33,7 @@ pub struct RunStatus {
 }
 
 impl RunStatuses {
-    /// Those of some runs.
+    /// The outcomes of some runs.
     #[must_use]
     pub fn new(runs: Vec<RunStatus>) -> Self {
         Self { format: 1, runs }
@@ -41,7 +41,7 @@ impl RunStatuses {
 }
 
 impl RunStatus {
-    /// A whole run, whose last row has that time, s.
+    /// A complete run, whose last row has this time, s.
     #[must_use]
     pub fn completed(run: &Run, end: Option<f64>) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl RunStatus {
         }
     }
 
-    /// One that is not whole.
+    /// A run that is not complete.
     #[must_use]
     pub fn of(run: &Run, failure: &Failure) -> Self {
         let end = failure.recorded.as_ref().and_then(|recording| recording.time.last().copied());

@@ -13,7 +13,7 @@ use std::ops::Range;
 /// Number of steps between two times.
 ///
 /// # Errors
-/// It is not whole to 1e-9 of itself, or above the limit; the text says so.
+/// It is not a whole number within a relative 1e-9, or it is above the limit.
 pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, String> {
     let ratio = (stop - start) / step;
     let steps = ratio.round();
@@ -33,7 +33,7 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
 }
 
 impl Scenario {
-    /// Checks all that needs no FMU.
+    /// Checks everything that needs no FMU.
     pub(crate) fn check(&self, problems: &mut Collector) {
         self.check_times(problems);
         let components = names("component", self.components.iter().map(|u| &u.name), problems);
@@ -291,7 +291,7 @@ impl Scenario {
 }
 
 impl Metric {
-    /// Checks what it is computed from: signals, or other metrics.
+    /// Checks its source: signals, or other metrics.
     fn check_source(&self, problems: &mut Collector) {
         let at = self.name.span();
         if let Some(value) = &self.value {
@@ -321,7 +321,7 @@ impl Metric {
         self.check_signals(problems);
     }
 
-    /// Checks the limits that it is to keep.
+    /// Checks its limits.
     fn check_requirement(&self, cases: &BTreeSet<&str>, problems: &mut Collector) {
         let mut are_finite = true;
         for limit in self.min.iter().chain(&self.max) {
@@ -354,7 +354,7 @@ impl Metric {
         }
     }
 
-    /// Checks which signals it has, and how they are combined.
+    /// Checks its signals and their combination.
     fn check_signals(&self, problems: &mut Collector) {
         let at = self.name.span();
         match (&self.signal, self.signals.len(), &self.combine) {
@@ -435,7 +435,7 @@ fn known(what: &str, name: &Spanned<String>, all: &BTreeSet<&str>, problems: &mu
     found
 }
 
-/// Notes an unknown name with the nearest known one.
+/// Reports an unknown name and suggests the nearest known one.
 pub(crate) fn unknown<'a>(
     what: &str,
     name: &str,

@@ -15,7 +15,7 @@ pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
 /// Component -> values.
 pub(crate) type ValuesByComponent = BTreeMap<Spanned<String>, Values>;
 
-/// A scenario: what its file says, and the files that it includes.
+/// A scenario: the content of its file and of the files that it includes.
 #[derive(Debug)]
 pub(crate) struct Scenario {
     pub(crate) title: String,
@@ -36,7 +36,7 @@ pub(crate) struct Scenario {
     pub(crate) findings: Vec<WrittenFinding>,
 }
 
-/// What one file says.
+/// Content of one file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Written {
@@ -47,7 +47,7 @@ pub(crate) struct Written {
     pub(crate) description: Option<Spanned<String>>,
     pub(crate) reference: Option<Spanned<String>>,
     pub(crate) parameter_set: Option<Spanned<String>>,
-    /// Parameters on top of those that the components have.
+    /// Parameters that override those of the components.
     #[serde(default)]
     pub(crate) parameters: ValuesByComponent,
     pub(crate) simulation: Option<Simulation>,
@@ -93,7 +93,7 @@ pub(crate) struct Component {
     pub(crate) start: Option<Spanned<Start>>,
 }
 
-/// How a component starts.
+/// Start of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Start {
@@ -132,7 +132,7 @@ pub(crate) struct Case {
 #[derive(Debug)]
 pub(crate) struct Replacement {
     pub(crate) fmu: String,
-    /// Whether the component's own parameters apply to it, where it has the same.
+    /// True if the component's own parameters apply to it, as far as it has them.
     pub(crate) keep_parameters: bool,
 }
 
@@ -184,7 +184,7 @@ pub(crate) struct Point {
 pub(crate) struct Sweep {
     pub(crate) title: String,
     pub(crate) unit: String,
-    /// Parameter that takes the values, as `component:parameter`; the points are those of the values then.
+    /// Parameter that takes the values, as `component:parameter`; the points are then generated from the values.
     pub(crate) parameter: Option<Spanned<String>>,
     pub(crate) values: Option<Spanned<Vec<f64>>>,
     pub(crate) second: Option<Spanned<SecondSweep>>,
@@ -234,25 +234,25 @@ pub(crate) struct Metric {
     /// Frequencies that the kind refers to, Hz.
     pub(crate) band: Option<Spanned<[f64; 2]>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,
-    /// What ends the window before its end.
+    /// Condition that ends the window early.
     pub(crate) until: Option<Spanned<Until>>,
-    /// Signal that is subtracted before.
+    /// Signal that is subtracted first.
     pub(crate) minus: Option<Spanned<String>>,
-    /// Whether the signal of the baseline's run is subtracted before.
+    /// True if the signal of the baseline's run is subtracted first.
     #[serde(default)]
     pub(crate) from_baseline: bool,
     pub(crate) unit: Option<Spanned<String>>,
     pub(crate) digits: Option<Spanned<u8>>,
     pub(crate) paper: Option<Paper>,
-    /// Least number that is required, in `unit`.
+    /// Required minimum, in `unit`.
     pub(crate) min: Option<Spanned<f64>>,
-    /// Greatest number that is required, in `unit`.
+    /// Required maximum, in `unit`.
     pub(crate) max: Option<Spanned<f64>>,
-    /// Cases of which it is required; all if absent.
+    /// Cases for which it is required; all if absent.
     pub(crate) required_of: Option<Spanned<Vec<Spanned<String>>>>,
-    /// Share of the runs that have to keep it, above 0 and up to 1; all if absent.
+    /// Share of the runs that must keep it, above 0 and up to 1; all if absent.
     pub(crate) share: Option<Spanned<f64>>,
-    /// What requires it.
+    /// Source of the requirement.
     pub(crate) required_by: Option<Spanned<String>>,
 }
 
@@ -274,7 +274,7 @@ pub(crate) struct Paper {
     /// Changes in percent where the paper gives no values, by cell or by two cells.
     #[serde(default)]
     pub(crate) changes: BTreeMap<Spanned<String>, f64>,
-    /// Keys of the values that something was fitted to; the others are predictions then.
+    /// Keys of the values used for calibration; the others are then predictions.
     pub(crate) calibrated: Option<Vec<Spanned<String>>>,
 }
 
@@ -342,7 +342,7 @@ impl Scenario {
 }
 
 impl Component {
-    /// Where the scenario says that it starts in a steady state.
+    /// Returns the place where the scenario requests a start in a steady state.
     pub(crate) fn steady(&self) -> Option<Range<usize>> {
         self.start.as_ref().filter(|start| *start.get_ref() == Start::Steady).map(Spanned::span)
     }
@@ -356,7 +356,7 @@ impl Metric {
 }
 
 impl Case {
-    /// Whether this case does without a component.
+    /// Returns true if this case omits a component.
     pub(crate) fn leaves_out(&self, component: &str) -> bool {
         self.without.iter().any(|name| name.get_ref() == component)
     }

@@ -87,7 +87,7 @@ impl Generated<'_> {
     }
 }
 
-/// The points of a sweep whose values are listed: of two parameters all pairs.
+/// Generates the points of a sweep whose values are listed: for two parameters, all pairs.
 pub(super) fn points(sweep: Option<&Spanned<Sweep>>, written: &[Point], problems: &mut Collector) -> Vec<Point> {
     let Some(sweep) = sweep.map(Spanned::get_ref) else { return Vec::new() };
     let first = Axis::first(sweep).generated(problems);

@@ -25,7 +25,7 @@ pub struct Pool {
     workers: Vec<Mutex<Option<Process>>>,
 }
 
-/// A run, and what becomes of its signals.
+/// A run, and the destination of its signals.
 #[derive(Debug)]
 pub struct Task {
     /// The run.
@@ -34,8 +34,8 @@ pub struct Task {
     pub csv: Option<(Vec<String>, PathBuf)>,
 }
 
-/// Takes the index of a task and its outcome. The recording, or that of a failure, has nothing but the time of the last row if
-/// the rows were written to a file.
+/// Receives the index of a task and its outcome. If the rows were written to a file, the recording, or that of a failure, contains only the
+/// time of the last row.
 pub type Finish<'a> = &'a (dyn Fn(usize, Result<Recording, Failure>) + Sync);
 
 /// A run whose file is written, but not published.
@@ -57,7 +57,7 @@ impl Written {
 }
 
 impl Pool {
-    /// A pool of so many workers for runs of some FMUs, which need not be loaded in this process.
+    /// A pool of `jobs` workers for runs of some FMUs, which need not be loaded in this process.
     #[must_use]
     pub fn new(settings: Settings, jobs: NonZeroUsize, fmus: &Fmus) -> Self {
         let needs_python = settings.libpython.is_some() && fmus.iter().any(|fmu| fmu.binary().needs_python());
@@ -65,10 +65,10 @@ impl Pool {
         Self { settings, fmus: fmus.clone(), needs_python, workers }
     }
 
-    /// Loads all FMUs in one worker, to see whether that works.
+    /// Loads all FMUs in one worker, as a check.
     ///
     /// # Errors
-    /// Why it does not.
+    /// An FMU cannot be loaded; the message contains the reason.
     pub fn load(&self) -> Result<(), String> {
         let Some(slot) = self.workers.first() else { return Ok(()) };
         let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
@@ -85,8 +85,8 @@ impl Pool {
         }
     }
 
-    /// Executes as many tasks as `count` says, each made by `task` when a worker is free for it. `progress` is told now and
-    /// then how many steps were done since it was told before.
+    /// Executes `count` tasks, each made by `task` when a worker is free for it. `progress` is called now and then with the number of steps
+    /// since the previous call.
     pub fn execute(
         &self,
         simulation: &Simulation,

@@ -1,4 +1,4 @@
-//! What requests and responses about runs are made of.
+//! Requests and responses about runs.
 
 use crate::failure::Failure;
 use crate::master::Recording;
@@ -11,48 +11,48 @@ use serde::{Deserialize, Serialize};
 use std::io;
 use std::sync::Arc;
 
-/// Slot of an input series, number of rows, what is between them, and whether it has the times of the one before.
+/// Slot of an input series, number of rows, interpolation, and true if it has the times of the one before.
 pub(super) type Series = (usize, usize, Interpolation, bool);
 
-/// What a worker is asked for.
+/// Request to a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Request {
     /// The FMUs of all later runs. There is no response.
     Fmus(Vec<Binary>),
-    /// To load all FMUs.
+    /// Loads all FMUs.
     Load,
-    /// To execute a run.
+    /// Executes a run.
     Run {
         simulation: Simulation,
         /// Its series are in the body.
         run: Box<Run>,
-        /// Slots of the input series, number of rows, what is between them, and whether one has the times of the one before.
+        /// Slots of the input series, number of rows, interpolation, and true if one has the times of the one before.
         series: Vec<Series>,
-        /// Names of the columns, and the file to write them to instead of returning them. It is left to be published.
+        /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish the file.
         csv: Option<(Vec<String>, Part)>,
     },
-    /// To find the steady states that the components of a run start in.
+    /// Finds the steady states in which the components of a run start.
     Steady { simulation: Simulation, run: Box<Run> },
-    /// To find parameters without an effect.
+    /// Finds parameters without an effect.
     Trials { simulation: Simulation, trials: Vec<Trial> },
 }
 
-/// What a worker responds.
+/// Response of a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Response {
-    /// All is done.
+    /// The request is done.
     Done,
     /// Start values of the components, for those that start in a steady state.
     Steady(Vec<Option<Vec<Setting>>>),
-    /// What the trials have shown.
+    /// Warnings of the trials.
     Warnings(Vec<String>),
     /// The run is done. Time and columns are in the body.
     Recorded { rows: usize, columns: Vec<bool>, messages: Vec<(String, Message)>, seconds: f64 },
-    /// It could not be done.
+    /// The request failed.
     Failed {
-        /// Why.
+        /// The failure.
         failure: Failure,
-        /// Whether no library of the worker may be used any more.
+        /// True if no library of the worker may be used any more.
         is_fatal: bool,
         /// Number of rows before it, and which columns they have; they are in the body unless they were written to the file.
         /// `None`: there are none.
@@ -116,7 +116,7 @@ impl Response {
     }
 }
 
-/// Number of rows and which columns there are, the columns with the times first, and the rest of a recording.
+/// Number of rows and flags of the columns that exist, the columns with the times first, and the rest of a recording.
 type Parts = ((usize, Vec<bool>), Vec<Vec<f64>>, Vec<(String, Message)>, f64);
 
 fn parts(recording: Recording) -> Parts {

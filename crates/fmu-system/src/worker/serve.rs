@@ -15,7 +15,7 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Works for the process that started this one, until the connection to it ends.
+/// Serves the process that started this one until the connection to it ends.
 ///
 /// `board` is the file in which the calls are announced.
 ///
@@ -84,7 +84,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
     }
 }
 
-/// Libraries that are loaded when they are needed first, and stay.
+/// Libraries, loaded on first use and kept.
 #[derive(Default)]
 struct Libraries {
     binaries: BTreeMap<String, Binary>,
