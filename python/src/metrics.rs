@@ -117,19 +117,19 @@ pub(crate) fn requirement_status(
     Ok((outcome.status.name(), outcome.worst, outcome.missing))
 }
 
-/// Whether a number keeps limits.
+/// Returns true if a number is within its limits.
 #[pyfunction]
 pub(crate) fn holds(min: Option<f64>, max: Option<f64>, value: Option<f64>) -> bool {
     requirements::holds([min, max], value)
 }
 
-/// Whether enough of some runs keep limits.
+/// Returns true if a sufficient share of runs is within the limits.
 #[pyfunction]
 pub(crate) fn is_enough(kept: usize, of: usize, share: f64) -> bool {
     requirements::is_enough(kept, of, share)
 }
 
-/// The number of an expression for numbers of metrics by their names.
+/// The value of an expression, with the numbers of metrics by name.
 #[pyfunction]
 pub(crate) fn evaluate(text: &str, values: BTreeMap<String, Option<f64>>) -> PyResult<Option<f64>> {
     let names: Vec<&str> = values.keys().map(String::as_str).collect();
@@ -194,7 +194,7 @@ pub(crate) fn transfer<'py>(
     let copied = |array: Array<'_>| array.as_slice().map(<[f64]>::to_vec);
     let (input, output) = (copied(given)?, copied(found)?);
     let (real, imaginary) = (copied(real)?, copied(imaginary)?);
-    // The frequencies play no part.
+    // The frequencies have no effect.
     let frequencies = vec![0.0; input.len()];
     let metrics::Transfer { gain, phase, coherence } =
         metrics::Cross { frequencies, input, output, real, imaginary }.transfer();

@@ -69,14 +69,14 @@ impl Session {
         self.inner(py).session.steps()
     }
 
-    /// Whether the stop time is reached.
+    /// True if the stop time is reached.
     #[getter]
     fn is_over(&self, py: Python<'_>) -> bool {
         self.inner(py).session.is_over()
     }
 
-    /// Makes communication steps, but none beyond the stop time. `values` overwrites the inputs from now on; without it, they
-    /// stay as they are.
+    /// Makes communication steps, but none beyond the stop time. `values` overwrites the inputs from now on; without it, they are
+    /// unchanged.
     #[pyo3(signature = (count=1, values=None))]
     fn step(&self, py: Python<'_>, count: u64, values: Option<PyReadonlyArray1<'_, f64>>) -> PyResult<()> {
         let values = values.map(|values| values.as_array().to_vec());
@@ -121,7 +121,7 @@ impl Session {
         Ok(key)
     }
 
-    /// Goes to a saved state.
+    /// Restores a saved state.
     fn restore(&self, py: Python<'_>, key: u64) -> PyResult<()> {
         let mut inner = self.inner(py);
         let Inner { session, saved, .. } = &mut *inner;
@@ -138,7 +138,7 @@ impl Session {
 }
 
 impl Session {
-    /// Another thread may hold the lock without the interpreter's: wait for it without.
+    /// Another thread may hold this lock without the interpreter's: release the latter while waiting.
     fn inner(&self, py: Python<'_>) -> MutexGuard<'_, Inner> {
         use pyo3::sync::MutexExt as _;
         self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)

@@ -47,7 +47,7 @@ fn mistakes(problem: ResolveError) -> PyErr {
     }
 }
 
-/// A value as Python has it; `bool` before `int`, of which it is a subclass.
+/// A value from Python; `bool` before `int`, of which it is a subclass.
 #[derive(FromPyObject)]
 pub(crate) enum Given {
     Boolean(bool),
@@ -57,7 +57,7 @@ pub(crate) enum Given {
 }
 
 impl Given {
-    /// As a value of a variable: whole numbers are Reals, too, and names of modes are Integers.
+    /// Converts to a value of a variable: integers are valid as Reals, names of modes as Integers.
     fn of(self, variable: &Variable) -> Result<Value, String> {
         let value = match (self, variable.base_type) {
             (Self::Integer(value), BaseType::Real) => Value::Real(f64::from(value)),
@@ -81,7 +81,7 @@ impl Given {
     }
 }
 
-/// A value as Python gets it.
+/// Converts a value for Python.
 fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::Real(value) => value.into_pyobject(py)?.into_any(),
@@ -94,7 +94,7 @@ fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
 /// Component, variable, value.
 pub(crate) type Changed = (String, String, Given);
 
-/// A run that is done: sample, run, numbers, status, time, component, variable, message, seconds.
+/// A finished run: sample, run, numbers, status, time, component, variable, message, seconds.
 type Done =
     (usize, usize, Vec<Option<f64>>, &'static str, Option<f64>, Option<String>, Option<String>, Option<String>, f64);
 
@@ -113,7 +113,7 @@ fn done(row: Row) -> Done {
 /// A resolved scenario with its FMUs.
 #[pyclass(frozen, module = "chassis_fmu._native")]
 pub(crate) struct System {
-    /// As it records what the scenario says.
+    /// Plan that records the signals of the scenario.
     plan: Plan,
     batch: Batch,
     /// The FMUs loaded in this process.
@@ -149,8 +149,8 @@ impl System {
         serde_json::to_string(&self.plan).map_err(error)
     }
 
-    /// What is known of a variable that can be set, in the first run that has it: base type, unit, units with factor and offset,
-    /// limits, value.
+    /// Properties of a settable variable, in the first run that has it: base type, unit, units with factor and offset, limits,
+    /// value, description.
     fn variable<'py>(&self, py: Python<'py>, component: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let of = |run: &fmu_system::run::Run| run.components.iter().find(|other| other.name == component).cloned();
         let mut first = None;
@@ -184,7 +184,7 @@ impl System {
         })))
     }
 
-    /// Prepares worker processes, which start when they are needed first.
+    /// Prepares worker processes, which start when they are first needed.
     fn start(&self, program: PathBuf, jobs: NonZeroUsize, timeout: f64, libpython: Option<PathBuf>) -> PyResult<()> {
         let launch = Launch { program, arguments: vec![OsString::from("worker")] };
         let timeout = Duration::try_from_secs_f64(timeout).map_err(error)?;
@@ -200,7 +200,7 @@ impl System {
     }
 
     /// Executes samples, each a list of changes and the runs of the plan, in worker processes. `take` gets each row when it is
-    /// done and returns whether to go on.
+    /// done and returns true to continue.
     fn execute(&self, py: Python<'_>, samples: Vec<(Vec<Changed>, Vec<usize>)>, take: Py<PyAny>) -> PyResult<()> {
         let samples = self.samples(samples)?;
         let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -280,7 +280,7 @@ impl System {
         Ok(self.here()?.fmus())
     }
 
-    /// A run of the plan with other values, which records what the scenario says.
+    /// A run of the plan with other values, which records the signals of the scenario.
     pub(crate) fn changed(&self, changes: Vec<Changed>, run: usize) -> PyResult<Run> {
         let samples = self.samples(vec![(changes, vec![run])])?;
         let mut changed = self.here()?.changed(run, &samples[0].changes).map_err(error)?;

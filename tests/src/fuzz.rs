@@ -1,12 +1,12 @@
 //! Calls that no master should make: any function, in any order, with any arguments that the C types allow.
 //!
-//! The standard leaves undefined what a master does wrong; ARCHITECTURE.md ("Status", "Time") defines it, and that is
-//! the reference here. Checked at every call: the status is fmi2OK, fmi2Discard or fmi2Error; an error is logged with
-//! a reason and keeps the mode; nothing is written beyond the array, and nothing at all by a rejected call; a number
-//! that is handed out is finite. At some calls also: a rejected call leaves the saved state as it was.
+//! The standard leaves invalid calls undefined; ARCHITECTURE.md ("Status", "Time") defines them and is the reference
+//! here. Checked at every call: the status is fmi2OK, fmi2Discard or fmi2Error; an error is logged with a reason and
+//! keeps the mode; nothing is written beyond the array, and nothing at all by a rejected call; a returned number is
+//! finite. At some calls also: a rejected call leaves the saved state unchanged.
 //!
-//! What is not done, because no FMU can notice it: arrays shorter than stated, strings without an end, instances that
-//! were freed, one instance in two threads.
+//! Not covered, because no FMU can detect it: arrays shorter than stated, strings without a terminating zero, freed
+//! instances, one instance in two threads.
 
 use crate::Fmu;
 use crate::raw::{Arguments, DISCARD, ERROR, Entry, EventArguments, OK, Raw, RawInstance, RawState, in_version};
@@ -35,7 +35,7 @@ const STATES: usize = 6;
 /// Content of an array of numbers before a call.
 const MARK: f64 = -7.25e77;
 
-/// What was done.
+/// Statistics of the calls.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Calls that the generator chose.
@@ -51,7 +51,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds another one.
+    /// Adds another report.
     pub fn add(&mut self, other: &Self) {
         self.calls += other.calls;
         self.others += other.others;
@@ -69,7 +69,7 @@ impl Report {
 /// An FMU that broke a rule.
 #[derive(Clone, Debug)]
 pub struct Violation {
-    /// What is wrong.
+    /// Description of the violation.
     pub what: String,
     /// Number of the call, from 1.
     pub call: u64,
@@ -77,7 +77,7 @@ pub struct Violation {
     pub last: Vec<String>,
 }
 
-/// A variable and what values suit it.
+/// A variable and its valid values.
 struct Spec {
     reference: Reference,
     data_type: DataType,
@@ -93,11 +93,11 @@ struct Slot<'a> {
     events: EventArguments,
     name: Vec<u8>,
     has_logger: bool,
-    /// Whether discarded calls are logged too.
+    /// True if discarded calls are logged too.
     all_logged: bool,
-    /// Kept only if there is a logger, whose messages tell it.
+    /// Tracked only if there is a logger, whose messages contain it.
     mode: Mode,
-    /// With the mode that each was saved in; unknown for crafted bytes.
+    /// Saved states, each with the mode in which it was saved; unknown for crafted bytes.
     states: Vec<(RawState, Option<Mode>)>,
     freed: Vec<RawState>,
 }
@@ -106,9 +106,9 @@ struct Slot<'a> {
 #[derive(Clone)]
 struct Bytes {
     bytes: Vec<u8>,
-    /// The mode it was saved in, if it is known.
+    /// The mode in which it was saved, if known.
     mode: Option<Mode>,
-    /// The interface of the instance that it was saved of.
+    /// The interface of the instance from which it was saved.
     interface: Interface,
 }
 
@@ -124,7 +124,7 @@ enum Next {
 struct Fuzzer<'a> {
     raw: &'a Raw,
     version: FmiVersion,
-    /// The interface that most instances are of, and all that the FMU provides.
+    /// The interface of most instances, and all interfaces that the FMU provides.
     interface: Interface,
     interfaces: Vec<Interface>,
     random: Random,
@@ -136,7 +136,7 @@ struct Fuzzer<'a> {
     known: Vec<Reference>,
     states: Vec<Reference>,
     indicators: usize,
-    /// Whether it has Event Mode in co-simulation of FMI 3.0.
+    /// True if it has Event Mode in co-simulation of FMI 3.0.
     has_event_mode: bool,
     /// Step size of the description in s.
     step: f64,
@@ -163,7 +163,7 @@ pub fn interfaces(fmu: &Fmu) -> Vec<Interface> {
 /// The bytes of a state of an FMU after the initialization, for others that must reject it.
 ///
 /// # Panics
-/// When the FMU does not save one.
+/// If the FMU does not save one.
 #[must_use]
 pub fn state(raw: &Raw, interface: Interface) -> Vec<u8> {
     let guid = CString::new(raw.guid()).expect("no zeros");
@@ -198,13 +198,13 @@ fn kind_of(interface: Interface) -> i32 {
     }
 }
 
-/// Calls an FMU as long as `goes_on` says, which gets the number of calls so far to instances of `interface`. Some instances
-/// are of the other interface if the FMU provides it. Equal seeds and `foreign` states (of other FMUs, see [`state`]) make
-/// equal calls. If `is_verbose`, every call is printed to standard error before it is made, which shows the one that ends a
+/// Calls an FMU while `goes_on` returns true; it gets the number of calls so far to instances of `interface`. Some instances
+/// have the other interface if the FMU provides it. Equal seeds and `foreign` states (of other FMUs, see [`state`]) give equal
+/// calls. If `is_verbose`, every call is printed to standard error before it is made, which shows the one that ends a
 /// process.
 ///
 /// # Errors
-/// When the FMU breaks a rule.
+/// The FMU breaks a rule.
 pub fn fuzz(
     (fmu, raw): (&Fmu, &Raw),
     interface: Interface,
@@ -234,7 +234,7 @@ pub fn fuzz(
     let derivatives = fmu.description.derivatives.iter().map(|unknown| variables[unknown.variable].reference);
     let time = variables.iter().find(|variable| variable.causality == Causality::Independent);
     let states: Vec<_> = fmu.states().iter().map(|state| state.reference).collect();
-    // Every FMU has its own numbers, whichever others are called in the same process.
+    // The random numbers of an FMU do not depend on the other FMUs of the process.
     let seed = seed ^ checksum(fmu.name.as_bytes());
     let mut fuzzer = Fuzzer {
         raw,
@@ -272,7 +272,7 @@ fn ensure(holds: bool, what: impl FnOnce() -> String) -> Checked {
     if holds { Ok(()) } else { Err(what()) }
 }
 
-/// The text of a message without arguments and value references; `None` if it asks for some.
+/// The text of a message without arguments and value references; `None` if its format requires some.
 fn printed(version: FmiVersion, format: &[u8]) -> Option<String> {
     let text = String::from_utf8(format.to_vec()).ok()?;
     if version == FmiVersion::V3 {
@@ -282,7 +282,7 @@ fn printed(version: FmiVersion, format: &[u8]) -> Option<String> {
     (!plain.contains(['%', '#'])).then(|| text.replace("%%", "%").replace("##", "#"))
 }
 
-/// Checks messages that came with a status and returns their texts.
+/// Checks the messages logged with a status and returns their texts.
 fn texts(version: FmiVersion, entries: &[Entry], name: &[u8]) -> Checked<String> {
     let mut all = String::new();
     for entry in entries {
@@ -336,8 +336,8 @@ impl<'a> Fuzzer<'a> {
         Ok(())
     }
 
-    /// The bytes of an instance's state; `None` where none can be saved. All values are asked for before: some are
-    /// computed when they are first needed.
+    /// The bytes of an instance's state; `None` where none can be saved. All values are read first: some are computed when
+    /// they are first needed.
     fn content(&mut self, at: usize) -> Checked<Option<Vec<u8>>> {
         if self.slots[at].mode == FAILED || !self.slots[at].has_logger {
             return Ok(None);
@@ -437,7 +437,7 @@ impl<'a> Fuzzer<'a> {
         Ok(status)
     }
 
-    /// A new instance in place of one of those that are there.
+    /// Replaces one of the instances with a new one.
     fn instantiate(&mut self) -> Checked {
         let is_right = !self.chance(8);
         let has_logger = !self.chance(20);
@@ -551,7 +551,7 @@ impl<'a> Fuzzer<'a> {
         }
     }
 
-    /// Functions with a null pointer in place of the instance: there is no logger to tell, the status says it.
+    /// Calls functions with a null pointer as the instance: without a logger, only the status reports the error.
     fn without_instance(&mut self) -> Checked {
         self.note("a null pointer as the instance".to_owned());
         let null = self.raw.null();

@@ -1,7 +1,7 @@
-//! What the tests of this package share.
+//! Shared code of the tests in this package.
 //!
-//! The tests see FMUs as a stranger would: through the packed `.fmu` file and its C functions. They take every file
-//! `*.fmu` of the folder [`folder`] names, so a new model is tested from the day it is packed.
+//! The tests access FMUs as any importer does: through the packed `.fmu` file and its C functions. They cover every file
+//! `*.fmu` in [`folder`], so a new model is tested as soon as it is packed.
 
 pub mod fuzz;
 pub mod life;
@@ -74,7 +74,7 @@ pub fn folder() -> PathBuf {
 /// Paths of all packed FMUs, sorted by name.
 ///
 /// # Panics
-/// When there is none.
+/// If there is none.
 #[must_use]
 pub fn paths() -> Vec<PathBuf> {
     let paths = fmus_in(&folder());
@@ -85,7 +85,7 @@ pub fn paths() -> Vec<PathBuf> {
 /// Paths of the FMUs of FMI 3.0, sorted by name: those of `$CHASSIS_FMU3_DIR`, or `target/fmu3`.
 ///
 /// # Panics
-/// When one of each kind is missing: continuous-time, discrete-time, with events, with all types.
+/// If a kind is missing: continuous-time, discrete-time, with events, with all types.
 #[must_use]
 pub fn paths_of_fmi3() -> Vec<PathBuf> {
     let folder = std::env::var_os("CHASSIS_FMU3_DIR").map_or_else(|| workspace().join("target/fmu3"), PathBuf::from);
@@ -109,7 +109,7 @@ fn fmus_in(folder: &Path) -> Vec<PathBuf> {
 /// All packed FMUs, sorted by name.
 ///
 /// # Panics
-/// When there is none, or one cannot be opened.
+/// If there is none, or one cannot be opened.
 #[must_use]
 pub fn all() -> Vec<Fmu> {
     paths().iter().map(|path| Fmu::open(path)).collect()
@@ -118,7 +118,7 @@ pub fn all() -> Vec<Fmu> {
 /// The FMUs of [`paths_of_fmi3`].
 ///
 /// # Panics
-/// As [`paths_of_fmi3`], or when one cannot be opened.
+/// As [`paths_of_fmi3`], or if one cannot be opened.
 #[must_use]
 pub fn all_of_fmi3() -> Vec<Fmu> {
     paths_of_fmi3().iter().map(|path| Fmu::open(path)).collect()
@@ -134,7 +134,7 @@ pub fn plants() -> Vec<Fmu> {
 }
 
 /// A call of valgrind that ends with an error on an invalid access, a use of values that were never set, or lost memory.
-/// What is still reachable at the end is not lost.
+/// Memory that is still reachable at the end does not count as lost.
 #[must_use]
 pub fn valgrind() -> Command {
     let mut command = Command::new("valgrind");
@@ -161,7 +161,7 @@ impl Fmu {
     /// Opens a file.
     ///
     /// # Panics
-    /// When it is missing or no FMU that runs here.
+    /// If it is missing or is not an FMU that runs here.
     #[must_use]
     pub fn open(path: &Path) -> Self {
         Self::open_with(path, |_| ())
@@ -200,7 +200,7 @@ impl Fmu {
         Self::open(&folder().join(format!("{name}.fmu")))
     }
 
-    /// Whether its outputs follow its inputs at once and its states are known.
+    /// Returns true if it provides directional derivatives: its outputs follow its inputs at once and its states are known.
     #[must_use]
     pub fn is_plant(&self) -> bool {
         self.description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative)
@@ -209,7 +209,7 @@ impl Fmu {
     /// A new instance in Instantiated.
     ///
     /// # Panics
-    /// When the FMU returns an error.
+    /// If the FMU returns an error.
     #[must_use]
     pub fn instance(&self) -> Instance {
         Instance::instantiate(&self.library, &self.name, &self.description.guid, false)
@@ -219,7 +219,7 @@ impl Fmu {
     /// A new instance that is ready to step from `start`.
     ///
     /// # Panics
-    /// When the FMU returns an error.
+    /// If the FMU returns an error.
     #[must_use]
     pub fn started_at(&self, start: f64) -> Instance {
         let mut instance = self.instance();
@@ -232,7 +232,7 @@ impl Fmu {
     /// A new instance that is ready to step from 0.
     ///
     /// # Panics
-    /// When the FMU returns an error.
+    /// If the FMU returns an error.
     #[must_use]
     pub fn started(&self) -> Instance {
         self.started_at(0.0)
@@ -241,11 +241,11 @@ impl Fmu {
     /// A step that fails with [`Self::failing_inputs`], in s.
     pub const FAILING_STEP: f64 = 2.0;
 
-    /// Inputs with which the first step gives numbers that are not finite, though all values before it are; `None` if
+    /// Inputs for which the first step gives numbers that are not finite, although all values before it are; `None` if
     /// none were found.
     ///
     /// # Panics
-    /// When the FMU rejects inputs that are finite.
+    /// If the FMU rejects inputs that are finite.
     #[must_use]
     pub fn failing_inputs(&self) -> Option<Vec<f64>> {
         const HUGE: f64 = 1.7e308;
@@ -271,7 +271,7 @@ impl Fmu {
     /// A new instance in Instantiated with these values of the real inputs.
     ///
     /// # Panics
-    /// When the FMU rejects them.
+    /// If the FMU rejects them.
     #[must_use]
     pub fn instance_with(&self, inputs: &[f64]) -> Instance {
         let mut instance = self.instance();
@@ -293,7 +293,7 @@ impl Fmu {
     /// The values of all outputs but Strings, in the order of the description, Integers and Booleans as numbers.
     ///
     /// # Panics
-    /// When the FMU returns an error.
+    /// If the FMU returns an error.
     #[track_caller]
     #[must_use]
     pub fn outputs(&self, instance: &mut Instance) -> Vec<f64> {
@@ -325,13 +325,13 @@ impl Fmu {
     /// Value reference of the variable of that name.
     ///
     /// # Panics
-    /// When there is none.
+    /// If there is none.
     #[must_use]
     pub fn reference(&self, name: &str) -> Reference {
         self.description.variable(name).unwrap_or_else(|| panic!("{} has no variable {name}", self.name)).reference
     }
 
-    /// The continuous states: what the derivatives of the model structure are derivatives of.
+    /// The continuous states: the variables whose derivatives are listed in the model structure.
     #[must_use]
     pub fn states(&self) -> Vec<&Variable> {
         let variables = &self.description.variables;
@@ -342,8 +342,8 @@ impl Fmu {
             .collect()
     }
 
-    /// Values of the modes and switches: every combination, as (reference, value) of integers with few values and of
-    /// booleans. Combinations that the FMU cannot be initialized with are left out.
+    /// Values of the modes and Booleans: every combination, as (reference, value) of Integers with few values and of
+    /// Booleans. Combinations with which the FMU cannot be initialized are left out.
     #[must_use]
     pub fn configurations(&self) -> Vec<Configuration> {
         const FEW: f64 = 10.0;
@@ -366,10 +366,10 @@ impl Fmu {
     }
 }
 
-/// A combination of modes and switches.
+/// A combination of modes and Booleans.
 #[derive(Clone, Debug, Default)]
 pub struct Configuration {
-    /// What it is, for messages.
+    /// Description for messages.
     pub name: String,
     integers: Vec<(Reference, i32)>,
     booleans: Vec<(Reference, i32)>,
@@ -384,10 +384,10 @@ impl Configuration {
         new
     }
 
-    /// Sets the modes and switches.
+    /// Sets the modes and Booleans.
     ///
     /// # Errors
-    /// When the FMU rejects one, as an integer between two modes.
+    /// The FMU rejects one, such as an integer between two modes.
     pub fn set(&self, instance: &mut Instance) -> Result<(), CallError> {
         for &(reference, value) in &self.integers {
             instance.set_integer(&[reference], &[value])?;
@@ -402,7 +402,7 @@ impl Configuration {
 /// The result of a call that has to succeed.
 ///
 /// # Panics
-/// When it did not, with the FMU's messages.
+/// If it did not succeed, with the FMU's messages.
 #[track_caller]
 pub fn ok<T>(result: Result<T, CallError>) -> T {
     match result {
@@ -414,7 +414,7 @@ pub fn ok<T>(result: Result<T, CallError>) -> T {
 /// The message of a call that has to be rejected with fmi2Error.
 ///
 /// # Panics
-/// When it was not rejected, rejected otherwise, or without a message.
+/// If it was not rejected, rejected with another status, or without a message.
 #[track_caller]
 pub fn rejected<T>(result: Result<T, CallError>) -> String {
     match result {
@@ -436,7 +436,7 @@ pub fn rejected<T>(result: Result<T, CallError>) -> String {
 /// The values of real variables.
 ///
 /// # Panics
-/// When the FMU returns an error.
+/// If the FMU returns an error.
 #[track_caller]
 #[must_use]
 pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
@@ -448,20 +448,20 @@ pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
 /// The value of one real variable.
 ///
 /// # Panics
-/// When there is none of that name, or the FMU returns an error.
+/// If there is none of that name, or the FMU returns an error.
 #[track_caller]
 #[must_use]
 pub fn real(fmu: &Fmu, instance: &mut Instance, name: &str) -> f64 {
     reals(instance, &[fmu.reference(name)])[0]
 }
 
-/// The bits of numbers: equal only if the numbers are the same to the last bit.
+/// The bits of numbers: equal only if the numbers are bit-identical.
 #[must_use]
 pub fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-/// Whether a variable may be set before the start only.
+/// Returns true if a variable may only be set before the start.
 #[must_use]
 pub fn is_fixed(variable: &Variable) -> bool {
     variable.causality == Causality::Parameter && variable.variability == Variability::Fixed

@@ -10,7 +10,7 @@ const STEP: f64 = 0.001;
 /// Calls every function of an FMU.
 ///
 /// # Panics
-/// When the FMU rejects what is in order, or accepts what is not.
+/// If the FMU rejects a valid call or accepts an invalid one.
 pub fn life(fmu: &Fmu) {
     const STEPS: u32 = 40;
     let excitation = Excitation::of(fmu, 2);
@@ -19,7 +19,7 @@ pub fn life(fmu: &Fmu) {
     let mut instance = fmu.started();
     drop(run(fmu, &mut instance, &excitation, 0.0, 0..STEPS, STEP));
     ok(instance.get_real(&reals, &mut values));
-    // Saved, turned into bytes and back, restored, saved again, freed; one state is left for the end of the instance.
+    // Saved, serialized, deserialized, restored, saved again, freed; one state is left for the end of the instance.
     let saved = ok(instance.save_state());
     let bytes = ok(instance.serialize_state(&saved));
     let copy = ok(instance.deserialize_state(&bytes));
@@ -27,7 +27,7 @@ pub fn life(fmu: &Fmu) {
     ok(instance.restore_state(&copy));
     ok(instance.save_state_again(&saved));
     ok(instance.free_state(saved));
-    // Rejected with messages that are made up on the heap.
+    // Rejected with messages that are allocated on the heap.
     rejected(instance.set_real(&[reals[0]], &[f64::NAN]));
     rejected(instance.get_integer(&[u32::MAX], &mut [0]));
     rejected(instance.do_step(1e3, STEP));
@@ -53,7 +53,7 @@ pub fn life(fmu: &Fmu) {
     ok(instance.exit_initialization_mode());
     drop(run(fmu, &mut instance, &excitation, 0.0, 0..STEPS, STEP));
     ok(instance.terminate());
-    // A step that fails in most units; whether it does is not asked here.
+    // A step that fails in most FMUs; the result does not matter here.
     let mut failing = fmu.instance_with(&vec![1.7e308; excitation.references.len()]);
     ok(failing.enter_initialization_mode());
     ok(failing.exit_initialization_mode());

@@ -1,8 +1,8 @@
 //! The C functions of an FMU called as C calls them, with pointers that may be null.
 //!
-//! All unsafe code of this package is here: what is tested is how an FMU answers calls that the safe interface of the
-//! crate `fmu-import` cannot even express. Every wrapper is safe to call: an array is passed with a length that it has, or
-//! as a null pointer, and strings end with a zero.
+//! All unsafe code of this package is here, for tests of calls that the safe interface of the crate `fmu-import` cannot
+//! express. Every wrapper is safe to call: an array is passed with a length that does not exceed its own, or as a null
+//! pointer, and strings end with a zero.
 #![allow(unsafe_code)]
 
 use crate::Fmu;
@@ -52,7 +52,7 @@ pub struct Raw {
     version: FmiVersion,
 }
 
-/// What is passed to fmi2Instantiate; `None` is a null pointer.
+/// Arguments of fmi2Instantiate; `None` is a null pointer.
 #[derive(Clone, Copy, Debug)]
 pub struct Arguments<'a> {
     /// instanceName.
@@ -63,7 +63,7 @@ pub struct Arguments<'a> {
     pub guid: Option<&'a CStr>,
     /// fmuResourceLocation.
     pub resources: Option<&'a CStr>,
-    /// Whether there is a struct of callbacks (FMI 2.0).
+    /// True if a struct of callbacks is passed (FMI 2.0).
     pub callbacks: bool,
     /// Arguments of FMI 3.0.
     pub events: EventArguments,
@@ -88,7 +88,7 @@ pub struct RawInstance<'a> {
     log: Option<Box<LogBook>>,
 }
 
-/// A message as the logger got it.
+/// A message as received by the logger.
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// The instance's name.
@@ -101,19 +101,19 @@ pub struct Entry {
     pub format: Vec<u8>,
 }
 
-/// What the logger of one instance got.
+/// Messages received by the logger of one instance.
 #[derive(Debug, Default)]
 pub struct LogBook(Mutex<Vec<Entry>>);
 
 impl LogBook {
-    /// The messages since the last time.
+    /// Takes the messages since the last call.
     #[must_use]
     pub fn take(&self) -> Vec<Entry> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-/// The logger; C passes further arguments behind `format`, which are not read.
+/// The logger; C passes further arguments after `format`, which are not read.
 unsafe extern "C" fn note(
     environment: *mut c_void,
     name: *const c_char,
@@ -142,7 +142,8 @@ unsafe extern "C" fn note_fmi3(
     unsafe { note(environment, c"".as_ptr(), status, category, message) }
 }
 
-/// Whether an array can have that length: one that no memory can hold is rejected before the array is looked at.
+/// Returns true if an array can be passed with that length: the FMU rejects a length that no memory can hold before it
+/// reads the array.
 fn fits<T>(values: &[T], count: usize) -> bool {
     count <= values.len() || count > isize::MAX as usize / size_of::<T>()
 }
@@ -155,7 +156,7 @@ fn pointer<T>(values: Option<&[T]>, count: usize) -> *const T {
     })
 }
 
-/// As [`pointer`], to write to.
+/// As [`pointer`], but writable.
 fn pointer_mut<T>(values: Option<&mut [T]>, count: usize) -> *mut T {
     values.map_or(ptr::null_mut(), |values| {
         assert!(fits(values, count), "the array is shorter than stated");
@@ -167,7 +168,7 @@ impl Raw {
     /// Loads the library of an FMU a second time, for calls by hand.
     ///
     /// # Panics
-    /// When it cannot be loaded.
+    /// If it cannot be loaded.
     #[must_use]
     pub fn load(fmu: &Fmu) -> Self {
         let unpacked = unpack(fmu);
@@ -225,10 +226,10 @@ impl Raw {
         self.instantiate_with(arguments, 0, None).ok()
     }
 
-    /// fmi2Instantiate with a logger and loggingOn as given; what the FMU logged if it returns none.
+    /// fmi2Instantiate with a logger and loggingOn as given.
     ///
     /// # Errors
-    /// When the FMU gives no instance.
+    /// The FMU returns no instance; the error has its messages.
     pub fn instantiate_logging(
         &self,
         arguments: Arguments<'_>,
@@ -357,7 +358,7 @@ impl Raw {
         }
     }
 
-    /// An instance that is no instance: every function gets a null pointer.
+    /// A null instance: every function gets a null pointer.
     #[must_use]
     pub fn null(&self) -> RawInstance<'_> {
         RawInstance { raw: self, component: ptr::null_mut(), log: None }
@@ -391,7 +392,7 @@ impl Element for u8 {
     const NAMES: [&'static str; 2] = ["", "Boolean"];
 }
 
-/// fmi2Integer and fmi2Boolean are both C's int; this tells them apart.
+/// Distinguishes fmi2Boolean from fmi2Integer; both are C's int.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Truth(pub c_int);
@@ -421,7 +422,7 @@ impl Element for Text<'_> {
     const NAMES: [&'static str; 2] = ["String", "String"];
 }
 
-/// A pointer that an FMU gave out as fmi2FMUstate, or null.
+/// A pointer that an FMU returned as fmi2FMUstate, or null.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawState(State);
 
@@ -429,13 +430,13 @@ impl RawState {
     /// No state yet.
     pub const NULL: Self = Self(ptr::null_mut());
 
-    /// A pointer that no FMU gave out. FMUs compare such pointers, they do not follow them.
+    /// A pointer that no FMU returned. FMUs compare such pointers, they do not dereference them.
     #[must_use]
     pub fn invented(address: usize) -> Self {
         Self(ptr::without_provenance_mut(address))
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_null(self) -> bool {
         self.0.is_null()
@@ -451,10 +452,10 @@ fn unpack(fmu: &Fmu) -> Unpacked {
 }
 
 /// Loads a library and keeps it loaded to the end of the process; later loads of the same file find this one. If
-/// `global`, all libraries loaded so share one space of names (RTLD_GLOBAL), as in some masters; Windows has no such space.
+/// `global`, all libraries loaded this way share one namespace (RTLD_GLOBAL), as in some masters; Windows has none.
 ///
 /// # Panics
-/// When it cannot be loaded.
+/// If it cannot be loaded.
 pub fn keep_loaded(path: &Path, global: bool) {
     #[cfg(unix)]
     let load = || {
@@ -472,7 +473,7 @@ pub fn keep_loaded(path: &Path, global: bool) {
     std::mem::forget(load().unwrap_or_else(|error| panic!("{error}")));
 }
 
-/// How often memory was allocated in this process so far; `None` if it runs without `count_allocations`.
+/// Number of allocations in this process so far; `None` if it runs without `count_allocations`.
 #[must_use]
 pub fn allocations() -> Option<u64> {
     #[cfg(unix)]
@@ -490,10 +491,10 @@ fn preloaded_count() -> Option<u64> {
     function.ok().map(|function| function())
 }
 
-/// Lets another thread use an instance, then frees it there.
+/// Uses an instance on another thread, then frees it there.
 ///
 /// # Panics
-/// When `work` panics.
+/// If `work` panics.
 pub fn on_another_thread<T: Send>(
     instance: fmu_import::loader::Instance,
     work: impl FnOnce(&mut fmu_import::loader::Instance) -> T + Send,

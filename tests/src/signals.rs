@@ -1,10 +1,10 @@
-//! Inputs that excite any FMU without knowing it: smooth, deterministic, of a size that suits the unit of measure.
+//! Inputs that excite any FMU without knowledge of its model: smooth, deterministic, with an amplitude by the unit of measure.
 
 use crate::{Fmu, Instance, bits, ok};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 
-/// Numbers that look random and are the same everywhere (SplitMix64: Steele, Lea, Flood, "Fast splittable
+/// Pseudorandom numbers that are the same on every platform (SplitMix64: Steele, Lea, Flood, "Fast splittable
 /// pseudorandom number generators", OOPSLA 2014).
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
@@ -55,7 +55,8 @@ pub fn start(variable: &Variable) -> f64 {
     }
 }
 
-/// Whether a quantity is meant to be positive: forwards, grip, pedals. A unit may reject a vehicle that drives backwards.
+/// Returns true for a quantity that is normally positive: forward speed, grip, pedals. An FMU may reject a vehicle that
+/// drives backwards.
 #[must_use]
 pub fn is_magnitude(variable: &Variable) -> bool {
     let name = variable.name.as_str();
@@ -103,7 +104,7 @@ impl Excitation {
 /// Steps from `time` (the inputs as functions of `time` - `origin`) and returns the bits of all outputs of all steps.
 ///
 /// # Panics
-/// When the FMU returns an error.
+/// If the FMU returns an error.
 pub fn run(
     fmu: &Fmu,
     instance: &mut Instance,

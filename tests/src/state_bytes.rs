@@ -1,48 +1,49 @@
-//! Other values in the bytes of a saved state.
+//! Changes values in the bytes of a saved state.
 //!
-//! Some states start by the parameters and cannot be set, but the tests of the model structure have to change them one
-//! by one, and others craft states that no run leads to. The bytes are those of this project's exporter (crate `fmu`,
+//! Some states start from the parameters and cannot be set, but the tests of the model structure have to change them one
+//! by one, and others craft states that no run reaches. The bytes are those of this project's exporter (crate `fmu`,
 //! `state_bytes`): a magic number, the version of the format, version and interface of FMI (4 bytes), the GUID with its
-//! length, the mode (4 bytes), the start, whether there is a stop (4 bytes), the stop, the time, the number of samples, then the real values in the order of
-//! their references, little endian. The last eight bytes are the FNV-1a checksum of all before.
+//! length, the mode (4 bytes), the start, the flag of a stop (4 bytes), the stop, the time, the number of samples, then
+//! the real values in the order of their references, little endian. The last eight bytes are the FNV-1a checksum of all
+//! before.
 
 use crate::ok;
 use fmu_import::c_api::Reference;
 use fmu_import::loader::Instance;
 
-/// The format's version, behind the magic number.
+/// The format's version, after the magic number.
 pub(crate) const VERSION_AT: usize = 8;
 /// Version and interface of FMI.
 pub(crate) const COLUMN_AT: usize = 12;
-/// The text of the GUID, behind its length.
+/// The text of the GUID, after its length.
 pub(crate) const GUID_AT: usize = 20;
-/// Mode, start, whether there is a stop, stop, time, number of samples.
+/// Mode, start, flag of a stop, stop, time, number of samples.
 const BETWEEN_GUID_AND_REALS: usize = 4 + 8 + 4 + 3 * 8;
 
-/// Where values lie in the bytes of an FMU's states.
+/// Positions of values in the bytes of an FMU's states.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     first: usize,
 }
 
 impl Place {
-    /// The places in the states of the FMU with this GUID.
+    /// The positions in the states of the FMU with this GUID.
     #[must_use]
     pub fn of(guid: &str) -> Self {
         Self { first: GUID_AT + guid.len() + BETWEEN_GUID_AND_REALS }
     }
 
-    /// Where the value of a real variable begins.
+    /// Position of the value of a real variable.
     pub(crate) fn real(self, reference: Reference) -> usize {
         self.first + 8 * reference as usize
     }
 
-    /// Where the number of samples begins.
+    /// Position of the number of samples.
     fn samples_at(self) -> usize {
         self.first - 8
     }
 
-    /// Where start, stop, time and number of samples begin.
+    /// Positions of start, stop, time and number of samples.
     pub(crate) fn clock(self) -> [usize; 4] {
         [self.first - 36, self.first - 24, self.first - 16, self.samples_at()]
     }
@@ -50,7 +51,7 @@ impl Place {
     /// The number of samples that an instance has taken.
     ///
     /// # Panics
-    /// When the FMU does not save its state.
+    /// If the FMU does not save its state.
     #[must_use]
     pub fn samples(self, instance: &mut Instance) -> u64 {
         let bytes = state(instance);
@@ -60,7 +61,7 @@ impl Place {
     /// The bytes of the instance's state with another number of samples.
     ///
     /// # Panics
-    /// When the FMU does not save its state.
+    /// If the FMU does not save its state.
     #[must_use]
     pub fn with_samples(self, instance: &mut Instance, samples: u64) -> Vec<u8> {
         let mut bytes = state(instance);
@@ -69,10 +70,10 @@ impl Place {
         bytes
     }
 
-    /// Lets an instance go on from its own state with other values of some reals.
+    /// Continues an instance from its own state with other values of some reals.
     ///
     /// # Panics
-    /// When the FMU rejects the state.
+    /// If the FMU rejects the state.
     pub fn change(self, instance: &mut Instance, references: &[Reference], values: &[f64]) {
         let mut bytes = state(instance);
         for (&reference, value) in references.iter().zip(values) {
@@ -89,7 +90,7 @@ impl Place {
 /// The bytes of an instance's state.
 ///
 /// # Panics
-/// When the FMU does not save it.
+/// If the FMU does not save it.
 #[must_use]
 pub fn state(instance: &mut Instance) -> Vec<u8> {
     let saved = ok(instance.save_state());
@@ -98,7 +99,7 @@ pub fn state(instance: &mut Instance) -> Vec<u8> {
     bytes
 }
 
-/// Writes the checksum anew.
+/// Updates the checksum.
 pub(crate) fn seal(bytes: &mut [u8]) {
     let body = bytes.len() - 8;
     let sum = checksum(&bytes[..body]);

@@ -1,4 +1,4 @@
-//! What a shared library exports and needs.
+//! Exports and dependencies of a shared library.
 
 use object::Object as _;
 use object::elf::FileHeader64;
@@ -8,7 +8,7 @@ use object::{Architecture, BinaryFormat, Endianness, read};
 /// Format and processor of a library.
 ///
 /// # Panics
-/// When the bytes are no library.
+/// If the bytes are not a library.
 #[must_use]
 pub fn format(library: &[u8]) -> (BinaryFormat, Architecture) {
     let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
@@ -18,7 +18,7 @@ pub fn format(library: &[u8]) -> (BinaryFormat, Architecture) {
 /// Names that a library defines for others, sorted.
 ///
 /// # Panics
-/// When the bytes are no library.
+/// If the bytes are not a library.
 #[must_use]
 pub fn exported(library: &[u8]) -> Vec<String> {
     let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
@@ -31,7 +31,7 @@ pub fn exported(library: &[u8]) -> Vec<String> {
 /// Functions of other libraries that a library calls, sorted.
 ///
 /// # Panics
-/// When the bytes are no library.
+/// If the bytes are not a library.
 #[must_use]
 pub fn imported(library: &[u8]) -> Vec<String> {
     let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
@@ -41,7 +41,7 @@ pub fn imported(library: &[u8]) -> Vec<String> {
     names
 }
 
-/// Whether the function is one of the C library whose last digits depend on the platform: all of <math.h> and <complex.h>
+/// Returns true for a function of the C library whose last digits depend on the platform: all of <math.h> and <complex.h>
 /// except those that have one possible result, in double and single precision.
 #[must_use]
 pub fn is_inexact(function: &str) -> bool {
@@ -55,10 +55,10 @@ pub fn is_inexact(function: &str) -> bool {
     [function, function.strip_suffix(['f', 'l']).unwrap_or(function)].iter().any(|name| INEXACT.contains(name))
 }
 
-/// Libraries that a library for Windows asks for, in lower case, because the system does not care, and sorted.
+/// Libraries that a Windows library requires, sorted, in lower case because Windows ignores case.
 ///
 /// # Panics
-/// When the bytes are no library.
+/// If the bytes are not a library.
 #[must_use]
 pub fn imported_libraries(library: &[u8]) -> Vec<String> {
     let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
@@ -70,11 +70,11 @@ pub fn imported_libraries(library: &[u8]) -> Vec<String> {
     names
 }
 
-/// The newest version of the GNU C library that a 64-bit ELF library asks for, such as (2, 17); `None` if it asks for
+/// The newest version of the GNU C library that a 64-bit ELF library requires, such as (2, 17); `None` if it requires
 /// none, as with another C library.
 ///
 /// # Errors
-/// When the bytes are no such library.
+/// The bytes are not such a library.
 pub fn newest_glibc(library: &[u8]) -> read::Result<Option<(u32, u32)>> {
     let header = FileHeader64::<Endianness>::parse(library)?;
     let endian = header.endian()?;
@@ -91,7 +91,7 @@ pub fn newest_glibc(library: &[u8]) -> read::Result<Option<(u32, u32)>> {
     Ok(newest)
 }
 
-/// `GLIBC_2.2.5` to (2, 2); the third number never decides.
+/// `GLIBC_2.2.5` to (2, 2); the third number is not needed.
 fn glibc_version(name: &str) -> Option<(u32, u32)> {
     let mut numbers = name.strip_prefix("GLIBC_")?.split('.').map(str::parse);
     Some((numbers.next()?.ok()?, numbers.next()?.ok()?))

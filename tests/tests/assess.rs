@@ -1,4 +1,4 @@
-//! `cargo fmu assess`: vehicles of the library and of strangers through standard maneuvers.
+//! `cargo fmu assess`: vehicles of the library and of others in standard maneuvers.
 
 use serde_json::Value;
 use std::io::{Read, Write};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// What a call of the command left behind.
+/// Results of a call of the command.
 struct Assessed {
     output: Output,
     json: Option<Value>,
@@ -41,7 +41,7 @@ impl Assessed {
         row[system].as_f64().unwrap_or_else(|| panic!("{id} of {system} is no number: {row}"))
     }
 
-    /// Runs whose name begins so.
+    /// Runs whose name begins with `start`.
     fn runs<'a>(&'a self, start: &'a str) -> impl Iterator<Item = &'a Value> {
         let runs = self.json()["runs"].as_array().expect("a list");
         runs.iter().filter(move |run| run["id"].as_str().is_some_and(|id| id.starts_with(start)))
@@ -125,7 +125,7 @@ fn the_car_has_the_numbers_of_an_independent_bench() {
 
 /// Reference: closed form of the linear single-track model (understeer gradient, and what the step gives at 80 km/h). The
 /// slowly increasing steer is not quite a steady state: its lag changes the gradient by less than 0.1 %. The step response
-/// depends on the ramp of 0.1 s as the check numbers do, and on rows of 1 ms. The spectrum is that between lines of 0.2 Hz.
+/// depends on the ramp of 0.1 s, like the check numbers, and on rows of 1 ms. The spectrum is that between lines of 0.2 Hz.
 #[test]
 fn the_bicycle_car_has_its_closed_form() {
     let found = assess(&["BicycleCar", "--suite", "handling"]);
@@ -135,7 +135,7 @@ fn the_bicycle_car_has_its_closed_form() {
     near(found.number("step_steer.yaw_rate.overshoot", "without"), 0.050_101, 1e-5);
     near(found.number("step_steer.yaw_rate.response_time", "without"), 0.191_738_8, 1e-5);
     near(found.number("frequency_response.yaw_rate.bandwidth", "without"), 1.802_095, 0.02);
-    // Left and right are one another's mirror image, to all digits of the file.
+    // Left and right are mirror images of each other, to all digits of the file.
     let sides: Vec<&Value> = found.runs("slowly_increasing_steer.").map(|run| &run["metrics"]).collect();
     assert_eq!(sides.len(), 2);
     assert_eq!(sides[0], sides[1]);
@@ -153,8 +153,8 @@ fn the_number_of_processes_changes_nothing() {
     assert_eq!(one.code(), two.code());
 }
 
-/// A half car without active suspension rolls over in the fishhook (reference: the independent bench): a result, not a crash. It is
-/// no failure either: the procedure coasts, and the speed of this plant is prescribed.
+/// A half car without active suspension rolls over in the fishhook (reference: the independent bench): a result, not a crash. The
+/// assessment does not fail either: the procedure coasts, and the speed of this plant is prescribed.
 #[test]
 fn a_rollover_is_a_result() {
     let found = assess(&["HydroPneumaticHalfCar", "--suite", "rollover"]);
@@ -167,7 +167,7 @@ fn a_rollover_is_a_result() {
     near(found.number("fishhook.lift_speed", "without"), 35.0, 1e-9);
 }
 
-/// An FMU of the library with other names of variables, as a stranger's has them.
+/// An FMU of the library with other names of variables, as in FMUs of others.
 fn stranger(folder: &Path, fmu: &str, name: &str, renamed: &[(&str, &str)]) {
     edited(folder, fmu, name, |mut text| {
         for (old, new) in renamed {
@@ -229,7 +229,7 @@ fn a_strangers_plant_is_assessed_by_other_names() {
 }
 
 /// The description of a plant whose variables are in other units: variable, its unit, the one it declares. The base units of these
-/// are added, but for those without any.
+/// are added, if they have any.
 fn in_units(text: String, units: &[(&str, &str, &str)]) -> String {
     let definitions = [
         ("deg/s", "s=\"-1\" rad=\"1\" factor=\"0.017453292519943295\""),
@@ -254,7 +254,7 @@ fn in_units(text: String, units: &[(&str, &str, &str)]) -> String {
 }
 
 /// Reference: the units. The plant still gives numbers in rad/s, m/s2 and kg; declared as deg/s, g and t they are other values, and
-/// what is linear in them has their factors.
+/// results that are linear in them are scaled by the factors.
 #[test]
 fn signals_are_converted_by_their_declared_units() {
     let folder = TempDir::new().unwrap();
@@ -294,7 +294,7 @@ fn signals_are_converted_by_their_declared_units() {
     );
 }
 
-/// What cannot be converted is refused, with the variable, its unit, and what to do.
+/// A variable that cannot be converted is rejected; the message has its name, its unit and a hint.
 #[test]
 fn signals_in_other_units_are_refused_where_nothing_converts_them() {
     let folder = TempDir::new().unwrap();
@@ -319,7 +319,7 @@ fn signals_in_other_units_are_refused_where_nothing_converts_them() {
             assert!(found.errors().contains(word), "{name}: {}", found.errors());
         }
     }
-    // Without a unit there is nothing to check: it is said.
+    // Without a unit there is nothing to check, which is reported.
     edited(folder.path(), "BicycleCar", "Silent", |text| {
         let at = text.find("<ScalarVariable name=\"vehicle.yaw_rate\"").expect("the variable is there");
         let (before, after) = text.split_at(at);
@@ -332,8 +332,8 @@ fn signals_in_other_units_are_refused_where_nothing_converts_them() {
     assert!(found.errors().contains("the plant declares no unit of `vehicle.yaw_rate` (rad/s)"), "{}", found.errors());
 }
 
-/// A plant that does not tell its geometry: what needs the wheelbase is left out, everything else has the numbers of the plant
-/// that does.
+/// A plant without parameters of its geometry: metrics that need the wheelbase are left out, all others equal those of the plant
+/// with geometry.
 #[test]
 fn a_plant_without_geometry_loses_what_needs_it() {
     let folder = TempDir::new().unwrap();
@@ -358,7 +358,7 @@ fn a_plant_without_geometry_loses_what_needs_it() {
     }
 }
 
-/// Without a load transfer ratio the fishhook loses that number only.
+/// Without a load transfer ratio, fishhook and J-turn lose only that metric.
 #[test]
 fn a_plant_without_load_transfer_loses_one_number() {
     let folder = TempDir::new().unwrap();
@@ -373,7 +373,7 @@ fn a_plant_without_load_transfer_loses_one_number() {
     }
 }
 
-/// A controller with other names of signals does what it does with those of the library.
+/// A controller with other names of signals gives the same results as with those of the library.
 #[test]
 fn a_strangers_controller_is_wired_by_other_names() {
     let folder = TempDir::new().unwrap();
@@ -396,14 +396,14 @@ fn a_strangers_controller_is_wired_by_other_names() {
     let ours = of(&["--with", "AntilockBraking"]);
     assert_eq!(theirs.json()["metrics"], ours.json()["metrics"]);
     assert!(ours.number("braking.distance", "with") < ours.number("braking.distance", "without") - 5.0);
-    // The file stands above the data of the library, which are still there.
+    // The file overrides the data of the library, whose other values still apply.
     assert_eq!(theirs.json()["vehicle"], ours.json()["vehicle"]);
-    // By the names of the library there is nothing to connect: neither wheel speeds nor pressures.
+    // By the names of the library nothing is connected: neither wheel speeds nor pressures.
     let unknown = of(&["--with", "TheirBrakes"]);
     assert_eq!(unknown.json()["idle"], serde_json::json!(["TheirBrakes"]));
 }
 
-/// A cycle of units is cut at the one that is named first: brakes and antilock control read each other.
+/// A cycle of components is broken at the first one on the command line: brakes and antilock control read each other.
 #[test]
 fn the_order_of_the_command_line_counts() {
     let of = |units: &[&str]| assess(&[&["EspCar", "--suite", "braking"][..], units].concat());
@@ -418,7 +418,7 @@ fn the_order_of_the_command_line_counts() {
     near(distance(&controller, "with"), distance(&brakes, "with"), 1.0);
 }
 
-/// A setting of the driver counts, in the maneuvers of the driver that has it.
+/// A setting of a driver applies in the maneuvers of that driver.
 #[test]
 fn the_driver_can_be_set() {
     let of = |more: &[&str]| assess(&[&["BicycleCar", "--suite", "handling"][..], more].concat());
@@ -430,7 +430,7 @@ fn the_driver_can_be_set() {
     }
 }
 
-/// Reference: the symmetry of car, track and driver. A mirrored track has the margins of the other one, to all digits of the file.
+/// Reference: the symmetry of car, track and driver. A mirrored track has the same margins, to all digits of the file.
 #[test]
 fn a_mirrored_track_has_the_same_margins() {
     let of = |more: &[&str]| assess(&[&["EspCar", "--suite", "stability", "--quick"][..], more].concat());
@@ -449,7 +449,7 @@ fn a_mirrored_track_has_the_same_margins() {
     assert_eq!(right[3].as_f64().unwrap(), -left[2].as_f64().unwrap());
 }
 
-/// What the plant cannot do is in the metrics and in JUnit, with what it lacks.
+/// Maneuvers that the plant cannot drive are in the metrics and in JUnit, with the missing signals.
 #[test]
 fn maneuvers_that_are_left_out_are_reported() {
     let found = assess(&["RescueVehicle", "--suite", "braking"]);
@@ -469,7 +469,7 @@ fn maneuvers_that_are_left_out_are_reported() {
     assert!(dropped.len() == 3 && dropped.iter().all(|one| !one["missing"].as_array().unwrap().is_empty()));
 }
 
-/// An FMU that returns an error ends its run with an error. What was before it is kept.
+/// An FMU that returns an error ends its run with an error. The rows before it are kept.
 #[test]
 fn a_run_that_breaks_down_is_an_error() {
     let found =
@@ -491,7 +491,7 @@ fn a_run_that_breaks_down_is_an_error() {
     assert_eq!(run["error"], "`vehicle.yaw_rate` is above 50 rad/s at 1.003 s");
 }
 
-/// A driver who steers against the curves leaves the path: no speed of the track is passed, and nothing breaks.
+/// A driver who steers against the curves leaves the path: the track is not passed at any speed, which is a valid result.
 #[test]
 fn a_driver_off_the_path_is_a_result() {
     let wrong = ["--set", "driver:feedforward.gain=-9", "--set", "driver:preview.gain=0.01"];
@@ -534,7 +534,7 @@ fn the_rescue_vehicle_has_the_numbers_of_an_independent_bench() {
         ("fishhook.load_transfer_peak", "with", 0.33, 5e-3),
     ];
     has_numbers_of_an_independent_bench(&found, &numbers);
-    // At unequal entry speeds nothing is compared: the faster system drives at the speed of the other one, too.
+    // Metrics are not compared at unequal entry speeds: the faster system also drives at the speed of the other one.
     let transfer = found.row("iso3888_1.load_transfer_peak");
     let slower = found.number("iso3888_1.max_entry_speed", "without");
     assert!(transfer["with"].as_f64() > transfer["without"].as_f64(), "{transfer}");
@@ -545,7 +545,7 @@ fn the_rescue_vehicle_has_the_numbers_of_an_independent_bench() {
     let said = String::from_utf8_lossy(&found.output.stdout).into_owned();
     assert!(said.contains("lost the path with controllers: iso3888_2.20.0000"), "{said}");
     assert!(said.contains("(with: it fails at 20 km/h)"), "{said}");
-    // A number that is known to be lower is worse, one that is not known cannot be compared.
+    // A metric that is known to be lower is worse; an unknown one cannot be compared.
     let speed = found.row("iso3888_2.max_entry_speed");
     assert_eq!((&speed["with"], &speed["judgment"]), (&Value::Null, &"worse".into()));
     assert_eq!(speed["reason"], "it fails at 20 km/h");
@@ -561,7 +561,7 @@ fn the_heavy_vehicle_has_the_numbers_of_an_independent_bench() {
     let controllers =
         ["--with", "YawRateReference", "--with", "ActiveFrontSteering", "--with", "AllWheelSteering", "--quick"];
     let suites = ["HeavyVehicle", "--suite", "stability", "--suite", "rollover"];
-    // A limit of one's own fails if there is no number.
+    // A user's limit fails if the metric is undefined.
     let found = assess(&[&suites[..], &controllers, &["--require", "iso3888_2.max_entry_speed=20"]].concat());
     assert_eq!(found.code(), Some(1), "{}", found.errors());
     let speed = found.row("iso3888_2.max_entry_speed");
@@ -595,7 +595,7 @@ fn the_coordinated_car_has_the_numbers_of_an_independent_bench() {
     assert_eq!(*words, serde_json::json!({ "without": "fairly uncomfortable", "with": "fairly uncomfortable" }));
 }
 
-/// A parameter set does what `--set` does, in any unit that the value can be converted from, and `--set` stands above it.
+/// A parameter set has the same effect as `--set`, in any convertible unit, and `--set` takes precedence.
 #[test]
 fn a_parameter_set_gives_values() {
     let folder = TempDir::new().unwrap();
@@ -627,18 +627,18 @@ fn a_parameter_set_gives_values() {
     ];
     let of_line = assess(&[&braking[..], &given].concat());
     assert!(!of_file.bytes.is_empty(), "{}", of_file.errors());
-    // But for the values as they are written, such as "50 bar/s" and "5".
+    // Except for the values as written, such as "50 bar/s" and "5".
     let results = |found: &Assessed| {
         let mut json = found.json.clone().expect("an assessment");
         json.as_object_mut().expect("an object").remove("set").map(|set| (set.as_array().map(Vec::len), json))
     };
     assert!(results(&of_file) == results(&of_line), "{}", of_line.errors());
-    // Other numbers than without: the friction is lower.
+    // Different from the run without the file: the friction is lower.
     assert!(of_file.number("braking.distance", "with") > 80.0);
 }
 
-/// With `--adapt` the driver knows the understeer gradient of each system. The amplitudes are those of the system without controllers
-/// nevertheless, so that both get the same steering.
+/// With `--adapt`, the driver gets the understeer gradient of each system. The amplitudes are still those of the system without
+/// controllers, so that both get the same steering.
 #[test]
 fn the_driver_can_know_each_system() {
     let steering =

@@ -1,8 +1,8 @@
-//! Which function may be called when, for every function, every state and every FMU, in both interfaces of FMI 2.0 and 3.0.
+//! Allowed function calls of every state, for every function and every FMU, in both interfaces of FMI 2.0 and 3.0.
 //!
 //! Reference: the tables "allowed function calls" of FMI 2.0.4, sections 3.2.3 and 4.2.4, and the lists of each state of
-//! FMI 3.0.2, sections 2.3, 3.2 and 4.2, written down here once more by hand. Where the FMUs differ, [`DIFFERENCES`] has the
-//! reason. FMI 3.0 has no state Step Failed: after an error its list is that of Terminated.
+//! FMI 3.0.2, sections 2.3, 3.2 and 4.2, transcribed by hand. Where the FMUs differ, [`DIFFERENCES`] has the reason. FMI 3.0
+//! has no state Step Failed: after an error its list is that of Terminated.
 
 use fmu_import::c_api::{self, RawStatus, Reference};
 use fmu_import::description::{Causality, FmiVersion, Interface};
@@ -28,13 +28,13 @@ const STATES: [(char, &str); 7] = [
 /// The states of co-simulation and model exchange in FMI 2.0, then in FMI 3.0: the columns of [`TABLE`].
 const COLUMNS: [&str; 4] = ["insft", "inect", "inseft", "inect"];
 
-/// What a call needs besides the instance.
+/// Arguments of a call besides the instance.
 struct Subject<'a> {
     fmu: &'a Fmu,
     raw: &'a Raw,
     interface: Interface,
     column: usize,
-    /// Whether it has Event Mode in co-simulation of FMI 3.0.
+    /// True if it has Event Mode in co-simulation of FMI 3.0.
     has_event_mode: bool,
     /// Bytes of a state.
     bytes: Vec<u8>,
@@ -72,7 +72,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
         let inputs = s.fmu.references(Causality::Input);
         i.set(Some(&inputs), inputs.len(), Some(&vec![1.0; inputs.len()]))
     }),
-    // Not every FMU has inputs of these types: an empty array is accepted where the function is.
+    // Not every FMU has inputs of these types: an empty array is accepted wherever the function is allowed.
     ("fmi2SetInteger", ["ins", "ine", "inse", "ine"], |_, i, _| i.set::<i32>(Some(&[]), 0, Some(&[]))),
     ("fmi3SetInt64", [NO, NO, "inse", "ine"], |_, i, _| i.set::<i64>(Some(&[]), 0, Some(&[]))),
     ("fmi2SetBoolean", ["ins", "ine", "inse", "ine"], |s, i, _| match s.raw.version() {
@@ -173,12 +173,12 @@ const NOT_PROVIDED: [&str; 4] = [
     "fmi3EnterConfigurationMode",
 ];
 
-/// Where the FMUs accept or reject what the standard does not: function, column, states, whether they accept it.
+/// Differences of the FMUs from the standard: function, column, states, true if the FMUs accept the call.
 const DIFFERENCES: &[(&str, usize, &str, bool)] = &[
-    // What a failed step left behind is not worth saving (ARCHITECTURE.md, "Status").
+    // The state after a failed step is not worth saving (ARCHITECTURE.md, "Status").
     ("fmi2GetFMUstate", 0, "f", false),
     ("fmi2GetFMUstate", 2, "f", false),
-    // fmi2GetRealOutputDerivatives is a capability that no FMU has; that of FMI 3.0 accepts an empty array.
+    // No FMU has the capability of fmi2GetRealOutputDerivatives; the function of FMI 3.0 accepts an empty array.
     ("fmi2GetRealOutputDerivatives", 0, "sft", false),
     // As in FMI 2.0, an importer may end the simulation after a step that failed.
     ("fmi2Terminate", 2, "f", true),
@@ -262,7 +262,7 @@ impl<'a> Subject<'a> {
         Some((instance, saved))
     }
 
-    /// The state of an instance: what the error of a call says that is rejected in every state.
+    /// The state of an instance, from the error of a call that is rejected in every state.
     fn letter(&self, instance: &RawInstance<'_>) -> char {
         let (function, own, status) = match self.column {
             0 => ("fmi2CancelStep", 's', instance.transition("fmi2CancelStep")),
@@ -281,7 +281,7 @@ impl<'a> Subject<'a> {
         found.unwrap_or_else(|| panic!("no state in: {text}")).0
     }
 
-    /// Whether a call is accepted in a state.
+    /// Returns true if a call is accepted in a state.
     fn is_accepted(&self, function: &str, columns: [&str; 4], letter: char) -> bool {
         let difference = DIFFERENCES
             .iter()
@@ -357,7 +357,7 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// The messages since the last time.
+/// The messages since the last call.
 fn message(instance: &RawInstance<'_>) -> String {
     let texts = instance.take_log().into_iter().map(|entry| String::from_utf8_lossy(&entry.format).into_owned());
     texts.collect::<Vec<_>>().join("\n")
@@ -435,7 +435,7 @@ fn every_function_in_every_state(fmus: &[Fmu]) -> Vec<String> {
 #[test]
 fn every_function_in_every_state_of_fmi_2() {
     let failed = every_function_in_every_state(&all());
-    // The plants can be driven out of the range of numbers; if no FMU could, nothing would be tested in Step Failed.
+    // The numbers of the plants can overflow; if no FMU's could, nothing would be tested in Step Failed.
     assert!(failed.iter().any(|name| name == "RescueVehicle"), "no failed step of RescueVehicle, only of {failed:?}");
 }
 
@@ -443,7 +443,7 @@ fn every_function_in_every_state_of_fmi_2() {
 fn every_function_in_every_state_of_fmi_3() {
     let mut fmus = all_of_fmi3();
     // The test compares serialized states; DcMotorDrive cannot serialize its state.
-    // LookupTable does not begin without its resources.
+    // LookupTable does not start without its resources.
     fmus.retain(|fmu| fmu.name != "LookupTable");
     fmus.retain(|fmu| fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.can_serialize_fmu_state));
     let has_event_mode = |fmu: &Fmu| fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.has_event_mode);
@@ -467,7 +467,7 @@ fn a_message_says_where_a_call_was_made_and_where_it_may_be() {
 
 #[test]
 fn the_start_may_be_left_out() {
-    // fmi2SetupExperiment is not asked for: the start is 0 and there is no stop.
+    // fmi2SetupExperiment is optional: the start is 0 and there is no stop.
     for fmu in all() {
         let mut instance = fmu.instance();
         ok(instance.enter_initialization_mode());

@@ -48,7 +48,7 @@ impl Patient {
         Self { name, files }
     }
 
-    /// Replaces text of the description, where it stands first.
+    /// Replaces the first occurrence of a text in the description.
     #[track_caller]
     fn describe(mut self, from: &str, to: &str) -> Self {
         let (_, bytes) = &mut self.files[0];
@@ -101,7 +101,7 @@ fn an_unchanged_copy_is_clean() {
     assert_eq!(Patient::new("RescueVehicle").findings(), []);
 }
 
-/// Defects of the description, as text to replace, and what is said about them.
+/// Defects of the description, as text to replace, and the messages about them.
 const DEFECTS: &[(&str, &str, &str)] = &[
     // No start on an input.
     (

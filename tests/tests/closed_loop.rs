@@ -1,9 +1,9 @@
 //! The rescue vehicle with all its controllers: the packed FMUs, wired and stepped by the importer.
 //!
 //! References: Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, and the check numbers that the independent
-//! implementation behind `references/` printed for steady states. Such a number stands here as a text with the digits
-//! that were printed, and is met within one unit of its last digit: half a unit was lost in print, the rest leaves room
-//! for what 14 s of settling leave behind. Everything else is compared bit by bit or follows from a formula.
+//! implementation behind `references/` printed for steady states. Such a number is a text with the printed digits, and
+//! is met within one unit of its last digit: half a unit for the printed rounding, the rest for the transients that remain
+//! after 14 s. Everything else is compared bit by bit or follows from a formula.
 
 use fmu_import::description::Causality;
 use fmu_import::loader::Instance;
@@ -214,8 +214,8 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*
         let gain = results.last(&run, "vehicle.yaw_rate") / front.tan();
         assert_printed(&format!("{run}: yaw gain"), gain, zero_sideslip);
         // The same from the formula u/(a + m_f u^2/C_F) with the data of the model's README: the front axle carries a
-        // third of 36 t, its tires have 2 * 300 kN/rad, a = 7.55/3 m. The integral action of the loop leaves no error
-        // but what has not settled yet.
+        // third of 36 t, its tires have 2 * 300 kN/rad, a = 7.55/3 m. The integral action of the loop leaves only the error
+        // of the remaining transient.
         let u: f64 = speed / 3.6;
         let formula = u / (7.55 / 3.0 + 12_000.0 * u * u / 600_000.0);
         assert!((gain / formula - 1.0).abs() < 1e-6, "{run}: {gain}, the formula gives {formula}");
@@ -230,7 +230,7 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*
     assert_printed("rear axle", results.last(run, "steer.rear"), "-0.0023");
 }
 
-/// A driver who asks for more than the largest angle gets what the speed allows.
+/// A demand above the largest angle gives the angle that the speed allows.
 #[test]
 fn front_axle_is_limited_by_the_speed() {
     // 1 s of waiting, 3.2 s of the ramp to 32 degrees with 10 degrees per second.
@@ -294,7 +294,7 @@ signals = ["plant:vehicle.*", "plant:body.roll", "plant:body.heave", "plant:whee
 
 const LEFT_AND_RIGHT: [(&str, &str); 3] = [("fl", "fr"), ("ml", "mr"), ("rl", "rr")];
 
-/// What the vehicle settles to 14 s after a step of the steering on a smooth road.
+/// Checks the steady state 14 s after a step of the steering on a smooth road.
 #[track_caller]
 fn assert_steady_step(results: &Results) {
     results.assert_finite();
@@ -461,7 +461,7 @@ fn results_do_not_depend_on_threads() {
     }
 }
 
-/// A loop as a user of the FMUs would write it: signals by name, components in their order, no bus, no plan.
+/// A loop as written by a user of the FMUs: signals by name, components in their order, no bus, no plan.
 #[test]
 fn sequential_order_is_the_obvious_loop() {
     let mut plan = plan(&rough(), &Options::default());
@@ -574,7 +574,7 @@ fmu = "RollLqrSuspension"
 from = "driver:driver.speed"
 to = "coordination:vehicle.speed"
 "#;
-    // The driver steers after 0.1 s, when the start is over: until then all signals rest.
+    // The driver steers after 0.1 s, when the start transient is over: until then all signals are constant.
     let text = scenario(0.5, &[&chain.replace("\"steer.start\" = 1.0", "\"steer.start\" = 0.1")]);
     let ordered = |order| Results::of(plan(&text, &Options { order: Some(order), ..Options::default() }));
     let (sequential, jacobi) = (ordered(Order::Sequential), ordered(Order::Jacobi));
@@ -582,7 +582,7 @@ to = "coordination:vehicle.speed"
     let mut compared = 0;
     for (i, column) in sequential.plan.columns.iter().enumerate() {
         let delay = match column.name.as_str() {
-            // The way so far, which depends on the speed in the very first step.
+            // The traveled distance, which depends on the speed in the very first step.
             "vehicle.position_x" | "vehicle.position_y" => continue,
             name if name.starts_with("driver.") => 0,
             name if name.starts_with("roll_force") => 2,
@@ -598,7 +598,7 @@ to = "coordination:vehicle.speed"
 
 #[test]
 fn jacobi_order_settles_to_the_same_state() {
-    // Delays of some milliseconds in the loops change the way, not the steady state.
+    // Delays of some milliseconds in the loops change the transient, not the steady state.
     let text = smooth(15.0, STEP_CASES);
     let ordered =
         |order, stop| Results::of(plan(&text, &Options { order: Some(order), stop: Some(stop), ..Options::default() }));
@@ -640,8 +640,8 @@ fn claims_of_the_paper_on_a_shortened_step_steer() {
     let change = |signal: &str| results.rms_and_change(signal)[0][1];
     // Reproduced: coordination makes the roll angle smaller.
     assert!(change("body.roll") < 0.0, "roll angle: {}", change("body.roll"));
-    // Reproduced: the lateral acceleration stays. Not reproduced: the paper says that the yaw acceleration falls by
-    // 23 %, but here the suspension hardly reaches the yaw motion. The independent implementation printed changes of
+    // Reproduced: the lateral acceleration stays. Not reproduced: the paper reports that the yaw acceleration falls by
+    // 23 %, but here the suspension hardly affects the yaw motion. The independent implementation printed changes of
     // 0.1 % at most, for other roads and suspensions; 0.5 % is far from both 0.1 % and 23 %.
     for signal in ["vehicle.lateral_acceleration", "vehicle.yaw_acceleration"] {
         assert!(change(signal).abs() < 0.005, "{signal}: {}", change(signal));
@@ -673,7 +673,7 @@ fn table_4_on_eight_roads() {
     }
 }
 
-/// A sensor with its start values is as good as none: the same bits in a closed loop. Noise and delay of another case show.
+/// A sensor with its start values has no effect: the same bits in a closed loop. In another case, noise and delay have one.
 #[test]
 fn a_sensor_with_its_start_values_changes_no_bit() {
     let file = workspace().join("scenarios/rescue_vehicle_sensor_actuator.toml");

@@ -1,5 +1,5 @@
-//! Which FMUs of the library fit which of its plants by their signals: what the papers put together, what can be swapped
-//! between vehicles, and what cannot.
+//! Compatibility of the library's FMUs with its plants by their signals: the combinations of the papers, and FMUs that can or
+//! cannot be swapped between vehicles.
 
 use fmu_system::compat::{Fit, Missing, Reason, Systems, systems};
 use fmu_system::resolve::{Descriptions, FmuFolder};
@@ -22,7 +22,7 @@ fn fit<'a>(systems: &'a Systems, component: &str, plant: &str) -> &'a Fit {
 
 #[test]
 fn plants_are_the_vehicles() {
-    // BrakeAndDriveActuators has states, too, but belongs to the car; Actuator, but no signal of another FMU.
+    // BrakeAndDriveActuators has states, too, but belongs to the car; Actuator has states, but no signal of another FMU.
     assert_eq!(library().plants, ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]);
 }
 
@@ -93,7 +93,7 @@ fn what_does_not_fit_is_named() {
     assert_eq!(missing.len(), 5);
 }
 
-/// They go around any signal, by explicit connections.
+/// They are inserted into any signal by explicit connections.
 #[test]
 fn sensor_and_actuator_fit_no_plant_by_name() {
     let systems = library();

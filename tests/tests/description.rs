@@ -1,4 +1,4 @@
-//! Tests of `modelDescription.xml`: it is complete and consistent, and avoids what importers are known to reject.
+//! Tests of `modelDescription.xml`: it is complete and consistent, and avoids constructs that importers are known to reject.
 //!
 //! Reference: FMI 2.0.4, sections 2.2 (description) and 2.1.2 (functions that have to be there).
 
@@ -10,7 +10,7 @@ use std::io::Read as _;
 use tests::{Fmu, all, ok, paths, symbols};
 use zip::ZipArchive;
 
-/// All functions of the standard for both interfaces; an FMU has to export them even if it supports them not.
+/// All functions of the standard for both interfaces; an FMU has to export them even if it does not support them.
 const FUNCTIONS: [&str; 44] = [
     "fmi2CancelStep",
     "fmi2CompletedIntegratorStep",
@@ -73,7 +73,7 @@ fn descriptions_are_complete() {
         // A date would make two packings differ; the standard does not ask for it.
         assert!(description.generation_date_and_time.is_none(), "{name}: a date");
         assert_eq!(description.variable_naming_convention, "structured");
-        // The flags are those of what the tests in this folder use, and no others.
+        // The flags are the capabilities that the tests in this folder use, and no others.
         assert!(unit.can_handle_variable_communication_step_size && unit.can_not_use_memory_management_functions);
         assert!(unit.can_get_and_set_fmu_state && unit.can_serialize_fmu_state);
         assert!(!unit.can_be_instantiated_only_once_per_process && !unit.needs_execution_tool);
@@ -109,8 +109,8 @@ fn descriptions_are_complete() {
     }
 }
 
-/// Variables whose unit is open, because they are in m or, by choice, in s, or in that of a signal of any kind. They declare no
-/// unit, least of all "1".
+/// Variables without a fixed unit: in m or, by choice, in s, or in the unit of an arbitrary signal. They declare no unit, not
+/// even "1".
 const WITHOUT_UNIT: [&str; 13] = [
     "obstacle.start",
     "obstacle.length",
@@ -127,7 +127,7 @@ const WITHOUT_UNIT: [&str; 13] = [
     "actuator.initial_value",
 ];
 
-/// Whether the unit of a variable, or of the one whose derivative it is, is open.
+/// Returns true if a variable, or the one whose derivative it is, has no fixed unit.
 fn is_without_unit(variable: &Variable) -> bool {
     let name = variable.name.as_str();
     let name = name.strip_prefix("der(").and_then(|name| name.strip_suffix(')')).unwrap_or(name);
@@ -188,7 +188,7 @@ fn check_structure(fmu: &Fmu) {
 
 #[test]
 fn every_function_of_the_standard_is_there() {
-    // Importers ask for all of them when they load the library, also for those that the FMU does not support.
+    // Importers look up all of them when they load the library, also those that the FMU does not support.
     let suffix = std::env::consts::DLL_SUFFIX;
     for path in paths() {
         let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8");
@@ -197,7 +197,7 @@ fn every_function_of_the_standard_is_there() {
         let mut entry = zip.by_name(&format!("binaries/{}/{name}{suffix}", platform())).expect("a library");
         entry.read_to_end(&mut library).expect("the library can be unpacked");
         let found = symbols::exported(&library);
-        // On macOS names of C begin with an underscore.
+        // On macOS, C symbols begin with an underscore.
         let found: Vec<_> = found.iter().map(|name| name.trim_start_matches('_')).collect();
         assert_eq!(found, FUNCTIONS, "{name}");
     }
@@ -208,7 +208,7 @@ fn every_function_of_the_standard_is_there() {
 fn a_copy_of_the_file_is_as_good() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for fmu in all() {
-        // A folder with a blank and other letters than ASCII, as users have them.
+        // A folder with a blank and non-ASCII letters, as users have them.
         let place = folder.path().join("a b\u{e4}");
         std::fs::create_dir_all(&place).expect("a folder");
         let copy = place.join(format!("{}.fmu", fmu.name));

@@ -1,4 +1,4 @@
-//! FMUs compute in the default floating-point environment, whatever that of the host.
+//! FMUs compute in the default floating-point environment, independent of the importer's.
 //!
 //! Reference: the same run in the default environment, bit for bit. A trap would end the test with SIGFPE.
 #![cfg(target_arch = "x86_64")]

@@ -114,7 +114,7 @@ impl Discrete for Widget {
 }
 "#;
 
-/// A package of its own for each kind of model: written, tested, packed and checked as the message of `new` says.
+/// A package for each kind of model: written, tested, packed and checked with the commands that `new` prints.
 #[test]
 fn templates_of_all_kinds_work_outside_of_any_workspace() {
     let place = Place::new();
@@ -146,24 +146,24 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
         let report = String::from_utf8_lossy(&output.stdout);
         assert!(report.contains("no error, no warning"), "{report}");
         let (description, mut archive) = place.packed(fmu);
-        // The binary names neither the folder of the exporter nor that of the package nor that of the build.
+        // The binary contains no path of the exporter, the package or the build.
         let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
         let bytes = std::fs::read(&unpacked.binary).expect("a library");
         for folder in [workspace().join("crates"), place.path().to_path_buf(), Place::target()] {
             let folder = folder.into_os_string().into_encoded_bytes();
             assert!(!bytes.windows(folder.len()).any(|window| window == folder), "{fmu} names a folder of its sources");
         }
-        // Its documentation names no file that is not there.
+        // Its documentation links to existing files only.
         let page = archive.entry("documentation/index.html").unwrap_or_else(|error| panic!("{error}"));
         let page = String::from_utf8(page.expect("a page")).expect("text");
         assert!(!page.contains("model.png") && !page.contains("reference.csv"), "{page}");
-        // Nothing in it names this project's authors, license or version.
+        // It does not contain this project's authors, license or version.
         assert_eq!((description.author.as_deref(), description.license.as_deref()), (None, None), "{fmu}");
         assert_eq!(description.version.as_deref(), Some("0.1.0"), "{fmu}");
     }
 }
 
-/// What a manifest says of its author goes into the FMU; type and package may have different names; resources keep their
+/// The author of the manifest is written to the FMU; type and package may have different names; resources keep their
 /// folders; the crate may be renamed; two models can be linked into a third; the build may have a target set.
 #[test]
 fn a_workspace_of_several_models_packs() {
@@ -300,8 +300,8 @@ impl Continuous for Stiff {
     assert!(report.contains("variable `max_step`: in the default experiment `x` differs by"), "{report}");
 }
 
-/// What only a run shows: a logarithm that loses its value in the middle of the default experiment, and time events that count from
-/// 0 s instead of the start. Both are built for a debugger, with the symbols that it needs.
+/// Errors that only show in a run: a logarithm that becomes undefined in the middle of the default experiment, and time events
+/// relative to 0 s instead of the start. Both are debug builds with symbols.
 #[test]
 fn mistakes_that_only_a_run_shows_are_reported() {
     const LATE: &str = r#"use fmu::prelude::*;
@@ -396,8 +396,8 @@ impl Continuous for Clock {
     assert!(report.contains(expected), "{report}");
 }
 
-/// A branch on a real parameter hides what only the other side reads: the model structure is that of the start value, and
-/// `check` tries the limits. `if_greater`, and a product with the parameter, hide nothing.
+/// A branch on a real parameter hides variables that only the other side reads: the model structure is that of the start value,
+/// and `check` tries the limits. `if_greater`, and a product with the parameter, hide nothing.
 #[test]
 fn inputs_and_states_that_are_hidden_at_the_start_value_are_reported() {
     const MODEL: &str = r#"use fmu::prelude::*;
@@ -490,7 +490,7 @@ impl Continuous for Hiding {
     );
 }
 
-/// A package without a model, and one with a contradiction, end with a message that says what to do.
+/// A package without a model, and one with a contradiction, give a message with a remedy.
 #[test]
 fn packages_that_cannot_be_packed_are_reported() {
     let place = Place::new();

@@ -1,5 +1,5 @@
-//! Calls that no master should make, from a generator with a fixed seed, in a process of their own: `tests::fuzz` describes
-//! what is checked, docs/robustness.md how to run more of them.
+//! Calls that no master should make, from a generator with a fixed seed, in a separate process: `tests::fuzz` describes the
+//! checks, docs/robustness.md how to run more of them.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -18,13 +18,13 @@ fn run(command: &mut Command) -> Output {
     output
 }
 
-/// How often each function was answered how, without the times.
+/// Numbers of calls by function and status, without the times.
 fn answers(output: &Output) -> Vec<String> {
     let text = String::from_utf8_lossy(&output.stdout);
     text.lines().filter(|line| line.starts_with("fmi")).map(str::to_owned).collect()
 }
 
-/// Calls FMUs, and checks that every function succeeded now and then: calls that are always rejected would test little.
+/// Calls FMUs, and checks that every function succeeded at least once: calls that are always rejected would test little.
 fn no_call_breaks(paths: &[PathBuf], functions: usize, never: &[&str], discarded: &[&str]) {
     // 30 s for each interface, and not less on a fast machine.
     let seconds = 30.0 / paths.len() as f64;
@@ -66,7 +66,7 @@ fn equal_seeds_make_equal_calls() {
     assert_ne!(again("7"), again("8"));
 }
 
-/// No invalid access, no use of values that were never set, nothing lost, whatever is called.
+/// No invalid access, no use of values that were never set, no lost memory, for any calls.
 #[cfg(target_os = "linux")]
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.

@@ -1,7 +1,7 @@
-//! Instances do not know of each other, of earlier runs, or of the process they live in.
+//! Instances do not depend on each other, on earlier runs, or on their process.
 //!
-//! Reference: FMI 2.0.4, sections 2.1.5 and 2.1.8 (instances, states) and the project's promise that a run is the same
-//! to the last bit whenever the calls are the same. Nothing here has a tolerance unless it says so.
+//! Reference: FMI 2.0.4, sections 2.1.5 and 2.1.8 (instances, states) and the project's promise that equal calls give
+//! bit-identical runs. Nothing here has a tolerance unless noted.
 
 use fmu_import::description::Causality;
 use fmu_import::loader::Instance;

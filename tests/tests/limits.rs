@@ -4,9 +4,9 @@ use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::loader::{CallError, Instance};
 use tests::{Fmu, all};
 
-/// Parameters that another one has to suit, and values at which it does, whatever that one is within its limits. Their
-/// relation is that of the message with which the FMU rejects the limit alone: a vehicle is heavier than its wheels, its
-/// center of mass is between its axles, and so on.
+/// Parameters with related parameters, and values of the latter for which every value of the former within its limits is
+/// valid. The FMU's message for the limit alone states the relation: a vehicle is heavier than its wheels, its center of
+/// mass is between its axles, and so on.
 const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("vehicle.mass", &[("wheel.mass", 0.01)]),
     ("vehicle.yaw_inertia", &[("body.product_of_inertia", 0.0), ("body.roll_yaw_inertia", 0.0)]),
@@ -23,7 +23,7 @@ const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("damper.maximum_damping.rear", &[("damper.minimum_damping.rear", 0.0), ("suspension.damping.rear", 0.0)]),
 ];
 
-/// Modes that need a file: the tests of the two models give one.
+/// Modes that need a file, which the tests of the two models provide.
 const NEEDS_A_FILE: [(&str, &str); 2] = [("Driver", "maneuver"), ("Road", "profile")];
 
 /// Initializes an FMU with these parameters.
@@ -40,7 +40,7 @@ fn initialize(fmu: &Fmu, parameters: &[(&Variable, f64)]) -> Result<Instance, Ca
     Ok(instance)
 }
 
-/// The message with which an FMU rejects a parameter, alone and with those that it has to suit; `None` if it takes it.
+/// The message with which an FMU rejects a parameter, alone and with its related parameters; `None` if it is accepted.
 fn error_of(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
     let text = |error: CallError| error.messages.into_iter().map(|message| message.text).collect::<String>();
     let alone = text(initialize(fmu, &[(parameter, value)]).err()?);
@@ -51,7 +51,7 @@ fn error_of(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
     }
     let Some((_, others)) = RELATIONS.iter().find(|(name, _)| *name == parameter.name) else { return Some(alone) };
     let others = others.iter().filter_map(|(name, value)| Some((fmu.description.variable(name)?, *value)));
-    // A user has to be told which parameters do not go together.
+    // The message must name the conflicting parameters.
     let names: Vec<_> = others.clone().map(|(other, _)| other.name.clone()).chain([parameter.name.clone()]).collect();
     let named = names.iter().filter(|name| alone.contains(&format!("'{name}'"))).count();
     if named == 0 {

@@ -1,5 +1,4 @@
-//! What FMUs do with memory, watched from outside the process: no allocation in a step, nothing lost, no access where
-//! nothing is.
+//! Memory use of FMUs, observed from outside the process: no allocation in a step, no leak, no invalid access.
 #![cfg(target_os = "linux")]
 
 use std::collections::BTreeMap;
@@ -24,7 +23,7 @@ fn counting_library() -> PathBuf {
     library
 }
 
-/// Real-time masters and long co-simulations count on it: set, step and get use no heap at all, in any FMU.
+/// Real-time masters and long co-simulations rely on it: set, step and get use no heap at all, in any FMU.
 #[cfg(target_env = "gnu")]
 #[test]
 fn a_step_allocates_nothing() {
@@ -34,14 +33,14 @@ fn a_step_allocates_nothing() {
     assert_eq!(text.lines().count(), paths.len());
     for line in text.lines() {
         let [name, in_steps, before] = line.split(' ').collect::<Vec<_>>()[..] else { panic!("{line}") };
-        // Loading and initializing allocates: that it was counted shows that the counter works.
+        // Loading and initializing allocates, which shows that the counter works.
         assert!(before.parse::<u64>().is_ok_and(|count| count > 100), "{name}: nothing was counted: {before}");
         assert_eq!(in_steps, "0", "{name}: allocations in 300 steps of set, step and get");
     }
 }
 
-/// Memory for what is recorded is reserved before the first step, and stepping takes none: a run of twice as many steps
-/// allocates exactly as often.
+/// Memory for recorded signals is reserved before the first step, and stepping allocates none: a run of twice as many steps
+/// has exactly as many allocations.
 #[cfg(target_env = "gnu")]
 #[test]
 fn a_step_of_the_native_master_allocates_nothing() {
@@ -51,14 +50,14 @@ fn a_step_of_the_native_master_allocates_nothing() {
         command.arg("master").arg(scenario).args(["0.5", "0.5", "1", "2"]).env("LD_PRELOAD", counting_library());
     let text = String::from_utf8(exercise(command).stdout).expect("the helper prints text");
     let lines: Vec<_> = text.lines().filter_map(|line| line.split_once(' ')).collect();
-    // The first run also allocates what the process keeps, such as the list of living instances.
+    // The first run also allocates data that the process keeps, such as the list of instances.
     let [("501", _), ("501", half), ("1001", one), ("2001", two)] = lines[..] else { panic!("{text}") };
-    // The instances of eight FMUs: that they were counted shows that the counter works.
+    // The instances of eight FMUs are counted, which shows that the counter works.
     assert!(half.parse::<u64>().is_ok_and(|count| count > 100), "nothing was counted: {half}");
     assert_eq!([one, two], [half; 2], "allocations of runs of 500, 1000 and 2000 steps");
 }
 
-/// A whole life of every FMU: no invalid access, no use of values that were never set, nothing lost.
+/// A whole life of every FMU: no invalid access, no use of values that were never set, no lost memory.
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
@@ -66,8 +65,8 @@ fn valgrind_finds_nothing() {
     exercise(tests::valgrind().arg(EXERCISE).arg("life").args(tests::paths()));
 }
 
-/// What a library keeps beside its instances goes with it: a master that loads FMUs again and again does not grow.
-/// Nothing points any more to what an unloaded library has left behind, so it would count as lost.
+/// Memory that a library keeps besides its instances is freed with it: a master that loads FMUs repeatedly does not grow.
+/// Nothing points to memory of an unloaded library any more, so it would count as lost.
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
@@ -75,7 +74,7 @@ fn an_unloaded_library_leaves_nothing_behind() {
     exercise(tests::valgrind().arg(EXERCISE).arg("reload").args(tests::paths()));
 }
 
-/// Stack of each FMU in kB, as the table of docs/robustness.md states it.
+/// Stack of each FMU in kB, from the table in docs/robustness.md.
 fn documented_stack() -> BTreeMap<String, usize> {
     let path = tests::workspace().join("docs/robustness.md");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -1,4 +1,4 @@
-//! What `cargo fmu pack` and `cargo fmu new` make: the contents of every packed FMU, and packages from the templates.
+//! Results of `cargo fmu pack` and `cargo fmu new`: the contents of every packed FMU, and packages from the templates.
 //!
 //! References: FMI 2.0.4, section 2.3 (contents of the archive) and 2.2 (description); the committed descriptions in
 //! `modelDescription/`. All comparisons are exact.
@@ -16,7 +16,7 @@ use std::process::{Command, Output};
 use tests::{Fmu, all, folder, ok, paths, real, rejected, symbols, workspace};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-/// Says what to do about a description that is not the committed one.
+/// Hint for a description that differs from the committed one.
 const UPDATE: &str =
     "if the change of the interface is intended, run `cargo fmu pack --all --update-descriptions` and commit it";
 
@@ -28,7 +28,7 @@ struct Contents {
 }
 
 impl Contents {
-    /// Reads an archive and checks that its entries carry nothing of the machine: no time, no mode.
+    /// Reads an archive and checks that its entries contain no data of the machine: no time, no mode.
     #[track_caller]
     fn read(path: &Path) -> Self {
         let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -70,8 +70,8 @@ fn binary(name: &str) -> String {
     format!("binaries/{}/{name}{}", platform(), std::env::consts::DLL_SUFFIX)
 }
 
-/// The platforms that the FMUs were packed for: whoever packs for others than this one names them in
-/// `CHASSIS_FMU_PLATFORMS`, as with `--platforms`.
+/// The platforms that the FMUs were packed for, from `CHASSIS_FMU_PLATFORMS` (a list as for `--platforms`); `None` for this
+/// platform only.
 fn platforms() -> Option<String> {
     std::env::var("CHASSIS_FMU_PLATFORMS").ok().filter(|platforms| !platforms.is_empty())
 }
@@ -97,7 +97,7 @@ fn descriptions_are_the_committed_ones() {
             Some(_) => (),
         }
     }
-    // What is left has no FMU.
+    // The remaining descriptions have no FMU.
     differences.extend(committed.keys().map(|name| format!("there is no {name}.fmu: run `cargo fmu pack --all`")));
     assert!(differences.is_empty(), "{}\n{UPDATE}", differences.join("\n"));
 }
@@ -121,7 +121,7 @@ fn binaries_know_their_description_only() {
     }
 }
 
-/// The packer builds the GUID in; a library without it would write its description whenever it is loaded.
+/// The packer builds in the GUID; a library without it would generate its description whenever it is loaded.
 #[test]
 fn binaries_are_told_their_guid() {
     for path in paths() {
@@ -180,7 +180,7 @@ fn archives_have_one_binary_for_each_platform() {
 
 #[test]
 fn libraries_export_the_interface_only() {
-    // Names that several FMUs define must not meet in one process; the description is for the packer.
+    // Symbols of several FMUs must not collide in one process; the description is for the packer.
     for path in paths() {
         let contents = Contents::read(&path);
         for (name, library) in contents.files.iter().filter(|(name, _)| name.starts_with("binaries/")) {
@@ -193,7 +193,7 @@ fn libraries_export_the_interface_only() {
     }
 }
 
-/// The last digits of the C library's functions depend on the platform, even on the processor. Results may not.
+/// The last digits of the C library's functions depend on the platform, even on the processor. Results must not.
 #[test]
 fn libraries_call_no_inexact_function_of_the_c_library() {
     for path in paths() {
@@ -207,7 +207,7 @@ fn libraries_call_no_inexact_function_of_the_c_library() {
     }
 }
 
-/// Libraries for Windows load from Windows 7 on without anything beside them: these come with it.
+/// Libraries for Windows load from Windows 7 on without further libraries: these are part of Windows.
 #[test]
 fn libraries_for_windows_need_the_system_only() {
     const SYSTEM: [&str; 6] = ["advapi32.dll", "kernel32.dll", "msvcrt.dll", "ntdll.dll", "userenv.dll", "ws2_32.dll"];
@@ -237,7 +237,7 @@ fn libraries_need_an_old_c_library_only() {
         for (file, library) in contents.files.iter().filter(|(file, _)| file.ends_with(".so")) {
             let newest = symbols::newest_glibc(library).expect("a 64-bit ELF library");
             println!("{name}: {file} needs glibc {newest:?}");
-            // Without any version it would not be linked with glibc at all.
+            // Without a version it would not be linked with glibc at all.
             let fits = newest.is_some_and(|version| version <= (2, 17));
             assert!(fits, "{name}: {file} needs glibc {newest:?}: pack it without `--no-portable`");
         }
@@ -264,13 +264,13 @@ fn libraries_are_for_the_platform_of_their_folder() {
     }
 }
 
-/// Paths of the machine that packed say who built an FMU and make two machines build different bytes.
+/// Paths of the packing machine reveal the builder of an FMU and make the bytes depend on the machine.
 #[test]
 fn nothing_names_the_machine_that_packed() {
     let variables =
         ["CARGO_HOME", "RUSTUP_HOME", "CARGO_TARGET_DIR"].map(|name| std::env::var_os(name).map(Into::into));
     let places = [Some(workspace()), std::env::home_dir(), Some(std::env::temp_dir())].into_iter().chain(variables);
-    // With a separator: "/root" alone is also the start of innocent words. The root of all files is no telling path.
+    // With a separator: "/root" alone also begins harmless words. The root of all files reveals nothing.
     let folders = places.flatten().filter(|folder: &PathBuf| folder.is_absolute() && folder.parent().is_some());
     let folders: Vec<_> = folders.map(|folder| folder.join("").into_os_string().into_encoded_bytes()).collect();
     for path in paths() {
@@ -286,8 +286,8 @@ fn nothing_names_the_machine_that_packed() {
     }
 }
 
-/// A copy of the workspace to write packages into. It has a fixed place, and its files their times, so that cargo
-/// compiles what the templates need only once; the copy is removed in the end, what was compiled stays in `target`.
+/// A copy of the workspace to write packages into. It has a fixed place, and its files keep their times, so that cargo
+/// compiles the dependencies of the templates only once; the copy is removed at the end, the build stays in `target`.
 struct Copy {
     root: PathBuf,
     target: PathBuf,
@@ -337,11 +337,11 @@ impl Copy {
     fn prepared(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command.args(arguments).current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target).env("NO_COLOR", "1");
-        // The linker is in the environment of the workspace itself, which the copy has not.
+        // The linker is in the environment of the workspace itself, which the copy does not have.
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders = std::iter::once(workspace().join(".venv/bin")).chain(std::env::split_paths(&path));
         command.env("PATH", std::env::join_paths(folders).expect("folders of the PATH have no separators"));
-        // Nobody debugs these packages: less to compile and to keep.
+        // No debug information: less to compile and to store.
         command.env("CARGO_PROFILE_DEV_DEBUG", "none").env("CARGO_INCREMENTAL", "0");
         command
     }
@@ -401,8 +401,8 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     assert!(first == second, "packing again gives the same bytes");
     let hint = String::from_utf8_lossy(&output.stderr);
     assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
-    // The place of the sources does not matter either: what was packed from the workspace itself has the same bytes.
-    // FMUs of another folder come from another machine, unless their platforms are named.
+    // The place of the sources does not matter either: an FMU packed from the workspace itself has the same bytes.
+    // FMUs of another folder come from another machine, unless their platforms are listed.
     if std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some() {
         let other = std::fs::read(folder().join("SuspensionMixer.fmu")).expect("it was packed");
         assert!(second[2] == other, "SuspensionMixer.fmu differs from a new one: run `cargo fmu pack --all`");
@@ -425,7 +425,7 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
         ok(instance.do_step(f64::from(k) * step, step));
     }
     // 1 kg on 10 N/m with 0.5 N s/m: the oscillation about F/k decays with exp(-c t/(2 m)) from an amplitude below 0.1 m;
-    // Runge-Kutta with 10 ms errs by far less.
+    // The error of Runge-Kutta with 10 ms is far smaller.
     let bound = 0.1 * (-0.25 * f64::from(steps) * step).exp();
     let position = real(&plant, &mut instance, "x");
     assert!((position - 0.1).abs() <= bound, "position {position}, expected 0.1 within {bound:e}");
@@ -456,7 +456,7 @@ const MODEL_EXCHANGE_ONLY: [&str; 10] = [
     "fmi2SetTime",
 ];
 
-/// `--interfaces` decides what the library exports and what the description declares, `--arrays` what the variables are.
+/// `--interfaces` determines the exports of the library and the declared interfaces, `--arrays` the form of the variables.
 #[test]
 fn formats_have_what_their_options_say() {
     let cargo_fmu = tests::cargo_fmu();
@@ -479,7 +479,7 @@ fn formats_have_what_their_options_say() {
         {
             assert_eq!(xml.matches(element).count(), usize::from(is_wanted), "{interfaces}: {element}");
             for function in functions {
-                // macOS puts an underscore in front of every name.
+                // macOS prefixes every name with an underscore.
                 let is_there = exported.iter().any(|name| name.strip_prefix('_').unwrap_or(name) == *function);
                 assert_eq!(is_there, is_wanted, "{interfaces}: {function} in {exported:?}");
             }
@@ -502,14 +502,14 @@ fn formats_have_what_their_options_say() {
     assert_eq!(elements, scalars.len(), "the same variables, one for each element");
 }
 
-/// `cargo fmu pack --for SCENARIO`, as `scripts/run` calls it: a package that does not compile is no obstacle for scenarios
-/// that do without it, and what is up to date is not told.
+/// `cargo fmu pack --for SCENARIO`, as `scripts/run` calls it: a package that does not compile does not affect scenarios
+/// that do not need it, and up-to-date FMUs are not reported.
 #[test]
 fn a_broken_package_blocks_only_what_needs_it() {
     let cargo_fmu = tests::cargo_fmu();
     let copy = Copy::new();
     std::fs::write(copy.root.join("fmu-plant/road/src/lib.rs"), "this is not Rust").expect("it can be written");
-    // Interfaces that are not committed would be told.
+    // Interfaces that are not committed would be reported.
     let descriptions = "modelDescription";
     copy_times(&workspace().join(descriptions), &copy.root.join(descriptions)).expect("it can be copied");
     let scenario = |name: &str, fmus: [&str; 2]| {
@@ -546,7 +546,7 @@ fn a_broken_package_blocks_only_what_needs_it() {
     assert_eq!(pack("elsewhere.toml"), (true, String::new(), String::new()));
     let (is_fine, _, messages) = pack("broken.toml");
     assert!(!is_fine && messages.contains("fmu-plant/road/src/lib.rs"), "{messages}");
-    // A study that is not complete is told as `cargo fmu study` tells it.
+    // An incomplete study gives the message of `cargo fmu study`.
     let (is_fine, _, messages) = pack("study.toml");
     assert!(!is_fine && messages.contains("study.toml") && messages.contains("missing key `title`"), "{messages}");
 }

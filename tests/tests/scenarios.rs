@@ -156,7 +156,7 @@ fn every_component_is_replaced_by_one_line() {
                     let other =
                         run.components.iter().find(|u| u.name == component.name).expect("the component is still there");
                     assert_eq!(other.fmu, format!("{fmu}{suffix}.fmu"), "{}: {line}", file.display());
-                    // Nothing but points, seeds and the case itself reaches it.
+                    // It gets parameters from points, seeds and the case only.
                     assert!(suffix == "Copy" || other.parameters.is_empty(), "{}: {line}", file.display());
                     swaps += 1;
                 }
@@ -166,13 +166,13 @@ fn every_component_is_replaced_by_one_line() {
     assert!(swaps > 1000, "only {swaps} swaps");
 }
 
-/// Whether a case has values for parameters of a component, in its own table or in a parameter set.
+/// Returns true if a case has values for parameters of a component, in its own table or in a parameter set.
 fn case_sets(text: &str, case: &str, component: &str) -> bool {
     let of_case = case_of(text, case).expect("the file defines the case");
     of_case.contains(&format!("parameters.{component} ")) || of_case.contains("parameter_set")
 }
 
-/// A copy that keeps the parameters is the same system.
+/// A copy that keeps the parameters gives the same system.
 #[test]
 fn kept_parameters_are_those_of_the_component() {
     let source = descriptions();
@@ -197,7 +197,7 @@ fn kept_parameters_are_those_of_the_component() {
     }
 }
 
-/// Every mode of ours has names for all its values, and nothing else is taken for a list of names.
+/// Every mode of the library has names for all its values, and no other description is parsed as a list of names.
 #[test]
 fn modes_have_names() {
     let mut modes = 0;
@@ -217,7 +217,7 @@ fn modes_have_names() {
     assert!(modes > 20, "{modes}");
 }
 
-/// The trap of issue 11: a speed for a car that has its own. By a trial run with the real FMUs, as `cargo fmu plan` makes it.
+/// Issue 11: a prescribed speed for a car that computes its own. Found by a trial run with the real FMUs, as in `cargo fmu plan`.
 #[test]
 fn a_trial_run_finds_parameters_without_effect() {
     let file = workspace().join("scenarios/esp_car_step_steer.toml");
@@ -245,7 +245,7 @@ fn a_trial_run_finds_parameters_without_effect() {
             ["10:47: `speed.initial` of `driver` has no effect: it changes `driver.speed` only, which nothing reads"]
         );
     }
-    // In a slalom between cones the same parameter decides how fast the driver steers.
+    // In a slalom between cones the same parameter determines how fast the driver steers.
     let slalom = "maneuver = \"slalom\", \"steer.period\" = 0.0, \"speed.initial\" = 5.0, ";
     let found: Vec<String> = warnings(place, slalom);
     assert!(found.iter().all(|warning| !warning.contains("speed.initial")), "{found:?}");

@@ -1,4 +1,4 @@
-//! Sources: FMUs whose outputs are calculated at the start although they are no plants.
+//! Sources: FMUs whose outputs are calculated at the start although they are not plants.
 //!
 //! Reference: FMI 2.0.4, sections 2.2.7 (initial) and 2.2.8 (InitialUnknowns), and the first step itself.
 
@@ -127,8 +127,8 @@ fn the_sources_are_driver_and_road() {
     assert_eq!(names, ["Driver", "Road"]);
 }
 
-/// The outputs in Initialization Mode, after it and after the first step are the same, at any start time, whatever the
-/// inputs are.
+/// The outputs in Initialization Mode, after it and after the first step are the same, at any start time and for any
+/// inputs.
 #[test]
 fn outputs_before_the_start_are_those_of_the_first_sample() {
     for fmu in sources() {

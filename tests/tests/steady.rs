@@ -14,7 +14,7 @@ const DRIFT: f64 = 1e-8;
 const TIME: f64 = 5.0;
 const STEP: f64 = 0.01;
 
-/// What the command prints, or its message.
+/// The output of the command, or its message.
 fn trimmed(name: &str, settings: &[(String, f64)], options: &[&str]) -> Result<Value, String> {
     static COMMAND: OnceLock<std::path::PathBuf> = OnceLock::new();
     let mut command = Command::new(COMMAND.get_or_init(cargo_fmu));
@@ -52,7 +52,7 @@ fn names_of(steady: &Value, role: &str) -> Vec<String> {
         .collect()
 }
 
-/// Largest distance of a state that rests from its start, relative to the nominal value, in a co-simulation that begins there.
+/// Largest distance of a state at rest from its start, relative to the nominal value, in a co-simulation from there.
 fn drift(fmu: &Fmu, steady: &Value, parameters: &[(&str, f64)]) -> f64 {
     let mut instance = fmu.instance();
     ok(instance.setup_experiment(0.0, Some(TIME)));
@@ -204,8 +204,8 @@ fn drive_torques_balance_the_brakes() {
     }
 }
 
-/// Without friction nothing determines the lateral velocity of a car with linear tires; it does not turn, because it would
-/// slide ever faster: v' = -u r.
+/// Without friction nothing determines the lateral velocity of a car with linear tires; it cannot turn, because its lateral
+/// velocity would grow without limit: v' = -u r.
 #[test]
 fn what_the_equations_leave_open_is_listed() {
     let given = settings(&[("road_friction.fl", 0.0), ("steer.front", 0.1)]);
@@ -213,7 +213,7 @@ fn what_the_equations_leave_open_is_listed() {
     assert_eq!(steady["undetermined"], serde_json::json!(["vehicle.lateral_velocity"]));
     assert_eq!(value(&steady, "vehicle.lateral_velocity"), 0.0);
     assert_eq!(value(&steady, "vehicle.yaw_rate"), 0.0);
-    // With a yaw rate that is held it does.
+    // With a held yaw rate, the lateral velocity grows.
     let message =
         trimmed("BicycleCar", &settings(&[("vehicle.yaw_rate", 0.3), ("road_friction.fl", 0.0)]), &[]).unwrap_err();
     assert!(message.contains("`vehicle.lateral_velocity` cannot rest"), "{message}");
@@ -238,7 +238,7 @@ fn a_state_that_cannot_rest_is_named() {
     }
 }
 
-/// The parameter set has what a co-simulation starts with; the linear model at the steady state has its stability.
+/// The parameter set has the start values of a co-simulation; the linear model at the steady state has its stability.
 #[test]
 fn parameter_sets_and_linear_models_start_there() {
     let folder_of_file = tempfile::tempdir().expect("a folder");
@@ -375,8 +375,7 @@ fn scenarios_start_steady() {
     assert!(rolls[0] > rolls[2] && rolls[2] > rolls[1], "a heavier vehicle rolls more: {rolls:?}");
 }
 
-/// The plant reads what the others have at the start: the speed of a driver, the angle of an actuator that is at its declared
-/// state.
+/// The plant reads the start values of the others: the speed of a driver, the angle of an actuator in its declared state.
 #[test]
 fn a_plant_starts_with_what_the_others_write_first() {
     let driver = r#"

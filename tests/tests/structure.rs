@@ -1,5 +1,5 @@
-//! What depends on what, and how strongly: the model structure and the directional derivatives of every plant,
-//! against what its outputs and derivatives really do when an input or a state changes; and the integrator's order.
+//! The model structure and the directional derivatives of every plant, against the actual changes of its outputs and
+//! derivatives when an input or a state changes; and the integrator's order.
 //!
 //! Reference: FMI 2.0.4, sections 2.1.9 (directional derivatives) and 2.2.8 (model structure), and difference quotients
 //! through fmi2SetReal and fmi2GetReal.
@@ -25,7 +25,7 @@ struct Plant<'a> {
     unknown_references: Vec<Reference>,
     /// Values of the known variables after initialization.
     base: Vec<f64>,
-    /// Where the states lie in the saved bytes, if some of them cannot be set.
+    /// Positions of the states in the saved bytes, if some of them cannot be set.
     place: Option<Place>,
 }
 
@@ -213,7 +213,7 @@ fn declared_dependencies_are_the_real_ones() {
                 list.iter().map(|&index| variables[index].name.as_str()).collect()
             })
             .collect();
-        // What was seen to react: at points near the start and far from it, where tires saturate, lift off and limits
+        // Observed dependencies: at points near the start and far from it, where tires saturate, lift off and limits
         // act, with parameters as declared and varied, in all modes.
         let mut seen = vec![BTreeSet::new(); plant.unknown.len()];
         for configuration in fmu.configurations() {
@@ -292,7 +292,7 @@ fn held_outputs_depend_on_nothing_between_steps() {
                 assert_eq!(fmu.outputs(instance), held, "{}: an output reacts {place}", fmu.name);
             }
         };
-        // There an output may follow an input, if it says so.
+        // There an output may follow an input, if the description declares it.
         let follows = |index: &usize| fmu.description.variables[*index].causality == Causality::Input;
         if !fmu.description.initial_unknowns.iter().any(|unknown| unknown.dependencies.iter().flatten().any(follows)) {
             check(&mut instance, "in Initialization Mode");

@@ -11,7 +11,7 @@ use fmu_import::description::FmiVersion;
 
 const SOURCE: &str = include_str!("zoo.c");
 
-/// How an FMU is built.
+/// Build settings of an FMU.
 pub(crate) struct Zoo<'a> {
     pub(crate) fmi: FmiVersion,
     /// File stem.

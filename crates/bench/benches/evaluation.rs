@@ -1,6 +1,6 @@
-//! Cost of an evaluation of the ride objective, 6 s at steps of 1 ms: the packed half car and comfort law as the tuner runs
-//! them, and the same equations called directly in Rust, with the same data to the last bit of the objective. Road and speed
-//! are computed before and read from a table by both.
+//! Cost of an evaluation of the ride objective, 6 s at steps of 1 ms: the packed half car and comfort law as `cargo fmu study`
+//! runs them, and the same equations called directly in Rust, with the same data and bit-identical objectives. Both read road
+//! and speed from a table computed in advance.
 
 use std::hint::black_box;
 
@@ -15,11 +15,11 @@ use hydro_pneumatic_half_car::HydroPneumaticHalfCar as Car;
 const STEP: f64 = 0.001;
 /// Weights of the objective (Table 4).
 const WEIGHTS: [f64; 6] = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
-/// What they belong to: heave and roll acceleration, deflections of suspension and tires.
+/// Weighted signals: heave and roll acceleration, deflections of suspension and tires.
 const SIGNALS: &str =
     r#"["body.heave_acceleration", "body.roll_acceleration", "suspension_deflection.*", "tire_deflection.*"]"#;
 
-/// The scenario whose driver and road the table comes from.
+/// Scenario with the driver and the road of the table.
 const RIDE: &str = include_str!("../../../scenarios/hydro_pneumatic_tuning_ride.toml");
 
 /// Comfort law and half car, nothing else.
@@ -48,7 +48,7 @@ signals = SIGNALS
 "#;
 
 fn main() {
-    // What the plant gets in step k is what driver and road give in it: their row k + 1.
+    // Inputs of the plant in step k are the outputs of driver and road in that step: their row k + 1.
     let sources =
         ["driver.speed", "driver.steer", "road_height.l", "road_height.r", "road_friction.l", "road_friction.r"];
     let inputs =

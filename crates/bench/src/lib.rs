@@ -1,6 +1,6 @@
 //! Cost of a communication step of 1 ms: the model's functions called directly in Rust, and the packed FMU through its C
-//! interface (set all real inputs, step, get all real outputs). Both are measured in the same process, turn by turn, so that their ratio
-//! means something on a busy machine.
+//! interface (set all real inputs, step, get all real outputs). Both are measured in the same process, alternately, so that their ratio
+//! is meaningful on a busy machine.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ const EVALUATIONS: usize = 101;
 /// Prints one line: name, ns per step directly, through C, and their ratio.
 ///
 /// # Panics
-/// When the FMU is not packed, or does not run.
+/// If the FMU is not packed or does not run.
 pub fn compare<E: Export>() {
     let name = E::Model::INFO.name;
     let path = fmu_path(name);
@@ -50,11 +50,11 @@ pub fn compare<E: Export>() {
     println!("{name:28} {direct:8.0} ns directly {through_c:8.0} ns through C   ratio {:.2}", through_c / direct);
 }
 
-/// Prints, for each FMU of `target/fmu` that the folder `before` has, too: ns per step of the one there and of the one in
-/// `target/fmu`, and their ratio, above 1 if that of `target/fmu` is faster. The inputs are triangles whose size suits the unit of measure.
+/// Prints a line for each FMU that is both in `target/fmu` and in the folder `before`: ns per step of the FMU in `before` and of that
+/// in `target/fmu`, and their ratio, above 1 if the latter is faster. The inputs are triangles whose size suits the unit of measure.
 ///
 /// # Panics
-/// When a folder cannot be read, an FMU does not run, or there is none to compare.
+/// If a folder cannot be read, an FMU does not run, or there is none to compare.
 pub fn compare_versions(before: &Path) {
     let entries = std::fs::read_dir(target().join("fmu")).expect("FMUs that `cargo fmu pack --all` has packed");
     let mut paths: Vec<_> = entries.map(|entry| entry.expect("the folder can be read").path()).collect();
@@ -84,7 +84,7 @@ pub fn compare_versions(before: &Path) {
     assert!(compared > 0, "{} has no FMU with a name that `target/fmu` has", before.display());
 }
 
-/// A run of packed FMUs as the tuner does it: libraries loaded once, instances per run, signals in memory.
+/// A run of packed FMUs as in `cargo fmu study`: libraries loaded once, instances per run, signals in memory.
 #[derive(Debug)]
 pub struct Evaluation {
     plan: Plan,
@@ -95,7 +95,7 @@ impl Evaluation {
     /// Resolves the first run of a scenario; `inputs` is the text of a CSV file of signals (see `cargo fmu plan --inputs`).
     ///
     /// # Panics
-    /// When the scenario has mistakes or an FMU is not packed.
+    /// If the scenario is invalid or an FMU is not packed.
     #[must_use]
     pub fn new(name: &str, scenario: &str, inputs: Option<&str>) -> Self {
         let folder = target().join("bench");
@@ -117,7 +117,7 @@ impl Evaluation {
     /// The recorded columns.
     ///
     /// # Panics
-    /// When the run fails.
+    /// If the run fails.
     #[must_use]
     pub fn run(&self) -> Vec<Vec<f64>> {
         let run = self.plan.runs.first().expect("a run");
@@ -127,10 +127,10 @@ impl Evaluation {
     }
 }
 
-/// Prints one line: ms per evaluation directly, through the FMUs, and their ratio; both turn by turn.
+/// Prints one line: ms per evaluation directly, through the FMUs, and their ratio; measured alternately.
 ///
 /// # Panics
-/// When the objectives differ in a bit.
+/// If the objectives are not bit-identical.
 pub fn compare_evaluations(name: &str, direct: impl Fn() -> f64, fmus: impl Fn() -> f64) {
     let timed = |evaluate: &dyn Fn() -> f64| {
         let begin = Instant::now();

@@ -59,10 +59,10 @@ impl Options {
 /// Environment variable that asks the macro `fmu::model` for symbols, without the name of the library.
 const EXPORT: &str = "FMU_EXPORT_";
 
-/// What the macro builds into a library that is shipped.
+/// Export data that the macro builds into a shipped library.
 #[derive(Clone, Debug)]
 pub(crate) struct Export {
-    /// Type of the model: which one of the crate the library is for.
+    /// Type of the model, as a crate may have several.
     pub(crate) model: String,
     /// GUID or instantiation token.
     pub(crate) guid: String,
@@ -103,7 +103,7 @@ impl Interface {
         }
     }
 
-    /// Number in the sum that a library gets when it describes its model.
+    /// Flag in the sum of options that a library gets when it describes its model.
     pub(crate) const fn bit(self) -> i32 {
         match self {
             Self::Cs => description_options::CO_SIMULATION,
@@ -122,7 +122,7 @@ const PROFILE: [&str; 5] = [
     "profile.fmu.panic=\"unwind\"",
 ];
 
-/// The profile of binaries for a debugger. They have another one's name, so that both are kept.
+/// The profile of debug binaries. It has its own name, so both builds are kept.
 const DEBUG_PROFILE: [&str; 3] =
     ["profile.fmu-debug.inherits=\"dev\"", "profile.fmu-debug.debug=\"full\"", "profile.fmu-debug.opt-level=0"];
 
@@ -135,7 +135,7 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
     for round in rounds(models) {
         let mut command = cargo();
         command.arg("build").arg("--target-dir").arg(workspace.target.join("fmu-build"));
-        // The description is made on this machine, whatever the build is for otherwise.
+        // The description is generated on this machine, whatever the target platform.
         command.env_remove("CARGO_BUILD_TARGET").args(["--target", &host()?]);
         options.apply(&mut command);
         for &model in &round {
@@ -147,15 +147,15 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
     models.iter().map(|model| artifact(&libraries, model)).collect()
 }
 
-/// The models in groups of which no member depends on another: a library that exports its model cannot be linked into
-/// another that does.
+/// Groups of models that do not depend on each other: a library that exports its model cannot be linked into another one
+/// that does.
 fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
     let mut rounds: Vec<Vec<&Model>> = Vec::new();
     let mut left: Vec<&Model> = models.iter().collect();
     while !left.is_empty() {
         let needs = |model: &Model| left.iter().any(|other| model.dependencies.contains(&other.package));
         let (later, now): (Vec<&Model>, Vec<&Model>) = left.iter().partition(|model| needs(model));
-        // Packages cannot depend on each other in a circle, so there is always one that needs no other.
+        // Package dependencies have no cycles, so there is always one that needs no other.
         rounds.push(now);
         left = later;
     }
@@ -238,7 +238,7 @@ fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
     Ok(libraries)
 }
 
-/// Copies of the libraries of a round: a later round builds those that it contains anew, without their exports.
+/// Copies the libraries of a round: a later round rebuilds those it depends on, without their exports.
 fn kept(built: BTreeMap<String, PathBuf>, round: &[&Model], folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
     std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("making {}", folder.display()))?;
     let copy = |model: &&Model| {
@@ -299,16 +299,16 @@ fn cargo_home() -> Option<PathBuf> {
     std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| std::env::home_dir().map(|home| home.join(".cargo")))
 }
 
-/// Kind of the binary for the Linux of this machine. Those for other processors are portable.
+/// Kind of Linux binary for this machine's processor. Binaries for other processors are always portable.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Linux {
-    /// For this machine and those with a glibc as new.
+    /// For this machine and others with a glibc at least as new.
     Native,
     /// For old distributions too.
     Portable(Asked),
 }
 
-/// Who asks for the portable binary.
+/// Source of the request for a portable binary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Asked {
     /// `--portable`
@@ -339,7 +339,7 @@ pub(crate) struct Built {
     pub(crate) messages: String,
 }
 
-/// One builder for each platform, in the order of the platforms; all they need is there.
+/// Returns one builder per platform, in platform order, after a check that its tools are installed.
 ///
 /// # Errors
 /// A platform cannot be built here; the message says what is missing and how to install it.
@@ -394,7 +394,7 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux,
     wanted.into_iter().map(builder).collect()
 }
 
-/// An error if two platforms share a folder of FMI 2.0: an FMU has one library in each.
+/// Rejects two platforms that share a folder in FMI 2.0: an FMU has one library in each.
 fn one_folder_each(wanted: &[Platform]) -> Result<()> {
     for (i, platform) in wanted.iter().enumerate() {
         if let Some(other) = wanted[..i].iter().find(|other| other.fmi2() == platform.fmi2()) {
@@ -421,7 +421,7 @@ impl Builder {
         }
     }
 
-    /// The toolchain that builds, if it is another than the one in use.
+    /// Toolchain of the build, if it is not the one in use.
     pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
         match self {
             Self::Native(_) => None,
@@ -433,9 +433,8 @@ impl Builder {
 
     /// Builds all models, each with its GUID.
     ///
-    /// The build has a folder of its own because its flags would make cargo build everything else anew, too; that of
-    /// another toolchain another one. The GUIDs are built in, so that the libraries need not write their descriptions to
-    /// know them.
+    /// The build uses its own target folder, one per toolchain, because its flags would make cargo rebuild everything
+    /// else. The GUIDs are compiled in, so the libraries need not generate their descriptions to know them.
     ///
     /// # Errors
     /// A model does not build.
@@ -499,8 +498,8 @@ impl Builder {
         options.apply(&mut command);
         let mut flags = user_flags(&workspace.root, &target);
         flags.extend(linker_flags(platform, matches!(self, Self::Native(_))));
-        // Paths of this machine are replaced in the binaries. The last one that fits counts: a package may be in a folder of
-        // the others.
+        // Paths of this machine are replaced in the binaries. The last match wins: a package may be in a folder of the
+        // others.
         let known = [(cargo_home(), "/cargo"), (Some(workspace.target.clone()), "/target"), (sources, "/rust")];
         let known = known.into_iter().filter_map(|(from, to)| Some((from?, to.to_owned())));
         let all = known.chain(outside.iter().map(|(from, name)| (from.clone(), format!("/packages/{name}"))));
@@ -519,7 +518,7 @@ impl Builder {
 /// Flags for the compiler that are the same for all models of a platform.
 ///
 /// `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; on Windows and macOS they
-/// stay inside anyway. Libraries for Windows get no time, so that two builds have the same bytes.
+/// stay inside anyway. Windows libraries get no timestamp, so builds are reproducible.
 fn linker_flags(platform: Platform, is_native: bool) -> Vec<OsString> {
     match platform {
         Platform::Linux64 | Platform::Aarch64Linux => vec!["-Clink-arg=-Wl,-Bsymbolic".into()],
@@ -529,9 +528,9 @@ fn linker_flags(platform: Platform, is_native: bool) -> Vec<OsString> {
     }
 }
 
-/// Flags for the library of one model alone; dependencies need not be built again for the next one.
+/// Flags for the library of one model only; dependencies are not rebuilt for the next one.
 ///
-/// A library for macOS holds its own name, which is its path on the machine that links it unless the linker gets another.
+/// A macOS library contains its own name, by default its path on the machine that links it.
 fn library_flags(platform: Platform, name: &str) -> Vec<String> {
     if platform.is_darwin() {
         return vec![format!("-Clink-arg=-Wl,-install_name,@rpath/{name}.{}", platform.extension())];
@@ -539,9 +538,9 @@ fn library_flags(platform: Platform, name: &str) -> Vec<String> {
     Vec::new()
 }
 
-/// Lets cargo build the models. Returns its messages, which are lines of JSON; diagnostics go to the terminal.
+/// Builds the models with cargo and returns its messages, one JSON object per line; diagnostics go to the terminal.
 ///
-/// `flags` are for the compiler of these packages, not of their dependencies; only `cargo rustc` takes some.
+/// `flags` are compiler flags for these packages, not for their dependencies; only `cargo rustc` accepts them.
 fn carry_out(mut command: Command, workspace: &Workspace, models: &[&Model], flags: &[String]) -> Result<String> {
     command.args(["--message-format", "json-render-diagnostics"]);
     for model in models {
@@ -595,10 +594,10 @@ mod tests {
             assert_eq!(flags(linux, true), flags(linux, false));
         }
         assert_eq!(flags(Platform::Win64, false), "-Clink-arg=-Wl,--no-insert-timestamp");
-        // The linker of Microsoft does not know it.
+        // Microsoft's linker does not support it.
         assert_eq!(flags(Platform::Win64, true), "");
         for mac in [Platform::X86_64Darwin, Platform::Aarch64Darwin] {
-            // The linker of Apple has no `-Bsymbolic`.
+            // Apple's linker has no `-Bsymbolic`.
             assert_eq!(flags(mac, true), "");
             assert_eq!(library_flags(mac, "Road"), ["-Clink-arg=-Wl,-install_name,@rpath/Road.dylib"]);
         }

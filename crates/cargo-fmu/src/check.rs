@@ -14,10 +14,10 @@ use crate::inspect::locate;
 use crate::output::outln;
 use crate::worker;
 
-/// Largest number of shown lines that an FMU prints.
+/// Maximum number of lines shown of an FMU's output.
 const MOST_PRINTED: usize = 20;
 
-/// Which FMUs.
+/// Arguments of `cargo fmu check`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Names of FMUs of this workspace (packed before), or paths of any .fmu files
@@ -52,10 +52,10 @@ impl FailOn {
     }
 }
 
-/// Checks each FMU in a process of its own, which an FMU may take down, and prints what was found.
+/// Checks each FMU in a separate process, which an FMU may take down, and prints the findings.
 ///
 /// # Errors
-/// When an FMU has errors that count, is not there, or the process cannot be started.
+/// An FMU is missing or has errors that count, or the process cannot be started.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let paths = arguments.fmus.iter().map(|fmu| locate(fmu)).collect::<Result<Vec<PathBuf>>>()?;
     let mut faulty = Vec::new();
@@ -65,7 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let printed: Printed = Arc::new(move |line| lines.lock().unwrap_or_else(PoisonError::into_inner).show(line));
         let mut settings = arguments.workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;
         settings.printed = printed;
-        // The FMU is a stranger until it was checked.
+        // The FMU is not trusted before it is checked.
         settings.sandbox = (!arguments.workers.is_without_sandbox()).then(Vec::new);
         let (findings, checked) =
             fmu_import::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;

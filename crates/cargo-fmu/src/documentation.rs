@@ -14,7 +14,7 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Without the links to other files of the repository and without its pictures, which an FMU does not contain. Their text stays.
+/// Removes links to other files of the repository, and its pictures, which an FMU does not contain. Their text stays.
 fn without_relative_links<'a>(events: impl Iterator<Item = Event<'a>>) -> impl Iterator<Item = Event<'a>> {
     let is_here = |url: &str| !["https:", "http:", "mailto:", "#"].iter().any(|start| url.starts_with(start));
     let (mut in_link, mut in_picture) = (false, false);
@@ -33,7 +33,7 @@ fn without_relative_links<'a>(events: impl Iterator<Item = Event<'a>>) -> impl I
     })
 }
 
-/// The page, complete in itself. It names those of the other files in the FMU that are there.
+/// Returns the self-contained page. Icon and reference run are mentioned if they are among the files.
 pub(crate) fn page(description: &ModelDescription, readme: &str, files: &BTreeMap<String, Vec<u8>>) -> String {
     let mut body = String::new();
     html::push_html(&mut body, without_relative_links(Parser::new_ext(readme, Options::ENABLE_TABLES)));
@@ -69,10 +69,10 @@ pub(crate) const ICON_OF_FMI2: &str = "model.png";
 /// Entry of the icon in FMI 3.0.
 pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 
-/// Entry of the reference run. FMI 2.0 asks for names of folders in `extra` that begin with a reversed domain.
+/// Entry of the reference run. FMI 2.0 asks for folder names in `extra` that begin with a reversed domain name.
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
-/// What the interfaces of the FMU promise to the tool that calls them.
+/// Describes the call rules and capabilities of the FMU's interfaces.
 fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) -> String {
     let mut text = String::from("<p>");
     if description.co_simulation.is_some() {
@@ -140,7 +140,7 @@ fn row(variable: &Variable) -> String {
 mod tests {
     use super::*;
 
-    /// The description with arrays that the importer is tested with.
+    /// Description with arrays, from the importer's tests.
     const DECAY: &str = include_str!("../../fmu-import/tests/data/decay3.xml");
 
     #[test]

@@ -9,7 +9,7 @@ use miette::{Diagnostic, LabeledSpan, MietteHandler, MietteHandlerOpts, ReportHa
 /// Makes miette print every report without control characters other than its own.
 ///
 /// # Errors
-/// When miette has printed something before.
+/// Miette has already printed something.
 pub(crate) fn install() -> miette::Result<()> {
     miette::set_hook(Box::new(|_| Box::new(Handler(MietteHandlerOpts::new().build()))))?;
     Ok(())
@@ -119,7 +119,7 @@ impl Diagnostic for Safe<'_> {
     }
 }
 
-/// An error below another one.
+/// The cause of another error.
 #[derive(Debug)]
 struct Cause {
     message: String,

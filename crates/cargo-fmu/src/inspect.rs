@@ -14,7 +14,7 @@ use crate::output::{outln, write_file};
 use crate::variables;
 use crate::workspace::Workspace;
 
-/// Which FMU.
+/// Arguments of `cargo fmu inspect`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Name of an FMU of this workspace (packed before), or path of any .fmu file
@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
 /// Path of an FMU given by name or path. A model that is packed for FMI 2.0 and 3.0 is found as FMI 2.0.
 ///
 /// # Errors
-/// On a name that is no model, or an FMU that was not packed yet.
+/// The name is not that of a model, or the FMU is not packed yet.
 pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
     let path = PathBuf::from(fmu);
     // A name has neither extension nor folder.
@@ -48,7 +48,7 @@ struct Opened {
     problem: Option<ArchiveError>,
 }
 
-/// Opens an FMU. One that other commands refuse is read all the same if its description is where it belongs.
+/// Opens an FMU. One that other commands reject is still read if its description is in the right place.
 fn open(path: &Path) -> Result<Opened, ArchiveError> {
     const NAME: &str = "modelDescription.xml";
     let lossy = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
@@ -81,10 +81,10 @@ fn open(path: &Path) -> Result<Opened, ArchiveError> {
     }
 }
 
-/// Prints.
+/// Prints metadata and variables.
 ///
 /// # Errors
-/// When the file is no FMU, or one that other commands refuse: after what can be read.
+/// The file is not an FMU, or other commands reject it; the readable part is printed first.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let Opened { text, platforms, problem } = open(&path).into_diagnostic()?;
@@ -112,7 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Prints what the elements of a description say that breaks rules of FMI, or is of another version.
+/// Prints the elements of a description that breaks rules of FMI or has another version.
 fn show_elements(root: &Element, platforms: &[String]) {
     let text = |element: &Element, name: &str| line(element.attribute(name).unwrap_or("-")).into_owned();
     outln!("{}", text(root, "modelName"));

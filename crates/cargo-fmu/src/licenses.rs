@@ -1,7 +1,7 @@
 //! `documentation/licenses` of an FMU: the license of the model, and the notices of everything linked into its libraries.
 //!
-//! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). Which crates are linked comes
-//! from `cargo tree`, with the features of this build, and the texts come from their sources, which are on the disk because
+//! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). The list of linked crates comes
+//! from `cargo tree`, with the features of this build. The texts come from the crates' sources, which are on the disk because
 //! they have just been compiled. So nothing has to be installed or downloaded, and the versions are those of Cargo.lock.
 //! `cargo tree` leaves out the crates that `-Z build-std` compiles into the standard library; the messages of the build
 //! list those.
@@ -21,14 +21,14 @@ use crate::workspace::{Model, Workspace};
 /// Entry point of the folder.
 const ENTRY: &str = "license.txt";
 const NOTICES: &str = "third-party-notices.txt";
-/// File names that hold licenses begin with these, in upper or lower case.
+/// Beginnings of license file names, in upper or lower case.
 const BEGINNINGS: [&str; 6] = ["license", "licence", "copying", "copyright", "notice", "unlicense"];
 
 /// A crate, or a part of a toolchain, that is linked into a library.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Component {
     name: String,
-    /// Empty for parts of a toolchain: theirs is that of the toolchain.
+    /// Empty for parts of a toolchain, which have its version.
     version: String,
     /// An SPDX expression; empty if none is declared.
     license: String,
@@ -96,7 +96,7 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
 /// `messages` are those of the build in JSON.
 ///
 /// # Errors
-/// When cargo does not list the dependencies, or a file cannot be read.
+/// Cargo does not list the dependencies, or a file cannot be read.
 pub(crate) fn components(
     builder: &Builder,
     workspace: &Workspace,
@@ -168,7 +168,7 @@ fn tree(builder: &Builder, workspace: &Workspace, models: &[Model], options: &Op
     String::from_utf8(output.stdout).into_diagnostic().wrap_err("reading the output of cargo tree")
 }
 
-/// A line of `cargo tree`: `2libm v0.2.16<tab>MIT<tab>https://…`, with the folder behind the version of a local package.
+/// A line of `cargo tree`: `2libm v0.2.16<tab>MIT<tab>https://…`, with the folder after the version of a local package.
 #[derive(Debug, PartialEq, Eq)]
 struct Package<'a> {
     depth: usize,
@@ -204,7 +204,7 @@ impl<'a> Package<'a> {
     }
 }
 
-/// A message of cargo, as far as it is used.
+/// The fields used of a message of cargo.
 #[derive(Deserialize)]
 struct Message {
     package_id: Option<String>,
@@ -351,7 +351,7 @@ impl Licenses {
         let mut names = Vec::new();
         for (name, text) in own_texts {
             let name = if name.contains('.') { name.clone() } else { format!("{name}.txt") };
-            // Windows tells no upper from lower case.
+            // File names are case-insensitive on Windows.
             let is_taken = [ENTRY, NOTICES].iter().any(|taken| name.eq_ignore_ascii_case(taken));
             let name = if is_taken { format!("{}-{name}", model.name) } else { name };
             names.push(name.clone());
@@ -402,9 +402,9 @@ fn entry(
     text
 }
 
-/// All texts, each once, under the files that have it.
+/// Lists all texts, each once, below the names of the files that contain it.
 fn notices(others: &[&Component]) -> String {
-    // The same words in other lines are the same text.
+    // Texts that differ only in white space are the same.
     let mut places: Vec<(Vec<&str>, &str, Vec<String>)> = Vec::new();
     for component in others {
         for (file, text) in &component.texts {

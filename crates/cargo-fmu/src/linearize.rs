@@ -19,7 +19,7 @@ use crate::output::{errln, outln};
 use crate::pack::write_whole;
 use crate::worker;
 
-/// Which plant, where.
+/// Arguments of `cargo fmu linearize`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives or model exchange
@@ -53,7 +53,7 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// The command that makes the same page again, for a shell.
+    /// Returns the shell command that reproduces the page.
     fn command(&self) -> String {
         let mut words = vec!["cargo".to_owned(), "fmu".to_owned(), "linearize".to_owned(), self.fmu.clone()];
         let mut add = |option: &str, value: &str| words.extend([option.to_owned(), value.to_owned()]);
@@ -102,7 +102,7 @@ fn format(path: &Path) -> Result<Format> {
 /// Prints the modes of the linear model, and writes files.
 ///
 /// # Errors
-/// When the FMU has no states, or neither directional derivatives nor model exchange, a value cannot be set, or a file cannot be written.
+/// The FMU has no states, or neither directional derivatives nor model exchange; a value cannot be set, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
@@ -206,7 +206,7 @@ mod tests {
         arguments: Arguments,
     }
 
-    /// The words of the command are those that were given, whatever they contain: read by the rules of POSIX.
+    /// Split by POSIX rules, the command gives the original arguments, whatever they contain.
     #[test]
     fn the_command_is_complete_and_quoted() {
         let given = [

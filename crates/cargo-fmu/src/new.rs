@@ -12,7 +12,7 @@ use crate::pack::write_whole;
 use crate::system::starter;
 use crate::workspace::{Workspace, pascal_case};
 
-/// What kind of model, and its name.
+/// Arguments of `cargo fmu new`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Folder of the new package, whose name is in kebab case: `heat-pump`, `models/heat-pump` (the FMU becomes HeatPump); of a
@@ -70,7 +70,7 @@ impl Kind {
 /// Writes the package or the scenario.
 ///
 /// # Errors
-/// On a name that is not in kebab case, a folder that exists already, or when cargo cannot add the package.
+/// The name is not in kebab case, the folder already exists, or cargo cannot add the package.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "system")]
     match arguments.kind {
@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     {
         return Err(miette!("--exporter-path must be a folder with a Cargo.toml, {} has none", path.display()));
     }
-    // cargo knows how a package joins a workspace, and what it inherits.
+    // Cargo adds the package to a workspace, with its inherited keys.
     let made = succeed(cargo().args(["new", "--lib", "--quiet", "--vcs", "none"]).arg(&folder))
         .and_then(|()| fill(&folder, name, arguments))
         .and_then(|()| match workspace {
@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         })
         .wrap_err_with(|| format!("writing {}", folder.display()));
     if made.is_err() {
-        // Nothing half-written stays; what was not written by this call does not exist.
+        // Removes a partial package; the folder did not exist before this call.
         let _ = std::fs::remove_dir_all(&folder);
     }
     made?;

@@ -20,7 +20,7 @@ use crate::output::{errln, outln};
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
 
-/// Which models, and for whom.
+/// Arguments of `cargo fmu pack`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Names of FMUs or packages, such as RescueVehicle or rescue-vehicle; none means all
@@ -86,7 +86,7 @@ impl Arguments {
 /// Builds, checks against the committed descriptions, and zips.
 ///
 /// # Errors
-/// When a model does not build, its library has no description, or a file cannot be written.
+/// A model does not build, its library has no description, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut workspace = Workspace::find()?;
     if let Some(target) = &arguments.cargo.target_dir {
@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             models
         }
     };
-    // Before any build, because the user should not wait for one to hear what is missing.
+    // Before any build, so missing tools are reported at once.
     let builders = build::builders(&workspace, &arguments.platforms, arguments.linux(&workspace), format.version)?;
     if models.is_empty() {
         return Err(miette!(
@@ -214,7 +214,7 @@ struct Format {
 }
 
 impl Format {
-    /// Sum of the numbers by which a library is asked for a description in this format.
+    /// Sum of the flags that request a description in this format from a library.
     fn options(&self) -> i32 {
         let interfaces = self.interfaces.iter().fold(0, |sum, interface| sum | interface.bit());
         interfaces | if self.arrays { description_options::ARRAYS } else { 0 }
@@ -239,7 +239,7 @@ struct Description {
 }
 
 impl Description {
-    /// What the shipped library is built with.
+    /// Export data of the shipped library.
     fn export(&self, format: &Format) -> Export {
         let has = |interface: &Interface| match interface {
             Interface::Cs => self.parsed.co_simulation.is_some(),
@@ -256,7 +256,7 @@ impl Description {
     }
 }
 
-/// Asks the models for their descriptions, which also say how the models are called.
+/// Asks the models for their descriptions, which also contain their names.
 fn describe(
     workspace: &Workspace,
     mut models: Vec<Model>,
@@ -384,7 +384,7 @@ fn archive(
         .last_modified_time(DateTime::default())
         .unix_permissions(0o644);
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    // The description stands first, as readers expect it; the rest in the order of the names.
+    // The description comes first, as readers expect; the rest is sorted by name.
     let first = ("modelDescription.xml".to_owned(), description.xml.as_bytes().to_vec());
     for (name, bytes) in std::iter::once(first).chain(files) {
         zip.start_file(name, options).into_diagnostic()?;
@@ -411,7 +411,7 @@ fn add_folder(folder: &Path, entry: &str, files: &mut BTreeMap<String, Vec<u8>>)
     Ok(())
 }
 
-/// An error if nothing can be written to the folder: that would be known only after hours otherwise.
+/// Fails if the folder is not writable, which would otherwise show only after hours.
 #[cfg(feature = "system")]
 pub(crate) fn try_to_write(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)
@@ -420,10 +420,10 @@ pub(crate) fn try_to_write(folder: &Path) -> Result<()> {
         .wrap_err_with(|| format!("cannot write to {}; nothing was simulated", folder.display()))
 }
 
-/// Writes a file so that it is there whole or not at all.
+/// Writes a file completely or not at all.
 ///
 /// # Errors
-/// When the folder is not writable.
+/// The folder is not writable.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let folder = path.parent().unwrap_or(Path::new("."));

@@ -25,14 +25,14 @@ pub(crate) enum Platform {
 impl Platform {
     const ALL: [Self; 6] =
         [Self::Linux64, Self::Win64, Self::Aarch64Linux, Self::X86_64Darwin, Self::Aarch64Darwin, Self::Wasm32];
-    /// The Mac that `darwin64` on the command line stands for: this one, on other machines the one of the standard.
+    /// Platform of `darwin64` on the command line: this Mac; on other machines that of the standard.
     const DARWIN64: Self =
         if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
 
     /// The platform of this machine.
     ///
     /// # Errors
-    /// It is none of those known here.
+    /// The platform is unknown.
     pub(crate) fn this() -> Result<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
             ("linux", "x86_64") => Ok(Self::Linux64),

@@ -42,14 +42,14 @@ impl Toolchain {
         command
     }
 
-    /// Lets a program that calls cargo use this toolchain.
+    /// Makes a program that calls cargo use this toolchain.
     pub(crate) fn use_in(&self, command: &mut Command) {
         command.env("CARGO", self.program("cargo")).env("RUSTC", self.program("rustc"));
         // They belong to the cargo that runs this program.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("LD_LIBRARY_PATH");
     }
 
-    /// Lets a build of cargo include the standard library.
+    /// Makes a cargo build include the standard library.
     pub(crate) fn build_library(command: &mut Command) {
         command.args(["-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
     }

@@ -16,10 +16,10 @@ use crate::linearize::parse;
 use crate::output::outln;
 use crate::worker;
 
-/// A pole of a smaller share of the largest one counts as at 0: it is there for rounding.
+/// Poles smaller than this fraction of the largest one count as 0, due to rounding.
 const AT_ZERO: f64 = 1e-8;
 
-/// Which plant, where.
+/// Arguments of `cargo fmu trim`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives
@@ -51,7 +51,7 @@ pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
 /// Prints the steady state, and writes a file.
 ///
 /// # Errors
-/// When the FMU has no states or directional derivatives, a value cannot be set, a state cannot rest, or the file cannot be written.
+/// The FMU has no states or directional derivatives, a value cannot be set, there is no steady state, or the file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
@@ -76,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Largest real part of the poles of the states that do not drift, 1/s, 0 if it is at 0 but for rounding; `None` without such
+/// Largest real part of the poles of the states that do not drift, 1/s, 0 if it is 0 up to rounding; `None` without such
 /// states, or if the eigenvalues do not converge.
 fn growth(steady: &SteadyState) -> Option<f64> {
     let n = steady.states.iter().filter(|state| state.role != StateRole::Drifts).count();
@@ -86,7 +86,7 @@ fn growth(steady: &SteadyState) -> Option<f64> {
     Some(if largest.abs() <= AT_ZERO * size { 0.0 } else { largest })
 }
 
-/// What the poles say about small deviations.
+/// Describes the stability against small deviations.
 fn stability(growth: Option<f64>) -> String {
     match growth {
         None => "unknown".to_owned(),

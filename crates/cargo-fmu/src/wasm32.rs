@@ -69,7 +69,7 @@ impl Wasm {
         command
     }
 
-    /// The toolchain, which may be another than the one in use.
+    /// The toolchain, which may differ from the one in use.
     pub(crate) const fn toolchain(&self) -> &Toolchain {
         &self.toolchain
     }

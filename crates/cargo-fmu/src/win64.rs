@@ -85,7 +85,7 @@ impl Mingw {
         command
     }
 
-    /// The toolchain, if it is another than the one in use.
+    /// The toolchain, if it is not the one in use.
     pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
         self.toolchain.as_ref()
     }

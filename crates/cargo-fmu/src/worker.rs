@@ -11,7 +11,7 @@ use fmu_import::terminal::line;
 use fmu_import::worker::{Launch, Settings, memory_share};
 use miette::{IntoDiagnostic, Result, WrapErr};
 
-/// What to work at, and the file in which calls of FMUs are announced.
+/// Arguments of `cargo fmu worker`: the job, and the file in which calls of FMUs are announced.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     job: String,
@@ -29,10 +29,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
 }
 
-/// Longest time for a step, unless another is given.
+/// Default of the longest time for a step.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// What the commands say that start workers.
+/// Options of the commands that start workers.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Options {
     /// Longest time for a step of a run, a trial of a check or a linearization; an FMU that takes longer is stopped
@@ -58,7 +58,7 @@ pub(crate) struct Options {
     no_sandbox: bool,
 }
 
-/// Most memory of a process.
+/// Memory limit of a process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Memory {
     Bytes(u64),
@@ -70,7 +70,7 @@ fn timeout(text: &str) -> Result<Duration, String> {
     seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()).ok_or("must be a number above 0".to_owned())
 }
 
-/// Least memory that a worker can start with, bytes.
+/// Smallest memory limit with which a worker can start, bytes.
 const LEAST_MEMORY: u64 = 64 << 20;
 
 fn memory(text: &str) -> Result<Memory, String> {
@@ -87,7 +87,7 @@ fn memory(text: &str) -> Result<Memory, String> {
     }
 }
 
-/// What other commands use: those of no FMU made with Python.
+/// Options of other commands, without a library of Python.
 #[cfg(feature = "system")]
 impl Default for Options {
     fn default() -> Self {
@@ -95,7 +95,7 @@ impl Default for Options {
     }
 }
 
-/// Takes lines about workers and FMUs.
+/// Receiver of lines about workers and FMUs.
 pub(crate) type Lines = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// Prints lines about workers and FMUs.

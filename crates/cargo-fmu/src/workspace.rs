@@ -1,4 +1,4 @@
-//! Which packages of the workspace are models.
+//! The models among the packages of the workspace.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,13 +13,13 @@ use serde::Deserialize;
 pub(crate) struct Model {
     /// Name of the package, in kebab case.
     pub(crate) package: String,
-    /// Name of the FMU: that of the package in Pascal case, until the model itself says how it is called.
+    /// Name of the FMU: that of the package in Pascal case, until the model's own name is known.
     pub(crate) name: String,
     /// Folder of the package.
     pub(crate) folder: PathBuf,
     /// Name of the library crate, in snake case.
     pub(crate) library: String,
-    /// Whether the package is a default member of the workspace; examples are not.
+    /// True if the package is a default member of the workspace; examples are not.
     pub(crate) is_default: bool,
     /// Packages of the workspace that it depends on, directly or not.
     pub(crate) dependencies: BTreeSet<String>,
@@ -34,7 +34,7 @@ pub(crate) struct Workspace {
     pub(crate) target: PathBuf,
     /// All models, by name.
     pub(crate) models: Vec<Model>,
-    /// What the workspace sets for `cargo fmu`.
+    /// Settings of the workspace for `cargo fmu`.
     pub(crate) settings: Settings,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct Workspace {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Settings {
-    /// Whether linux64 binaries load with an old glibc, unless the command line decides.
+    /// True if linux64 binaries load with an old glibc; options on the command line take precedence.
     pub(crate) portable: bool,
     /// Folder of committed model descriptions, from the top; without it they are not compared.
     pub(crate) descriptions: Option<PathBuf>,
@@ -61,7 +61,7 @@ pub(crate) enum Names {
 }
 
 impl Names {
-    /// Whether a name follows the convention. Indices and the `der(…)` of derivatives are always allowed.
+    /// Returns true if a name follows the convention. Indices and the `der(…)` of derivatives are always allowed.
     pub(crate) fn admits(self, name: &str) -> bool {
         let Self::LowerSnakeCase = self;
         let name = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(name);
@@ -105,10 +105,10 @@ struct Target {
 }
 
 impl Workspace {
-    /// Asks cargo.
+    /// Reads the workspace from `cargo metadata`.
     ///
     /// # Errors
-    /// When cargo cannot read the workspace.
+    /// Cargo cannot read the workspace.
     pub(crate) fn find() -> Result<Self> {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let output = Command::new(cargo)
@@ -185,7 +185,7 @@ impl Workspace {
         self.target.join("fmu")
     }
 
-    /// Folder of those that were packed for FMI 3.0.
+    /// Folder of the FMUs packed for FMI 3.0.
     pub(crate) fn fmus_of_fmi3(&self) -> PathBuf {
         self.target.join("fmu3")
     }

@@ -12,7 +12,7 @@ use crate::toolchain::{self, PACKAGES, Toolchain};
 /// The oldest glibc that the libraries load with; also the oldest that Rust supports.
 const GLIBC: &str = "2.17";
 const PROGRAM: &str = "cargo-zigbuild";
-/// Tells cargo-zigbuild which Python has the package `ziglang`.
+/// Environment variable for cargo-zigbuild: the Python with the package `ziglang`.
 const PYTHON: &str = "CARGO_ZIGBUILD_PYTHON_PATH";
 
 /// An installed cargo-zigbuild that finds zig.
@@ -93,7 +93,7 @@ impl Zigbuild {
         self.platform
     }
 
-    /// The toolchain, if it is another than the one in use.
+    /// The toolchain, if it is not the one in use.
     pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
         self.toolchain.as_ref()
     }
@@ -142,7 +142,7 @@ fn has_ziglang(python: &Path) -> bool {
     python.is_file() && succeeds(Command::new(python).args(["-m", "ziglang", "version"]))
 }
 
-/// True if cargo-zigbuild finds zig without our help. It looks in this order.
+/// True if cargo-zigbuild finds zig by itself. It looks in this order.
 fn has_zig() -> bool {
     let named = |variable: &str, program: &str| std::env::var_os(variable).unwrap_or_else(|| program.into());
     succeeds(Command::new(named(PYTHON, "python3")).args(["-m", "ziglang", "version"]))

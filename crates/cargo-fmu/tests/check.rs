@@ -47,7 +47,7 @@ fn the_two_questions_have_their_own_summary_and_exit_code() {
     }
 }
 
-/// The time limit is for a step, so that an experiment without an end is cut and not reported as one that hangs.
+/// The time limit applies to a step, so an endless experiment is cut off and not reported as hanging.
 #[test]
 fn a_long_experiment_is_cut() {
     let folder = tempfile::tempdir().unwrap();

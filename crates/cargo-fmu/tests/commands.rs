@@ -265,7 +265,7 @@ fn only_near_names_are_suggested() {
             assert!(missing.contains(&format!("there is no file {path}")), "{missing}");
         }
     }
-    // No archive, so that the message names the file that a name stands for: FMI 2.0 if both are packed.
+    // Not an archive, so the message shows the file of a name: FMI 2.0 if both are packed.
     for version in ["fmu3", "fmu"] {
         let packed = folder.path().join("target").join(version);
         std::fs::create_dir_all(&packed).unwrap();

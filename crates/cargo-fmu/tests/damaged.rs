@@ -1,4 +1,4 @@
-//! FMUs that are damaged or hostile, given to every command that opens one: a message, an exit code, nothing left behind.
+//! Damaged and hostile FMUs, given to every command that opens one: a message, an exit code, nothing left behind.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -32,7 +32,7 @@ kind = "ga"
 settings = { population = 5 }
 "#;
 
-/// How far a command goes into an FMU; it meets what is damaged up to there.
+/// Last part of an FMU that a command reads; damage in later parts is not noticed.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 enum Part {
     Archive,
@@ -55,13 +55,13 @@ const COMMANDS: [(&str, Part); 10] = [
     ("study study.toml --fmus .", Binary),
 ];
 
-/// Processor time of a command in s, which does not depend on what else runs: what is hostile must not keep it busy. A
-/// command that takes longer is killed and has no exit code.
+/// Limit of a command's processor time in s, independent of other processes: hostile FMUs must not keep it busy. A command
+/// that takes longer is killed and has no exit code.
 const PROCESSOR_TIME: u32 = 30;
-/// Address space of a command in kB: what is hostile must not fill the memory either.
+/// Limit of a command's address space in kB: hostile FMUs must not fill the memory.
 const MEMORY: u32 = 4 << 20;
 
-/// A sound FMU, to be damaged.
+/// A valid FMU, to be damaged.
 struct Sound {
     description: String,
     binary: Vec<u8>,
@@ -93,27 +93,27 @@ impl Sound {
         zipped(&self.entries())
     }
 
-    /// With one more entry.
+    /// Returns the archive with one more entry.
     fn with(&self, name: &str, content: &[u8]) -> Vec<u8> {
         let mut entries = self.entries();
         entries.push((name.to_owned(), content.to_vec()));
         zipped(&entries)
     }
 
-    /// With another description.
+    /// Returns the archive with another description.
     fn described(&self, description: impl Into<Vec<u8>>) -> Vec<u8> {
         let mut entries = self.entries();
         entries[0].1 = description.into();
         zipped(&entries)
     }
 
-    /// With a part of the description replaced.
+    /// Returns the archive with a part of the description replaced.
     fn changed(&self, from: &str, to: &str) -> Vec<u8> {
         assert!(self.description.contains(from), "not in the description: {from}");
         self.described(self.description.replacen(from, to, 1))
     }
 
-    /// With another binary, or none.
+    /// Returns the archive with another binary, or none.
     fn loading(&self, name: &str, content: Option<&[u8]>) -> Vec<u8> {
         let mut entries = self.entries();
         match content {
@@ -140,12 +140,12 @@ fn zipped(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
     zip.finish().unwrap().into_inner()
 }
 
-/// Places of a byte sequence.
+/// Positions of a byte sequence.
 fn places(bytes: &[u8], what: &[u8]) -> Vec<usize> {
     bytes.windows(what.len()).enumerate().filter(|(_, window)| *window == what).map(|(at, _)| at).collect()
 }
 
-/// Changes two bytes in the headers of an entry: at `local` in that before the content, at `central` in that of the list.
+/// Changes the headers of an entry: at `local` in the local header, at `central` in the central directory.
 fn header(mut bytes: Vec<u8>, name: &str, [local, central]: [usize; 2], change: impl Fn(&mut [u8])) -> Vec<u8> {
     let at = places(&bytes, name.as_bytes());
     let [first, second] = at[..] else { panic!("{name} is not there twice: {at:?}") };
@@ -191,7 +191,7 @@ fn message(output: &Output) -> String {
     text.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// Writes the file and lets every command that goes as far as the damage reject it.
+/// Writes the file and checks that every command that reads up to the damage rejects it.
 fn rejected(what: &str, bytes: &[u8], part: Part, expected: &str) {
     rejected_by(what, |path| std::fs::write(path, bytes).unwrap(), part, expected);
 }
@@ -200,7 +200,7 @@ fn rejected_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str
     let folder = folder();
     let folder = folder.path();
     write(&folder.join("Ramp.fmu"));
-    // Lines end anywhere.
+    // Lines may break anywhere.
     let dense = |text: &str| text.split_whitespace().collect::<String>();
     for (line, _) in COMMANDS.iter().filter(|(_, depth)| *depth >= part) {
         let output = command(folder, line);
@@ -208,7 +208,7 @@ fn rejected_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str
         assert_eq!(output.status.code(), Some(1), "{what}: {line} ends with {}: {said}", output.status);
         assert!(dense(&said).contains(&dense(expected)), "{what}: {line} does not say {expected:?}: {said}");
         assert!(said.contains("Ramp.fmu") && !said.contains("panicked"), "{what}: {line}: {said}");
-        // Of a run that was begun there is a note of how it ended, but no rows.
+        // A run that was started leaves its status, but no rows.
         let results = folder.join("results");
         if line.starts_with("run") && results.exists() {
             assert_eq!(names(&results.join("ramp/runs")), ["status.json"], "{what}: {line}");
@@ -225,7 +225,7 @@ fn a_sound_fmu_is_accepted() {
     std::fs::write(folder.path().join("Ramp.fmu"), Sound::new().bytes()).unwrap();
     for (line, _) in COMMANDS {
         let output = command(folder.path(), line);
-        // It is none of ours: `check` finds faults, it is no plant, and it has no derivatives.
+        // `check` finds errors in this FMU; it is not a plant and has no derivatives.
         let is_due = !["check", "linearize", "trim", "compat"].contains(&line.split(' ').next().unwrap());
         assert_eq!(output.status.success(), is_due, "{line}: {}", message(&output));
         assert_eq!(names(&folder.path().join("temporary")), [""; 0], "{line}");
@@ -290,7 +290,7 @@ fn damaged_entries_are_rejected() {
 #[test]
 fn bombs_are_rejected() {
     let sound = Sound::new();
-    // Sizes that are only stated.
+    // Declared sizes.
     let stated = |name: &str, size: u32| {
         header(sound.bytes(), name, [22, 24], |field| field[..4].copy_from_slice(&size.to_le_bytes()))
     };
@@ -303,7 +303,7 @@ fn bombs_are_rejected() {
         rejected("a description", &stated("modelDescription.xml", size), Archive, expected);
         rejected("a resource", &stated("resources/note.txt", size), Binary, expected);
     }
-    // Sizes that are there: a description of 200 MB in 200 kB.
+    // Actual sizes: a description of 200 MB in 200 kB.
     let mut zip = ZipWriter::new(std::io::Cursor::new(Vec::new()));
     zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
     zip.write_all(&vec![b' '; 200_000_000]).unwrap();
@@ -313,7 +313,7 @@ fn bombs_are_rejected() {
         zip.start_file(format!("resources/{number}"), SimpleFileOptions::default()).unwrap();
     }
     rejected("many entries", &zip.finish().unwrap().into_inner(), Archive, "100003 entries, at most 100000 are");
-    // Zeros that fill the disk, a thousand from a byte.
+    // Zeros that fill the disk, compressed 1000:1.
     let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
     zip.start_file("binaries/zeros.bin", SimpleFileOptions::default()).unwrap();
     let zeros = vec![0; 100_000_000];
@@ -321,11 +321,11 @@ fn bombs_are_rejected() {
     rejected("zeros", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are accepted");
 }
 
-/// Programs that read zip files disagree about these: what one of them checks another one does not unpack.
+/// Programs that read zip files disagree about these: one may unpack other content than another has checked.
 #[test]
 fn ambiguous_archives_are_rejected() {
     let sound = Sound::new();
-    // Another archive as the comment of this one; the length of the comment stands in the last two bytes.
+    // Another archive as the comment of this one; the last two bytes are the length of the comment.
     let mut bytes = sound.bytes();
     let other = zipped(&sound.entries()[..1]);
     let length = u16::try_from(other.len()).unwrap().to_le_bytes();
@@ -354,8 +354,8 @@ fn ambiguous_archives_are_rejected() {
     rejected("two names", &bytes, Archive, "has another name, `resources/note.txt`, at its content");
 }
 
-/// Look-ups by name take no longer the more there is: 100,000 units of measure, each of one variable, and as many
-/// dependencies.
+/// The time of a look-up by name does not grow with the number of names: 100,000 units of measure, each of one variable, and
+/// as many dependencies.
 #[test]
 fn many_units_and_dependencies_are_read_in_time() {
     let sound = Sound::new();
@@ -396,7 +396,7 @@ fn many_units_and_dependencies_are_read_in_time() {
     }
 }
 
-/// An enumeration of 50,000 items that 50,000 variables have, and a unit whose name is 1 MB long.
+/// An enumeration of 50,000 items shared by 50,000 variables, and a unit with a name of 1 MB.
 #[test]
 fn what_many_variables_inherit_takes_no_memory_of_each() {
     let sound = Sound::new();
@@ -426,7 +426,7 @@ fn what_many_variables_inherit_takes_no_memory_of_each() {
     rejected("a long unit", &long, Description, "`unit` of <Real> has 1000000 bytes, at most 200 are read");
 }
 
-/// ESC begins a sequence that a terminal obeys, U+009B is the same in one character, U+202E turns the line round.
+/// ESC begins a control sequence of a terminal, U+009B is the same in one character, U+202E reverses the text direction.
 #[test]
 fn text_of_an_fmu_does_not_control_the_terminal() {
     let sound = Sound::new();
@@ -442,7 +442,7 @@ fn text_of_an_fmu_does_not_control_the_terminal() {
         .replace("unit=\"m\"/>", "unit=\"\u{9b}m\"/>");
     let folder = folder();
     let mut shown = String::new();
-    // A GUID that the binary does not know: the message of the FMU quotes it.
+    // A GUID that is not the binary's: the FMU's message quotes it.
     for guid in ["guid=\"Ramp\"", "guid=\"Ra\u{9b}5mmp\""] {
         let text = described.replace("guid=\"Ramp\"", guid);
         std::fs::write(folder.path().join("Ramp.fmu"), sound.described(text)).unwrap();
@@ -456,7 +456,7 @@ fn text_of_an_fmu_does_not_control_the_terminal() {
     }
     assert!(shown.contains("gain\\u009b31m\\u202enig\\n  error: none"), "{shown}");
     assert!(shown.contains("\\u009b2J\\nforged") && shown.contains("Ramp\\u202epmaR"), "{shown}");
-    // Into a pipe the description goes as it is.
+    // In a pipe, the description is unchanged.
     let output = command(folder.path(), "inspect --xml Ramp.fmu");
     assert!(wild(&String::from_utf8_lossy(&output.stdout)));
 }
@@ -513,7 +513,7 @@ fn hostile_descriptions_are_rejected() {
     }
 }
 
-/// What is said about a particular mistake is tested in the crate `fmu-study`.
+/// The message for each mistake is tested in the crate `fmu-study`.
 #[test]
 fn a_wrong_study_leaves_nothing_behind() {
     let sound = Sound::new().bytes();
@@ -548,7 +548,7 @@ fn a_wrong_study_leaves_nothing_behind() {
     }
 }
 
-/// They concern nobody who does not use them; `check` names them.
+/// Only `check` reports them; the other commands do not use these values.
 #[test]
 fn wild_numbers_in_a_description_are_found_by_the_check() {
     let sound = Sound::new();
@@ -596,7 +596,7 @@ fn binaries_that_do_not_run_here_are_rejected() {
     rejected("a folder as binary", &sound.loading(&format!("{name}/"), Some(b"")), Binary, "no binary");
     rejected("an empty binary", &sound.loading(&name, Some(b"")), Binary, &name);
     rejected("text", &sound.loading(&name, Some(b"not a library")), Binary, &name);
-    // What follows is said of ELF files.
+    // The rest applies to ELF files.
     if !cfg!(target_os = "linux") {
         return;
     }
@@ -607,7 +607,7 @@ fn binaries_that_do_not_run_here_are_rejected() {
         "is damaged or cut off",
     );
     let mut other = sound.binary.clone();
-    // The machine: one that nobody has.
+    // A processor that does not exist.
     other[18..20].copy_from_slice(&0xdead_u16.to_le_bytes());
     rejected("another machine", &sound.loading(&name, Some(&other)), Binary, &name);
 }

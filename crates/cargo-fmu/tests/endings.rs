@@ -1,5 +1,5 @@
-//! Runs that are not whole: an FMU fails, ends the simulation, or returns a value that is not finite. The rows up to there are kept,
-//! marked in `status.json`, and taken for those of a whole run by nothing.
+//! Incomplete runs: an FMU fails, ends the simulation, or returns a value that is not finite. The rows up to there are kept and
+//! marked in `status.json`; no command treats them as a complete run.
 #![cfg(unix)]
 
 #[path = "../../../tests/zoo/zoo.rs"]
@@ -36,7 +36,7 @@ threshold = 3.0
 max = 0.1
 "#;
 
-/// Runs a scenario with an FMU that has a habit from 0.5 s on.
+/// Runs a scenario with an FMU that shows a habit from 0.5 s on.
 fn run(fmi: FmiVersion, habit: &str, scenario: &str, arguments: &[&str]) -> (TempDir, Output) {
     let folder = TempDir::new().unwrap();
     Zoo { fmi, at: 0.5, ..Zoo::new(habit) }.pack(folder.path());
@@ -47,7 +47,7 @@ fn run(fmi: FmiVersion, habit: &str, scenario: &str, arguments: &[&str]) -> (Tem
     (folder, output)
 }
 
-/// An error without the breaks of its lines.
+/// An error message without line breaks.
 fn unwrapped(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).replace('│', " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -62,7 +62,7 @@ fn status(folder: &Path) -> Value {
     serde_json::from_str::<Value>(&text).unwrap()["runs"][0].clone()
 }
 
-/// What tools call files: names with blanks, dots and dashes.
+/// File names of other tools: with blanks, dots and dashes.
 #[test]
 fn fmus_have_any_file_name() {
     let folder = TempDir::new().unwrap();
@@ -99,7 +99,7 @@ fn an_fmu_ends_the_simulation() {
                     (&json!("a.csv"), &json!(last), &json!(last))
                 );
                 assert_eq!(found["component"], "p");
-                // No requirement is about rows that are missing.
+                // Requirements are not evaluated for missing rows.
                 let said = String::from_utf8(output.stdout).unwrap();
                 assert!(said.contains("Not evaluated  Share above 3") && said.contains("0 of 1 runs"), "{said}");
                 let suite = std::fs::read_to_string(folder.path().join("ends.xml")).unwrap();
@@ -142,7 +142,7 @@ fn a_run_that_fails_keeps_its_rows() {
     }
 }
 
-/// A run of a process that crashes is repeated up to there. An FMU may reject an end before the stop time.
+/// After a crash, the run is repeated up to that time. An FMU may reject an end before the stop time.
 #[test]
 fn a_run_that_crashes_keeps_its_rows() {
     for habit in ["crash", "crash_strict"] {
@@ -157,7 +157,7 @@ fn a_run_that_crashes_keeps_its_rows() {
     }
 }
 
-/// A value on a wire that is not recorded fails the run, too.
+/// A value that is not finite fails the run even on a wire that is not recorded.
 #[test]
 fn a_wire_that_is_not_finite_fails_the_run() {
     let other = "[[component]]\nname = \"q\"\nfmu = \"Zoo\"\nparameters = { habit = \"none\" }\n\
@@ -173,7 +173,7 @@ fn a_wire_that_is_not_finite_fails_the_run() {
     assert_eq!(times(folder.path()).len(), 5);
 }
 
-/// 199 * 0.1 + 0.1 is 20.000000000000004 in double arithmetic, beyond the stop time that the FMU was told.
+/// 199 * 0.1 + 0.1 is 20.000000000000004 in double arithmetic, beyond the FMU's stop time.
 #[test]
 fn no_step_goes_beyond_the_stop_time() {
     let scenario = SCENARIO.replace("stop = 1.0", "stop = 20.0");

@@ -149,7 +149,7 @@ fn what_cannot_be_computed_is_null_with_a_reason() {
     assert_eq!(found["t0"], Value::Null);
     assert_eq!(found["yaw_rate"]["gain"], Value::Null);
     let message = message(&output);
-    // One cause is one line, with the number of metrics; the end says that there is nothing.
+    // One line for each cause, with the number of metrics; the last line reports that there are no metrics.
     let all = "note: 22 metrics, from t0 to tb_factor, are null: the recording has no row";
     assert_eq!(message.matches("the recording has no row").count(), 1, "{message}");
     assert!(message.contains(all) && message.contains("warning: no metric has a value"), "{message}");

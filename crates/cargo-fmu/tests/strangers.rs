@@ -66,7 +66,7 @@ fn survivors(folder: &Path) -> Vec<String> {
 
 #[test]
 fn nothing_that_an_fmu_started_outlives_the_command() {
-    // A copy that goes on ends by itself, or is ended.
+    // A copy that continues ends by itself, or is ended.
     let left = ["fork", "daemon", "chain", "guards", "headless"].map(|habit| (habit, true));
     for (habit, is_left) in left.into_iter().chain([("copy", false)]) {
         let folder = folder(&Zoo { at: 0.5, ..Zoo::new(habit) });
@@ -200,7 +200,7 @@ fn changes_of_the_process_are_found() {
     }
 }
 
-/// The times are k h, rounded to the nearest number, whatever an FMU does to the rounding mode.
+/// The times are k h, rounded to the nearest number, even if an FMU changes the rounding mode.
 #[test]
 fn an_fmu_does_not_change_the_numbers_of_the_master() {
     let results = |habit| {

@@ -321,7 +321,8 @@ fn a_smaller_budget_is_rejected() {
     }
 }
 
-/// The scenario's own values are there without a `[[compare]]`, as they are set, and a result that is no better says so.
+/// Without a `[[compare]]`, results are compared with the scenario's own values, and a result that is not better is reported
+/// as such.
 #[test]
 fn the_scenarios_own_values_are_compared_with() {
     let place = Place::new();
@@ -364,8 +365,8 @@ fn a_wrong_component_of_a_signal_is_named() {
     assert_eq!(help, "did you mean `velocity:y`? Otherwise add it to `signals` of its [record]");
 }
 
-/// Runs that fail, leave a limit or overflow, and candidates against the constraints: bad, finite, with a reason; the
-/// study goes on to its end.
+/// Runs that fail, leave a limit or overflow, and candidates that violate the constraints: bad, finite, with a reason; the
+/// study continues to its end.
 #[test]
 fn what_is_not_feasible_is_bad_and_no_more() {
     let place = Place::new();
@@ -437,7 +438,7 @@ fn a_method_runs_with_several_seeds() {
     assert_ne!(several.methods[1].progress, several.methods[2].progress);
 }
 
-/// One change to the study, where the mistake is marked, and what is said.
+/// One change to the study, the marked position of the mistake, and the message.
 #[test]
 fn mistakes_are_reported_with_their_place() {
     let place = Place::new();

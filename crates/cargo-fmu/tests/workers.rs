@@ -1,5 +1,5 @@
-//! FMUs that crash, exit, hang, or print what they like: each costs its run, is reported with how and where, and leaves
-//! nothing behind.
+//! FMUs that crash, exit, hang, or print anything: only their own run fails; the report gives the cause and the call, and
+//! nothing is left behind.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 const SCENARIO: &str = include_str!("data/ramp.toml");
 
-/// Statements that a step of an FMU cannot be ended with, and what is said about them.
+/// Statements that keep an FMU's step from returning, and the messages about them.
 const ENDS: [(&str, &str); 5] = [
     ("exit(0)", "the process ended (exit code 0) during fmi2DoStep"),
     ("_exit(3)", "the process ended (exit code 3) during fmi2DoStep"),
@@ -21,7 +21,7 @@ const ENDS: [(&str, &str); 5] = [
     ("for (;;) sleep(1)", "not done after 0.5 s (--timeout), stopped during fmi2DoStep"),
 ];
 
-/// What an FMU may print; the last is a response of the protocol in its own format.
+/// Statements that print; the last one writes a response of the worker protocol.
 const PRINTS: [&str; 4] = [
     r#"write(1, "\xff\xfe\n", 3)"#,
     r#"for (int k = 0; k < 5000; k++) printf("no end of the line ")"#,
@@ -50,7 +50,7 @@ fn prepared(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// Calls the command, which leaves no temporary file.
+/// Calls the command and checks that it leaves no temporary file.
 fn command(folder: &Path, arguments: &[&str]) -> Output {
     let output = prepared(folder, arguments).output().unwrap();
     assert_eq!(temporary(folder), [""; 0], "{arguments:?}");
@@ -83,7 +83,7 @@ fn an_end_of_the_process_is_a_finding_of_the_check() {
         assert_eq!(output.status.code(), Some(1), "{step}");
         let findings = text(&output.stdout);
         assert!(findings.contains(&format!("  error: runs: {expected}\n")), "{step}: {findings}");
-        // What was found before is not lost.
+        // Earlier findings are not lost.
         assert!(findings.contains("error: variable `x`: is not listed"), "{step}: {findings}");
     }
 }
@@ -106,7 +106,7 @@ fn prints_of_an_fmu_change_no_finding() {
     }
 }
 
-/// A source, of which only an output is read that `start` does not change.
+/// A source; the only output that is read does not depend on `start`.
 #[test]
 fn trials_of_a_plan_survive_the_fmu() {
     let source = |step| {
@@ -167,7 +167,7 @@ fn an_fmu_costs_its_run_only() {
     }
 }
 
-/// The function is named, not only that of the step.
+/// The called function is named, also outside of the step.
 #[test]
 fn the_call_is_named() {
     let declarations = "__attribute__((destructor)) static void at_the_end(void) { _exit(0); }";
@@ -187,7 +187,7 @@ fn the_call_is_named() {
         assert!(said.contains(&format!("run steep: `ramp` (target/fmu/Ramp.fmu): {expected}")), "{said}");
         assert!(said.contains("2 of 2 runs failed"), "{said}");
     }
-    // What a library does when it is removed does not matter: the results are there.
+    // A failure while a library is unloaded does not matter: the results are complete.
     let folder = folder(&Build { declarations, ..ramp("") });
     assert!(command(folder.path(), &["run", "ramp.toml"]).status.success());
     assert!(csv(folder.path(), "steep.csv").is_ok());
@@ -226,7 +226,7 @@ fn results_do_not_depend_on_the_number_of_processes() {
         (1..=20).map(|k| csv(folder.path(), &format!("c{k}.csv")).unwrap()).collect()
     };
     let one = results("1");
-    // Gains whose decimals do not end reach the FMU to the last bit.
+    // Gains with infinitely many decimals reach the FMU bit-identical.
     let end: f64 = one[2].lines().last().unwrap().split_once(',').unwrap().1.parse().unwrap();
     assert_eq!(end, (0..4).fold(0.0, |x, _| x + 0.25 * (1.0 / 3.0 * 2.0)));
     for jobs in ["2", "5", "40"] {
@@ -291,7 +291,7 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
 }
 
 #[cfg(target_os = "linux")]
-/// A command whose FMU never comes back, started with options of `env` about signals, and the number of the process that the FMU is in.
+/// A command whose FMU never returns, started with options of `env` about signals, and the ID of the FMU's process.
 fn hanging(folder: &Path, arguments: &[&str], signals: &[&str]) -> (std::process::Child, String) {
     let file = folder.join("number");
     let step = format!(
@@ -302,7 +302,7 @@ fn hanging(folder: &Path, arguments: &[&str], signals: &[&str]) -> (std::process
     ramp(&step).pack(&folder.join("target/fmu"));
     let command = prepared(folder, arguments);
     let environment: Vec<_> = command.get_envs().filter_map(|(name, value)| Some((name, value?))).collect();
-    // Whoever runs the tests may have asked to ignore signals, as `nohup` and background jobs of a shell do.
+    // The test process may ignore signals, as under `nohup` or in a background job of a shell.
     let child = Command::new("env")
         .args(signals)
         .arg(command.get_program())
@@ -320,10 +320,10 @@ fn hanging(folder: &Path, arguments: &[&str], signals: &[&str]) -> (std::process
 }
 
 #[cfg(target_os = "linux")]
-/// Whether a process is there and not only waits for its end to be noticed.
+/// Returns true if a process exists and is not a zombie.
 fn is_alive(number: &str) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
-    // Behind the name in parentheses.
+    // After the name in parentheses.
     status.rsplit_once(") ").is_some_and(|(_, state)| !state.starts_with('Z'))
 }
 
@@ -376,7 +376,7 @@ fn an_ignored_hangup_stays_ignored() {
 
 #[test]
 fn an_fmu_in_python_says_what_it_needs() {
-    // The real interface, without Python: what is undefined is a function or an object.
+    // The real interface, without Python: the undefined symbol is a function or an object.
     for (declarations, step) in [
         ("int Py_IsInitialized(void);", "if (Py_IsInitialized() != 7) return 3"),
         ("extern int _Py_NoneStruct;", "if (_Py_NoneStruct != 7) return 3"),

@@ -55,12 +55,12 @@ use std::fmt;
 /// A fuzzy set on the real line: the grade (0..=1) to which a number belongs to a label.
 ///
 /// The parameters have the unit of the number. [`Partition::new`] and [`Output::new`] check them;
-/// [`Membership::grade`] alone takes them as they are.
+/// [`Membership::grade`] alone does not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Membership {
     /// `exp(-(x - center)^2 / (2 width^2))`.
     Gaussian {
-        /// Where the grade is 1; finite.
+        /// Point of grade 1; finite.
         center: f64,
         /// Standard deviation; positive and finite.
         width: f64,
@@ -70,7 +70,7 @@ pub enum Membership {
     Triangle {
         /// Left foot, at most `peak`; minus infinity for a left shoulder.
         left: f64,
-        /// Where the grade is 1; finite.
+        /// Point of grade 1; finite.
         peak: f64,
         /// Right foot, at least `peak`, greater than `left`; plus infinity for a right shoulder.
         right: f64,
@@ -310,7 +310,7 @@ fn check_sets(sets: &[Membership]) -> Result<(), FuzzyError> {
     Ok(())
 }
 
-/// How the grades of the two inputs of a rule combine to its strength ("and").
+/// Combination of the grades of the two inputs of a rule to its strength ("and").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conjunction {
     /// The smaller grade.
@@ -453,11 +453,11 @@ pub struct Output<const LABELS: usize> {
 
 /// Neighboring grid points that have the same two main labels, those with the greatest grades.
 ///
-/// Another label counts only where it can rise above these: seldom, if one of them is active.
+/// Another label counts only where it can exceed these, which is rare if one of them is active.
 #[derive(Clone, Debug, PartialEq)]
 struct Stretch {
     main: [usize; 2],
-    /// Least grade of the main labels.
+    /// Smallest grade of the main labels.
     least: [f64; 2],
     /// Greatest grade of the other labels.
     greatest: f64,
@@ -477,7 +477,7 @@ struct Other {
     grades: Vec<Block>,
 }
 
-/// Sums over grid points, of each lane, so that additions do not wait for each other.
+/// Sums over grid points, one per lane, so that additions do not wait for each other.
 #[derive(Default)]
 struct Sums {
     moment: Block,
@@ -545,7 +545,7 @@ impl Stretch {
         }
     }
 
-    /// The same if other labels than the main ones can rise above `floor`.
+    /// The same if labels other than the main ones can exceed `floor`.
     #[inline(never)]
     fn add_all_to<const LABELS: usize>(&self, sums: &mut Sums, activation: &[f64; LABELS], floor: f64) {
         let [a, b] = self.main.map(|label| activation[label]);
@@ -652,16 +652,16 @@ fn grades(set: &Membership, points: &[f64]) -> Vec<Block> {
     points.chunks(LANES).map(block).collect()
 }
 
-/// What is wrong with the description of a fuzzy system.
+/// Error in the definition of a fuzzy system.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FuzzyError {
-    /// A fuzzy set has parameters without meaning.
+    /// A fuzzy set has invalid parameters.
     Membership {
         /// Number of the label, from 0.
         index: usize,
         /// The set.
         set: Membership,
-        /// What must hold instead.
+        /// Rule that the set breaks.
         requirement: &'static str,
     },
     /// A rule table or label map names a label that does not exist.
@@ -672,7 +672,7 @@ pub enum FuzzyError {
         column: usize,
         /// The entry.
         label: usize,
-        /// Number of labels there are.
+        /// Number of labels.
         labels: usize,
     },
     /// The grid of the output is empty or not finite.
@@ -1007,7 +1007,7 @@ mod tests {
         );
     }
 
-    /// The centroid as the module defines it: every label at every point.
+    /// The centroid by the definition of the module: every label at every point.
     fn centroid_by_definition(sets: &[Membership], low: f64, high: f64, points: usize, activation: &[f64]) -> f64 {
         let (mut moment, mut area) = (0.0, 0.0);
         for i in 0..points {

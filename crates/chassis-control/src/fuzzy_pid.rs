@@ -12,11 +12,11 @@
 //! I      = I_new, unless v is beyond a limit and e drives it further (anti-windup)
 //! ```
 //!
-//! Seven Gaussian sets NB, NM, NS, ZO, PS, PM, PB stand at -3, -2, ... 3 of either input, neighbors crossing at 1/2. A
-//! rule holds to the smaller of its two grades, a label to the largest of its rules. The labels of the output are
-//! triangles at the same places; their united area, cut at the ends, is evaluated at 121 points.
+//! Seven Gaussian sets NB, NM, NS, ZO, PS, PM, PB are centered at -3, -2, ... 3 of either input, neighbors crossing at 1/2.
+//! The strength of a rule is the smaller of its two grades, that of a label the largest of its rules. The labels of the output
+//! are triangles at the same places; their united area, cut at the ends, is evaluated at 121 points.
 //!
-//! Where the rate is not measured, [`filtered_rate`] makes one from the error.
+//! If the rate is not measured, [`filtered_rate`] computes it from the error.
 //!
 //! # Reference
 //!
@@ -43,7 +43,7 @@ const PB: usize = 6;
 
 type Table = [[usize; LABELS]; LABELS];
 
-/// Proportional, integral and derivative gain or whatever belongs to them.
+/// Proportional, integral and derivative gain, or one value for each of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gains {
     /// Of the error; output per error.
@@ -54,11 +54,10 @@ pub struct Gains {
     pub derivative: f64,
 }
 
-/// Which rules change the gains; a parameter of the FMUs that use them. Rows: error NB to PB; columns: its rate NB to PB.
+/// Rules that change the gains; a parameter of the FMUs that use them. Rows: error NB to PB; columns: its rate NB to PB.
 ///
-/// The tables that are printed in many places are made for steps in one direction: the changes of the proportional and the
-/// integral gain turn their sign with the error. With the mirrored ones, whose rows of a negative error are the same, the
-/// law is odd.
+/// The tables in most publications are for steps in one direction: the changes of the proportional and the integral gain
+/// change their sign with the error. With the mirrored tables, which share the rows of a negative error, the law is odd.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rules {
     /// point symmetric: an error and its opposite change the gains alike
@@ -117,7 +116,7 @@ impl Rules {
     }
 }
 
-/// What a user sets.
+/// Parameters of the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Gains where the rules change nothing, >= 0.
@@ -130,7 +129,7 @@ pub struct Settings {
     pub rate_range: f64,
     /// Least output.
     pub output_minimum: f64,
-    /// Greatest output, at least the least.
+    /// Greatest output, at least `output_minimum`.
     pub output_maximum: f64,
     /// Greatest magnitude of the integral part of the output, >= 0.
     pub integral_limit: f64,
@@ -151,7 +150,7 @@ impl FuzzyPid {
     ///
     /// # Errors
     ///
-    /// None for the rules there are; the [`FuzzyError`] of a part otherwise.
+    /// None for the existing rules; otherwise the [`FuzzyError`] of a part.
     pub fn new(rules: Rules) -> Result<Self, FuzzyError> {
         let table = |gain| RuleTable::new(rules.table(gain), Conjunction::Minimum);
         Ok(Self {
@@ -161,7 +160,7 @@ impl FuzzyPid {
         })
     }
 
-    /// What the rules say at the error `e` and the rate `ec`, both in units of the domain and clipped to -3..=3: a number
+    /// Output of the rules at the error `e` and the rate `ec`, both in units of the domain and clipped to -3..=3: a number
     /// within -3..=3 for each gain. NaN gives NaN.
     pub fn increments(&self, e: f64, ec: f64) -> Gains {
         let grades = |x: f64| self.input.grades(x.clamp(-DOMAIN, DOMAIN));
@@ -171,7 +170,7 @@ impl FuzzyPid {
         Gains { proportional, integral, derivative }
     }
 
-    /// One sample: the output, and the gains that made it.
+    /// Computes one sample: the output, and the gains used for it.
     ///
     /// * `e`: error; `ec`: its rate.
     /// * `integral`: I, integral part of the output, 0 at the start; becomes that of the next sample.
@@ -213,7 +212,7 @@ fn within(value: f64, low: f64, high: f64) -> f64 {
     }
 }
 
-/// Rate of a sampled error: its difference quotient behind a first-order lag.
+/// Rate of a sampled error: its difference quotient, filtered by a first-order lag.
 ///
 /// ```text
 /// d <- a d + (1 - a) (e - e_previous) / T,   a = exp(-T / T_f)
@@ -288,7 +287,7 @@ mod tests {
         }
     }
 
-    /// The increment of one gain as the module defines it: every rule of its table, every label at every point.
+    /// The increment of one gain by the definition of the module: every rule of its table, every label at every point.
     fn increment_by_definition(table: &Table, e: f64, ec: f64) -> f64 {
         let place = |label: usize| label as f64 - 3.0;
         // Neighbors cross at 1/2.
@@ -342,7 +341,7 @@ mod tests {
             assert_eq!(mirrored[..3], standard[..3]);
             assert_ne!(mirrored, standard);
         }
-        // The standard proportional rules turn their sign where error and rate change places through the origin.
+        // The standard proportional rules are odd about the origin of error and rate.
         let standard = Rules::Standard.table(0);
         assert_eq!((standard[0][0], standard[6][6]), (PB, NB));
     }
@@ -429,7 +428,7 @@ mod tests {
             prop_assert_eq!((there, right, used), (-mirror, -left, used_in_mirror));
         }
 
-        /// Whatever happens, outputs, integral and increments stay within their limits.
+        /// For any input, outputs, integral and increments stay within their limits.
         #[test]
         fn everything_stays_within_its_limits(
             errors in prop::collection::vec((-5.0..5.0_f64, -5.0..5.0_f64), 1..20), standard: bool,

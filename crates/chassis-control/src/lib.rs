@@ -13,13 +13,13 @@
 //! | [`limit`] | limits of magnitude and rate, exact step of a first-order lag | every sample |
 //! | [`switch`] | hysteresis | every sample |
 //! | [`pid`] | increments of a PID law | every sample |
-//! | [`semi_active`] | what an adjustable damper can do of a force | every sample |
+//! | [`semi_active`] | the part of a force that an adjustable damper can produce | every sample |
 //!
 //! # Numbers that are not finite
 //!
 //! The functions that run every sample never panic. Where an argument is NaN the result is NaN:
-//! a bad value is carried to the output, where the caller finds it, and is not turned into a
-//! plausible one. Functions that build something return a [`Result`] and say what was wrong.
+//! an invalid value is passed to the output, where the caller finds it, and is not turned into a
+//! plausible one. Functions that build something return a [`Result`] with the reason of an error.
 
 pub mod fuzzy;
 pub mod fuzzy_pid;

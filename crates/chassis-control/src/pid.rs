@@ -12,15 +12,15 @@ pub struct Gains {
     pub derivative: f64,
 }
 
-/// How much a PID law changes from one sample to the next:
+/// Increment of a PID law from one sample to the next:
 ///
 /// ```text
 /// du(k) = K_p (e(k) - e(k-1)) + K_i e(k) + K_d (e(k) - 2 e(k-1) + e(k-2))
 /// ```
 ///
 /// `errors`: e(k), e(k-1), e(k-2). The sum of the increments is u(k) = K_p e(k) + K_i sum e + K_d (e(k) - e(k-1)) if all
-/// errors before the first sample are 0; adding them up is left to the caller, who may limit the sum or let it leak, so
-/// that it does not wind up.
+/// errors before the first sample are 0. The caller adds them up and may limit the sum or let it leak, so that it does not
+/// wind up.
 ///
 /// ```
 /// use chassis_control::pid::{Gains, increment};

@@ -306,8 +306,8 @@ impl Equation {
         let hamiltonian = self.hamiltonian();
         let moduli = eigenvalues(&hamiltonian)?.into_iter().map(|z| math::hypot(z.re, z.im));
         let (slowest, fastest) = moduli.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
-        // An eigenvalue 0 must not make the shift 0. The equation then has no solution, which is
-        // for the doubling to find out.
+        // An eigenvalue 0 must not make the shift 0. The equation then has no solution, which the
+        // doubling detects.
         let shift = (slowest.max(1e-12 * fastest) * fastest).sqrt();
         let shift = if shift > 0.0 { shift } else { 1.0 };
 
@@ -351,7 +351,7 @@ impl Equation {
     }
 }
 
-/// The last gate of a design; `poles` is sorted, slowest first. NaN is rejected.
+/// Final check of a design; `poles` is sorted, slowest first. NaN is rejected.
 fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), RiccatiError> {
     let slowest = poles.first().map_or(f64::NAN, |pole| pole.re);
     if slowest.is_nan() || slowest >= 0.0 {
@@ -379,9 +379,9 @@ pub fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let schur = |m| Schur::try_new(m, f64::EPSILON, 100 * n).map(|schur| schur.unpack().1);
     let direct = schur(m.clone()).map(|t| quasi_diagonal(&t));
     let mut values = direct.or_else(|| {
-        // nalgebra's iteration has no exceptional shifts and now and then gets stuck, above all
-        // where eigenvalues come in pairs +-x, as those of a Hamiltonian matrix do. The inverse of
-        // M - s I has other eigenvalues, 1 / (x - s), with which it does not.
+        // nalgebra's iteration has no exceptional shifts and sometimes stalls, above all with
+        // eigenvalues in pairs +-x, as of a Hamiltonian matrix. The inverse of M - s I has the
+        // eigenvalues 1 / (x - s), for which it converges.
         [1.5, -2.5].into_iter().find_map(|factor| {
             let s = factor * m.norm();
             let inverse = (m - DMatrix::identity(n, n) * s).try_inverse()?;
@@ -444,16 +444,16 @@ fn check(name: &'static str, matrix: &DMatrix<f64>, rows: usize, columns: usize)
     Ok(())
 }
 
-/// Why a regulator could not be designed.
+/// Error in the design of a regulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RiccatiError {
     /// A matrix does not fit the others.
     Dimensions {
         /// Its name in the equations.
         matrix: &'static str,
-        /// Rows and columns it should have, from A, B and D.
+        /// Expected numbers of rows and columns, from A, B and D.
         expected: (usize, usize),
-        /// Rows and columns it has.
+        /// Actual numbers of rows and columns.
         found: (usize, usize),
     },
     /// A matrix has an element that is infinite or NaN.
@@ -982,8 +982,8 @@ mod tests {
             prop_assert!(smallest >= -1e-12 * regulator.p.norm());
         }
 
-        /// What is returned solves the equation, however bad the problem. Residual: the accepted
-        /// bound, ten times as much for the other coordinates and the explicit inverse of R.
+        /// A returned regulator solves the equation, however ill-conditioned the problem. Residual: the
+        /// accepted bound, ten times as much for the other coordinates and the explicit inverse of R.
         #[test]
         fn any_returned_regulator_solves_the_equation([a, b, q, r, n] in any_design()) {
             if let Ok(regulator) = care(&a, &b, &q, &r, &n) {
@@ -993,8 +993,8 @@ mod tests {
         }
 
         /// Other units of states and inputs, factors from 1e-6 to 1e6, change the gain by just these
-        /// units and leave the poles alone. Tolerance: rounding times the conditioning of the designs;
-        /// poles close to a double one answer with the root of that.
+        /// units and leave the poles unchanged. Tolerance: rounding times the conditioning of the
+        /// designs; the root of that for poles close to a double one.
         #[test]
         fn units_do_not_matter(
             [a, b, q, r, n] in mechanical_design(),

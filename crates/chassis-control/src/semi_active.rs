@@ -1,6 +1,6 @@
-//! What a semi-active actuator can do of a force that is asked for: an adjustable damper dissipates only.
+//! Feasible part of the demanded force of a semi-active actuator: an adjustable damper can only dissipate.
 
-/// The part of `force` that a damper can make: it is opposed to the velocity and not greater than `limit`.
+/// The part of `force` that a damper can produce: it is opposed to the velocity and not greater than `limit`.
 ///
 /// ```text
 /// v > 0: f = min(max(force, -limit), 0)      v < 0: f = max(min(force, limit), 0)      v = 0: f = 0

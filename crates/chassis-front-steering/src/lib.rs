@@ -16,7 +16,7 @@ use chassis_control::limit;
 use chassis_vehicle::statics;
 use fmu::prelude::*;
 
-/// Which steady turn the yaw rate reference belongs to.
+/// Steady turn on which the yaw rate reference is based.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReferenceModel {
     /// rear axles straight: the ordinary two-degree-of-freedom model
@@ -49,7 +49,7 @@ impl Vehicle {
     /// cornering stiffness of one tire of each axle.
     ///
     /// # Errors
-    /// When there is no load on the front axle.
+    /// There is no load on the front axle.
     pub fn new(m: f64, g: f64, [a, l12, l23]: [f64; 3], c_tire: [f64; 3]) -> Result<Self, String> {
         let (b, c) = (l12 - a, l12 + l23 - a);
         let [w_f, ..] = statics::three_axle_loads(m, g, [a, -b, -c]);
@@ -80,10 +80,10 @@ impl Vehicle {
     }
 }
 
-/// What the front axle is held to.
+/// Limits of the front axle.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// The steady turn that the lateral acceleration belongs to.
+    /// Steady turn of the lateral acceleration limit.
     pub model: ReferenceModel,
     /// Largest lateral acceleration, m/s2.
     pub ay_limit: f64,
@@ -105,7 +105,7 @@ pub struct Sample {
 }
 
 impl Limits {
-    /// Largest angle of the front axle: its own limit, or where the steady turn reaches the yaw rate `r_max`, rad.
+    /// Largest angle of the front axle: its own limit, or the angle whose steady turn has the yaw rate `r_max`, rad.
     #[must_use]
     pub fn angle_at(&self, gain: f64, r_max: f64) -> f64 {
         let f_lim = match self.model {
@@ -115,8 +115,7 @@ impl Limits {
         f_lim.min(self.angle)
     }
 
-    /// The front axle for the angle `steer` that is asked for, at the speed `u` > 0, one sample time `t` after it stood at
-    /// `last`.
+    /// The front axle for the demanded angle `steer`, at the speed `u` > 0, one sample time `t` after the angle `last`.
     #[must_use]
     pub fn sample(&self, vehicle: &Vehicle, steer: f64, u: f64, last: f64, t: f64) -> Sample {
         let gain = vehicle.yaw_rate_gain(self.model, u);

@@ -1,5 +1,5 @@
-//! Linear quadratic design of the active suspension of a three-axle vehicle: what the controllers
-//! `IntegratedLqrSuspension` and `RollLqrSuspension` share.
+//! Linear quadratic design of the active suspension of a three-axle vehicle, shared by the controllers
+//! `IntegratedLqrSuspension` and `RollLqrSuspension`.
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 9-13 and 32-39, Appendix A. The springs, dampers and
 //! tire springs are part of the design model; the paper leaves them outside, which makes the pair (A, B) not
@@ -148,10 +148,10 @@ pub struct Gains {
     r: SixWheels<f64>,
 }
 
-/// An output of the design model with the largest value that is accepted of it (Bryson's rule: weight 1/value^2).
+/// An output of the design model with its largest accepted value (Bryson's rule: weight 1/value^2).
 #[derive(Clone, Copy, Debug)]
 pub struct Accepted {
-    /// What is weighted.
+    /// Weighted quantity.
     pub quantity: Weighted,
     /// Largest accepted value, in the SI unit of the quantity, > 0.
     pub value: f64,
@@ -192,8 +192,8 @@ impl Gains {
     /// Solves the regulator problem: the cost weighs `outputs` and the forces, of which `force` N are accepted.
     ///
     /// # Errors
-    /// When an accepted value is out of range, the mass matrix is not positive definite or there is no stabilizing
-    /// solution; the message names the parameter or property and the rule it breaks.
+    /// An accepted value is out of range, the mass matrix is not positive definite or there is no stabilizing solution; the
+    /// message names the parameter or property and the rule it breaks.
     pub fn derived(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
         let regulator = regulator(p, outputs, force)?;
         let k = &regulator.gain;
@@ -252,7 +252,7 @@ pub fn regulator(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Res
         .map_err(|error| format!("no suspension gains for these vehicle data and these values of 'accepted': {error}"))
 }
 
-/// The weight 1/value^2 must be a number.
+/// Checks that the weight 1/value^2 is finite and not 0.
 fn check_weight(parameter: &str, value: f64) -> Result<(), String> {
     if (1e-150..=1e150).contains(&value) {
         return Ok(());

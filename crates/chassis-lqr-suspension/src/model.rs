@@ -1,5 +1,5 @@
 //! The design model: M Xd = N X + R U + Q W with the laws W = S X of springs, dampers and tires (Appendix A of the
-//! paper, derived anew from the equations of motion).
+//! paper, rederived from the equations of motion).
 //!
 //! X = [Z, theta, phi, z_w (6), their rates (9), beta, r]; W = [F_s (6), F_t (6), F_y (6)].
 
@@ -33,12 +33,12 @@ pub struct Vehicle {
     pub g: f64,
 }
 
-// Numbers of the states.
+// Indices of the states.
 const Z: usize = 0;
 const THETA: usize = 1;
 const PHI: usize = 2;
 const Z_W: usize = 3;
-/// From a position to its rate.
+/// Offset from a position to its rate.
 const RATE: usize = 9;
 const BETA: usize = 18;
 const R: usize = 19;
@@ -46,7 +46,7 @@ const R: usize = 19;
 /// A and B of Xd = A X + B U; with sideslip and yaw rate if a `speed` in m/s is given.
 ///
 /// # Errors
-/// When the mass matrix is not positive definite: the message names the parameter and the rule it breaks.
+/// The mass matrix is not positive definite; the message names the parameter and the rule it breaks.
 pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), String> {
     let size = if speed.is_some() { LATERAL_STATES } else { STATES };
     let unsprung = 6.0 * p.m_w;
@@ -55,8 +55,8 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
     }
     let m_s = p.m - unsprung;
     let least = (m_s * p.h_s).powi(2) / p.m + p.i_xz.powi(2) / p.i_z;
-    // Also where the lateral motion is left out of the model: these are the data of the vehicle, and the plant rejects
-    // the same.
+    // Also checked without lateral motion in the model: these are the data of the vehicle, and the plant has the same
+    // check.
     if p.i_x <= least {
         return Err(format!(
             "'body.roll_axis_inertia' must be more than {least:.0} kg.m2, got {} kg.m2: mass, \

@@ -59,7 +59,7 @@ fn series(p: &Vehicle) -> f64 {
 
 #[test]
 fn frequencies_with_massless_wheels_are_the_closed_forms() {
-    // Wheels without mass stand where their forces balance, which leaves A_bb - A_bw A_ww^-1 A_wb of the accelerations
+    // Wheels without mass are where their forces balance, which leaves A_bb - A_bw A_ww^-1 A_wb of the accelerations
     // per position. Closed forms of one degree of freedom: omega^2 = k/m with struts and tires in series, less the
     // moment of the weight (body: the wheels' forces on it). 1e-12: the condensation.
     let p = VehicleParameters::default().vehicle();

@@ -1,9 +1,9 @@
-//! The vehicle seen in a mirror along its track: what a symmetric vehicle does in a turn to the left, it does mirrored in
-//! the turn to the right.
+//! Mirror images of a vehicle about its longitudinal axis: the response of a symmetric vehicle to a right turn is the mirror
+//! image of that to the left turn.
 
 use fmu::Variables;
 
-/// Beginnings of the names of signals that change their sign: they point to a side, or turn about the axes x or z.
+/// Prefixes of the names of signals that change their sign: they point to a side, or turn about the axes x or z.
 const ODD: [&str; 9] = [
     "steer",
     "tire_slip_angle",
@@ -16,11 +16,11 @@ const ODD: [&str; 9] = [
     "body.roll",
 ];
 
-/// The values of a block in the mirror, by the names of its variables: left and right change places, and what points to
-/// a side changes its sign. In the units of the block.
+/// Returns the mirrored values of a block, by the names of its variables: left and right change places, and signals that
+/// point to a side change their sign. In the units of the block.
 ///
 /// # Panics
-/// When a variable of one side has no counterpart on the other.
+/// If a variable of one side has no counterpart on the other.
 #[must_use]
 pub fn mirrored<B: Variables<f64>>(block: &B) -> B {
     let names: Vec<_> = B::declarations().into_iter().map(|declaration| declaration.name).collect();

@@ -1,10 +1,10 @@
-//! Data of the vehicles: the start values of a plant and of the controllers that carry copies of its parameters.
+//! Data of the vehicles: the start values of a plant and of the controllers that have copies of its parameters.
 
 /// Three-axle emergency rescue vehicle: Chen, Gong, Zhao, Liu, Jia, "Coordination Control of Multi-Axis Steering and
 /// Active Suspension System for High-Mobility Emergency Rescue Vehicles", Mathematics 2022, 10, 3562.
 ///
-/// Mass, axle distances and track stand in Table 6 of the paper; everything else is assumed, as the reason beside each
-/// value says.
+/// Mass, axle distances and track are from Table 6 of the paper; everything else is assumed, with the reason beside each
+/// value.
 pub mod rescue_vehicle {
     /// Whole vehicle, kg (Table 6).
     pub const MASS: f64 = 36_000.0;
@@ -49,7 +49,7 @@ pub mod rescue_vehicle {
 /// Rescue vehicle with adjustable hydro-pneumatic suspension, as a half car seen from the front: Applied Sciences 2020,
 /// 10, 1852 (switch control between two sliding modes).
 ///
-/// Everything but gravity stands in Table 1 of the paper, with these corrections: the stiffnesses and the damping are
+/// Everything but gravity is from Table 1 of the paper, with these corrections: the stiffnesses and the damping are
 /// linear although printed per radian, the yaw inertia is printed I_r, the height h_r is that of the roll center
 /// although printed as that of the center of mass, and the roll inertia is taken about the roll axis.
 pub mod hydro_pneumatic_half_car {
@@ -88,7 +88,7 @@ pub mod hydro_pneumatic_half_car {
 ///
 /// The paper prints no data of the vehicle. "Calibrated" values are a rounded least-squares fit to its numbers without
 /// control: vertical, pitch and roll acceleration of Table 3 in the step case, and the roll ratios of section 4.1 (77,
-/// 64 and 35 %). All others are assumed, as the reason beside each value says.
+/// 64 and 35 %). All others are assumed, with the reason beside each value.
 pub mod heavy_vehicle {
     /// Sprung mass, kg: 6x4 truck of the 25 t class.
     pub const BODY_MASS: f64 = 20_000.0;
@@ -148,7 +148,7 @@ pub mod heavy_vehicle {
 /// Two-axle car with semi-active suspension, antilock brakes and yaw control: Xia, Tang, Zhao, "Coordinated control of a
 /// semi-active suspension system and an electronic stability program on a finite-state basis".
 ///
-/// What stands in Table 6 of the paper says so; the reason is beside each other value.
+/// Values from Table 6 of the paper are marked; for all others, the reason is beside the value.
 pub mod esp_car {
     /// Sprung mass, kg (Table 6, the second "m").
     pub const BODY_MASS: f64 = 1200.0;

@@ -1,4 +1,4 @@
-//! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`parameters`], the
+//! Code shared by the vehicles and controllers of the library: the catalogue of [`signals`] and [`parameters`], the
 //! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), [`random`] numbers, and
 //! the data of the vehicles.
 //!
@@ -17,7 +17,7 @@ pub mod suspension;
 pub mod table;
 pub mod tire;
 
-/// What a model file needs besides `fmu::prelude`.
+/// Items that a model file needs besides `fmu::prelude`.
 pub mod prelude {
     pub use crate::parameters::*;
     pub use crate::positions::*;

@@ -26,7 +26,7 @@ macro_rules! signals {
 }
 
 signals! {
-    // What the driver asks for
+    // Driver demands
     DRIVER_STEER, "driver.steer", unit!("rad"), Some("deg"), 0.1, "Road-wheel angle of the front axle that the driver asks for, positive to the left";
     DRIVER_THROTTLE, "driver.throttle", unit!("1"), None, 1.0, "Position of the accelerator pedal, 0 to 1";
     DRIVER_BRAKE, "driver.brake", unit!("1"), None, 1.0, "Position of the brake pedal, 0 to 1";

@@ -8,7 +8,7 @@
 //! none. Every number has to be finite. There is no quoting: no name and no number needs it.
 //!
 //! The path comes from outside, so only regular files of limited size are read, and a message about a rejected file
-//! tells where the problem is, never what the file contains.
+//! contains the position of the problem, never the content of the file.
 //!
 //! ```
 //! # use chassis_vehicle::table::Table;
@@ -310,7 +310,7 @@ mod tests {
         }
     }
 
-    /// Closed form: what the text says.
+    /// Closed form: the values in the text.
     #[test]
     fn columns_need_no_order() {
         let columns = Columns::parse("# a path\ny, x\n0,1\n\n2,1\n-1,0.5\n", "a.csv", &["x", "y"]).unwrap();
@@ -332,7 +332,7 @@ mod tests {
         let resources = Path::new(env!("CARGO_MANIFEST_DIR"));
         let (path, text) = read_file("table.file", "Cargo.toml", resources).unwrap();
         assert!(path.ends_with("Cargo.toml") && text.contains("chassis"));
-        // an absolute path stands for itself
+        // an absolute path is used unchanged
         assert_eq!(read_file("table.file", &path, Path::new("nowhere")).unwrap(), (path, text));
         let message = read_file("table.file", "no.csv", resources).unwrap_err();
         assert!(message.starts_with("'table.file' = no.csv: ") && message.contains("name a CSV file"));
@@ -358,7 +358,7 @@ mod tests {
             let fifo = folder.path().join("fifo");
             assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
             assert_eq!(rejected(&fifo), "it is not a regular file");
-            // a link counts as what it leads to
+            // a link counts as its target
             std::fs::write(&file, "0").unwrap();
             let link = folder.path().join("link");
             std::os::unix::fs::symlink(&file, &link).unwrap();

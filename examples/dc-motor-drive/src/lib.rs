@@ -44,7 +44,7 @@ pub struct Y {
     pub saturated: bool,
 }
 
-/// The two parts and what is held between samples.
+/// The two parts, and the values held between samples.
 #[derive(Clone)]
 pub struct Drive {
     motor: ContinuousSimulation<DcMotor>,

@@ -26,7 +26,7 @@ macro_rules! rod {
             pub cell: [T; $cells],
         }
 
-        /// What is measured.
+        /// Measured output.
         #[derive(Outputs)]
         pub struct Y<T> {
             /// Mean temperature above the ends (K)

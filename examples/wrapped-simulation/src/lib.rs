@@ -1,4 +1,4 @@
-//! `WrappedSimulation`: an existing simulation behind the FMI. The README says what it shows.
+//! `WrappedSimulation`: an existing simulation with an FMI interface. The README describes it.
 
 pub mod warehouse;
 
@@ -6,7 +6,7 @@ use fmu::prelude::*;
 
 use warehouse::{ReorderPoint, Warehouse};
 
-/// Longest step in days: an importer that asks for a longer one by mistake would wait for it.
+/// Longest step in days, so that an importer does not wait for a longer one requested by mistake.
 const MOST_DAYS: i64 = 10_000;
 
 /// Parameters.

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | w_d, w | reference of the yaw rate, yaw rate |
 //! | e, ec | error of the yaw rate and its filtered rate |
-//! | delta, dd | angle of the front axle that the driver asks for, and what is added to it |
+//! | delta, dd | angle of the front axle demanded by the driver, and the added angle |
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
 use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};

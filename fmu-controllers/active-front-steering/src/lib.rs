@@ -1,5 +1,5 @@
-//! `ActiveFrontSteering`: adds an angle to what the driver asks for, so that the yaw rate follows its reference, by a
-//! PID controller whose gains follow fuzzy rules.
+//! `ActiveFrontSteering`: adds an angle to the driver's demand, so that the yaw rate follows its reference, by a PID
+//! controller whose gains follow fuzzy rules.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
 //! Coupling Dynamics", 2022, section 3.2.
@@ -62,7 +62,7 @@ pub struct ActiveFrontSteering {
     sample_time: f64,
 }
 
-/// What the driver asks for, reference and measurement.
+/// Driver demand, reference and measurement.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]
@@ -73,7 +73,7 @@ pub struct U {
     w: f64,
 }
 
-/// The angle of the front axle, and what it is made of.
+/// The angle of the front axle, and its components.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(STEER)]

@@ -3,7 +3,7 @@
 //! | symbol | meaning |
 //! |---|---|
 //! | beta_d, beta | reference of the sideslip angle, sideslip angle |
-//! | delta | angle of the front axle that the driver asks for |
+//! | delta | angle of the front axle demanded by the driver |
 //! | s | its smoothed sign |
 //! | e, ec | error of the sideslip angle, positive if the rear axle has to steer more with the front, and its filtered rate |
 //! | k1, k2 | angle of the middle and of the rear axle over delta |

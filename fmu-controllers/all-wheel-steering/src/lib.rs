@@ -65,7 +65,7 @@ pub struct AllWheelSteering {
     sample_time: f64,
 }
 
-/// What the driver asks for, reference and measurement.
+/// Driver demand, reference and measurement.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]
@@ -76,7 +76,7 @@ pub struct U {
     beta: f64,
 }
 
-/// The angles of the middle and the rear axle, and their ratios (k1, k2) to what the driver asks for.
+/// The angles of the middle and the rear axle, and their ratios (k1, k2) to the driver's demand.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(STEER)]

@@ -5,7 +5,7 @@
 //! | u, omega | speed of the vehicle, speed of rotation of the wheel |
 //! | slip, pred | braking slip (positive, 1 locked), the same extrapolated by the lead time |
 //! | acc | acceleration of the wheel's circumference |
-//! | req, cmd | pressure that driver and yaw control ask for, pressure that is commanded |
+//! | req, cmd | pressure demanded by driver and yaw control, commanded pressure |
 //! | T | sample time |
 
 use chassis_vehicle::positions::FourWheels;

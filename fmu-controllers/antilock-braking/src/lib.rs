@@ -44,7 +44,7 @@ pub struct AntilockBraking {
     sample_time: f64,
 }
 
-/// What is asked for and what is measured.
+/// Demands and measurements.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_ANTILOCK)]
@@ -61,7 +61,7 @@ pub struct U {
     omega: FourWheels<f64>,
 }
 
-/// Pressures, and where they are modulated.
+/// Pressures, and the wheels on which they are modulated.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(BRAKE_PRESSURE_COMMAND)]
@@ -70,7 +70,7 @@ pub struct Y {
     active: FourWheels<bool>,
 }
 
-/// Last speed and slip of each wheel, whether it is modulated, and the last pressure.
+/// Last speed and slip of each wheel, its modulation flag, and the last pressure.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     has_past: bool,

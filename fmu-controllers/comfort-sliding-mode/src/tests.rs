@@ -33,7 +33,7 @@ fn sliding_polynomial(p: &ComfortSlidingMode) -> [f64; 4] {
     [d, p.m_u * p.n2 - p.m_s * p.n1, p.k_t, p.k_t * p.n2]
 }
 
-/// Whether all roots of the polynomial lie in the left half plane, by the eigenvalues of its companion matrix.
+/// Returns true if all roots of the polynomial lie in the left half plane, by the eigenvalues of its companion matrix.
 fn is_stable([a3, a2, a1, a0]: [f64; 4]) -> bool {
     let companion = Matrix3::new(-a2 / a3, -a1 / a3, -a0 / a3, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
     companion.complex_eigenvalues().iter().all(|root| root.re < 0.0)
@@ -108,7 +108,7 @@ fn a_surface_that_no_force_moves_is_rejected() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// The quarter car under the force moves the surface as the reaching law demands; it is written here once more from
+    /// The quarter car under the force moves the surface as the reaching law demands; here it is derived independently from
     /// Newton's law. Rates of up to 1e4 m/s2 leave roundings of 1e-10.
     #[test]
     fn the_surface_is_reached_as_demanded(
@@ -139,7 +139,7 @@ proptest! {
     fn four_inequalities_are_necessary_and_sufficient(n1 in -3.0..0.5, n2 in -1.0..10.0, n3 in -0.1..0.1) {
         let p = ComfortSlidingMode { n1, n2, n3, ..ComfortSlidingMode::default() };
         let [d, a2, a1, a0] = sliding_polynomial(&p);
-        // Near the border the eigenvalues decide by roundings.
+        // Near the border, rounding determines the sign of the eigenvalues.
         prop_assume!(d.abs() > 1e-3 && n2.abs() > 1e-3 && (n2 * n3 - n1).abs() > 1e-3);
         let inequalities = a2 / d > 0.0 && a1 / d > 0.0 && a0 / d > 0.0 && n2 * n3 - n1 > 0.0;
         prop_assert_eq!(inequalities, is_stable([d, a2, a1, a0]));

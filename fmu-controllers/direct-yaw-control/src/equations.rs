@@ -1,16 +1,16 @@
-//! One sample of yaw control: references, sliding mode, brake pressures. The numbers are those of the paper; what had to
-//! be corrected stands in the README.
+//! One sample of yaw control: references, sliding mode, brake pressures. The numbers are those of the paper; corrections
+//! are listed in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | delta | steering angle that the driver asks for |
+//! | delta | steering angle demanded by the driver |
 //! | u, beta, r | speed (u_e: with a floor, for divisions), sideslip angle, yaw rate |
 //! | K_f, K_r | cornering stiffness of the axles (both tires), positive |
 //! | K | stability factor |
 //! | r_ss, r_d, rd_d | yaw rate of the steady turn, its lagged reference, and the rate of that; beta alike |
 //! | beta_n, r_n | rates of sideslip and yaw rate without yaw moment, by the linear model |
 //! | sigma, c | sliding surface (r - r_d) + c (beta - beta_d) |
-//! | dM | yaw moment that is asked for, positive to the left |
+//! | dM | demanded yaw moment, positive to the left |
 //! | F_d | brake force of each wheel of one side |
 //! | T | sample time |
 
@@ -41,7 +41,7 @@ pub(crate) fn sample(p: &DirectYawControl, d: &D, x: &mut X, inputs: &U) -> Y {
     let wheelbase = a + b;
     let u_e = u.max(p.speed_min);
 
-    // Steady turn that the driver asks for, within what friction allows, and its first-order lag. An oversteering vehicle
+    // Steady turn demanded by the driver, within the limit of friction, and its first-order lag. An oversteering vehicle
     // has a critical speed; the turn stays finite beyond it.
     let den = wheelbase * (1.0 + d.stability * u_e * u_e).max(0.05);
     let r_ss = magnitude(u_e * delta / den, 0.85 * p.mu * p.g / u_e);

@@ -1,5 +1,5 @@
-//! `DirectYawControl`: the yaw moment that makes a car follow the turn its driver asks for, by a sliding mode of sideslip
-//! and yaw rate, and the brake pressures of one side that make this moment.
+//! `DirectYawControl`: the yaw moment that makes a car follow the turn demanded by its driver, by a sliding mode of sideslip
+//! and yaw rate, and the brake pressures of one side that produce this moment.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eqs. 9, 10 and 19-22.
@@ -76,7 +76,7 @@ pub struct DirectYawControl {
     sample_time: f64,
 }
 
-/// What the driver asks for and what is measured.
+/// Driver demand and measurements.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_YAW_CONTROL)]
@@ -91,7 +91,7 @@ pub struct U {
     r: f64,
 }
 
-/// Moment, pressures, and what is followed.
+/// Moment, pressures and references.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(DEMAND_YAW_MOMENT)]

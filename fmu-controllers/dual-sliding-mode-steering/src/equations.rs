@@ -1,5 +1,5 @@
 //! One sample of the steering law, in the order of computation: front axle and reference, sliding modes, limits. The
-//! numbers are those of the paper; what had to be corrected stands in the README.
+//! numbers are those of the paper; corrections are listed in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|

@@ -12,7 +12,7 @@ use chassis_vehicle::data::rescue_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// How the slip angles of the axles are computed.
+/// Computation of the slip angles of the axles.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlipAngleModel {
     /// small angles, as in the paper
@@ -97,7 +97,7 @@ fmu::named_array! {
     }
 }
 
-/// What the driver asks for and what is measured.
+/// Driver demand, measurements and weight.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]
@@ -112,7 +112,7 @@ pub struct U {
     k3: f64,
 }
 
-/// Axle angles, and what one wants to look at.
+/// Axle angles, and internal signals for plots.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(STEER)]
@@ -138,7 +138,7 @@ pub struct X {
     dr: f64,
 }
 
-/// What follows from geometry, masses and tires.
+/// Parameters derived from geometry, masses and tires.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     /// The vehicle in a steady turn.

@@ -1,5 +1,5 @@
 //! One sample of the coordination: driving state (Table 1), gains of the suspension law (Tables 2-5, rules 1-5), target
-//! slip. The numbers are those of the paper; what had to be corrected stands in the README.
+//! slip. The numbers are those of the paper; corrections are listed in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! `FiniteStateCoordination`: tells six driving states apart and chooses, by state, which laws are on, the gains of the
+//! `FiniteStateCoordination`: detects six driving states and selects, by state, the active laws, the gains of the
 //! suspension law and the target slip of the antilock logic.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
@@ -12,7 +12,7 @@ use chassis_vehicle::data::esp_car as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Which control case runs.
+/// Control case.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
     /// no control: everything is off
@@ -126,7 +126,7 @@ pub struct FiniteStateCoordination {
 /// Target slip before the first sample and of individual control.
 const SLIP_0: f64 = 0.20;
 
-/// What the driver does and what is measured.
+/// Pedals and measurements.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(VEHICLE_SPEED)]
@@ -171,7 +171,7 @@ pub struct Y {
     yaw_control: bool,
 }
 
-/// Filtered accelerations, and how the car was driven at the last sample.
+/// Filtered accelerations, and the driving state at the last sample.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     a_x: f64,

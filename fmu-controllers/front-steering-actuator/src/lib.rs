@@ -1,5 +1,5 @@
 //! `FrontSteeringActuator`: the steered front axle of a three-axle vehicle, which follows the driver within its limits.
-//! These limits are those inside `DualSlidingModeSteering`.
+//! These limits are the same as in `DualSlidingModeSteering`.
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 14 and 15.
 
@@ -48,7 +48,7 @@ pub struct FrontSteeringActuator {
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// What is asked for, and the speed it is asked at.
+/// Driver demand and speed.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]
@@ -70,7 +70,7 @@ pub struct X {
     df: f64,
 }
 
-/// What follows from geometry, masses and tires.
+/// Parameters derived from geometry, masses and tires.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     /// The vehicle in a steady turn.

@@ -1,5 +1,5 @@
-//! `FuzzyCoordination`: how much of each suspension law acts and whether the multi-axle steering is on, from the
-//! steering demand and the speed.
+//! `FuzzyCoordination`: the shares of the suspension laws and the activation of the multi-axle steering, from the steering
+//! demand and the speed.
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, Tables 2 and 3. The rule table drives the share of the roll
 //! law and its mapped output that of the integrated law; as printed it is the other way round, which contradicts the
@@ -13,7 +13,7 @@ use chassis_control::fuzzy::{LabelMap, Output, Partition, RuleTable};
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Which control case runs.
+/// Control case.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
     /// constant weights, no coordination
@@ -48,7 +48,7 @@ pub struct FuzzyCoordination {
     sample_time: f64,
 }
 
-/// What the rules look at.
+/// Inputs of the rules.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]

@@ -29,7 +29,7 @@ const K: [[f64; 18]; 3] = [
     ],
 ];
 
-/// What the unit answers to one state being 1 and the others 0, for all of them: the columns of -K.
+/// Outputs for one state equal to 1 and the others 0, for each state: the columns of -K.
 fn answers(p: &IntegratedLqrSuspension) -> Vec<[f64; 6]> {
     let d = p.derived().unwrap();
     (0..20)
@@ -52,7 +52,7 @@ fn other_side(column: usize) -> usize {
 
 #[test]
 fn the_gains_are_the_check_numbers() {
-    // To 1e-6 of the largest element; a right row is the left one with the sides exchanged and roll turned round.
+    // To 1e-6 of the largest element; a right row is the left one with the sides exchanged and the sign of roll reversed.
     let columns = answers(&IntegratedLqrSuspension::default());
     let largest = K.iter().flatten().fold(0.0_f64, |most, k| most.max(k.abs()));
     for (axle, row) in K.iter().enumerate() {

@@ -1,9 +1,9 @@
-//! One sample of the law: three fuzzy PIDs want a force and two moments on the body, which are shared out to the struts
-//! and cut to what a damper can do.
+//! One sample of the law: three fuzzy PIDs demand a force and two moments on the body, which are allocated to the struts
+//! and limited to the feasible forces of a damper.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | F_h, M_p, M_r | wanted heave force (up), pitch moment (nose down), roll moment (to the right) |
+//! | F_h, M_p, M_r | demanded heave force (up), pitch moment (nose down), roll moment (to the right) |
 //! | e, ec | errors: minus the rate, and minus the acceleration of the body |
 //! | l1, l2, b | center of mass to front axle and to the trunnion between the rear axles; track |
 //! | eps | share of the front struts in the roll moment |
@@ -70,10 +70,10 @@ pub(crate) fn allocation(p: &SemiActiveFuzzySuspension, [f_h, m_p, m_r]: [f64; 3
     Struts::from_fn(|i| axle[i / 2] / 2.0 + left_is_positive(i) * share[i / 2] * m_r / p.b)
 }
 
-/// What the damper of an axle (0 front, 1 rear) can do of the force `f` at the velocity `v`.
+/// Feasible part of the force `f` for the damper of an axle (0 front, 1 rear) at the velocity `v`.
 pub(crate) fn constrained(p: &SemiActiveFuzzySuspension, axle: usize, f: f64, v: f64) -> f64 {
     let (c_0, c_min, c_max) = (p.c_0[axle], p.c_min[axle], p.c_max[axle]);
-    // Least and greatest damping that the command stands for.
+    // Least and greatest damping of the command.
     let range = match p.constraint {
         Constraint::Active => None,
         Constraint::Command => Some((0.0, c_max - c_0)),

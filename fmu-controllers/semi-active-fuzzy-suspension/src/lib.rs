@@ -1,4 +1,4 @@
-//! `SemiActiveFuzzySuspension`: adjustable dampers calm heave, pitch and roll of a heavy truck, by three PID controllers
+//! `SemiActiveFuzzySuspension`: adjustable dampers reduce heave, pitch and roll of a heavy truck, by three PID controllers
 //! whose gains follow fuzzy rules.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
@@ -13,7 +13,7 @@ use chassis_vehicle::data::heavy_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// What the actuators can do.
+/// Constraint of the actuators.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constraint {
     /// any force: fully active
@@ -146,7 +146,7 @@ pub struct SemiActiveFuzzySuspension {
     sample_time: f64,
 }
 
-/// Motion of the body, and of the struts; `rl`, `rr` stand on the walking beams.
+/// Motion of the body, and of the struts; `rl`, `rr` are on the walking beams.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(BODY_HEAVE_RATE)]
@@ -165,7 +165,7 @@ pub struct U {
     v: Struts<f64>,
 }
 
-/// Forces, and what the PIDs want before the forces are shared out and cut.
+/// Forces, and the demands of the PIDs before allocation and limits.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(SUSPENSION_FORCE)]

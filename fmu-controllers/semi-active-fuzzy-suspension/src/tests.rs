@@ -84,7 +84,7 @@ fn a_soft_damper_can_be_commanded_only_by_the_whole_damper() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Sum and moments of the strut forces are what was wanted. Roundings of forces of 1e5 N and levers of a few m.
+    /// Sum and moments of the strut forces are those demanded. Roundings of forces of 1e5 N and levers of a few m.
     #[test]
     fn the_allocation_balances(
         f_h in -6e4..6e4_f64, m_p in -15e4..15e4_f64, m_r in -4e4..4e4_f64, eps in 0.0..1.0_f64,
@@ -108,7 +108,7 @@ proptest! {
         prop_assert!(command * v >= -(p.c_max[axle] - c_0) * v * v - power);
         let damper = equations::constrained(&p, axle, f, v) * v - c_0 * v * v;
         prop_assert!(damper <= -p.c_min[axle] * v * v + power && damper >= -p.c_max[axle] * v * v - power);
-        // What is wanted and possible is done.
+        // A feasible demand is met.
         for force in [command, equations::constrained(&p, axle, f, v)] {
             prop_assert!(force.abs() <= 30_000.0);
         }

@@ -5,7 +5,7 @@
 //! | a | vertical acceleration of the body above the wheel: now, one (a1) and two (a2) samples before |
 //! | v | velocity of the suspension |
 //! | u | accumulated law, a force that would accelerate the body further |
-//! | f_d, f | force that is wanted, and that the actuator makes |
+//! | f_d, f | demanded force, and force of the actuator |
 //! | T_s | sample time |
 
 use std::f64::consts::TAU;

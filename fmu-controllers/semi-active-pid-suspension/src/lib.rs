@@ -1,5 +1,5 @@
-//! `SemiActivePidSuspension`: suspension forces that calm the body above each wheel, by an accumulated incremental PID
-//! law of its vertical acceleration, as far as an adjustable damper can make them.
+//! `SemiActivePidSuspension`: suspension forces that damp the body above each wheel, by an accumulated incremental PID
+//! law of its vertical acceleration, as far as an adjustable damper can produce them.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eq. 18.
@@ -11,7 +11,7 @@ mod tests;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// What the actuators can do.
+/// Constraint of the actuators.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constraint {
     /// any force within its limit: active suspension
@@ -43,7 +43,7 @@ pub struct SemiActivePidSuspension {
     sample_time: f64,
 }
 
-/// Gains, and what is measured at each wheel.
+/// Gains, and measurements at each wheel.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_SUSPENSION)]

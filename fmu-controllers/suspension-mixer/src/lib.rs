@@ -19,7 +19,7 @@ pub struct SuspensionMixer {
     sample_time: f64,
 }
 
-/// What the two laws propose, and their shares.
+/// Forces of the two laws, and their shares.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(WEIGHT_INTEGRATED)]

@@ -9,7 +9,7 @@ mod tests;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Which control case runs.
+/// Control case.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
     /// comfort law, handling law above the threshold
@@ -47,7 +47,7 @@ pub struct SuspensionSwitch {
     sample_time: f64,
 }
 
-/// The load transfer, and what the two laws propose.
+/// The load transfer, and the forces of the two laws.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(VEHICLE_LOAD_TRANSFER_ESTIMATE)]
@@ -69,7 +69,7 @@ pub struct Y {
     w: f64,
 }
 
-/// The choice: whether the handling law is on, and its share.
+/// The choice: true if the handling law is on, and its share.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     handling: bool,

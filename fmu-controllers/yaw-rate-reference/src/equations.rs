@@ -1,11 +1,11 @@
-//! Steady turn without sideslip, and the lag on the way there (eqs. 12-16 of the paper, corrected).
+//! Steady turn without sideslip, and its first-order lag (eqs. 12-16 of the paper, corrected).
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | m, I_z | mass and yaw inertia of the vehicle |
 //! | l1, l2 | center of mass to front axle and to the trunnion between the rear axles; L is their sum |
 //! | kc | cornering stiffness of one front wheel |
-//! | u, delta | speed, steering angle of the front axle that the driver asks for |
+//! | u, delta | speed, steering angle of the front axle demanded by the driver |
 //! | k, tau | yaw rate of the steady turn per steering angle, time constant |
 //! | w | reference of the yaw rate |
 

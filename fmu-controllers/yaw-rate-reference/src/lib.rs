@@ -1,7 +1,7 @@
 //! `YawRateReference`: the yaw rate that a heavy truck would have in a turn without sideslip, behind a first-order lag.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
-//! Coupling Dynamics", 2022, eqs. 12-16, derived again because of contradictory signs.
+//! Coupling Dynamics", 2022, eqs. 12-16, rederived because of contradictory signs.
 
 mod equations;
 #[cfg(test)]
@@ -30,7 +30,7 @@ pub struct YawRateReference {
     sample_time: f64,
 }
 
-/// What the driver asks for and the speed.
+/// Driver demand and speed.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]

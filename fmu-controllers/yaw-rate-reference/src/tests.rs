@@ -1,4 +1,4 @@
-//! Check numbers, the steady turn that the law stands for, and its properties.
+//! Check numbers, the steady turn of the law, and its properties.
 //!
 //! "Check numbers" were computed by an independent implementation and are compared to their last printed digit.
 

@@ -1,8 +1,8 @@
-//! Closed forms of the README. The equations of a linear single-track car stand in every book on vehicle dynamics, for
+//! Closed forms of the README. The equations of a linear single-track car are in every book on vehicle dynamics, for
 //! example Mitschke, Wallentowitz: Dynamik der Kraftfahrzeuge, or Gillespie: Fundamentals of Vehicle Dynamics, chapter 6.
 //!
-//! "Check numbers" are those of the model's specification, which an independent implementation computed; they are compared
-//! to their last printed digit.
+//! "Check numbers" are those of the model's specification, computed by an independent implementation; they are compared to
+//! their last printed digit.
 
 use fmu::simulation::ContinuousSimulation;
 use fmu::variables::ContinuousState as _;

@@ -14,8 +14,7 @@
 //! | 7 table | column `driver.steer` of a file |
 //!
 //! `driver.speed = v0 + (v1 - v0) ramp(tv, Dv)`, `driver.throttle` and
-//! `driver.brake = amplitude * ramp(start, rise time)`; with `maneuver` 7 a column of the file takes the place of
-//! each.
+//! `driver.brake = amplitude * ramp(start, rise time)`; with `maneuver` 7, a column of the file replaces each.
 //!
 //! # References
 //!
@@ -33,10 +32,10 @@ use crate::{D, Driver, Maneuver, Y};
 /// Names of the columns of a table, in the order of [`Y`].
 const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
 
-/// Part of a period by which rounding may put the end of the sweep off a zero crossing.
+/// Fraction of a period by which rounding may shift the end of the sweep from a zero crossing.
 const SLACK: f64 = 1e-6;
 
-/// Whether an output can depend on a parameter: on those of its own subject, and on what chooses the file.
+/// Returns true if an output can depend on a parameter: on those of its own subject, and on those that select the file.
 pub(crate) fn influence(output: &str, parameter: &str) -> bool {
     let subject = |name| output.strip_prefix("driver.") == Some(name);
     match parameter.split_once('.') {
@@ -59,7 +58,7 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     Ok(table)
 }
 
-/// Checks what the maneuver divides by and needs; the maneuver table needs the `table`.
+/// Checks divisors and other conditions of the maneuver; the maneuver table needs the `table`.
 pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
     let positive = |name: &str, value: f64, reason: &str| {
         if value > 0.0 { Ok(()) } else { Err(format!("'{name}' must be positive for {reason}, got {value}")) }
@@ -204,7 +203,7 @@ mod tests {
     }
 
     /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 at 5 s, double lane change of 0.064 rad and 4
-    /// s from 1 s and 6 s on. The same formula in other words, so to a few roundings.
+    /// s from 1 s and 6 s on. The same formula, written differently: a few roundings.
     #[test]
     fn rescue_vehicle_maneuvers() {
         let step = Driver { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..Driver::default() };
@@ -381,8 +380,8 @@ mod tests {
         assert_eq!(steer(&straight, 3.0), 0.0);
     }
 
-    /// Step times that are no binary fractions: the sample meant for the step is always the first one of it, although
-    /// n * 0.001 may round below.
+    /// Step times that are not binary fractions: the step always begins with the sample meant for it, although n * 0.001 may
+    /// round below.
     #[test]
     fn steps_start_with_the_sample_meant() {
         for n in 1..5000_i32 {
@@ -431,7 +430,7 @@ mod tests {
         assert_eq!([1.999, 2.0].map(|t| sample(&p, &d, t).speed), [10.0, 20.0]);
     }
 
-    /// A table replaces the outputs it has columns for; the others keep their ramps.
+    /// A table replaces the outputs of its columns; the others keep their ramps.
     #[test]
     fn table_replaces_what_it_has() {
         let table = parse_table("time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n", "a.csv").unwrap();
@@ -496,7 +495,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// Whatever the parameters and the time: finite demands or a message, no panic.
+        /// Any parameters and any time give finite demands or a message, no panic.
         #[test]
         fn never_panics(maneuver in 0..8_i32, numbers in proptest::collection::vec(0.0..1e3_f64, 8), t in proptest::num::f64::ANY) {
             let p = Driver {

@@ -10,7 +10,7 @@ use chassis_vehicle::prelude::*;
 use chassis_vehicle::table::{self, Table};
 use fmu::prelude::*;
 
-/// How the driver steers.
+/// Steering maneuver of the driver.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maneuver {
     /// no steering
@@ -114,11 +114,11 @@ pub struct Driver {
     sample_time: f64,
 }
 
-/// The driver looks at nothing but the time.
+/// No inputs: the driver depends on time only.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {}
 
-/// What the driver asks for.
+/// Driver demands.
 #[derive(Outputs, Clone, Debug, PartialEq)]
 pub struct Y {
     #[var(DRIVER_STEER)]

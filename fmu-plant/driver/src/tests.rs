@@ -114,7 +114,7 @@ fn table_comes_from_a_file() {
     fmu.step(0.001);
     assert_eq!([fmu.get("driver.steer"), fmu.get("driver.brake")], [0.1, 0.5]);
 
-    // a saved state goes on with the same content only
+    // a saved state requires the same file content
     let saved = fmu.instance.snapshot().unwrap();
     let bytes = fmu.instance.serialize(&saved).unwrap();
     assert!(fmu.instance.deserialize(&bytes).is_ok());

@@ -1,5 +1,5 @@
 //! Equations of motion, in the order of computation: suspension, tires, motion in the plane with roll and pitch, wheels.
-//! The numbers are those of the paper; what had to be corrected stands in the README.
+//! The numbers are those of the paper; corrections are listed in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|

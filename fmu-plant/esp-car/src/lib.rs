@@ -195,7 +195,7 @@ pub struct Y<T> {
     s: FourWheels<T>,
 }
 
-/// What follows from geometry and masses.
+/// Parameters derived from geometry and masses.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Mass of the whole vehicle

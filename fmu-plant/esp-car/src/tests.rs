@@ -369,7 +369,7 @@ fn a_braked_car_stops_and_stays() {
     let p = EspCar::default();
     let u = U { t_b: FourWheels([1740.0, 1740.0, 690.0, 690.0]), ..U::default() };
     let stopped = simulated(&p, &straight(&p, 5.0), &u, 2.0);
-    // The body swings on its springs above wheels that stand.
+    // The body oscillates on its springs above stopped wheels.
     assert!(stopped.u.abs() < 0.02, "{}", stopped.u);
     let later = simulated(&p, &stopped, &u, 3.0);
     assert_abs_diff_eq!(later.x, stopped.x, epsilon = 1e-3);

@@ -1,5 +1,5 @@
 //! Equations of motion, in the order of computation: wheels and struts, tires, lateral motion, vertical motion. The
-//! numbers are those of the paper; what had to be corrected stands in the README.
+//! numbers are those of the paper; corrections are listed in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|

@@ -14,7 +14,7 @@ use chassis_vehicle::prelude::*;
 use chassis_vehicle::tire::MagicFormula;
 use fmu::prelude::*;
 
-/// Which motions run, and whether they act on each other.
+/// Simulated motions, and their coupling.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coupling {
     /// vertical and lateral motion, coupled by tire loads and roll
@@ -144,7 +144,7 @@ pub struct HeavyVehicle {
     max_step: f64,
 }
 
-/// Inputs. The struts `rl` and `rr` stand on the walking beams.
+/// Inputs. The struts `rl` and `rr` are on the walking beams.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
     #[var(DRIVER_SPEED, start = data::SPEED)]
@@ -160,7 +160,7 @@ pub struct U<T> {
 }
 
 /// State: positions, then rates, then the motion in the road plane. In the lateral model the axles have no mass, so the
-/// heights that a user sees are outputs; those of the vertical model are its own.
+/// visible heights are outputs; the heights of the vertical model are local variables.
 #[derive(State, Clone, Debug)]
 pub struct X<T> {
     #[var(BODY_HEAVE)]
@@ -242,7 +242,7 @@ pub struct Y<T> {
     f_y: SixWheels<T>,
 }
 
-/// What follows from geometry, masses and tires.
+/// Parameters derived from geometry, masses and tires.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Mass of the whole vehicle

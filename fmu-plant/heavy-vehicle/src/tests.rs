@@ -14,9 +14,9 @@ use super::*;
 
 const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
 const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
-/// Without heading and position, on which nothing depends.
+/// Number of states without heading and position, on which nothing depends.
 const DYNAMIC: usize = 20;
-// Places in the state and in the inputs.
+// Indices in the state and in the inputs.
 const PHI: usize = 2;
 const PHID: usize = 11;
 const V: usize = 18;
@@ -67,7 +67,7 @@ fn linearized(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatri
     (DMatrix::from_fn(STATES, STATES, |i, j| a[j][i].eps), DMatrix::from_fn(STATES, INPUTS, |i, j| b[j][i].eps))
 }
 
-/// Where the rates of the states `active` are 0, by Newton's method from rest; the other states stay 0.
+/// State in which the rates of the states `active` are 0, by Newton's method from rest; the other states stay 0.
 fn equilibrium(p: &HeavyVehicle, u: &U<f64>, active: &[usize]) -> X<f64> {
     let mut x = vec![0.0; STATES];
     for _ in 0..20 {
@@ -110,8 +110,8 @@ fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
 fn the_data_agree_with_each_other() {
     let s = derived(&HeavyVehicle::default());
     assert_eq!(s.m, data::MASS);
-    // Slope of the force of a front wheel at its load at rest, exact by dual numbers: what the controllers know of the
-    // tires. The check numbers have 11 and 9 correct digits.
+    // Slope of the force of a front wheel at its load at rest, exact by dual numbers: the tire parameter of the controllers.
+    // The check numbers have 11 and 9 correct digits.
     let stiffness = |axle: usize| {
         let load = Dual64::from(s.f0[2 * axle]);
         -lateral_force(&HeavyVehicle::default(), &s, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
@@ -220,7 +220,7 @@ fn the_steady_turn_has_the_check_numbers_and_balances() {
         assert_eq!(y.alpha[2 * axle], y.alpha[2 * axle + 1]);
     }
 
-    // Balance of forces across the vehicle, and of moments about its track: 1e-6 of them is what Newton's method leaves.
+    // Balance of forces across the vehicle, and of moments about its track: Newton's method leaves 1e-6 of them.
     let s = derived(&p);
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
     assert_abs_diff_eq!(across, s.m * y.a_y, epsilon = 1e-6);
@@ -338,8 +338,8 @@ proptest! {
         assert_same(&outputs(&p, &xm, &um), &mirrored(&outputs(&p, &x, &u)), 1e-14);
     }
 
-    /// A symmetric vehicle that goes straight on a road without cross fall never leaves its line: exactly, and its vertical
-    /// motion is that of the vertical model.
+    /// A symmetric vehicle on a straight road without cross fall stays exactly on its line, and its vertical motion is that of
+    /// the vertical model.
     #[test]
     fn a_straight_run_stays_straight(x in any_state(), u in any_inputs()) {
         let even = |family: &[f64; 6]| SixWheels::from_fn(|i| family[i / 2 * 2]);
@@ -362,7 +362,7 @@ proptest! {
         prop_assert_eq!(rates.reals(), derivatives(&with(Coupling::VerticalOnly), &x, &u).reals());
     }
 
-    /// What a motion that runs alone ignores, and what then stays where it is.
+    /// A motion alone ignores the inputs of the other motion, whose states stay constant.
     #[test]
     fn a_motion_alone_ignores_the_other(x in any_state(), u in any_inputs(), other in any_inputs()) {
         let p = with(Coupling::VerticalOnly);
@@ -381,8 +381,8 @@ proptest! {
         prop_assert_eq!((*rates.zd_f, *rates.zd_b, *rates.thd_b), ([0.0; 2], [0.0; 2], [0.0; 2]));
     }
 
-    /// The rates that the outputs show are those of what they show, on a road at rest: exact by dual numbers, a few
-    /// roundings of velocities of order 1.
+    /// The output rates are the derivatives of the output heights and deflections, on a road at rest: exact by dual numbers, a
+    /// few roundings of velocities of order 1.
     #[test]
     fn velocities_are_the_rates_of_heights_and_deflections(x in any_state(), u in any_inputs()) {
         let p = HeavyVehicle::default();

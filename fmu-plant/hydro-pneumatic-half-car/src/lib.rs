@@ -146,7 +146,7 @@ pub struct Y<T> {
     f_y: FourWheels<T>,
 }
 
-/// What follows from geometry and masses.
+/// Parameters derived from geometry and masses.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Mass of the whole vehicle

@@ -1,7 +1,7 @@
 //! `PathDriver`: a driver of standard maneuvers. It follows a path (circle, the lane changes of ISO 3888, a file) by looking
 //! ahead, or steers by time (slowly increasing steer, fishhook with roll-rate feedback), and keeps a speed with its pedals.
 //!
-//! [`tracks`] has the cones of ISO 3888, for those who evaluate a run.
+//! [`tracks`] has the cones of ISO 3888, for the evaluation of a run.
 
 mod path;
 mod speed;
@@ -19,7 +19,7 @@ use fmu::prelude::*;
 use path::{Path, Place};
 use steering::{Delay, Steering};
 
-/// What the driver does.
+/// Maneuver of the driver.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maneuver {
     /// follows the line y = 0
@@ -195,7 +195,7 @@ pub struct PathDriver {
     sample_time: f64,
 }
 
-/// What the driver sees and feels.
+/// Motion of the vehicle as perceived by the driver.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(VEHICLE_POSITION_X)]
@@ -210,7 +210,7 @@ pub struct U {
     roll_rate: f64,
 }
 
-/// What the driver asks for, and where the vehicle is on the path.
+/// Driver demands, and the position of the vehicle on the path.
 #[derive(Outputs, Clone, Debug, PartialEq)]
 pub struct Y {
     #[var(DRIVER_STEER)]
@@ -235,7 +235,7 @@ pub struct Y {
     lost: bool,
 }
 
-/// What the driver remembers.
+/// Discrete state of the driver.
 #[derive(DiscreteState, Clone, Debug, Default, PartialEq)]
 pub struct X {
     /// n: number of the next sample.
@@ -264,7 +264,7 @@ pub struct X {
     phase_start: u64,
 }
 
-/// The path, and what the steering divides by.
+/// The path, and the derived parameters of the steering.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     path: Path,
@@ -283,7 +283,7 @@ impl Discrete for PathDriver {
     const SOURCE: Option<Influence> =
         Some(|output, parameter| output == "driver.speed" && parameter.starts_with("speed."));
 
-    /// The speed; all else waits for the first sample, which sees the vehicle.
+    /// Sets the speed only; the other outputs need the first sample, which reads the vehicle.
     fn start(&self, _: f64, _: &D, _: &U) -> Y {
         Y {
             steer: 0.0,

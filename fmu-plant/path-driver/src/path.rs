@@ -21,7 +21,7 @@ use crate::{Maneuver, PathDriver};
 /// Spacing of the points of a path that is not a straight line or a table, m.
 const SPACING: f64 = 0.1;
 
-/// Most points of such a path: 100 km, 40 MB.
+/// Maximum number of points of such a path: 100 km, 40 MB.
 const MOST_POINTS: f64 = 1e6;
 
 /// Least and greatest distance of two neighbors in a table, m.
@@ -45,7 +45,7 @@ pub(crate) struct Path {
     pub(crate) end: f64,
 }
 
-/// Where the vehicle is on the path.
+/// Position of the vehicle on the path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) s: f64,
@@ -58,7 +58,7 @@ impl Path {
     /// The path of a maneuver; the maneuver `table` needs the name and the columns x and y of its file.
     ///
     /// # Errors
-    /// The parameter or row that makes no path, its value and the rule.
+    /// A parameter or row is invalid; the message has its value and the rule.
     pub(crate) fn new(p: &PathDriver, table: Option<(&str, &Columns)>) -> Result<Self, String> {
         match p.maneuver {
             Maneuver::Straight | Maneuver::SlowlyIncreasingSteer | Maneuver::Fishhook => {
@@ -126,8 +126,8 @@ impl Path {
         Self { points, end }
     }
 
-    /// Projects the position `x`, `y` of a vehicle with the heading `yaw` onto the path, from the segment of the last sample on,
-    /// which becomes that of this one. Walking on from there keeps paths that cross themselves apart.
+    /// Projects the position `x`, `y` of a vehicle with the heading `yaw` onto the path. The search starts at the segment of the
+    /// last sample and updates it, which resolves paths that cross themselves.
     pub(crate) fn project(&self, segment: &mut u64, [x, y]: [f64; 2], yaw: f64) -> Place {
         let last = self.points.len() - 2;
         let share = |j: usize| {
@@ -135,7 +135,7 @@ impl Path {
             let (dx, dy) = (b.x - a.x, b.y - a.y);
             ((x - a.x) * dx + (y - a.y) * dy) / (dx * dx + dy * dy)
         };
-        // The segment may come from saved bytes. Each loop goes one way, so both end, whatever the numbers are.
+        // The segment may come from saved bytes. Each loop moves in one direction, so both end for any value.
         let mut j = usize::try_from(*segment).unwrap_or(last).min(last);
         while j < last && share(j) >= 1.0 {
             j += 1;
@@ -145,7 +145,7 @@ impl Path {
         }
         *segment = j as u64;
         let mut q = share(j);
-        // The first and the last segment go on straight.
+        // The first and the last segment are extended straight.
         if j > 0 {
             q = q.max(0.0);
         }
@@ -176,12 +176,12 @@ fn mirrored(p: &PathDriver, [x, y, theta]: [f64; 3]) -> [f64; 3] {
     if p.mirror { [x, -y, -theta] } else { [x, y, theta] }
 }
 
-/// Number of the point nearest to `x` in m.
+/// Index of the point nearest to `x` in m.
 fn nearest(x: f64) -> usize {
     (x / SPACING + 0.5).floor() as usize
 }
 
-/// Number of the last point of a path of this length in m, which the parameters `names` make.
+/// Index of the last point of a path of this length in m, which follows from the parameters `names`.
 fn last_point(length: f64, names: &str) -> Result<usize, String> {
     let most = MOST_POINTS * SPACING;
     if length > most {

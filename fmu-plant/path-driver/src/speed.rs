@@ -1,10 +1,10 @@
-//! Speed: what the driver wants, and the pedals that keep it.
+//! Speed: the driver's reference, and the pedals that keep it.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | t, T | time since the start, sample time |
-//! | v, v_ref | speed of the vehicle, not negative, and that which the driver wants |
-//! | a | acceleration that the driver asks for |
+//! | v, v_ref | speed of the vehicle, not negative, and its reference |
+//! | a | demanded acceleration |
 //! | z | integral of the error of the speed |
 
 use crate::steering::SLACK;

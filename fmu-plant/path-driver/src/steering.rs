@@ -4,7 +4,7 @@
 //! |---|---|
 //! | t, T, n | time since the start, sample time, number of the sample |
 //! | v | speed, not negative |
-//! | e, heading error, s | place of the vehicle on the path |
+//! | e, heading error, s | position of the vehicle on the path |
 //! | L_p | distance that the driver looks ahead |
 //! | M | steering angle per curvature: wheelbase and understeer |
 //! | kappa | curvature of the path |
@@ -24,13 +24,13 @@ use fmu::prelude::*;
 use crate::path::Place;
 use crate::{D, Maneuver, PathDriver, X};
 
-/// Time in s by which rounding may put a sample off the instant that is meant for it.
+/// Time in s by which rounding may shift a sample from its instant.
 pub(crate) const SLACK: f64 = 1e-9;
 
 /// Greatest delay in samples.
 const MOST_SAMPLES: f64 = 10_000.0;
 
-/// Speed in m/s below which the integral of the deviation rests.
+/// Speed in m/s below which the integral of the deviation is held.
 const INTEGRAL_SPEED: f64 = 0.5;
 
 /// Phases of the fishhook.
@@ -53,13 +53,13 @@ pub(crate) enum Phase {
     End,
 }
 
-/// The steering angles of the last samples, as many as the delay has samples: the place of sample `n` is `n` modulo their
+/// The steering angles of the last samples, one for each sample of the delay: sample `n` has the index `n` modulo their
 /// number.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Delay(Box<[f64]>);
 
 impl Delay {
-    /// A delay of so many samples; 0 before the first one.
+    /// Creates a delay of this number of samples, filled with 0.
     pub(crate) fn of(samples: usize) -> Self {
         Self(vec![0.0; samples].into())
     }
@@ -86,12 +86,12 @@ impl StateField for Delay {
     }
 }
 
-/// What follows from the parameters.
+/// Derived parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct Steering {
     /// Delay in samples.
     pub(crate) delay: usize,
-    /// Share of its way that the lag goes in a sample.
+    /// Fraction of the remaining difference that the lag covers in a sample.
     lag: f64,
     /// Greatest angle of the road wheels, rad, and its greatest change in a sample, rad.
     limit: f64,
@@ -148,7 +148,7 @@ pub(crate) fn follow(p: &PathDriver, d: &D, x: &mut X, place: &Place, v: f64, t:
     }
 }
 
-/// Whether the steering angle is held.
+/// Returns true if the steering angle is held.
 fn is_held(p: &PathDriver, t: f64) -> bool {
     t >= p.hold_start - SLACK
 }

@@ -1,7 +1,7 @@
 //! Check numbers, closed forms and invariants.
 //!
-//! "Check numbers" are those of the model's specification, which an independent implementation computed; they are compared
-//! to their last printed digit.
+//! "Check numbers" are those of the model's specification, computed by an independent implementation; they are compared to
+//! their last printed digit.
 
 use std::sync::Arc;
 
@@ -111,7 +111,7 @@ fn the_clothoid_has_a_linear_curvature() {
     assert!((jump.curvature(50.2) - 0.01).abs() < 1e-12);
 }
 
-/// The path keeps to the middle of the lanes, less the cut, as far as the overlap does not reach.
+/// Outside of the overlap, the path keeps to the middle of the lanes, less the cut.
 #[test]
 fn lane_changes_pass_the_middle_of_the_lanes() {
     for (maneuver, track, o) in [
@@ -274,9 +274,9 @@ fn rounds_of_a_circle_have_their_own_stations() {
     }
 }
 
-/// Standing still changes nothing, and a way back brings the same numbers again, up to the corners of the polyline: inside of
-/// a bend the vehicle is beside both segments, and counts to that it comes from. A corner of 0.1 m times 0.012 1/m, 2.5 m away,
-/// is 3 mm of the path, 2e-6 m of the deviation and 4e-5 rad of the heading, of which the law makes 6e-5 rad.
+/// Standing still changes nothing, and driving back gives the same numbers, up to the corners of the polyline: inside of a
+/// bend the vehicle is beside both segments, and is assigned to the one it comes from. A corner of 0.1 m times 0.012 1/m, 2.5 m
+/// away, is 3 mm of the path, 2e-6 m of the deviation and 4e-5 rad of the heading, which is 6e-5 rad of steering by the law.
 #[test]
 fn standstill_and_way_back_are_harmless() {
     let p = PathDriver { k_i: 0.3, ..immediate(Maneuver::DoubleLaneChange) };
@@ -294,7 +294,7 @@ fn standstill_and_way_back_are_harmless() {
         );
         assert!((found.steer - expected.steer).abs() < 1e-4, "{k}: {found:?}, {expected:?}");
     }
-    // At rest the integral rests, too.
+    // At rest the integral is held, too.
     assert_eq!(run.state().integral, 0.0);
 }
 
@@ -337,7 +337,7 @@ fn the_law_of_the_deviation() {
     }
 }
 
-/// The feedforward looks ahead by all the times by which driver and vehicle are late; a negative time constant is none.
+/// The feedforward looks ahead by the total delay of driver and vehicle; a negative time constant means none.
 #[test]
 fn the_feedforward_leads() {
     for (delay, lag, lead) in [(0.0, 0.0, 0.3), (0.2, 0.0, 0.5), (0.2, 0.4, 0.9), (0.2, -0.4, 0.5)] {
@@ -360,7 +360,7 @@ fn the_feedforward_leads() {
     }
 }
 
-/// By hand: the law is that of the sample before the integral takes its deviation.
+/// By hand: the law is evaluated before the integral adds the deviation of the sample.
 #[test]
 fn the_integral_acts_one_sample_later_and_not_at_rest() {
     for (v, rate) in [(0.499, 0.0), (0.5, 0.4)] {
@@ -425,7 +425,7 @@ fn the_steering_angle_is_held_from_a_time_on() {
     let y: Vec<_> = (0..20).map(|k| run.sample(&at(0.0, f64::from(k), 0.0, 10.0)).unwrap().steer).collect();
     assert!(y[..7].windows(2).all(|pair| pair[1] < pair[0]));
     assert!(y[7..].iter().all(|steer| *steer == y[6]), "{y:?}");
-    // The integral rests, too: sum of 0.5 k 0.01 up to the sample before. 7 times 0.01 is above 0.07 by rounding.
+    // The integral is held, too: sum of 0.5 k 0.01 up to the sample before. 7 times 0.01 is above 0.07 by rounding.
     assert!((run.state().integral - 0.5 * 0.01 * 21.0).abs() < 1e-15, "{}", run.state().integral);
 }
 
@@ -436,7 +436,7 @@ fn a_lost_path_keeps_the_steering_angle() {
     let near = run.sample(&at(0.0, 2.0, 0.0, 10.0)).unwrap();
     assert!(!near.lost);
     let integral = run.state().integral;
-    // The sample of the loss already keeps the angle; the place on the path and the pedals go on.
+    // The angle is held from the sample of the loss on; position on the path and pedals are still updated.
     for (y, v) in [(2.1, 10.0), (0.0, 12.0), (-1.0, 20.0)] {
         let sample = run.sample(&at(1.0, y, 0.1, v)).unwrap();
         assert!(sample.lost && !sample.finished);
@@ -445,7 +445,7 @@ fn a_lost_path_keeps_the_steering_angle() {
         assert_eq!(sample.throttle > 0.0, v < 16.0);
         assert_eq!(sample.brake > 0.0, v > 17.0);
     }
-    // The end counts as reached even so.
+    // The end is still detected.
     assert!(run.sample(&at(200.0, 9.0, 0.0, 10.0)).unwrap().finished);
 }
 
@@ -477,7 +477,7 @@ fn the_end_is_that_of_the_maneuver_and_stays() {
         assert!(y.finished);
         // A sample every 25 mm.
         assert!((first.unwrap_or(y.s) - end).abs() < 0.03, "{maneuver:?}: {first:?} instead of {end}");
-        // For good.
+        // `finished` stays true.
         assert!(run.sample(&at(0.0, 0.0, 0.0, 10.0)).unwrap().finished);
     }
 }
@@ -491,7 +491,7 @@ fn slowly_increasing_steer_is_a_ramp() {
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 0..5000 {
         let t = f64::from(k) * 1e-3;
-        // Beyond the end of the line, which ends nothing.
+        // Beyond the end of the line, which does not end the maneuver.
         let y = run.sample(&at(1e3, 25.0, 0.3, 20.0)).unwrap();
         let ramp = 13.5_f64.to_radians() * (t - 1.0).max(0.0);
         assert!((y.steering_wheel + ramp.min(0.5)).abs() < 1e-14, "{t} s: {}", y.steering_wheel);
@@ -501,7 +501,7 @@ fn slowly_increasing_steer_is_a_ramp() {
     }
 }
 
-/// The amplitude itself is the end: numbers without rounding.
+/// The ramp ends exactly at the amplitude: numbers without rounding.
 #[test]
 fn slowly_increasing_steer_ends_with_its_amplitude() {
     let p = PathDriver { t_0: 0.0, w_a: 1.0, a: 0.5, sample_time: 0.25, ..driver(Maneuver::SlowlyIncreasingSteer) };
@@ -676,7 +676,7 @@ fn pedals_are_released_for_good_and_the_brake_comes_in_any_case() {
             assert!((y.brake - brake).abs() < 1e-14, "{k}: {}", y.brake);
         }
     }
-    // Station 0 is one, too; and a ramp of no duration.
+    // Release at station 0, and a ramp without duration.
     let mut run = DiscreteSimulation::new(PathDriver { release: 0.0, d_brake: 0.0, ..p }).unwrap();
     let y: Vec<_> = (0..7).map(|_| run.sample(&at(0.0, 0.0, 0.0, 16.0)).unwrap()).collect();
     assert!(y.iter().all(|y| y.throttle == 0.0));
@@ -703,7 +703,7 @@ impl Car {
         self.inputs = named(&[("driver.speed", speed), ("steer.front", steer), ("road_friction.fl", 1.0)]);
     }
 
-    /// What the driver sees.
+    /// Inputs of the driver.
     fn seen(&self) -> U {
         let state = self.run.state();
         let [x, y, yaw, roll_rate] = ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "body.roll_rate"]
@@ -739,7 +739,7 @@ fn driven(p: PathDriver, speed: f64, time: f64) -> Vec<Y> {
     samples
 }
 
-/// The driver knows the car: its wheelbase and its understeer gradient.
+/// A driver with the wheelbase and the understeer gradient of the car.
 fn of_the_car(maneuver: Maneuver) -> PathDriver {
     PathDriver { l: 2.7, k: 0.003198653, v_0: 18.0, ..driver(maneuver) }
 }
@@ -771,8 +771,8 @@ fn without_the_integral_the_sideslip_angle_is_left() {
     assert_printed(e, -0.066, 1e-3);
 }
 
-/// Invariant of the specification: mirrored path and mirrored vehicle, mirrored results, to 1e-12; as all operations are
-/// odd or even, bit by bit.
+/// Invariant of the specification: mirrored path and mirrored vehicle give mirrored results, to 1e-12; bit-identical, as all
+/// operations are odd or even.
 #[test]
 fn mirrored_path_and_vehicle_are_mirrored() {
     for maneuver in
@@ -795,7 +795,7 @@ fn mirrored_path_and_vehicle_are_mirrored() {
     }
 }
 
-/// The car drives the whole track within its lanes, which its middle does not leave, and finishes.
+/// The car drives the whole track, its center stays within the lanes, and the maneuver finishes.
 #[test]
 fn the_car_drives_the_double_lane_change() {
     let p = of_the_car(Maneuver::DoubleLaneChange);
@@ -823,10 +823,10 @@ fn the_car_drives_the_double_lane_change() {
     assert!((2000..2280).contains(&finished), "{finished}");
 }
 
-// Numbers that no vehicle has.
+// Arbitrary inputs.
 
 proptest! {
-    /// Whatever the inputs are, a sample ends without a panic: the walk along the path, too.
+    /// For any inputs, a sample ends without a panic, including the search along the path.
     #[test]
     fn no_input_stops_the_driver(
         maneuver in 0..8_i32, k in 1..50_usize,
@@ -968,7 +968,7 @@ proptest! {
     }
 }
 
-/// What the parameters alone exclude is rejected when it is set.
+/// A value outside the limits of its parameter is rejected when it is set.
 #[test]
 fn rejects_numbers_outside_their_limits() {
     let mut fmu = Fmu::new(FilePath::new(""));
@@ -1000,7 +1000,7 @@ fn rejects_numbers_outside_their_limits() {
     }
 }
 
-/// What parameters exclude together is rejected at the end of initialization, for the maneuvers that need them.
+/// Inconsistent parameters are rejected at the end of initialization, for the maneuvers that need them.
 #[test]
 fn rejects_what_makes_no_sense() {
     let error = |p: &PathDriver| p.derived().unwrap_err();
@@ -1094,7 +1094,7 @@ fn the_table_comes_from_a_file() {
     assert!(fmu.instance.deserialize(&bytes).is_err());
 }
 
-/// Before the first sample the speed is that of the start, and all other outputs are 0.
+/// Before the first sample the speed is the initial speed, and all other outputs are 0.
 #[test]
 fn the_speed_is_there_from_the_start() {
     let mut fmu = Fmu::new(FilePath::new(""));

@@ -1,5 +1,5 @@
 //! Equations of motion, in the order of computation: deflections, tires, vertical motion, lateral motion. The numbers
-//! are those of the paper; what had to be corrected stands in the README.
+//! are those of the paper; corrections are listed in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|

@@ -13,7 +13,7 @@ use chassis_vehicle::data::rescue_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// How the lateral tire force depends on the slip angle.
+/// Dependence of the lateral tire force on the slip angle.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TireModel {
     /// proportional to the slip angle, as in the paper
@@ -169,7 +169,7 @@ pub struct Y<T> {
     f_y: SixWheels<T>,
 }
 
-/// What follows from geometry and masses.
+/// Parameters derived from geometry and masses.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Sprung mass

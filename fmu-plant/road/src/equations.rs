@@ -1,4 +1,4 @@
-//! Equations of the road: what lies under each wheel, as a function of the distance traveled.
+//! Equations of the road: height and friction under each wheel, as functions of the distance traveled.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -15,11 +15,11 @@
 //!
 //! The heights belong to the distance before the step; the plant that steps next moves on over them.
 //!
-//! The front axle starts at distance 0, the axles behind it stand at negative distances. Flat road, harmonics and
-//! table are defined for every distance, so they are also right for a vehicle that rolls back. Shaped noise is
+//! The front axle starts at distance 0, the axles behind it start at negative distances. Flat road, harmonics and
+//! table are defined for every distance, so they are also correct for a vehicle that rolls back. Shaped noise is
 //! generated forwards and kept for the last [`HISTORY`] grid points before the farthest one the front axle has
-//! reached (10.2 m at 1 cm): within them a vehicle that rolls back meets the road it came over, to the bit; an axle
-//! farther back stands on the oldest height kept.
+//! reached (10.2 m at 1 cm): within them, a vehicle that rolls back gets bit-identical heights; an axle farther back
+//! gets the oldest height kept.
 
 use chassis_vehicle::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis_vehicle::random::Normals;
@@ -36,18 +36,18 @@ pub(crate) const HISTORY: usize = 1024;
 /// points then end with index 1, the far end of the cell in which the front axle starts.
 const FIRST: f64 = 2.0 - HISTORY as f64;
 
-/// Most grid points of shaped noise that one sample may pass over (50 ms of work): beyond, the speed is a mistake.
+/// Maximum number of grid points of shaped noise per sample (50 ms of work): beyond, the speed is a mistake.
 const MOST_POINTS: f64 = 1e6;
 
 /// Largest standard deviation of stationary shaped noise in m. Class H (the worst of ISO 8608) with the cutoff of the
-/// standard has 0.61 m; beyond 1 m the heights, three times that, are no road.
+/// standard has 0.61 m; beyond 1 m the heights, three times that, are unrealistic.
 const HIGHEST: f64 = 1.0;
 
-/// Share of a cell that rounding may be off.
+/// Fraction of a cell by which rounding may be off.
 const SLACK: f64 = 1e-6;
 
-/// Whether an output can depend on a parameter: the distance on the sample time alone, the friction of a place on where it
-/// is, the height on everything else but what belongs to the other side.
+/// Returns true if an output can depend on a parameter: the distance on the sample time only; friction and height on the
+/// parameters of their own side, the friction on the offset of its axle, the height on all others but those of the friction.
 pub(crate) fn influence(output: &str, parameter: &str) -> bool {
     let Some((signal, place)) = output.split_once('.').filter(|(signal, _)| *signal != "road") else {
         return parameter == "sample_time";
@@ -87,7 +87,7 @@ impl Default for X {
     }
 }
 
-/// The profile with what belongs to it.
+/// The profile with its precomputed data.
 #[derive(Clone, Debug)]
 pub(crate) enum Surface {
     Flat,
@@ -96,7 +96,7 @@ pub(crate) enum Surface {
     Table(Heights),
 }
 
-/// How the right track comes from the profiles.
+/// Computation of the right track from the profiles.
 #[derive(Clone, Copy, Debug)]
 enum Pair {
     Same,
@@ -134,7 +134,7 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     }
 }
 
-/// What does not change during a run; the profile table needs the `table`.
+/// Computes the constant data of a run; the profile table needs the `table`.
 pub(crate) fn derived(p: &Road, table: Option<Table>) -> Result<D, String> {
     let coefficient = class_coefficient(p.class).unwrap_or(p.g_d);
     let pair = match p.tracks {
@@ -173,7 +173,7 @@ fn noise(p: &Road, coefficient: f64, pair: Pair) -> Result<Noise, String> {
             p.n_00 * (deviation / HIGHEST).powi(2)
         ));
     }
-    // one cell less than the points span: the front axle may stand just before its far end
+    // one cell less than the points span: the front axle may be just before its far end
     let longest = (HISTORY - 3) as f64 * p.ds;
     for (place, offset) in RearAxles::<f64>::ELEMENTS.iter().zip(*p.l) {
         if offset > longest {
@@ -241,7 +241,7 @@ fn heights(table: Table, pair: Pair) -> Heights {
     Heights { table, pair, all_pass }
 }
 
-/// Rejects a speed that leads beyond all numbers, or over more grid points of shaped noise than one sample may pass.
+/// Rejects a speed that makes the distance infinite or passes too many grid points of shaped noise in one sample.
 pub(crate) fn check(p: &Road, d: &D, x: &X, u: &U) -> Result<(), String> {
     let next = x.s + u.u * p.sample_time;
     if !next.is_finite() {
@@ -288,7 +288,7 @@ pub(crate) fn sample(p: &Road, d: &D, x: &mut X, u: &U, t: f64) -> Y {
         (z, mu)
     });
 
-    // Kahan: the rounding of this sum is taken off the next step
+    // Kahan: the rounding of this sum is subtracted from the next step
     let step = u.u * p.sample_time - x.s_excess;
     x.s = s + step;
     x.s_excess = (x.s - s) - step;
@@ -326,7 +326,7 @@ impl Surface {
         }
     }
 
-    /// Fingerprint of the file, 0 without one.
+    /// Hash of the file, 0 without one.
     pub(crate) fn content_hash(&self) -> u64 {
         match self {
             Self::Table(heights) => heights.table.content_hash(),
@@ -335,14 +335,14 @@ impl Surface {
     }
 }
 
-/// How many grid points there are up to the far end of the cell of a distance. Within the slack of the next cell that
-/// cell counts too, so that rounding does not decide.
+/// Number of grid points up to the far end of the cell of a distance. Within the slack of the next cell, that cell
+/// counts too, so that rounding has no effect.
 fn points_up_to(p: &Road, s: f64) -> f64 {
     (s / p.ds + SLACK).floor() + 2.0 - FIRST
 }
 
 impl Noise {
-    /// Generates the grid points up to the far end of the cell in which the front axle stands.
+    /// Generates the grid points up to the far end of the cell of the front axle.
     fn generate(&self, p: &Road, x: &mut X) {
         let missing = points_up_to(p, x.s) - x.points as f64;
         if missing <= 0.0 {
@@ -402,7 +402,7 @@ impl X {
 
 impl Heights {
     fn at(&self, place: f64) -> [f64; 2] {
-        // `parse_table` saw to both columns
+        // `parse_table` has checked both columns
         let column = |index| self.table.at(index, place).unwrap_or(0.0);
         let z = column(0);
         match self.pair {
@@ -885,7 +885,7 @@ mod tests {
         assert_eq!(heights[1000..], [0.0, 0.03]);
     }
 
-    /// Split friction from the start, jumping friction from 10 m on for each axle as it gets there.
+    /// Split friction from the start, changed friction for each axle from 10 m on.
     #[test]
     fn friction_changes_with_distance() {
         let p = Road {
@@ -905,8 +905,8 @@ mod tests {
         assert_eq!(drive.step(0.0).mu[..2], [1.0, 0.3]);
     }
 
-    /// Back over the last meters lies the road that came, to the bit at the same distance; further back than the
-    /// history (10.2 m here) the oldest height is held; forwards again the road goes on as if nothing had happened.
+    /// Driving back over the last meters gives bit-identical heights at the same distance; further back than the history
+    /// (10.2 m here) the oldest height is held; forwards again, the road continues as without driving back.
     #[test]
     fn drives_backwards() {
         // 1/64 m per sample: all distances are exact
@@ -938,7 +938,7 @@ mod tests {
         }
     }
 
-    /// Standing, the road stands; a speed that jumps far over many cells meets the same road.
+    /// At standstill the heights are constant; a speed that passes many cells at once gives the same road.
     #[test]
     fn standstill_and_jumps() {
         for drive in roads() {
@@ -990,7 +990,7 @@ mod tests {
         ] {
             assert_eq!(derived(&parameters, None).unwrap_err(), message);
         }
-        // the worst class with the cutoff of the standard, and the cutoff that the message names
+        // the worst class with the cutoff of the standard, and the cutoff in the message
         assert!(derived(&Road { class: 8, ..p() }, None).is_ok());
         assert!(derived(&Road { n_00: 4.022e-6, ..p() }, None).is_ok());
         assert_eq!(
@@ -1020,7 +1020,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// A state saved at any sample and restored later continues to the bit, at any speeds, on every road.
+        /// A state saved at any sample and restored later continues bit-identical, at any speed, on every road.
         #[test]
         fn saved_state_continues(road in 0..16_usize, speeds in proptest::collection::vec(-30.0..300.0_f64, 2..200), cut in 0.0..1.0_f64) {
             let mut drive = roads().nth(road).unwrap();
@@ -1039,7 +1039,7 @@ mod tests {
             }
         }
 
-        /// Whatever the speed: heights or a message, no panic.
+        /// Any speed gives heights or a message, no panic.
         #[test]
         fn never_panics(road in 0..16_usize, speeds in proptest::collection::vec(proptest::num::f64::ANY, 1..20)) {
             let mut drive = roads().nth(road).unwrap();

@@ -13,7 +13,7 @@ use chassis_vehicle::prelude::*;
 use chassis_vehicle::table;
 use fmu::prelude::*;
 
-/// Where the height of the left track comes from.
+/// Source of the height of the left track.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
     /// height 0 everywhere
@@ -26,7 +26,7 @@ pub enum Profile {
     Table = 3,
 }
 
-/// How the right track belongs to the left one.
+/// Relation of the right track to the left one.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tracks {
     /// right as left
@@ -39,7 +39,7 @@ pub enum Tracks {
     Delayed = 3,
 }
 
-/// What the road is like where the vehicle starts.
+/// Roughness at the start of the road.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoughnessStart {
     /// rough everywhere
@@ -50,7 +50,7 @@ pub enum RoughnessStart {
     ZeroUpToRearAxle = 2,
 }
 
-/// What stands on the road.
+/// Shape of the obstacle.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObstacleShape {
     /// no obstacle
@@ -146,7 +146,7 @@ pub struct Road {
     sample_time: f64,
 }
 
-/// What moves the vehicle over the road.
+/// Speed of the vehicle.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(VEHICLE_SPEED)]
@@ -190,7 +190,7 @@ pub struct X {
     right: Box<[f64; equations::HISTORY]>,
 }
 
-/// The height of the road as far as it does not come about on the way.
+/// The part of the height that is computed before the run.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     surface: equations::Surface,

@@ -113,7 +113,7 @@ fn rejects_numbers_outside_their_limits() {
     }
 }
 
-/// From bytes, in another instance, every profile goes on to the bit as the one that was saved.
+/// Restored from bytes in another instance, every profile continues bit-identical to the saved one.
 #[test]
 fn saved_bytes_continue() {
     let folder = tempfile::tempdir().unwrap();
@@ -162,7 +162,7 @@ fn table_comes_from_a_file() {
     fmu.step();
     assert_eq!([fmu.get("road_height.l"), fmu.get("road_height.r"), fmu.get("road.distance")], [0.05, 0.1, 5.0]);
 
-    // a saved state goes on with the same content only
+    // a saved state requires the same file content
     let saved = fmu.instance.snapshot().unwrap();
     let bytes = fmu.instance.serialize(&saved).unwrap();
     assert!(fmu.instance.deserialize(&bytes).is_ok());

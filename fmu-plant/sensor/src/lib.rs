@@ -37,7 +37,7 @@ pub struct U {
     u: f64,
 }
 
-/// What the sensor makes of it.
+/// The measured signal.
 #[derive(Outputs, Clone, Debug, PartialEq)]
 pub struct Y {
     /// Signal as measured, in its unit

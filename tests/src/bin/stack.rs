@@ -1,9 +1,9 @@
-//! Measures how much stack the thread needs that calls an FMU.
+//! Measures the stack that a thread needs to call an FMU.
 //!
 //! - `stack FMU...` prints for each FMU the least stack of a thread, in kB of 1024 bytes and whole pages, in which a
 //!   whole life of the FMU (all functions, rejected calls, saved states, a reset) does not overflow;
-//! - `stack --within KB FMU` leads that life in a thread of this stack; the process ends by a signal if it overflows;
-//! - `stack --within KB --below KB FMU` calls the FMU below frames that take so much of the stack.
+//! - `stack --within KB FMU` runs that life in a thread with this stack; the process ends by a signal if it overflows;
+//! - `stack --within KB --below KB FMU` calls the FMU below frames that take this much of the stack.
 //!
 //! The figure contains the start of the thread and the frames of this caller, about 2 kB.
 
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use tests::Fmu;
 
-/// Sizes that are tried: below the first one the system gives a thread more than was asked for.
+/// Range of tested sizes: below the first one, the system gives a thread more than requested.
 const LEAST_KB: usize = 16;
 const MOST_KB: usize = 1024;
 const PAGE_KB: usize = 4;
@@ -59,7 +59,7 @@ fn below(frames: usize, work: &dyn Fn()) {
 }
 
 fn within(size: usize, frames: usize, path: &str) {
-    // Unpacked and loaded by the main thread: that is work of the master.
+    // Unpacked and loaded by the main thread, as by a master.
     let fmu = Fmu::open(Path::new(path));
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().stack_size(size * 1024);
@@ -72,10 +72,10 @@ fn within(size: usize, frames: usize, path: &str) {
     });
 }
 
-/// Whether an FMU's life does not overflow a stack of this many kB.
+/// Returns true if an FMU's life does not overflow a stack of this many kB.
 fn is_enough(size: usize, path: &str) -> bool {
     let program = std::env::current_exe().expect("the path of this program");
-    // What a child unpacks and leaves behind when a signal ends it.
+    // Folder for files that a child unpacks and leaves behind when a signal ends it.
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut child = Command::new(program);
     child.env("TMPDIR", folder.path());

@@ -59,7 +59,7 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// A number that suits the variable, most of the time.
+    /// A number that is usually valid for the variable.
     pub(super) fn value(&mut self, reference: Reference) -> f64 {
         if self.chance(12) {
             return self.wild();
@@ -81,7 +81,7 @@ impl Fuzzer<'_> {
         self.specs.iter().filter(move |spec| spec.data_type == data_type)
     }
 
-    /// The number of values of some variables; 1 for one that there is not.
+    /// The number of values of some variables; 1 for an unknown variable.
     pub(super) fn size(&self, references: &[Reference]) -> usize {
         let size = |reference| self.specs.iter().find(|spec| spec.reference == reference).map_or(1, |spec| spec.size);
         if self.version == FmiVersion::V2 { references.len() } else { references.iter().copied().map(size).sum() }
@@ -104,7 +104,7 @@ impl Fuzzer<'_> {
             .collect()
     }
 
-    /// How many values of an array are stated: all, fewer, or more than memory can hold.
+    /// The stated number of values of an array: all, fewer, or more than memory can hold.
     pub(super) fn count(&mut self, length: usize) -> usize {
         match self.random.below(40) {
             0 => usize::MAX,

@@ -51,7 +51,7 @@ enum Libraries {
 }
 
 impl Fuzzer<'_> {
-    /// The mode of an instance with a logger: what the error of a call says that is rejected in every mode.
+    /// The mode of an instance with a logger, from the error of a call that is rejected in every mode.
     pub(super) fn mode(&mut self, at: usize) -> Checked<Mode> {
         let slot = &self.slots[at];
         let (function, own, status) = match (self.version, slot.interface) {
@@ -147,7 +147,7 @@ impl Fuzzer<'_> {
         .map(drop)
     }
 
-    /// The time of an instance, if it says it.
+    /// The time of an instance as reported by the FMU, else 0.
     pub(super) fn now(&mut self, at: usize) -> f64 {
         let (mut now, instance) = ([0.0], &self.slots[at].instance);
         match self.time {

@@ -6,8 +6,7 @@ use crate::raw::{OK, RawState};
 use crate::state_bytes::{COLUMN_AT, GUID_AT, Place, VERSION_AT, seal};
 
 impl Fuzzer<'_> {
-    /// A state to pass, with its place in the list and the mode it was saved in: one of the instance, of another one,
-    /// freed, null or made up.
+    /// A state to pass, with its index in the list and its kind: of this instance, of another one, freed, null or invented.
     pub(super) fn some_state(&mut self, at: usize) -> (RawState, Option<usize>, &'static str) {
         let other = (at + 1) % self.slots.len();
         let own = self.slots[at].states.len();
@@ -22,8 +21,8 @@ impl Fuzzer<'_> {
                 return (self.slots[at].states[place].0, Some(place), "own");
             }
         };
-        // Memory of a freed state may be that of a new one. What stands in for it is rejected like it, so that a run
-        // does not depend on addresses.
+        // A new state may reuse the memory of a freed one. The invented pointer used instead is rejected like a freed
+        // state, so that a run does not depend on addresses.
         let is_used_again = self.slots[at].states.iter().any(|known| known.0 == state);
         (if is_used_again { RawState::invented(0xdead_beef) } else { state }, None, what)
     }
@@ -45,14 +44,14 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Where a state goes to: none yet, or one that is there; `None` if there are enough and none was picked.
+    /// Target of a saved state: none yet, or an existing one; `None` if there are enough and none was picked.
     pub(super) fn target(&mut self, at: usize) -> Option<(RawState, Option<usize>, &'static str)> {
         let is_full = self.slots[at].states.len() >= STATES;
         let target = if is_full || self.chance(3) { self.some_state(at) } else { (RawState::NULL, None, "null") };
         (!(target.0.is_null() && is_full)).then_some(target)
     }
 
-    /// Notes the mode of the state at `place`, or a new state.
+    /// Records the mode of the state at `place`, or a new state.
     pub(super) fn keep(&mut self, at: usize, place: Option<usize>, state: RawState, mode: Option<Mode>) {
         match place {
             Some(place) => self.slots[at].states[place].1 = mode,
@@ -122,7 +121,7 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?} {size} {}", target.is_some());
         let function = "fmi2SerializeFMUstate";
         let status = self.call(at, function, text, Next::Same, |instance| instance.serialize(state, target, size))?;
-        // Where the size was not told, it is not known whether this one is enough.
+        // Without the size from the FMU, it is unknown whether this size is sufficient.
         let is_known = place.is_none() || has_target;
         ensure(!is_known || (status == OK) == is_due, || format!("{function} returned {status}"))?;
         let used = if status == OK { needed.min(size) } else { 0 };
@@ -171,13 +170,13 @@ impl Fuzzer<'_> {
                 self.other_version(&mut bytes);
                 ("of another version", Some(false))
             }
-            // What the checksum does not find: the values of another FMU of the same GUID, or crafted ones.
+            // Changes that the checksum does not detect: values of another FMU with the same GUID, or crafted ones.
             5 => {
                 for _ in 0..1 + self.random.below(3) {
                     self.craft(&mut bytes);
                 }
                 if interface != self.slots[at].interface {
-                    // As if it was saved of an instance of this interface.
+                    // As if saved from an instance of this interface.
                     bytes[COLUMN_AT] ^= 1;
                 }
                 seal(&mut bytes);
@@ -191,7 +190,7 @@ impl Fuzzer<'_> {
                 if self.chance(2) {
                     ("foreign", Some(false))
                 } else {
-                    // As if the other FMU had this one's GUID; its values may happen to suit.
+                    // As if the other FMU had this one's GUID; its values may happen to be valid.
                     replace_guid(&mut bytes, &guid);
                     if self.chance(2) {
                         bytes[COLUMN_AT] ^= 1;
@@ -246,7 +245,7 @@ impl Fuzzer<'_> {
         replace_guid(bytes, &other);
     }
 
-    /// Other bytes: a time or the number of samples, single bytes anywhere, eight anywhere that are a number, or the
+    /// Changes bytes: a time or the number of samples, single bytes anywhere, a number in eight bytes anywhere, or the
     /// value of a real variable.
     pub(super) fn craft(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;

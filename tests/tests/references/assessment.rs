@@ -4,7 +4,7 @@ use super::table::Table;
 use fmu_assess::{Trace, evaluators};
 use serde_json::{Map, Value};
 
-/// Share of an expected number; an expected 0 is held to [`ZERO`].
+/// Relative tolerance of an expected number; for an expected 0, [`ZERO`] is the absolute tolerance.
 const TOLERANCE: f64 = 1e-6;
 const ZERO: f64 = 1e-9;
 /// The expected numbers of closed loops are those of a finer integration.
@@ -22,7 +22,7 @@ fn expected() -> Map<String, Value> {
     serde_json::from_str(&text).expect("it is an object of JSON")
 }
 
-/// What an evaluator finds in a file, with the options of the entry.
+/// Metrics of a file by an evaluator, with the options of the entry.
 fn evaluate(name: &str, entry: &Value) -> Value {
     let table = Table::read(&format!("assessment/{name}"));
     let signals = table.names.iter().filter(|column| *column != "time");
@@ -34,7 +34,7 @@ fn evaluate(name: &str, entry: &Value) -> Value {
     serde_json::from_str(&evaluation.to_json()).expect("it is JSON")
 }
 
-/// Compares everything that is expected. The largest deviation is returned, as a share of the tolerance.
+/// Compares all expected numbers. Returns the largest deviation, as a fraction of the tolerance.
 fn compare(place: &str, expected: &Value, found: &Value, tolerance: f64) -> f64 {
     match (expected, found) {
         (Value::Object(expected), Value::Object(_)) => {

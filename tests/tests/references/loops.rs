@@ -135,7 +135,7 @@ fn compare(case: &Loop) {
         let index = plan.columns.iter().position(|column| column.name == *name).expect("it is recorded");
         let expected = table.column(name);
         let peak = expected.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
-        // No row at the start: what a row says of the driver was held during the step before it.
+        // No row at the start: the driver's values in a row were held during the step before it.
         let found = &recording.column(index).unwrap()[1..];
         assert_eq!(found.len(), expected.len(), "{name}");
         let difference = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

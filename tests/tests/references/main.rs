@@ -1,4 +1,4 @@
-//! Runs against reference data: an independent implementation of the same equations made it (`references/`, README).
+//! Runs against reference data, computed by an independent implementation of the same equations (`references/`, README).
 
 mod assessment;
 mod driving;
@@ -22,10 +22,10 @@ use tests::{Fmu, ok};
 /// Step of a file in s, unless its case states another one.
 const STEP: f64 = 0.001;
 
-/// What one row of a file does with an FMU.
+/// Call of an FMU for one row of a file.
 #[derive(Clone, Copy, Debug)]
 enum Call {
-    /// Set the inputs that the bus knows.
+    /// Set the inputs that are on the bus.
     Set(&'static str),
     /// Read the outputs onto the bus.
     Read(&'static str),
@@ -61,7 +61,7 @@ struct Case {
     /// String parameters that name a file beside the reference data.
     files: &'static [(&'static str, &'static str, &'static str)],
     program: &'static [Call],
-    /// What every column is held to; the first that names it counts if several have the same [`Rule`] and time.
+    /// Limits of every column; of several with the same [`Rule`] and time, the first that lists the column counts.
     limits: &'static [Limit],
 }
 
@@ -84,7 +84,7 @@ const NOTHING: Case = Case {
 struct Limit {
     /// The columns; `*` at the end stands for anything.
     columns: &'static [&'static str],
-    /// Those of them that it does not bound.
+    /// Columns among them that it does not bound.
     except: &'static [&'static str],
     /// The rows with from <= time < to.
     from: f64,
@@ -92,8 +92,8 @@ struct Limit {
     rule: Rule,
 }
 
-/// How errors are measured, and how large they may be. Peaks are those of the reference column, or 1e-6 if it is
-/// smaller, so that columns that are zero up to rounding pass.
+/// Measure of errors and its limit. Peaks are those of the reference column, or 1e-6 if it is smaller, so that columns
+/// that are zero up to rounding pass.
 #[derive(Clone, Copy, Debug)]
 enum Rule {
     /// Largest |error| over the peak.
@@ -106,7 +106,7 @@ enum Rule {
     Mismatch { tolerance: f64, share: f64 },
 }
 
-/// All rows of all columns within a share of their peaks.
+/// All rows of all columns within a fraction of their peaks.
 const fn within(tolerance: f64) -> Limit {
     Limit { columns: &["*"], except: &[], from: 0.0, to: f64::INFINITY, rule: Rule::Peak(tolerance) }
 }
@@ -114,7 +114,7 @@ const fn within(tolerance: f64) -> Limit {
 const FLOOR: f64 = 1e-6;
 
 impl Limit {
-    /// Error of a column over what is allowed, or nothing when it has no row in question.
+    /// Error of a column over its limit; `None` if no row is in the time range.
     fn usage(&self, times: &[f64], expected: &[f64], found: &[f64]) -> Option<f64> {
         // Cells are absent where the file was thinned out. A result that is not a number counts as infinitely wrong.
         let pairs: Vec<(f64, f64)> = times
@@ -215,7 +215,7 @@ struct System {
     /// Names of the components in the order in which they first act.
     order: Vec<&'static str>,
     bus: Vec<f64>,
-    /// Signals that the file gives, as columns and places on the bus.
+    /// Signals from the file, as columns and places on the bus.
     feeds: Vec<(usize, usize)>,
     places: HashMap<String, usize>,
 }
@@ -230,7 +230,7 @@ impl System {
         }
         let fmus: Vec<_> = order.iter().map(|name| Fmu::named(name)).collect();
 
-        // What the file gives comes first and is never overwritten.
+        // Signals of the file come first and are never overwritten.
         let given = table.names.iter().filter(|name| matches(name, case.inputs)).map(String::as_str);
         let given: Vec<&str> = given.chain(case.constants.iter().map(|constant| constant.0)).collect();
         let mut places: HashMap<String, usize> =
@@ -343,7 +343,7 @@ fn simulate(case: &Case, table: &Table, signals: &[&str]) -> Vec<Vec<f64>> {
     found
 }
 
-/// Runs a case and holds every column that is no input to the limits.
+/// Runs a case and checks every column that is not an input against the limits.
 fn compare(case: &Case) {
     let table = Table::read(case.file);
     // The compared columns, with the signals they hold.

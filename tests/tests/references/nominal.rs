@@ -28,7 +28,7 @@ fn nominal_values() -> BTreeMap<String, f64> {
     values
 }
 
-/// What a signal is called without its place.
+/// Name of a signal without its place.
 fn family(name: &str) -> &str {
     const PLACES: [&str; 11] = ["fl", "fr", "ml", "mr", "rl", "rr", "l", "r", "front", "middle", "rear"];
     name.rsplit_once('.').filter(|(_, place)| PLACES.contains(place)).map_or(name, |(signal, _)| signal)
@@ -45,7 +45,7 @@ fn peaks(vehicle: &str) -> BTreeMap<String, f64> {
         let table = Table::read(&format!("{vehicle}/{name}"));
         for (column, name) in table.names.iter().enumerate() {
             let peak = peaks.entry(name.clone()).or_default();
-            // Absent cells are NaN, which no maximum takes.
+            // Absent cells are NaN, which a maximum ignores.
             *peak = table.rows.iter().fold(*peak, |peak, row| peak.max(row[column].abs()));
         }
     }

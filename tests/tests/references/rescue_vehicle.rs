@@ -84,7 +84,7 @@ fn dual_sliding_mode_steering() {
 
 #[test]
 fn lqr_suspensions() {
-    // No memory: every row stands alone. 12 digits, but the gains come from two different Riccati solvers.
+    // No discrete state: every row is independent. 12 digits, but the gains come from two different Riccati solvers.
     let case = Case { file: "rescue_vehicle/lqr", inputs: FEEDBACK, limits: const { &[within(1e-6)] }, ..NOTHING };
     const INTEGRATED: &[Call] = &[Run("IntegratedLqrSuspension")];
     compare(&Case { program: INTEGRATED, ignored: &["roll_force.*"], ..case });

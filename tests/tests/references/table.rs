@@ -14,7 +14,7 @@ impl Table {
     /// Reads `references/NAME.csv.gz`.
     ///
     /// # Panics
-    /// When the file is missing or no table of numbers.
+    /// If the file is missing or is not a table of numbers.
     pub(crate) fn read(name: &str) -> Self {
         let path = tests::workspace().join("tests/references").join(format!("{name}.csv.gz"));
         let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -33,7 +33,7 @@ impl Table {
     /// Values of a column.
     ///
     /// # Panics
-    /// When there is none of that name.
+    /// If there is none of that name.
     pub(crate) fn column(&self, name: &str) -> Vec<f64> {
         let column = self.names.iter().position(|column| column == name);
         let column = column.unwrap_or_else(|| panic!("the file has no column {name}"));

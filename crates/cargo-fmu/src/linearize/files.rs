@@ -47,7 +47,7 @@ pub(crate) fn csv(model: &LinearModel) -> String {
 /// as cell arrays ("MAT-File Format", The MathWorks).
 pub(crate) fn mat(model: &LinearModel) -> Vec<u8> {
     let mut out = format!("MATLAB 5.0 MAT-file, linear model of {}", model.fmu).into_bytes();
-    // The text has 116 bytes, then come 8 that are not used, the version and the mark of the byte order.
+    // 116 bytes of text, 8 unused bytes, the version and the byte-order mark.
     out.retain(u8::is_ascii);
     out.truncate(116);
     out.resize(124, b' ');
@@ -79,13 +79,13 @@ const DOUBLES: u32 = 6;
 /// Appends an element: type, number of bytes, bytes, up to a multiple of 8.
 fn element(out: &mut Vec<u8>, kind: u32, bytes: &[u8]) {
     out.extend(kind.to_le_bytes());
-    // The largest matrix of an FMU that the checks of descriptions let through is far below 4 GB.
+    // The largest matrix of an FMU with a valid description is far below 4 GB.
     out.extend(u32::try_from(bytes.len()).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(bytes);
     out.resize(out.len().next_multiple_of(8), 0);
 }
 
-/// What every array begins with: class, dimensions, name.
+/// Returns the beginning of an array: class, dimensions, name.
 fn array(class: u32, rows: usize, columns: usize, name: &str) -> Vec<u8> {
     let mut out = Vec::new();
     element(&mut out, UNSIGNED_32, &[class.to_le_bytes(), [0; 4]].concat());
@@ -102,7 +102,7 @@ fn numbers(name: &str, matrix: &DMatrix<f64>) -> Vec<u8> {
     out
 }
 
-/// A column of texts.
+/// A column of strings.
 fn cells(name: &str, signals: &[Signal]) -> Vec<u8> {
     let mut out = array(CELLS, signals.len(), 1, name);
     for signal in signals {
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(found["B"], serde_json::json!([[0.0], [0.5], [0.0]]));
     }
 
-    /// The layout; that scipy reads the file is a test in Python.
+    /// Tests the layout; a Python test reads the file with SciPy.
     #[test]
     fn matlab_files_begin_with_a_header_of_128_bytes() {
         let bytes = mat(&oscillator());

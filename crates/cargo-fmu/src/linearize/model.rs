@@ -10,13 +10,13 @@ use sha2::{Digest as _, Sha256};
 
 use crate::eigenvalues::eigenvalues;
 
-/// A pole of a smaller share of the largest one counts as at 0: it is there for rounding.
+/// Poles smaller than this fraction of the largest one count as 0, due to rounding.
 const AT_ZERO: f64 = 1e-8;
 
-/// Distance of two neighboring frequencies of a response: a share of a decade.
+/// Number of frequencies of a response per decade.
 const PER_DECADE: f64 = 100.0;
 
-/// Most frequencies of a response.
+/// Maximum number of frequencies of a response.
 const MOST: usize = 1001;
 
 /// A state, an input or an output.
@@ -30,7 +30,7 @@ pub(crate) struct Signal {
 /// A pole, or a pair of conjugate ones.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Mode {
-    /// Real part of the pole, 1/s; 0 for one that is at 0 but for rounding.
+    /// Real part of the pole, 1/s; 0 for a pole that is 0 up to rounding.
     pub(crate) real: f64,
     /// Imaginary part, 1/s; of a pair the positive one.
     pub(crate) imaginary: f64,
@@ -93,7 +93,7 @@ impl LinearModel {
         })
     }
 
-    /// Magnitude from which on a pole is not at 0, 1/s.
+    /// Magnitude below which a pole counts as 0, 1/s.
     fn zero(&self) -> f64 {
         AT_ZERO * self.poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max)
     }
@@ -119,7 +119,7 @@ impl LinearModel {
             .collect()
     }
 
-    /// What the poles say about stability.
+    /// Describes the stability according to the poles.
     pub(crate) fn stability(&self) -> String {
         let zero = self.zero();
         let unstable = self.poles.iter().filter(|pole| pole.re > zero).count();
@@ -171,7 +171,7 @@ impl LinearModel {
         frequencies.iter().map(of).collect()
     }
 
-    /// Whether an input acts on an output, directly or through states.
+    /// Returns true if an input acts on an output, directly or through states.
     pub(crate) fn acts(&self, input: usize, output: usize) -> bool {
         let response = self.response(input, output, &self.frequencies()[..1]);
         response.iter().any(|g| g.norm() > 0.0)
@@ -208,7 +208,7 @@ pub(crate) mod tests {
         LinearModel::new(&description, b"abc", &[("k".to_owned(), "200".to_owned())], linear).unwrap()
     }
 
-    /// Reference: the closed form of the damped oscillator; eigenvalues of a 3 x 3 matrix are right to some rounding errors.
+    /// Reference: the closed form of the damped oscillator; eigenvalues of a 3 x 3 matrix are exact up to rounding.
     #[test]
     fn modes_are_those_of_the_oscillator() {
         let modes = oscillator().modes();

@@ -14,7 +14,7 @@ const STYLE: &str = include_str!("../../../../python/chassis_fmu/page.css");
 const INTERACTIVE_STYLE: &str = include_str!("../../../../python/chassis_fmu/web/page.css");
 const CODE: &str = include_str!("../../../../python/chassis_fmu/web/page.js");
 
-/// Bode plots of a page for which none is chosen.
+/// Number of Bode plots of a page if none is chosen.
 const FEW: usize = 3;
 
 /// Text in HTML.
@@ -116,7 +116,7 @@ impl Plot<'_> {
     }
 }
 
-/// The page. `command` repeats it.
+/// Returns the page. `command` reproduces it.
 ///
 /// # Errors
 /// Never: writing to memory.

@@ -7,7 +7,7 @@ const HEIGHT: f64 = 240.0;
 /// Room for numbers and titles on the left and below, px.
 const LEFT: f64 = 76.0;
 const BELOW: f64 = 44.0;
-/// About so many numbers are beside an axis.
+/// Approximate number of labels of an axis.
 const TICKS: f64 = 6.0;
 
 /// An axis: title with unit, scale, and ends in the scale (of a logarithmic one, logarithms).
@@ -29,13 +29,13 @@ impl Scale {
         Self { title, log, low: low - room, high: high + room }
     }
 
-    /// Where a value is: 0 at the low end, 1 at the high one.
+    /// Relative position of a value: 0 at the low end, 1 at the high end.
     fn share(&self, value: f64) -> f64 {
         let value = if self.log { value.log10() } else { value };
         (value - self.low) / (self.high - self.low)
     }
 
-    /// Values with a number: decades, or multiples of 1, 2 or 5 of a power of ten.
+    /// Labeled values: decades, or multiples of 1, 2 or 5 of a power of ten.
     fn ticks(&self) -> Vec<f64> {
         if self.log && self.high - self.low > 1.0 {
             let every = ((self.high - self.low) / (2.0 * TICKS)).ceil();

@@ -23,7 +23,7 @@ use crate::output::{errln, outln};
 use crate::pack::{try_to_write, write_whole};
 use crate::worker;
 
-/// Which vehicle, and what is asked of it.
+/// Arguments of `cargo fmu assess`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Plant: name of an FMU in the folder, or an .fmu file
@@ -189,7 +189,7 @@ fn named(name: &str, folders: &mut Vec<PathBuf>) -> String {
     path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Assesses the plant. The exit code is 1 if a limit is not kept or a run broke down, 2 if nothing could be run.
+/// Assesses the plant. The exit code is 1 if a limit is not kept or a run failed, 2 if nothing could be run.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let code = match carried_out(arguments) {
         Ok(assessment) if !assessment.has_run() => {
@@ -267,9 +267,9 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
     Ok(assessment)
 }
 
-/// Least time between two rows of the signals that are written, s: figures need no more.
+/// Smallest time between two rows of the written signals, s; enough for figures.
 const SPACING: f64 = 0.01;
-/// The same of rides, whose spectra go up to 100 Hz, s.
+/// The same for ride maneuvers, whose spectra go up to 100 Hz, s.
 const SPACING_OF_RIDE: f64 = 0.004;
 
 fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Arguments) -> miette::Result<()> {
@@ -358,7 +358,7 @@ fn limit_text(row: &Row) -> String {
     }
 }
 
-/// Reasons for numbers that are missing, and where numbers were compared.
+/// Reasons for missing numbers, and the point at which numbers were compared.
 fn notes(row: &Row, has_both: bool) -> Vec<String> {
     let mut notes = Vec::new();
     let reason_with = row.reason.as_deref().unwrap_or_default();

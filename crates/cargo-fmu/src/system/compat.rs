@@ -27,10 +27,10 @@ pub(crate) struct Arguments {
     missing: bool,
 }
 
-/// Prints.
+/// Prints the table.
 ///
 /// # Errors
-/// When there is no FMU or no plant, an FMU cannot be read, or a name is not there.
+/// There is no FMU or no plant, an FMU cannot be read, or a name is unknown.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let systems = systems(&descriptions(&arguments.fmus)?);
     if systems.plants.is_empty() {

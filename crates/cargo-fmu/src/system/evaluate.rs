@@ -20,7 +20,7 @@ Examples:
   cargo fmu evaluate braking measured.csv --vehicle logger.toml --resample
   cargo fmu evaluate cones --list";
 
-/// Most metrics with the same reason for being null that are listed by name.
+/// Maximum number of metrics listed by name that are null for the same reason.
 const SHOWN: usize = 6;
 
 /// Arguments of `cargo fmu evaluate`.
@@ -71,7 +71,7 @@ fn resample(text: &str) -> std::result::Result<Resample, String> {
 /// Prints the metrics as JSON. Reasons go to the standard error.
 ///
 /// # Errors
-/// When the file cannot be read, is not a recording, or the options are not allowed.
+/// The file cannot be read or is not a recording, or the options are not allowed.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if arguments.list {
         match arguments.evaluator {
@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Says why metrics are null, once for each reason.
+/// Reports why metrics are null, once for each reason.
 fn report_nulls(metrics: &[Metric]) {
     let mut reasons: Vec<(&Reason, Vec<&str>)> = Vec::new();
     for metric in metrics {

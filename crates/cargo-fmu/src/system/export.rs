@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
     for component in &run.components {
         for setting in &component.parameters {
-            // The resolver has made an absolute path of it.
+            // The resolver has made the path absolute.
             if let Value::String(path) = &setting.value
                 && Path::new(path).is_absolute()
                 && Path::new(path).is_file()

@@ -6,7 +6,7 @@ use fmu_system::resolve::FmuFolder;
 
 use crate::workspace::Workspace;
 
-/// FMUs in folders; that of this workspace, if there is one, can build some of those that are not there.
+/// FMUs in folders. Of those that are missing, the current workspace, if any, can build its own.
 pub(crate) fn folders(folders: &[PathBuf]) -> FmuFolder {
     let buildable = || Workspace::find().map_or(Vec::new(), |w| w.models.into_iter().map(|model| model.name).collect());
     FmuFolder::new(folders).with_buildable(buildable)

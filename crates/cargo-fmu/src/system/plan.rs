@@ -1,4 +1,4 @@
-//! `cargo fmu plan`: checks a scenario and shows what it is made of.
+//! `cargo fmu plan`: checks a scenario and shows its runs and its wiring.
 
 use super::selection::Selection;
 use crate::output::{errln, out, outln};
@@ -11,10 +11,10 @@ use fmu_system::run::Order;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Outputs of a component that are listed by name; of more, only their number is told.
+/// Maximum number of outputs of a component listed by name; of more, only the number is shown.
 const LISTED_OUTPUTS: usize = 6;
 
-/// Which scenario.
+/// Arguments of `cargo fmu plan`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -31,7 +31,7 @@ pub(crate) fn print_schema() -> miette::Result<()> {
     Ok(())
 }
 
-/// Prints the plan, and what is probably not meant as warnings.
+/// Prints the plan, and warnings about likely mistakes.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let plan = arguments.selection.plan_with_steady_starts(&worker::Options::default())?;
     print_warnings(&plan);

@@ -23,10 +23,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Different messages shown after all runs.
+/// Maximum number of different messages shown after all runs.
 const SHOWN_MESSAGES: usize = 10;
 
-/// Which scenario, and where the results go.
+/// Arguments of `cargo fmu run`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -60,7 +60,7 @@ pub(crate) struct Arguments {
     workers: worker::Options,
 }
 
-/// What is left of a run once its file is written.
+/// Summary of a run whose file is written.
 struct Done {
     /// Time of the last row, s.
     end: Option<f64>,
@@ -170,11 +170,11 @@ fn described(failure: &Failure) -> String {
     }
 }
 
-/// Options for requirements that are not met.
+/// Hint on options, for requirements that are not met.
 const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
 
-/// Prints the verdicts on the requirements and writes them as JUnit XML. Returns how many are not met. Runs that failed and those
-/// that an FMU ended are given by their ids with messages: their rows are not those of a whole run.
+/// Prints the verdicts on the requirements and writes them as JUnit XML. Returns the number of unmet requirements. `failures` and
+/// `ended` (by an FMU) hold ids and messages of runs whose rows do not cover the whole run.
 fn report_verdicts(
     plan: &Plan,
     folder: &Path,
@@ -233,7 +233,7 @@ fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
     Ok(())
 }
 
-/// A bar that counts steps; it shows itself on a terminal only.
+/// A bar that counts steps, shown on a terminal only.
 fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
     let runs = u64::try_from(plan.runs.len()).into_diagnostic()?;
     let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {elapsed} (ready in {eta})")

@@ -1,4 +1,4 @@
-//! Arguments that say which scenario is meant and what is changed about it.
+//! Arguments that select a scenario and change it.
 
 use super::folders::folders;
 use crate::worker;

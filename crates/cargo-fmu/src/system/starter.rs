@@ -13,16 +13,16 @@ use crate::output::outln;
 use crate::pack::write_whole;
 use crate::workspace::Workspace;
 
-/// The FMU that drives a vehicle, and the one that is under its wheels, if a folder has them.
+/// FMUs of the driver and the road, used if a folder has them.
 const DRIVER: &str = "Driver";
 const ROAD: &str = "Road";
 
-/// Outputs that are recorded at first.
+/// Number of outputs recorded in a new scenario.
 const RECORDED: usize = 4;
-/// Those of a vehicle that are recorded before others.
+/// Outputs of a vehicle that are preferred.
 const WANTED: [&str; 4] = ["vehicle.yaw_rate", "vehicle.lateral_acceleration", "vehicle.sideslip", "body.roll"];
 
-/// Which plant, and what it is to do.
+/// Arguments of `cargo fmu new --kind scenario`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Scenario {
     /// With `--kind scenario`: name of the plant's FMU
@@ -37,7 +37,7 @@ pub(crate) struct Scenario {
 }
 
 impl Scenario {
-    /// Whether something is asked for that only scenarios have.
+    /// Returns true if an option for scenarios only is given.
     pub(crate) fn is_given(&self) -> bool {
         self.plant.is_some()
     }
@@ -49,7 +49,7 @@ impl Scenario {
 /// The file exists, an FMU is not there, the driver has no such maneuver, or the file cannot be written.
 pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    // Names may have dots, which begin no extension.
+    // A dot in a name does not begin an extension.
     let name = name.strip_suffix(".toml").unwrap_or(name);
     if name.is_empty() {
         return Err(miette!("{} is no name of a file, expected one such as my-test", path.display()));
@@ -59,7 +59,7 @@ pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
         return Err(miette!("{} exists already; nothing was written", file.display()));
     }
     let fmus = folders(&arguments.fmus);
-    // Clap demands it.
+    // Required by clap.
     let plant = arguments.plant.as_deref().unwrap_or_default();
     let text = text(plant, arguments.maneuver.as_deref(), &fmus)?;
     resolve_text(&file, &text, &fmus, &Options::default())
@@ -239,7 +239,7 @@ fn constant(input: &Variable) -> String {
     }
 }
 
-/// The first outputs of a plant that are no elements of a group such as wheels.
+/// The first outputs of a plant that are not elements of a group such as wheels.
 fn recorded(description: &ModelDescription) -> Vec<&Variable> {
     let is_scalar = |output: &&Variable| output.size == 1 && output.base_type == BaseType::Real;
     let is_element = |output: &&Variable| {
@@ -248,7 +248,7 @@ fn recorded(description: &ModelDescription) -> Vec<&Variable> {
     };
     let whole = || of(description, Causality::Output).filter(is_scalar);
     let mut found: Vec<&Variable> = whole().filter(|output| !is_element(output)).collect();
-    // A stable order: what is wanted first.
+    // A stable sort: preferred outputs first.
     found.sort_by_key(|output| WANTED.iter().position(|name| output.name == *name).unwrap_or(WANTED.len()));
     found.truncate(RECORDED);
     if found.is_empty() { whole().take(RECORDED).collect() } else { found }

@@ -16,7 +16,7 @@ use super::jobs::jobs;
 use crate::output::outln;
 use crate::worker;
 
-/// Which study, and where the results go. An interrupted study goes on with `--resume`, to the same results.
+/// Arguments of `cargo fmu study`. With `--resume`, an interrupted study continues and gives the same results.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Study file (TOML)
@@ -50,7 +50,7 @@ pub(crate) struct Arguments {
     overwrite: bool,
 }
 
-/// The bar of the method at work, and when it began.
+/// Progress bar of the current method, and its start time.
 struct Bars {
     bar: ProgressBar,
     method: String,
