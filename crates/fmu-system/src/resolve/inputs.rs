@@ -61,8 +61,8 @@ struct Replacement {
 
 /// Minimum number of samples of a signal for the check for gaps: the samples of a handwritten profile may have any distance.
 const SAMPLED: usize = 20;
-/// A distance between samples of this many times the usual one is a gap.
-const GAP: f64 = 5.0;
+/// A distance between samples of more than this many times the usual one is a gap. The rest is for roundings.
+const GAP: f64 = 5.0 + 1e-6;
 
 impl Inputs {
     /// Reads the file. Rows with equal times are a jump.
