@@ -1,4 +1,4 @@
-"""Compares FMUs of the same models made by this and other exporters: `scripts/bench exporters`, see `--help`.
+"""Compare FMUs of the same models made by this and other exporters: `scripts/bench exporters`, see `--help`.
 
 The sources for the other exporters are in `crates/other-exporters`, which also measures the FMUs. An FMU that cannot be
 built or measured is listed with the reason.
@@ -231,9 +231,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         default=ROOT / "target" / "tools",
         metavar="DIR",
         help="folder with checkouts named fmu4cpp and Reference-FMUs, which CMake downloads otherwise; "
-        "cargo-fmi is installed into its bin (default: target/tools)",
+        "cargo-fmi is installed into its subfolder bin (default: target/tools)",
     )
-    parser.add_argument("--only", nargs="+", choices=EXPORTERS, default=list(EXPORTERS), help="these exporters")
+    parser.add_argument("--only", nargs="+", choices=EXPORTERS, default=list(EXPORTERS), help="measure only these")
     options = parser.parse_args(argv)
     run(["cargo", "build", "--release", "--locked", "--package", "other-exporters"])
     rows: list[Row] = []

@@ -1,4 +1,4 @@
-"""Times a scenario with the native master and with the fmpy master: `scripts/bench masters`, see `--help`.
+"""Time a scenario with the native master and with the fmpy master: `scripts/bench masters`, see `--help`.
 
 The commands run turn by turn, so that both see the same machine. The medians count.
 """
@@ -44,9 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "scenario", type=Path, metavar="SCENARIO", help="scenario file (default: the step steer of the rescue vehicle)"
     )
-    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="times each command runs (default: 3)")
-    parser.add_argument("--stop", metavar="T", help="stop at this time (s)")
-    parser.add_argument("--seeds", metavar="N", help="the first N seeds only")
+    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="runs of each command (default: 3)")
+    parser.add_argument("--stop", metavar="T", help="override the scenario's stop time, in seconds")
+    parser.add_argument("--seeds", metavar="N", help="use only the first N seeds")
     options = parser.parse_args(argv)
     more = [text for key in ("stop", "seeds") if (value := getattr(options, key)) for text in (f"--{key}", value)]
     timed = commands(options.scenario.resolve(), ROOT / "target" / "bench", more)

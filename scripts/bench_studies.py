@@ -1,4 +1,4 @@
-"""Measures what a study costs beyond its runs: `scripts/bench studies`, see `--help`.
+"""Measure the cost of a study beyond its runs: `scripts/bench studies`, see `--help`.
 
 The runs are those of the step steer of the rescue vehicle (eight FMUs, steps of 1 ms): 20 s of it as the closed loop,
 the first seven seconds as a short run of about 20 ms. Commands that are compared run in turn, and ratios are medians of
@@ -301,10 +301,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="scripts/bench studies", description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "--parts", choices=PARTS, nargs="+", default=PARTS, metavar="PART", help=f"{', '.join(PARTS)} (default: all)"
+        "--parts",
+        choices=PARTS,
+        nargs="+",
+        default=PARTS,
+        metavar="PART",
+        help=f"parts to measure, of {', '.join(PARTS)} (default: all)",
     )
     parser.add_argument(
-        "--runs", type=positive, default=1000, metavar="N", help="runs of the closed loop (default: 1000)"
+        "--runs", type=positive, default=1000, metavar="N", help="number of runs of the closed loop (default: 1000)"
     )
     parser.add_argument(
         "--growth",
@@ -314,8 +319,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar="N",
         help="numbers of short runs (default: 1000 10000)",
     )
-    parser.add_argument("--dask", type=positive, default=1000, metavar="N", help="runs with Dask (default: 1000)")
-    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="comparisons (default: 3)")
+    parser.add_argument(
+        "--dask", type=positive, default=1000, metavar="N", help="number of runs with Dask (default: 1000)"
+    )
+    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="number of comparisons (default: 3)")
     options = parser.parse_args(argv)
     FOLDER.mkdir(parents=True, exist_ok=True)
     for part, head, lines in (

@@ -1,4 +1,4 @@
-"""Compares the time of another `cargo-fmu` with that of this one: `scripts/bench workers`, see `--help`.
+"""Compare the time of another `cargo-fmu` with that of this one: `scripts/bench workers`, see `--help`.
 
 Both run the same scenario and the same study with the same FMUs, turn by turn, so that both see the same machine. CPU
 time is user and system time of all processes. The result files have to be identical. With `--other-fmus` the other
@@ -77,10 +77,12 @@ def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="scripts/bench workers", description=__doc__.splitlines()[0])
-    parser.add_argument("other", type=Path, metavar="PROGRAM", help="a cargo-fmu of another commit")
-    parser.add_argument("--rounds", type=positive, default=20, metavar="N", help="pairs of each command (default: 20)")
-    parser.add_argument("--other-fmus", type=Path, metavar="DIR", help="FMUs of the other program, of another commit")
-    parser.add_argument("--only", choices=["run", "study"], help="leave out the other one")
+    parser.add_argument("other", type=Path, metavar="PROGRAM", help="cargo-fmu of another commit")
+    parser.add_argument(
+        "--rounds", type=positive, default=20, metavar="N", help="pairs of runs of each command (default: 20)"
+    )
+    parser.add_argument("--other-fmus", type=Path, metavar="DIR", help="folder with FMUs of another commit for PROGRAM")
+    parser.add_argument("--only", choices=["run", "study"], help="measure only this command")
     options = parser.parse_args(argv)
     out = ROOT / "target" / "bench"
     fmus = FMUS if options.other_fmus is None else options.other_fmus.resolve()

@@ -23,11 +23,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="draw_models.py",
-        description="Draws model.png of each model from its packed FMU, to be committed beside the model.",
+        description="Draw model.png of each model from its packed FMU, to be committed beside the model.",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="FMU or package (default: all)")
     parser.add_argument(
-        "--fmus", type=Path, default=ROOT / "target" / "fmu", metavar="DIR", help="folder of the FMUs (target/fmu)"
+        "--fmus",
+        type=Path,
+        default=ROOT / "target" / "fmu",
+        metavar="DIR",
+        help="folder with the FMUs (default: target/fmu)",
     )
     options = parser.parse_args(argv)
     models = packages()

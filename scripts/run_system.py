@@ -1,4 +1,4 @@
-"""Runs in another tool what `cargo fmu export` wrote: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
+"""Run a system from `cargo fmu export` in another tool: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
 
 Ecos reads the SSP file, libcosim OspSystemStructure.xml or, with `-ssp`, the SSP file; with `-calls` the same structure
 is built by calls of their libraries.
@@ -34,15 +34,15 @@ TOOLS = ("fmpy", "ecos", "ecos-calls", *LIBCOSIM, "container")
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="what `cargo fmu export --out FOLDER` wrote")
-    parser.add_argument("--tool", required=True, choices=TOOLS)
+    parser.add_argument("folder", type=Path, help="folder written by `cargo fmu export --out FOLDER`")
+    parser.add_argument("--tool", required=True, choices=TOOLS, help="tool to use")
     parser.add_argument(
         "--order",
         choices=("sequential", "jacobi"),
-        help="of the components within a step [default: sequential with fmpy and container, jacobi with the others]",
+        help="order of the components within a step (default: sequential with fmpy and container, jacobi with others)",
     )
     parser.add_argument(
-        "--out", type=Path, help="CSV file, or FMU [default: FOLDER-TOOL.csv or FOLDER_container.fmu beside the folder]"
+        "--out", type=Path, help="CSV file or FMU (default: FOLDER-TOOL.csv or FOLDER_container.fmu beside the folder)"
     )
     arguments = parser.parse_args()
     folder: Path = arguments.folder

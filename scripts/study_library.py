@@ -1,4 +1,4 @@
-"""Carries out the studies of the library's controllers, and writes docs/study_results.md.
+"""Run the studies of the library's controllers, and write docs/study_results.md.
 
 `.venv/bin/python scripts/study_library.py`, after `scripts/build`; goes on with the runs that are there. Without any it
 took half an hour on two cores beside other work.
@@ -123,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="study_library.py", description=(__doc__ or "").splitlines()[0])
     out = ROOT / "target" / "study_library"
     parser.add_argument(
-        "--out", type=Path, default=out, metavar="DIR", help="folder of the rows (default: %(default)s)"
+        "--out", type=Path, default=out, metavar="DIR", help="folder for results (default: %(default)s)"
     )
     options = parser.parse_args(argv)
     lines = [HEAD]

@@ -1,4 +1,4 @@
-"""Tunes controllers on the test bench, and writes their values to modelDescription/parameters/bench_*.ssv.
+"""Tune controllers on the test bench, and write their values to modelDescription/parameters/bench_*.ssv.
 
 `.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/build`; takes up to an hour for each. The
 requirements hold for the vehicle as it is and in other conditions, such as on a slippery road. The search (Optuna,
@@ -351,7 +351,9 @@ def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(TUNINGS)} (default: all)")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"tunings to run, of {', '.join(TUNINGS)} (default: all)"
+    )
     names = parser.parse_args(argv).names or list(TUNINGS)
     unknown = [name for name in names if name not in TUNINGS]
     if unknown:

@@ -163,9 +163,11 @@ def plot(solution: Solution, problem: Problem, replayed: Array, names: list[str]
 
 def main() -> None:
     """Solve, replay, print a table and draw."""
-    parser = argparse.ArgumentParser(description="Optimal lane change with CasADi and SingleTrack.fmu")
-    parser.add_argument("fmu", type=Path, help="SingleTrack.fmu, made by `cargo fmu pack single-track`")
-    parser.add_argument("--plot", type=Path, default=Path("lane_change.png"), help="picture to write")
+    parser = argparse.ArgumentParser(description="Compute an optimal lane change with CasADi and SingleTrack.fmu")
+    parser.add_argument("fmu", type=Path, help="SingleTrack.fmu, packed by `cargo fmu pack single-track`")
+    parser.add_argument(
+        "--plot", type=Path, default=Path("lane_change.png"), help="picture to write (default: lane_change.png)"
+    )
     arguments = parser.parse_args()
     problem = Problem()
     with tempfile.TemporaryDirectory() as folder:

@@ -34,7 +34,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog=shell.program("scripts/run"),
-        description="Runs a scenario with the FMUs of this repository and reports the results beside the paper's.",
+        description="Run a scenario with the FMUs of this repository and report the results beside the paper's.",
     )
     parser.add_argument(
         "scenario",
@@ -44,29 +44,35 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         metavar="SCENARIO",
         help="scenario file (scenarios/*.toml; default: the step steer of the rescue vehicle)",
     )
-    parser.add_argument("--jobs", type=shell.positive, metavar="N", help="runs at a time (default: all processors)")
+    parser.add_argument(
+        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
+    )
     shell.add_timeout(parser)
     shell.add_out(parser)
     parser.add_argument(
-        "--inputs", type=Path, metavar="CSV", help="signals from a file instead of the components' outputs"
+        "--inputs", type=Path, metavar="CSV", help="CSV file with signals that replace the outputs of components"
     )
     parser.add_argument(
         "--after-end",
         choices=("error", "hold"),
-        help="value of a signal of that file after its last sample (default: error)",
+        help="action if a signal from --inputs ends before the run does (default: error)",
     )
-    parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
-    parser.add_argument("--seeds", type=shell.positive, metavar="N", help="the first N seeds only")
-    parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")
-    shell.add_fmus(parser)
+    parser.add_argument("--stop", type=float, metavar="T", help="override the scenario's stop time, in seconds")
+    parser.add_argument("--seeds", type=shell.positive, metavar="N", help="use only the first N seeds")
     parser.add_argument(
-        "--no-fail", action="store_true", help="exit with 0 although a requirement of the scenario is not met"
+        "--order",
+        choices=("sequential", "jacobi"),
+        help="override the scenario's order of the components within a step",
     )
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="write the requirements as JUnit XML, too")
-    parser.add_argument("--parquet", action="store_true", help="write the recorded signals as Parquet, too")
+    shell.add_fmus(parser)
+    parser.add_argument("--no-fail", action="store_true", help="exit with 0 even if a requirement is not met")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the verdicts to this file, as JUnit XML")
+    parser.add_argument("--parquet", action="store_true", help="also write the recorded signals as Parquet files")
     source = parser.add_mutually_exclusive_group()
-    source.add_argument("--native", action="store_true", help="let `cargo fmu run` do the runs")
-    source.add_argument("--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files of DIR")
+    source.add_argument("--native", action="store_true", help="execute the runs with `cargo fmu run`, not with FMPy")
+    source.add_argument(
+        "--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files in DIR, without runs"
+    )
     return parser.parse_args(argv)
 
 

@@ -59,7 +59,7 @@ def add_timeout(parser: argparse.ArgumentParser) -> None:
         type=seconds,
         default=60.0,
         metavar="SECONDS",
-        help="longest time for a step; an FMU that takes longer is stopped (default: 60)",
+        help="time limit for a step, in seconds; an FMU that takes longer is stopped (default: 60)",
     )
 
 
@@ -69,7 +69,7 @@ RESULTS = ROOT / "results"
 def add_out(parser: argparse.ArgumentParser) -> None:
     """Add the folder of the results."""
     parser.add_argument(
-        "--out", type=Path, default=RESULTS, metavar="DIR", help="folder of the results (default: results)"
+        "--out", type=Path, default=RESULTS, metavar="DIR", help="folder for results (default: results)"
     )
 
 
@@ -80,7 +80,7 @@ def add_fmus(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         metavar="DIR",
-        help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
+        help="folder with the FMUs; may be repeated, the first folder that contains an FMU wins (default: target/fmu)",
     )
 
 

@@ -477,22 +477,27 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog=shell.program("scripts/study"),
-        description="Searches parameters of FMUs as a study describes, and shows how the methods converged.",
+        description="Optimize parameters of FMUs as a study describes, and show how the methods converged.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
     parser.add_argument(
-        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: all processors)"
+        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
     )
     shell.add_timeout(parser)
     shell.add_out(parser)
-    parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder of the FMUs (default: target/fmu)")
+    parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder with the FMUs (default: target/fmu)")
     parser.add_argument(
-        "--budget", type=shell.positive, metavar="N", help="evaluations per method instead of the study's"
+        "--budget",
+        type=shell.positive,
+        metavar="N",
+        help="override the study's number of evaluations per method",
     )
     existing = parser.add_mutually_exclusive_group()
-    existing.add_argument("--resume", action="store_true", help="go on with the results that are there")
-    existing.add_argument("--overwrite", action="store_true", help="begin anew")
-    existing.add_argument("--report-only", action="store_true", help="only make the plot and the page anew")
+    existing.add_argument("--resume", action="store_true", help="continue from the existing results")
+    existing.add_argument("--overwrite", action="store_true", help="remove the existing results and start over")
+    existing.add_argument(
+        "--report-only", action="store_true", help="only make the plot and the page from the existing results"
+    )
     return parser.parse_args(argv)
 
 

@@ -24,19 +24,19 @@ pub(crate) fn cargo() -> Command {
 /// Options of `cargo fmu pack` that are passed on to cargo.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct Options {
-    /// Features of the packages to build, as for cargo
+    /// Features to activate, as in cargo
     #[arg(long, value_name = "FEATURES")]
     features: Option<String>,
-    /// Leaves out the default features
+    /// Do not activate the default features
     #[arg(long)]
     no_default_features: bool,
-    /// Requires that Cargo.lock is up to date
+    /// Require that Cargo.lock is up to date
     #[arg(long)]
     locked: bool,
-    /// Keep the symbols for a debugger, and build without optimization
+    /// Build without optimization, with symbols for a debugger
     #[arg(long)]
     debug: bool,
-    /// Folder for what cargo builds [default: the workspace's target]
+    /// Folder for build artifacts, as in cargo [default: the workspace's target folder]
     #[arg(long, value_name = "DIR")]
     pub(crate) target_dir: Option<PathBuf>,
 }

@@ -20,10 +20,10 @@ const MOST_PRINTED: usize = 20;
 /// Arguments of `cargo fmu check`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Names of FMUs of this workspace (packed before), or paths of any .fmu files
+    /// Names of packed FMUs of this workspace, or paths of any .fmu files
     #[arg(required = true)]
     fmus: Vec<String>,
-    /// Errors that end the command with exit code 1
+    /// Question whose errors give exit code 1
     #[arg(long, value_name = "QUESTION", value_enum, default_value_t = FailOn::All)]
     fail_on: FailOn,
     #[command(flatten)]
@@ -33,11 +33,11 @@ pub(crate) struct Arguments {
 /// The findings whose errors give exit code 1.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
 enum FailOn {
-    /// Of both questions
+    /// Both questions
     All,
-    /// Does it simulate: loading, starting, stepping, the default experiment
+    /// Does the FMU simulate: loading, starting, stepping, the default experiment
     Simulation,
-    /// Does it follow the standard: everything else
+    /// Does the FMU follow the standard: everything else
     Standard,
 }
 

@@ -17,9 +17,9 @@ use crate::workspace::Workspace;
 /// Arguments of `cargo fmu inspect`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Name of an FMU of this workspace (packed before), or path of any .fmu file
+    /// Name of a packed FMU of this workspace, or path of any .fmu file
     fmu: String,
-    /// Prints modelDescription.xml as it is
+    /// Print modelDescription.xml instead of the summary
     #[arg(long)]
     xml: bool,
 }

@@ -22,30 +22,38 @@ use crate::worker;
 /// Arguments of `cargo fmu linearize`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives or model exchange
+    /// Name of a packed FMU of this workspace, or path of any .fmu file with directional derivatives or model exchange
     fmu: String,
-    /// Operating point: a parameter, an input or a state, such as --set driver.speed=9.7; a Boolean is true or false, an
-    /// enumeration takes its names; may be repeated
+    /// Set a parameter, an input or a state, such as driver.speed=9.7; may be repeated
+    ///
+    /// These values define the operating point, in the units of the FMU. A Boolean is true or false; an enumeration takes the
+    /// names of its values.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// Linearizes at the steady state of this operating point, as `cargo fmu trim` finds it
+    /// Linearize at the steady state of this operating point, found as by `cargo fmu trim`
     #[arg(long)]
     trim: bool,
-    /// With `--trim`: inputs that are free, as of `cargo fmu trim`; may be repeated
+    /// Free inputs that share one unknown value, such as drive_torque.rl,drive_torque.rr; may be repeated for further values
+    /// [default: all `drive_torque.*` of a plant with pedals]
+    ///
+    /// Only with `--trim`.
     #[arg(long, value_name = "INPUT[,INPUT…]", requires = "trim")]
     free: Vec<String>,
-    /// Writes a file, too: .json has everything, .csv one matrix [A B; C D] with names, .mat is for MATLAB, Octave and SciPy,
-    /// .html is a page with poles and Bode plots; may be repeated
+    /// Also write the linear model to this file, whose extension selects the format; may be repeated
+    ///
+    /// .json contains everything, .csv one matrix [A B; C D] with names, .mat is for MATLAB, Octave and SciPy, and .html is a
+    /// page with poles and Bode plots.
     #[arg(long, value_name = "FILE")]
     out: Vec<PathBuf>,
-    /// With `--out FILE.html`: a Bode plot from an input to an output [default: the first three pairs that are connected]; may be
-    /// repeated
+    /// Add a Bode plot from an input to an output to the page; may be repeated [default: the first three connected pairs]
+    ///
+    /// Only with `--out FILE.html`.
     #[arg(long, value_name = "INPUT:OUTPUT", requires = "out")]
     bode: Vec<String>,
-    /// Prints the elements of A, B, C and D that are not 0, too
+    /// Also print the nonzero elements of A, B, C and D
     #[arg(long)]
     matrices: bool,
-    /// Prints JSON instead of the table
+    /// Print JSON instead of the table
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -35,37 +35,37 @@ const RENAMED: [(&str, &str); 3] = [("system", "export"), ("systems", "compat"),
 #[derive(Parser, Debug)]
 #[command(name = "cargo fmu", bin_name = "cargo fmu", version)]
 enum Cli {
-    /// Build models and pack them to target/fmu/NAME.fmu
+    /// Build models and pack them into FMUs, target/fmu/NAME.fmu
     Pack(pack::Arguments),
     /// Show an FMU's metadata and variables
     Inspect(inspect::Arguments),
-    /// Validate FMUs of any origin: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
+    /// Validate FMUs from any tool: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
     ///
-    /// The binary is loaded and run in a separate process, on Linux in a sandbox, so a crash is one more finding: start values, repeated runs,
-    /// the whole default experiment, another start time, two instances, reset, saved states, dependencies, and whatever else the description
-    /// promises. Model exchange is run with a built-in solver: states, derivatives, event indicators and events.
+    /// The binary is loaded and run in a separate process, on Linux in a sandbox, so a crash is reported as a finding. The check covers start
+    /// values, repeated runs, the whole default experiment, another start time, two instances, reset, saved states, dependencies, and whatever
+    /// else the description promises. Model exchange is run with a built-in solver: states, derivatives, event indicators and events.
     ///
-    /// Each finding answers one of two questions: does the FMU simulate, or does it follow the standard? Exit code 1 if errors were found;
-    /// `--fail-on` selects the question that counts. The default experiment is cut after --timeout, with a note. Results that differ where they should
-    /// not are a note up to 1e-12 of the peak (rounding), a warning up to the tolerance of the default experiment (1e-4 without one), and an
-    /// error above.
+    /// Each finding belongs to one of two questions: does the FMU simulate, and does it follow the standard? The exit code is 1 if errors were
+    /// found; `--fail-on` selects the question that counts. The default experiment is cut short after `--timeout`, with a note. Results that
+    /// differ but should not are a note up to 1e-12 of the peak (rounding), a warning up to the tolerance of the default experiment (1e-4
+    /// without one), and an error above.
     Check(check::Arguments),
-    /// Linearize a plant at an operating point: modes, A, B, C, D, Bode plots
+    /// Linearize an FMU at an operating point: modes, A, B, C, D, Bode plots
     Linearize(linearize::Arguments),
-    /// Find the steady state of a plant at an operating point, with the drive torques that it takes
+    /// Find the steady state of an FMU at an operating point, and the drive torques that hold it
     ///
-    /// Newton's method on the exact Jacobian of the FMU finds the values at which the derivatives of all states vanish, to 1e-10 of the
+    /// Newton's method with the exact Jacobian of the FMU finds the values at which the derivatives of all states vanish, to 1e-10 of the
     /// nominal value per second. States that only integrate others, such as position and heading, drift and keep their start values. A
-    /// state that is given by --set is held; an input that is free (--free) keeps it there. The speed of a plant with pedals is always held,
-    /// and its drive torques, all equal, are free unless they are given. Without a steady state, the command prints a state that keeps
-    /// changing and exits with 1.
+    /// state given by `--set` is held, and a free input (`--free`) keeps it there. The speed of a plant with pedals is always held; its drive
+    /// torques, all equal, are free unless they are given. If there is no steady state, the command prints a state that keeps changing, and
+    /// the exit code is 1.
     Trim(trim::Arguments),
-    /// Write a working package of a new model, or a scenario that runs
+    /// Create a package with a working model, or a scenario that runs
     New(new::Arguments),
     #[cfg(feature = "system")]
     #[command(flatten)]
     System(system::Command),
-    /// Executes FMUs for another command
+    /// Execute FMUs for another command
     #[command(hide = true)]
     Worker(worker::Arguments),
 }

@@ -15,13 +15,14 @@ use crate::workspace::{Workspace, pascal_case};
 /// Arguments of `cargo fmu new`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Folder of the new package, whose name is in kebab case: `heat-pump`, `models/heat-pump` (the FMU becomes HeatPump); of a
-    /// scenario the file without `.toml`
+    /// Folder of the new package, named in kebab case, such as heat-pump or models/heat-pump
+    ///
+    /// The FMU gets the name in Pascal case, HeatPump. With `--kind scenario`, this is the scenario file without `.toml`.
     path: PathBuf,
-    /// Kind of the model, or a scenario
+    /// Kind of model, or a scenario
     #[arg(long, value_enum, default_value_t = Kind::Continuous)]
     kind: Kind,
-    /// Folder of the crate `fmu`, if it does not come from a registry or the workspace
+    /// Folder of the crate `fmu`, if it is neither in the workspace nor in a registry
     #[arg(long, value_name = "DIR")]
     exporter_path: Option<PathBuf>,
     #[cfg(feature = "system")]
@@ -32,13 +33,13 @@ pub(crate) struct Arguments {
 /// Kinds of models.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum Kind {
-    /// A differential equation
+    /// A continuous-time model: differential equations
     Continuous,
-    /// An update at each sample: a controller, a filter, a signal source
+    /// A discrete-time model, updated at each sample: a controller, a filter, a signal source
     Discrete,
     /// An existing simulation that advances itself
     Stateful,
-    /// A scenario of a plant, a TOML file
+    /// A scenario with a plant, a TOML file
     #[cfg(feature = "system")]
     Scenario,
 }

@@ -23,39 +23,42 @@ use crate::workspace::{Model, Workspace};
 /// Arguments of `cargo fmu pack`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Names of FMUs or packages, such as RescueVehicle or rescue-vehicle; none means all
+    /// Names of FMUs or packages, such as RescueVehicle or rescue-vehicle [default: all models, as with --all]
     names: Vec<String>,
-    /// All models of the workspace's default members
+    /// Pack all models of the workspace's default members
     #[arg(long, conflicts_with = "names")]
     all: bool,
     /// Pack what this scenario or study needs; skip up-to-date FMUs
     #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
     needed_by: Option<PathBuf>,
-    /// Platforms to build for; platforms other than this machine's need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
-    /// Rust for that platform [default: that of this machine]
+    /// Platforms to build for, separated by commas [default: platform of this machine]
+    ///
+    /// Other platforms need cargo-zigbuild (Linux) or mingw-w64 (Windows), and a Rust toolchain for that platform.
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     platforms: Vec<Platform>,
-    /// A binary for Linux that loads on distributions from glibc 2.17 on (needs cargo-zigbuild, see scripts/setup)
-    /// [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
+    /// Build Linux binaries for glibc 2.17 and newer [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
+    ///
+    /// This needs cargo-zigbuild (see scripts/setup).
     #[arg(long, overrides_with = "no_portable")]
     portable: bool,
-    /// Build without cargo-zigbuild; the binary needs a glibc at least as new as this machine's
+    /// Build Linux binaries without cargo-zigbuild; they need a glibc at least as new as this machine's
     #[arg(long)]
     no_portable: bool,
-    /// Interfaces of the FMUs: co-simulation, model exchange, or both; a stateful model has co-simulation only
+    /// Interfaces of the FMUs, separated by commas; stateful models have co-simulation only
     #[arg(long, value_delimiter = ',', value_name = "LIST", default_values = ["cs", "me"])]
     interfaces: Vec<Interface>,
-    /// Version of FMI: 2 or 3
+    /// FMI version of the FMUs, 2 or 3
     #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(i32).range(2..=3))]
     fmi: i32,
     /// Write arrays as variables with dimensions instead of one variable per element; requires --fmi 3
     #[arg(long)]
     arrays: bool,
-    /// Folder the FMUs are written to [default: target/fmu, for FMI 3.0 target/fmu3]
+    /// Folder for the FMUs [default: target/fmu, with --fmi 3 target/fmu3]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
-    /// Writes the generated model descriptions to the folder `descriptions` in [workspace.metadata.fmu], after an intended
-    /// change of an interface
+    /// Update the committed model descriptions, after an intended change of an interface
+    ///
+    /// Their folder is set by `descriptions` in [workspace.metadata.fmu] of Cargo.toml.
     #[arg(long)]
     update_descriptions: bool,
     #[command(flatten)]

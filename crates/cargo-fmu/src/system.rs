@@ -22,49 +22,54 @@ use miette::Result;
 pub(crate) enum Command {
     /// Check a scenario and show its runs and its wiring
     ///
-    /// Components without inputs are run alone for a moment, in a separate process, to find parameters without an effect.
+    /// Components without inputs are run briefly in a separate process, to find parameters that have no effect.
     Plan(plan::Arguments),
-    /// Print the JSON Schema of plans, for programs that read the output of `plan --json`
+    /// Print the JSON Schema of plans, for programs that read the output of `cargo fmu plan --json`
     PlanSchema,
     /// Execute all runs of a scenario and write a CSV file for each
     Run(run::Arguments),
-    /// Write a run of a scenario for other masters: an SSP file and a system structure of libcosim, with the FMUs
+    /// Export a run of a scenario for other masters: an SSP package and a system structure for libcosim, with the FMUs
     ///
-    /// OUT/NAME.ssp holds the structure with units of measure, parameter sets and the FMUs, for Ecos, libcosim and
-    /// OMSimulator; OUT/OspSystemStructure.xml is for libcosim. Inputs that keep one value are start values. Neither file
-    /// says in which order the components of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
-    /// of `cargo fmu run`). What is recorded becomes a connector; metrics and figures are left out.
+    /// DIR/NAME.ssp contains the structure with units of measure, the parameter sets and the FMUs, for Ecos, libcosim and
+    /// OMSimulator. DIR/OspSystemStructure.xml is for libcosim; it is left out if a component is of FMI 3.0, which libcosim
+    /// does not support. Constant inputs become start values, and recorded signals become connectors. Metrics and figures are
+    /// not exported.
+    ///
+    /// Neither file defines the order of the components within a step: Ecos and libcosim step all components at once
+    /// (`--order jacobi` of `cargo fmu run`).
     Export(export::Arguments),
-    /// Tune parameters of a scenario as a study describes, by PACSA, a genetic algorithm or CMA-ES
+    /// Optimize parameters of a scenario with PACSA, a genetic algorithm or CMA-ES
     ///
-    /// For studies of method `optimize` with `[[parameter]]`. All other studies, with `[[vary]]`, need Python: `scripts/study`
-    /// carries out sweeps, samples, sensitivities and searches by samplers of Optuna, here or on a cluster.
+    /// For studies with method `optimize` and `[[parameter]]`. All other studies, those with `[[vary]]`, need Python: `scripts/study`
+    /// runs sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on this machine or on a cluster.
     Study(study::Arguments),
     /// Drive a plant through standard maneuvers, without and with controllers, and compare
     ///
-    /// `cargo fmu assess EspCar --with DirectYawControl --with AntilockBraking`. Signals are wired by name; what a plant does not have
-    /// leaves out the maneuvers and numbers that need it. Writes OUT/assessment.json and the signals of runs to OUT/runs. Ends with
-    /// 1 if a limit of a regulation or of --require is not kept, with 2 if nothing could be run. The bench follows the procedures of
-    /// standards; it certifies nothing.
+    /// Example: `cargo fmu assess EspCar --with DirectYawControl --with AntilockBraking`. Signals are connected by name. Maneuvers and
+    /// metrics that need a signal the plant does not have are skipped. The assessment is written to OUT/assessment.json, the signals of runs
+    /// to OUT/runs. The exit code is 1 if a limit of a regulation or of `--require` is missed or a run fails, and 2 if nothing could be run.
+    /// The bench follows the procedures of standards; it does not certify anything.
     Assess(assess::Arguments),
     /// Show which FMUs fit which plants by their signals
     ///
-    /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
-    /// A block whose signals have no units, and names that no other FMU has, is not a plant either.
-    /// An output connects to the input of the same name, type and unit of measure. An FMU that is not a plant fits a plant
-    /// under two conditions: the plant or other fitting FMUs write all of its inputs, and it writes an input of the plant or
-    /// of an FMU that acts on the plant. `idle` marks an FMU whose inputs are written but that acts on nothing. `lacks 3`
-    /// marks one with three inputs that nothing writes; a scenario can set them to constants. Other plants are ignored.
+    /// A plant is an FMU with continuous states. An FMU that writes inputs of one with more states is an actuator instead. A
+    /// block whose signals have no units, and names that no other FMU has, is not a plant either. An output connects to the
+    /// input of the same name, type and unit of measure.
+    ///
+    /// An FMU that is not a plant fits a plant under two conditions: the plant or other fitting FMUs write all of its inputs,
+    /// and it writes an input of the plant or of an FMU that acts on the plant. `idle` marks an FMU whose inputs are written
+    /// but whose outputs do not act on the plant. `lacks 3` marks one with three inputs that nothing writes; a scenario can set
+    /// them to constants. Other plants are ignored.
     ///
     /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
     /// reads has no effect.
     Compat(compat::Arguments),
     /// Compute the metrics of a standard maneuver from recorded signals, and print them as JSON
     ///
-    /// The recording is a CSV file, plain or compressed with gzip, of a simulation, a measurement or another simulator. Its first line has
-    /// the names of the columns: `time` (s), and signals by the names of the library, in SI units or those that the file gives: `Speed
-    /// [km/h]`, or a line of units below the names. --vehicle renames columns. Other columns are ignored. A metric that cannot be computed
-    /// is null; the reasons go to the standard error. Exit code 2 if the file cannot be used.
+    /// The recording is a CSV file, plain or compressed with gzip, from a measurement or any simulator. Its first line contains the names of
+    /// the columns: `time` (s), and signals with the names of the library, in SI units or in the units that the file gives: `Speed [km/h]`,
+    /// or a line of units below the names. `--vehicle` maps other names. Other columns are ignored. A metric that cannot be computed is null;
+    /// the reasons go to standard error. The exit code is 2 if the file cannot be used.
     Evaluate(evaluate::Arguments),
 }
 

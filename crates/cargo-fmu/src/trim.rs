@@ -22,21 +22,22 @@ const AT_ZERO: f64 = 1e-8;
 /// Arguments of `cargo fmu trim`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives
+    /// Name of a packed FMU of this workspace, or path of any .fmu file with directional derivatives
     fmu: String,
-    /// Operating point: a parameter, an input, or a state that is held, such as --set driver.speed=20 or --set steer.front=0.02;
-    /// `driver.speed` is the speed of plants with pedals, too; may be repeated
+    /// Set a parameter or an input, or hold a state, such as driver.speed=20 or steer.front=0.02; may be repeated
+    ///
+    /// These values define the operating point, in the units of the FMU. `driver.speed` is also the speed of plants with pedals.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// Inputs of which one common value is sought, such as --free drive_torque.rl,drive_torque.rr; repeat it for another value
+    /// Free inputs that share one unknown value, such as drive_torque.rl,drive_torque.rr; may be repeated for further values
     /// [default: all `drive_torque.*` of a plant with pedals]
     #[arg(long, value_name = "INPUT[,INPUT…]")]
     free: Vec<String>,
-    /// Writes the start values of states, and the parameters and inputs, as a parameter set (SSV of SSP 1.0)
+    /// Write the start values of states, and the parameters and inputs, as an SSP 1.0 parameter set
     #[cfg(feature = "system")]
     #[arg(long, value_name = "FILE.ssv")]
     out: Option<PathBuf>,
-    /// Prints JSON instead of the table
+    /// Print JSON instead of the table
     #[arg(long)]
     json: bool,
     #[command(flatten)]

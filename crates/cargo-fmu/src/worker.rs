@@ -35,25 +35,31 @@ const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
 /// Options of the commands that start workers.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Options {
-    /// Longest time for a step of a run, a trial of a check or a linearization; an FMU that takes longer is stopped
+    /// Time limit for a step, in seconds; an FMU that takes longer is stopped
+    ///
+    /// The limit also applies to each trial of `check`, and to a whole linearization or search for a steady state.
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = timeout)]
     timeout: Duration,
 
-    /// Library of Python (libpython3.*.so), for FMUs made with Python that do not bring it along
+    /// Python library (libpython3.*.so), for FMUs made with Python that do not contain one
     #[arg(long, value_name = "FILE")]
     libpython: Option<PathBuf>,
 
-    /// Memory limit of each process that executes FMUs, such as `4G` or `500M`, or `none`; Linux only
-    /// [default: 80 % of the machine, divided by the number of processes, at least 1G]
+    /// Memory limit of each process that executes FMUs, such as 4G or 500M, or `none`; Linux only
+    /// [default: 80 % of the machine's memory, divided by the number of processes, at least 1G]
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     memory: Option<Memory>,
 
-    /// Deny FMUs the network, other programs and processes, and writing outside of their temporary folder and the
-    /// folder for results; Linux only, the default of `check`
+    /// Run FMUs in a sandbox; Linux only, the default of `check`
+    ///
+    /// The sandbox denies FMUs the network, other programs and processes, and writing outside of their temporary folder and
+    /// the folder for results.
     #[arg(long, conflicts_with = "no_sandbox")]
     sandbox: bool,
 
-    /// Allow FMUs everything that you may do, for those that need a license server or another program
+    /// Run FMUs with all of your permissions, without a sandbox
+    ///
+    /// Some FMUs need a license server or another program.
     #[arg(long)]
     no_sandbox: bool,
 }

@@ -19,8 +19,8 @@ from .assessment import AssessmentError, Folder
 # What a call means that could not do its work; 1 is a limit that is not kept.
 UNABLE = 2
 
-HELP = """Drives a vehicle through the standard maneuvers of the test bench, without and with controllers, and writes a
-page about it. All options are those of `cargo fmu assess`, which does the work:"""
+HELP = """Drive a vehicle through the standard maneuvers of the test bench, without and with controllers, and write a
+page with the results. All options are those of `cargo fmu assess`, which runs the maneuvers:"""
 
 
 def _arguments(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"{HELP}\n", flush=True)
             code = _assess(["--help"])
             print(
-                "\n      --page <FOLDER>\n          Only writes the page of an assessment that is there, such as "
+                "\n      --page <FOLDER>\n          Write only the page of an existing assessment, such as "
                 "results/assess_EspCar"
             )
             return code

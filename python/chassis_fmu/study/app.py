@@ -50,36 +50,40 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog=name,
         description=(
-            "Carries out a study: many runs of a scenario with values that vary, and a page of what they tell. "
-            f"`{name} merge STUDY` puts the shards of a study together. "
+            "Run a study: many runs of a scenario with varying values, and a page with the results. "
+            f"`{name} merge STUDY` merges the shards of a study. "
             "Exit code: 0 if all requirements are met, 1 if one is not, 2 if the study could not run."
         ),
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
     parser.add_argument(
-        "--runs", type=shell.positive, metavar="N", help="instead of the study's `runs`: number of samples"
+        "--runs", type=shell.positive, metavar="N", help="override the study's number of samples (`runs`)"
     )
     parser.add_argument(
         "--engine",
         choices=("local", "dask"),
         default="local",
-        help="processes of this machine, or Dask (default: local)",
+        help="execute the runs on this machine or with Dask (default: local)",
     )
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://HOST:8786 (default: one of this machine)"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of the Dask scheduler, such as tcp://HOST:8786 (default: start one on this machine)",
     )
     parser.add_argument(
-        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: all processors)"
+        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
     )
     shell.add_timeout(parser)
     shell.add_out(parser)
     shell.add_fmus(parser)
-    parser.add_argument("--shard", type=_shard, metavar="I/N", help="only the I-th of N parts of the samples")
-    parser.add_argument("--no-fail", action="store_true", help="exit with 0 although a requirement is not met")
+    parser.add_argument("--shard", type=_shard, metavar="I/N", help="run only the I-th of N parts of the samples")
+    parser.add_argument("--no-fail", action="store_true", help="exit with 0 even if a requirement is not met")
     existing = parser.add_mutually_exclusive_group()
-    existing.add_argument("--resume", action="store_true", help="go on with the results that are there")
-    existing.add_argument("--overwrite", action="store_true", help="begin anew")
-    existing.add_argument("--report-only", action="store_true", help="only make the tables and the page anew")
+    existing.add_argument("--resume", action="store_true", help="continue from the existing results")
+    existing.add_argument("--overwrite", action="store_true", help="remove the existing results and start over")
+    existing.add_argument(
+        "--report-only", action="store_true", help="only make the tables and the page from the existing results"
+    )
     options = parser.parse_args(argv)
     if options.scheduler is not None and options.engine != "dask":
         parser.error("--scheduler belongs to --engine dask")

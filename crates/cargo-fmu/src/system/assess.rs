@@ -26,53 +26,57 @@ use crate::worker;
 /// Arguments of `cargo fmu assess`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
-    /// Plant: name of an FMU in the folder, or an .fmu file
+    /// Plant: name of an FMU in the folder, or path of an .fmu file
     plant: String,
 
-    /// Controller that is compared with the plant without it; may be given several times
+    /// Controller to assess: the plant is compared without and with all controllers; may be repeated
     #[arg(long, value_name = "NAME", value_parser = placed)]
     with: Vec<Placed>,
 
-    /// FMU that belongs to the vehicle, such as its brakes; may be given several times [default: BrakeAndDriveActuators for a
-    /// plant with brake and drive torques]
+    /// FMU that belongs to the vehicle, such as its brakes; may be repeated [default: BrakeAndDriveActuators for a plant with
+    /// brake and drive torques]
     #[arg(long, value_name = "NAME", value_parser = placed)]
     base: Vec<Placed>,
 
-    /// Group of maneuvers; may be given several times [default: all that the plant can do]
+    /// Group of maneuvers; may be repeated [default: all that the plant supports]
     #[arg(long, value_name = "SUITE")]
     suite: Vec<SuiteName>,
 
-    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// Value of a parameter, also with a unit: esp_car:body.mass=1300, "esp_car:body.mass=1300 kg"; the component is the name of
-    /// the FMU in small letters, driver or road
+    /// Set a parameter, such as esp_car:body.mass=1300 or "esp_car:body.mass=1300 kg"; may be repeated
+    ///
+    /// The component is the name of the FMU in snake case, `driver` or `road`.
     #[arg(long, value_name = "COMPONENT:PARAMETER=VALUE", value_parser = setting)]
     set: Vec<(String, String, String)>,
 
-    /// SSP parameter set with values of parameters, named component.parameter; `--set` takes precedence
+    /// SSP parameter set with parameters named component.parameter; `--set` takes precedence
     #[arg(long, value_name = "FILE")]
     parameters: Option<PathBuf>,
 
-    /// File with data of the vehicle and its names of signals, the tables `vehicle` and `signals`; its values override the
-    /// built-in vehicle data
+    /// TOML file with data of the vehicle and the names of its signals; values override the built-in vehicle data
+    ///
+    /// These are the tables `vehicle` and `signals`.
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 
-    /// Speed of handling maneuvers and ride, km/h [default: 80 for cars, 60 for trucks]
+    /// Speed of the handling and ride maneuvers, in km/h [default: 80 for cars, 60 for trucks]
     #[arg(long, value_name = "SPEED", value_parser = speed)]
     speed: Option<f64>,
 
-    /// End the series of sine with dwell after the first unstable runs
+    /// End the sine-with-dwell series after the first unstable runs
     #[arg(long)]
     quick: bool,
 
-    /// Give the driver model each system's understeer gradient, not only that of the vehicle without controllers
+    /// Give the driver model each system's understeer gradient instead of that of the vehicle without controllers
     #[arg(long)]
     adapt: bool,
 
-    /// Limit of a metric, at least or at most by which is better: iso3888_2.max_entry_speed=50
+    /// Require a metric to meet a limit, such as iso3888_2.max_entry_speed=50; may be repeated
+    ///
+    /// The limit, in the unit of the metric, is a minimum if more is better and a maximum if less is better.
     #[arg(long, value_name = "METRIC=VALUE", value_parser = requirement)]
     require: Vec<(String, f64)>,
 
@@ -80,15 +84,15 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
 
-    /// Write the assessment as JSON here, too
+    /// Also write the assessment to this file, as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Write the verdicts as JUnit here
+    /// Also write the verdicts to this file, as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
-    /// Number of processes [default: that of the processors]
+    /// Number of processes [default: number of processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
 
@@ -105,9 +109,9 @@ enum SuiteName {
     Stability,
     /// Fishhook and J-turn
     Rollover,
-    /// Straight, on split friction, in a turn
+    /// Braking straight ahead, on split friction and in a turn
     Braking,
-    /// On rough roads
+    /// Ride on rough roads
     Ride,
 }
 

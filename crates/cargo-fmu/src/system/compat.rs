@@ -15,14 +15,14 @@ use crate::output::out;
 /// Arguments of `cargo fmu compat`. [`fmu_system::compat`] defines the terms.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Show only these plants and these other FMUs
+    /// Show only these plants and other FMUs
     names: Vec<String>,
 
-    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// Lists for every pair that does not fit what is missing, and why
+    /// List what is missing, and why, for every pair that does not fit
     #[arg(long)]
     missing: bool,
 }

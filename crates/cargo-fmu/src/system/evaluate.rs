@@ -27,27 +27,31 @@ const SHOWN: usize = 6;
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// Evaluator
+    /// Name of the evaluator
     #[arg(value_name = "NAME", required_unless_present = "list", value_parser = parser())]
     evaluator: Option<&'static Evaluator>,
 
-    /// CSV file of the recording, plain or compressed with gzip; delimiter, decimal mark, encoding and units are detected
+    /// CSV file of the recording, plain or compressed with gzip
+    ///
+    /// Delimiter, decimal mark, encoding and units are detected.
     #[arg(required_unless_present = "list")]
     trace: Option<PathBuf>,
 
-    /// File with names and units of signals, the table `signals` of `cargo fmu assess --vehicle`; `time` is the column of times
+    /// TOML file with names and units of signals
+    ///
+    /// Only the table `signals` of a file for `cargo fmu assess --vehicle` is used. Its key `time` names the time column.
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 
-    /// Interpolate between rows that are not evenly spaced, every SECONDS or at their median distance
+    /// Interpolate unevenly spaced rows, every SECONDS or, without a value, at their median distance
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, require_equals = true, default_missing_value = "median", value_parser = resample)]
     resample: Option<Resample>,
 
-    /// Options of the evaluator as an object of JSON
+    /// Options of the evaluator, as a JSON object
     #[arg(long, value_name = "JSON", default_value = "{}")]
     options: String,
 
-    /// Print columns, options and definitions of the metrics instead, of one evaluator or of all
+    /// List the columns, options and metric definitions of one evaluator or of all, and evaluate nothing
     #[arg(long)]
     list: bool,
 }

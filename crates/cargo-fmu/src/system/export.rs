@@ -21,31 +21,31 @@ pub(crate) struct Arguments {
     /// Scenario file (TOML)
     scenario: PathBuf,
 
-    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// Case [default: the first]
+    /// Case to export [default: the first]
     #[arg(long, value_name = "NAME")]
     case: Option<String>,
 
-    /// Point of the sweep [default: the first]
+    /// Point of the sweep to export [default: the first]
     #[arg(long, value_name = "NAME")]
     point: Option<String>,
 
-    /// Seed, one of the scenario's [default: the first]
+    /// Seed of the scenario to export [default: the first]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<i32>,
 
-    /// Stop at this time instead, s
+    /// Override the scenario's stop time, in seconds
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     stop: Option<f64>,
 
-    /// Folder for the files; it must be empty or not there
+    /// Folder for the files; it must be empty or not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 
-    /// Replace what an earlier call wrote there
+    /// Replace the files of an earlier export
     #[arg(long)]
     overwrite: bool,
 }

@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     selection: Selection,
 
-    /// Prints the plan as JSON: every run with its components, parameters, wires and recorded columns
+    /// Print the plan as JSON: every run with its components, parameters, connections and recorded columns
     #[arg(long)]
     json: bool,
 }

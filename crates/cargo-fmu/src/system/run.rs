@@ -32,27 +32,29 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     selection: Selection,
 
-    /// Folder for results; the files go to its subfolder SCENARIO/runs
+    /// Folder for results
+    ///
+    /// The files go to OUT/SCENARIO/runs.
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
 
-    /// Leaves out the warnings of `cargo fmu plan`
+    /// Leave out the warnings of `cargo fmu plan`
     #[arg(long)]
     no_warnings: bool,
 
-    /// Number of processes [default: that of the processors]
+    /// Number of processes [default: number of processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
 
-    /// Exits with 0 although a requirement of the scenario is not met
+    /// Exit with 0 even if a requirement is not met
     #[arg(long)]
     no_fail: bool,
 
-    /// Writes the requirements as JUnit XML, too
+    /// Also write the verdicts to this file, as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
-    /// Leaves the requirements to the caller
+    /// Leave the requirements to the caller
     #[arg(long, hide = true, conflicts_with_all = ["no_fail", "junit"])]
     no_verdicts: bool,
 

@@ -16,28 +16,30 @@ pub(crate) struct Selection {
     /// Scenario file (TOML)
     scenario: PathBuf,
 
-    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// CSV file with a column `time` and columns named like signals (or component:signal), which write
-    /// these signals instead of the components; continuous inputs are interpolated linearly, others hold the last value
+    /// CSV file with signals that replace the outputs of components
+    ///
+    /// The file has a column `time` and columns named `signal` or `component:signal`. Values are converted to the units of the
+    /// variables. Continuous inputs are interpolated linearly, others hold the last value.
     #[arg(long, value_name = "FILE")]
     inputs: Option<PathBuf>,
 
-    /// Value of a signal of that file after its last sample
+    /// Action if a signal from `--inputs` ends before the run does
     #[arg(long, value_name = "WHAT", default_value = "error", requires = "inputs")]
     after_end: AfterEnd,
 
-    /// Stop at this time instead, s
+    /// Override the scenario's stop time, in seconds
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     stop: Option<f64>,
 
-    /// Use the first N seeds only
+    /// Use only the first N seeds
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     seeds: Option<u32>,
 
-    /// Order of the components within a step, instead of the scenario's
+    /// Override the scenario's order of the components within a step
     #[arg(long)]
     order: Option<Order>,
 }
@@ -45,18 +47,18 @@ pub(crate) struct Selection {
 /// Value of a signal of an input file after its last sample.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum AfterEnd {
-    /// None: a file that ends before the run is an error
+    /// Report an error
     Error,
-    /// The last value
+    /// Hold the last value
     Hold,
 }
 
 /// Order of the components within a step.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Order {
-    /// One after the other, each with the new outputs of those before it
+    /// Gauss-Seidel: one after the other, each with the new outputs of those before it
     Sequential,
-    /// All at once from the outputs of the step before
+    /// Jacobi: all at once, with the outputs of the previous step
     Jacobi,
 }
 

@@ -25,13 +25,15 @@ const WANTED: [&str; 4] = ["vehicle.yaw_rate", "vehicle.lateral_acceleration", "
 /// Arguments of `cargo fmu new --kind scenario`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Scenario {
-    /// With `--kind scenario`: name of the plant's FMU
+    /// Name of the plant's FMU; only with `--kind scenario`
     #[arg(long, value_name = "FMU", required_if_eq("kind", "scenario"))]
     plant: Option<String>,
-    /// With `--kind scenario`: maneuver of the FMU `Driver`, such as sine_with_dwell [default: that of the FMU]
+    /// Maneuver of the FMU `Driver`, such as sine_with_dwell; only with `--kind scenario` [default: start value of the FMU]
     #[arg(long, value_name = "NAME", requires = "plant")]
     maneuver: Option<String>,
-    /// With `--kind scenario`: folder with the FMUs; may be given several times, the first that has an FMU wins
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
+    ///
+    /// Only with `--kind scenario`.
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 }

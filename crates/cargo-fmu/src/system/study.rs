@@ -22,30 +22,32 @@ pub(crate) struct Arguments {
     /// Study file (TOML)
     study: PathBuf,
 
-    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// Folder for results; the files go to its subfolder STUDY
+    /// Folder for results
+    ///
+    /// The files go to OUT/STUDY.
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
 
-    /// Number of processes [default: that of the processors]
+    /// Number of processes [default: number of processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
 
     #[command(flatten)]
     workers: worker::Options,
 
-    /// Evaluations per method, instead of the study's
+    /// Override the study's number of evaluations per method
     #[arg(long, value_name = "N")]
     budget: Option<NonZeroU64>,
 
-    /// Go on with the results that are there
+    /// Continue from the existing results
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
 
-    /// Remove the results that are there and begin anew
+    /// Remove the existing results and start over
     #[arg(long)]
     overwrite: bool,
 }
