@@ -465,20 +465,21 @@ mod tests {
             inputs.feed(1, &Target::default(), interpolation);
             inputs.finish(&[], &[], &[]).unwrap()
         };
-        let grid = |skipped: &'static [std::ops::Range<u32>]| {
-            (0..=200).filter(|k| !skipped.iter().any(|range| range.contains(k))).map(|k| f64::from(k) / 100.0)
+        // Times every 0.01 s without those between two rows.
+        let grid = |gaps: &'static [(u32, u32)]| {
+            (0..=200).filter(|k| !gaps.iter().any(|(a, b)| (a..b).contains(&k) && a != k)).map(|k| f64::from(k) / 100.0)
         };
         let (linear, hold) = (Interpolation::Linear, Interpolation::Hold);
         assert_eq!(warnings(&mut grid(&[]), linear), [""; 0]);
         // Four missing rows are five distances, which is not a gap.
-        assert_eq!(warnings(&mut grid(&[11..15]), linear), [""; 0]);
-        let found = warnings(&mut grid(&[11..20, 31..80]), linear);
+        assert_eq!(warnings(&mut grid(&[(10, 15)]), linear), [""; 0]);
+        let found = warnings(&mut grid(&[(10, 20), (30, 80)]), linear);
         let expected = "in.csv: `a` has no samples from 0.3 s to 0.8 s, and one shorter gap (they are usually 0.01 s apart); \
                         it is interpolated linearly there";
         assert!(matches!(&found[..], [warning] if warning.ends_with(expected)), "{found:?}");
         // The run ends at 1 s; a signal that is held needs no samples; few points are a profile, not samples.
-        assert_eq!(warnings(&mut grid(&[131..180]), linear), [""; 0]);
-        assert_eq!(warnings(&mut grid(&[31..80]), hold), [""; 0]);
+        assert_eq!(warnings(&mut grid(&[(130, 180)]), linear), [""; 0]);
+        assert_eq!(warnings(&mut grid(&[(30, 80)]), hold), [""; 0]);
         assert_eq!(warnings(&mut [0.0, 0.1, 0.2, 0.3, 2.0].into_iter(), linear), [""; 0]);
     }
 
