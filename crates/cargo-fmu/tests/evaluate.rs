@@ -141,6 +141,25 @@ fn rows_that_are_lost_are_interpolated_by_option() {
     assert_eq!(message.matches("note: the rows are interpolated every").count(), 1, "{message}");
 }
 
+/// A name in the vehicle file is one of a signal, or is noted; it is never ignored.
+#[test]
+fn names_of_signals_in_a_vehicle_file_are_checked() {
+    let (folder, path) = recording("time,driver.steer\n");
+    let vehicle = folder.path().join("logger.toml");
+    for (signals, code, expected) in [
+        ("\"vehicle.yaw_ratee\" = { unit = \"deg/s\" }", 1, "did you mean `vehicle.yaw_rate`?"),
+        ("\"tire_load.*\" = { unit = \"kN\" }", 1, "has a pattern, `tire_load.*`: name each signal"),
+        ("\"suspension.travel.fl\" = \"x\"", 0, "`suspension.travel.fl`, which no evaluator reads"),
+        ("\"vehicle.yaw_rate\" = {}", 1, "has neither `variable` nor `unit`"),
+    ] {
+        std::fs::write(&vehicle, format!("[signals]\n{signals}\n")).unwrap();
+        let output = evaluate(&["step_steer", &path, "--vehicle", vehicle.to_str().unwrap()]);
+        let said = message(&output).replace('│', " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
 #[test]
 fn what_cannot_be_computed_is_null_with_a_reason() {
     let (_folder, path) = recording("time,driver.steer\n");

@@ -30,4 +30,4 @@ pub use evaluators::{Evaluation, Evaluator};
 pub use metric::{Definition, Direction, Metric, Reason, Value};
 pub use options::{Fallback, Form, OptionError, OptionRule};
 pub use trace::{Reading, Resample, Trace, TraceError};
-pub use wiring::{SetupError, Subject};
+pub use wiring::{ACTUATORS, SetupError, Subject};

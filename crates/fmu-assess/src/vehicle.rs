@@ -41,7 +41,7 @@ enum Named {
 #[serde(deny_unknown_fields)]
 struct WithUnit {
     variable: Option<String>,
-    unit: String,
+    unit: Option<String>,
 }
 
 /// Data of a vehicle as a file gives them; what is absent comes from the plant.
@@ -136,11 +136,12 @@ impl VehicleFile {
         for (name, named) in signals {
             match named {
                 Named::Variable(variable) => drop(file.signals.insert(name, variable)),
+                Named::WithUnit(WithUnit { variable: None, unit: None }) => {
+                    return Err(format!("signals.{name} has neither `variable` nor `unit`"));
+                }
                 Named::WithUnit(WithUnit { variable, unit }) => {
-                    if let Some(variable) = variable {
-                        file.signals.insert(name.clone(), variable);
-                    }
-                    file.units.insert(name, unit);
+                    file.signals.extend(variable.map(|variable| (name.clone(), variable)));
+                    file.units.extend(unit.map(|unit| (name, unit)));
                 }
                 Named::OfFmu(names) => drop(file.controllers.insert(name, names)),
             }
@@ -300,6 +301,12 @@ mod tests {
         assert_eq!(found.signals, BTreeMap::from([("vehicle.yaw_rate".to_owned(), "r".to_owned())]));
         assert_eq!((found.units["vehicle.yaw_rate"].as_str(), found.units["body.roll"].as_str()), ("deg/s", "deg"));
         assert!(found.controllers.is_empty());
+        // A table of one key is a variable or a unit, not the signals of an FMU.
+        let named = VehicleFile::parse("[signals]\na = { variable = \"b\" }\nc = { unit = \"deg\" }\n").unwrap();
+        assert_eq!((named.signals["a"].as_str(), named.units["c"].as_str()), ("b", "deg"));
+        assert!(named.controllers.is_empty());
+        let empty = VehicleFile::parse("[signals]\na = {}\n").unwrap_err();
+        assert_eq!(empty, "signals.a has neither `variable` nor `unit`");
         let wrong = VehicleFile::parse("[signals]\n\"steer.front\" = 1\n").unwrap_err();
         assert!(wrong.contains("a name of a variable, { variable = .., unit = .. }, or a table"), "{wrong}");
     }

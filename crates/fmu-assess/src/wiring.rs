@@ -22,7 +22,7 @@ const TIME: &str = "time";
 pub(crate) const STEP: f64 = 1e-3;
 
 /// Base component of plants whose brakes and drives are torques.
-const ACTUATORS: &str = "BrakeAndDriveActuators";
+pub const ACTUATORS: &str = "BrakeAndDriveActuators";
 
 /// Error while setting up the bench.
 #[derive(Debug, thiserror::Error)]

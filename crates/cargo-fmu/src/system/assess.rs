@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use fmu_assess::assess::{Options, Shown, assess};
 use fmu_assess::report::{Assessment, Judgment, Row, Suite, Verdict};
 use fmu_assess::vehicle::VehicleFile;
-use fmu_assess::{SetupError, Subject};
+use fmu_assess::{ACTUATORS, SetupError, Subject};
 use fmu_import::description::Value;
 use fmu_system::parameter_set::{Parameter, ParameterSet};
 use fmu_system::resolve::FmuFolder;
@@ -229,6 +229,13 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
             let text = std::fs::read_to_string(path).into_diagnostic();
             let text = text.wrap_err_with(|| format!("cannot read {}", path.display()))?;
             let file = VehicleFile::parse(&text).map_err(|error| miette!("{}: {error}", path.display()))?;
+            let takes_part = |fmu: &String| with.contains(fmu) || base.contains(fmu) || fmu == ACTUATORS;
+            for fmu in file.controllers.keys().filter(|fmu| !takes_part(fmu)) {
+                errln!(
+                    "note: {}: the table [signals.{fmu}] is not used, because {fmu} does not take part",
+                    path.display()
+                );
+            }
             file.over(VehicleFile::of_library(&plant))
         }
     };

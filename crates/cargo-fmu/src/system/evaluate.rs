@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
 use fmu_assess::evaluators::{self, EVALUATORS, reference};
+use fmu_assess::signals::unit;
 use fmu_assess::vehicle::VehicleFile;
 use fmu_assess::{Evaluator, Metric, Reading, Reason, Resample, Trace, Value};
+use fmu_import::names::suggestion;
 use fmu_system::data::DataError;
 use fmu_system::limits;
 use miette::{Result, miette};
@@ -103,6 +105,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let text = std::fs::read_to_string(path).map_err(|error| miette!("{}: {error}", path.display()))?;
         let vehicle = VehicleFile::parse(&text).map_err(|error| miette!("{}: {error}", path.display()))?;
         (reading.names, reading.units) = (vehicle.signals, vehicle.units);
+        for name in reading.names.keys().chain(reading.units.keys()).filter(|name| *name != "time") {
+            check_signal(name).map_err(|message| miette!("{}: [signals] {message}", path.display()))?;
+        }
     }
     let (trace, notes) = Trace::read(&file, &bytes, evaluator.columns, &reading)?;
     let evaluation = evaluator.evaluate(&trace, &options).map_err(|error| {
@@ -115,6 +120,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     report_nulls(&evaluation.metrics);
     outln!("{}", evaluation.to_json());
     Ok(())
+}
+
+/// Checks the name of a signal in a vehicle file. Notes one that no evaluator reads, which may be for `cargo fmu assess`.
+fn check_signal(name: &str) -> std::result::Result<(), String> {
+    if name.contains('*') {
+        return Err(format!("has a pattern, `{name}`: name each signal"));
+    }
+    if unit(name).is_some() {
+        return Ok(());
+    }
+    let known = EVALUATORS.iter().flat_map(|evaluator| evaluator.columns).map(|column| column.name);
+    match suggestion(name, known) {
+        Some(near) => Err(format!("has an unknown signal, `{name}`; {near}")),
+        None => {
+            errln!("note: [signals] has `{name}`, which no evaluator reads");
+            Ok(())
+        }
+    }
 }
 
 /// Reports why metrics are null, once for each reason.
