@@ -12,6 +12,17 @@ const FROM: f64 = 0.8;
 const TO: f64 = 0.1;
 /// Share of the speed by which that of the positions may differ from it.
 const DISAGREEMENT: f64 = 0.02;
+/// Ratios of two speeds, one of which is in a wrong unit, and what is wrong.
+const FACTORS: [(f64, &str); 4] = [
+    (3.6, "it were in km/h"),
+    (2.236_936, "it were in mph"),
+    (1000.0, "times were in ms"),
+    (0.001, "positions were in mm"),
+];
+/// Two ratios that are as near as this are the same.
+const ALIKE: f64 = 0.05;
+/// Time before braking in which a vehicle keeps its speed to less than [`DISAGREEMENT`], s.
+const BEFORE: f64 = 0.2;
 /// Speed of a standstill, m/s.
 const STOP: f64 = 0.2;
 
@@ -75,6 +86,12 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         && let measured = Ground::of_speed(rows, speed)
         && let Some([of_positions, of_speed]) = ground.disagrees(&measured, first)
     {
+        let ratio = of_speed / of_positions;
+        if let Some((factor, meant)) = FACTORS.into_iter().find(|(factor, _)| (ratio / factor - 1.0).abs() < ALIKE) {
+            return Err(Reason::new(format!(
+                "`vehicle.speed` is {factor:.3} times the speed of the positions, as if {meant}: give the columns their units"
+            )));
+        }
         results.notes.push(format!(
             "the positions give a speed of {of_positions:.3} m/s when braking begins, `vehicle.speed` is {of_speed:.3} m/s: the speed and its \
              integral are used"
@@ -82,6 +99,14 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         ground = measured;
     }
     let initial = ground.speed[first];
+    if let Some(mean) =
+        ground.mean_before(rows, first).filter(|mean| (initial - mean).abs() > DISAGREEMENT * mean.abs())
+    {
+        results.notes.push(format!(
+            "the speed is {initial:.3} m/s when braking begins, its mean over the {BEFORE} s before is {mean:.3} m/s: all metrics are as \
+             uncertain; record `vehicle.speed`, or filter the recording"
+        ));
+    }
     results.set("initial_speed", initial);
     if initial <= STOP {
         return Err(Reason::new(format!("the vehicle is not faster than {STOP} m/s when it begins to brake")));
@@ -192,6 +217,12 @@ impl Ground {
         let differ = |a: f64, b: f64| (a - b).abs() > DISAGREEMENT * b.abs();
         let is_off = differ(self.speed[row], speed.speed[row]) || differ(self.way[row], speed.way[row]);
         is_off.then_some([self.speed[row], speed.speed[row]])
+    }
+
+    /// The mean speed in the time before a row; `None` if the recording begins later.
+    fn mean_before(&self, rows: &Rows<'_>, row: usize) -> Option<f64> {
+        let from = rows.times[..row].iter().rposition(|time| rows.times[row] - time >= BEFORE)?;
+        Some((self.way[row] - self.way[from]) / (rows.times[row] - rows.times[from]))
     }
 
     /// The first fall to a level after a row, interpolated.
