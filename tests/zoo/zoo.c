@@ -68,6 +68,9 @@ enum {
     habit_schedule,       /* sets the priority of the process that started its own */
     habit_unpack,         /* makes a temporary file executable */
     habit_deep,           /* takes 400 kB of stack */
+    habit_end_crash,      /* SIGSEGV in the termination */
+    habit_free_crash,     /* SIGSEGV when the instance is freed */
+    habit_status,         /* returns a status that is none */
 };
 #ifndef HABIT
 #define HABIT habit_none
@@ -241,6 +244,7 @@ static int step(Instance *i, double t, double h) {
         break;
     }
     case habit_deep: go_deep(); break;
+    case habit_status: return -1;
     case habit_network: { int s = socket(AF_INET, SOCK_STREAM, 0); if (s >= 0) close(s); break; }
     case habit_signal: kill(getppid(), SIGCONT); break;
     case habit_attributes: chmod(i->file, 0755); break;
@@ -300,12 +304,16 @@ static int set_string(Instance *i, unsigned r, const char *v) {
     return OK;
 }
 #define COMMON(Name)                                                             \
-    EXPORT void Name##FreeInstance(void *c) { free(c); }                          \
+    EXPORT void Name##FreeInstance(void *c) {                                     \
+        if (((Instance *)c)->habit == habit_free_crash) raise(SIGSEGV);          \
+        free(c);                                                                 \
+    }                                                                            \
     EXPORT int Name##ExitInitializationMode(void *c) {                            \
         ((Instance *)c)->is_initialized = 1;                                     \
         return OK;                                                               \
     }                                                                            \
     EXPORT int Name##Terminate(void *c) {                                         \
+        if (((Instance *)c)->habit == habit_end_crash) raise(SIGSEGV);           \
         return ((Instance *)c)->habit == habit_crash_strict ? ERROR : OK;         \
     }                                                                            \
     EXPORT int Name##Reset(void *c) { return reset(c); }

@@ -62,6 +62,18 @@ fn status(folder: &Path) -> Value {
     serde_json::from_str::<Value>(&text).unwrap()["runs"][0].clone()
 }
 
+/// A crash after the last step loses nothing that was simulated.
+#[test]
+fn a_crash_at_the_end_keeps_all_rows() {
+    for (habit, function) in [("end_crash", "fmi2Terminate"), ("free_crash", "fmi2FreeInstance")] {
+        let (folder, output) = run(FmiVersion::V2, habit, SCENARIO, &[]);
+        let said = unwrapped(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{habit}: {said}");
+        assert!(said.contains(function) && said.contains("; the rows end at 1 s"), "{habit}: {said}");
+        assert_eq!(times(folder.path()).len(), 11, "{habit}");
+    }
+}
+
 /// File names of other tools: with blanks, dots and dashes.
 #[test]
 fn fmus_have_any_file_name() {

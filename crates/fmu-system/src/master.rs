@@ -67,6 +67,18 @@ impl Recorder {
 /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU ends the
 /// simulation before the stop time. The error contains the rows before it.
 pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
+    record(simulation, run, fmus, true)
+}
+
+/// As [`execute`], but neither terminates nor frees the instances, which has crashed or hung before. They stay until the process ends.
+///
+/// # Errors
+/// As [`execute`].
+pub(crate) fn repeat(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
+    record(simulation, run, fmus, false)
+}
+
+fn record(simulation: &Simulation, run: &Run, fmus: &dyn Instances, is_ended: bool) -> Result<Recording, RunError> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run);
@@ -82,6 +94,13 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
         }
     }
     let mut recording = recorder.finish(run);
+    if !is_ended {
+        std::mem::forget(session);
+        return match ended {
+            Ok(()) => Ok(recording),
+            Err(error) => Err(keeping(error, recording)),
+        };
+    }
     match ended {
         Ok(()) => match session.terminate() {
             Ok(messages) => recording.messages = messages,

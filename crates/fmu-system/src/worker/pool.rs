@@ -173,7 +173,7 @@ impl Pool {
         steps: &mut dyn FnMut(u64),
     ) -> Result<Recording, Failure> {
         let again = csv.is_some().then(|| run.clone());
-        self.run(slot, simulation, run, csv.clone(), steps).map_err(|failure| {
+        self.run(slot, simulation, run, csv.clone(), false, steps).map_err(|failure| {
             let (Some(run), FailureKind::Crashed | FailureKind::TimedOut, Some(time)) =
                 (again, failure.kind, failure.time)
             else {
@@ -182,7 +182,9 @@ impl Pool {
             let done = ((time - simulation.start) / simulation.step).round() as u64;
             let until = Simulation { steps: done.min(simulation.steps), ..*simulation };
             // An FMU may fail when it is to end before the stop time.
-            let repeated = self.run(slot, &until, run, csv, steps);
+            let repeated = self.run(slot, &until, run, csv, true, steps);
+            // Its instances are still there.
+            *slot = None;
             let recorded = repeated.map_or_else(|failure| failure.recorded, |recording| Some(Box::new(recording)));
             Failure { recorded, ..failure }
         })
@@ -194,6 +196,7 @@ impl Pool {
         simulation: &Simulation,
         run: Run,
         csv: Option<(Vec<String>, Part)>,
+        is_repeated: bool,
         steps: &mut dyn FnMut(u64),
     ) -> Result<Recording, Failure> {
         let id = run.id.clone();
@@ -201,7 +204,7 @@ impl Pool {
         let components: Vec<(String, String)> =
             run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
         let worker = self.worker(slot).map_err(failed)?;
-        let (request, body) = Request::run(simulation, run, csv);
+        let (request, body) = Request::run(simulation, run, csv, is_repeated);
         worker.send(&request, &body);
         drop(body);
         let received = worker.receive(&mut Watch::new(self.settings.timeout), steps);

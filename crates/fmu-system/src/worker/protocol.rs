@@ -30,6 +30,8 @@ pub(super) enum Request {
         series: Vec<Series>,
         /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish the file.
         csv: Option<(Vec<String>, Part)>,
+        /// True for a run that has crashed or hung before: its instances are neither terminated nor freed.
+        is_repeated: bool,
     },
     /// Finds the steady states in which the components of a run start.
     Steady { simulation: Simulation, run: Box<Run> },
@@ -62,7 +64,12 @@ pub(super) enum Response {
 
 impl Request {
     /// A run as header and body.
-    pub(super) fn run(simulation: &Simulation, mut run: Run, csv: Option<(Vec<String>, Part)>) -> (Self, Vec<f64>) {
+    pub(super) fn run(
+        simulation: &Simulation,
+        mut run: Run,
+        csv: Option<(Vec<String>, Part)>,
+        is_repeated: bool,
+    ) -> (Self, Vec<f64>) {
         let mut body = Vec::new();
         let mut series: Vec<Series> = Vec::new();
         let taken = std::mem::take(&mut run.series);
@@ -74,7 +81,7 @@ impl Request {
             body.extend_from_slice(&feed.values);
             series.push((feed.slot, feed.values.len(), feed.interpolation, is_same));
         }
-        (Self::Run { simulation: *simulation, run: Box::new(run), series, csv }, body)
+        (Self::Run { simulation: *simulation, run: Box::new(run), series, csv, is_repeated }, body)
     }
 }
 

@@ -43,7 +43,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
             });
             replies.send(&loaded.map_or_else(|error| failed(error.to_string()), |()| Response::Done), &[])
         }
-        Request::Run { simulation, mut run, series, csv } => {
+        Request::Run { simulation, mut run, series, csv, is_repeated } => {
             run.series = protocol::series(&series, body)?;
             // The rows go to the file, if there is one, and not to the response.
             let kept = |recording: &mut Recording| {
@@ -53,7 +53,8 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 recording.columns.clear();
                 io::Result::Ok(())
             };
-            let executed = master::execute(&simulation, &run, libraries);
+            let execute = if is_repeated { master::repeat } else { master::execute };
+            let executed = execute(&simulation, &run, libraries);
             replies.end_copies();
             let (response, body) = match executed {
                 Err(mut error) => {
