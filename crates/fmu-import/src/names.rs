@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 /// "did you mean" for the nearest of some names, if one is near. The case of letters does not matter.
 #[must_use]
 pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    // A third of the letters may be wrong: enough for slips, too little for chance hits.
-    let limit = (name.chars().count() / 3).max(1);
+    // A third of the letters may be wrong: enough for slips, too little for chance hits. One letter says nothing of another.
+    let limit = (name.chars().count() / 3).max(usize::from(name.chars().count() > 1));
     let name = name.to_lowercase();
     // At least as many letters differ as the lengths do. This skips the long ones.
     let length = name.chars().count();

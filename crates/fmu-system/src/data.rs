@@ -80,6 +80,8 @@ pub struct Column {
     pub unit: Option<String>,
     /// A number for each row; NaN for a missing or invalid cell.
     cells: Vec<f64>,
+    /// Another unit, in brackets after the name.
+    contradiction: Option<String>,
     /// Invalid cells by row, as far as they are reported.
     wrong: Vec<(usize, String)>,
 }
@@ -218,8 +220,11 @@ impl Table {
         for (index, name) in names.iter().enumerate() {
             let (name, bracket) = split_unit(name);
             let below = units.as_ref().and_then(|units| units.get(index).cloned()).filter(|unit| !unit.is_empty());
-            let unit = below.or(bracket.map(str::to_owned));
-            columns.push(Column { name: name.to_owned(), unit, cells: Vec::new(), wrong: Vec::new() });
+            let bracket = bracket.map(str::to_owned);
+            let contradiction =
+                bracket.clone().filter(|bracket| below.as_ref().is_some_and(|below| differ(below, bracket)));
+            let (name, unit) = (name.to_owned(), below.or(bracket));
+            columns.push(Column { name, unit, cells: Vec::new(), contradiction, wrong: Vec::new() });
         }
         let mut table = Self {
             file: file.to_owned(),
@@ -325,6 +330,10 @@ impl Table {
             let help = "remove or rename one of them".to_owned();
             return Err(DataError::new(&self.file, format!("there are two columns `{name}`"), Some(help)));
         }
+        if let (Some(unit), Some(other)) = (&column.unit, &column.contradiction) {
+            let message = format!("the column `{name}` has the unit `{other}` behind its name and `{unit}` below it");
+            return Err(DataError::new(&self.file, message, Some("remove the wrong one".to_owned())));
+        }
         if column.wrong.is_empty() {
             return Ok(column);
         }
@@ -369,6 +378,11 @@ fn unit_line(rows: &Rows<'_>, count: usize) -> Option<Vec<String>> {
     rows.next(&mut first)?.ok()?;
     let is_line = units.len() == count && !has_number(&units) && has_number(&first);
     is_line.then(|| units.iter().map(|unit| unit.trim_matches(['[', ']', '(', ')']).to_owned()).collect())
+}
+
+/// Returns true if two names are those of different units.
+fn differ(a: &str, b: &str) -> bool {
+    a != b && (unit::find(a).is_none() || unit::find(a) != unit::find(b))
 }
 
 /// Detects the decimal mark in the first rows.

@@ -246,7 +246,18 @@ fn what_is_not_used_may_hold_anything() {
     let error = |name: &str| table.signal(&clock, &Channel::new(name), &Target::default()).unwrap_err().to_string();
     assert!(error("a").starts_with("a.csv:3: `inf` at line 3, column `a`, is not a number"), "{}", error("a"));
     assert!(error("twice").starts_with("a.csv: there are two columns `twice`"));
-    assert!(error("b").starts_with("a.csv: there is no column `b`; did you mean `a`?"), "{}", error("b"));
+    assert!(error("b").starts_with("a.csv: there is no column `b`; the columns are `time`, `a`"), "{}", error("b"));
+    assert!(error("twise").starts_with("a.csv: there is no column `twise`; did you mean `twice`?"));
+    // The unit behind a name and that below it: other words for one are fine, two units are not.
+    let table = parse("time,a [m/s2],b [deg]\ns,m/s^2,rad\n0,1,2\n");
+    let clock = table.times(&TimeColumn::default()).unwrap();
+    let signal = |name: &str| table.signal(&clock, &Channel::new(name), &Target::default());
+    assert!(signal("a").is_ok());
+    let error = signal("b").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "a.csv: the column `b` has the unit `deg` behind its name and `rad` below it; remove the wrong one"
+    );
     for (text, expected) in [
         ("zeit,a\n0,1\n", "a.csv: the file has no column `time`, but `zeit`, `a`; call the column of times"),
         ("time,a\n", "a.csv: the file has no rows"),

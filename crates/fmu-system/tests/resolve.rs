@@ -1289,6 +1289,20 @@ fn items_from_a_file() {
     }
 }
 
+/// The times and each signal have a column of their own name.
+#[test]
+fn names_of_columns_are_told_apart() {
+    let text = "<ScalarVariable name=\"time\" valueReference=\"9000\" causality=\"output\"><Real/></ScalarVariable>\
+                </ModelVariables>";
+    let vehicle = include_str!("../../fmu-import/tests/data/Vehicle.xml").replace("</ModelVariables>", text);
+    let mut fmus = fmus();
+    fmus.insert("Vehicle".to_string(), Arc::new(ModelDescription::parse(&vehicle).unwrap()));
+    let scenario = SCENARIO.replacen("signals = [", "signals = [\"vehicle:time\", ", 1);
+    let plan = resolve_text(Path::new("scenarios/step.toml"), &scenario, &fmus, &Options::default()).unwrap();
+    let names: Vec<&str> = plan.columns.iter().map(|column| column.name.as_str()).collect();
+    assert!(names.contains(&"vehicle:time") && !names.contains(&"time"), "{names:?}");
+}
+
 /// Values of a parameter set, by name, each a Real with or without a unit.
 fn parameter_set(values: &[(&str, f64, Option<&str>)]) -> String {
     let parameters = values

@@ -1,7 +1,6 @@
 //! Units of measure of data.
 
 use fmu_import::description::{BaseUnit, DisplayUnit, ModelDescription, Variable};
-use fmu_import::names::suggestion;
 use std::f64::consts::PI;
 
 /// Unit, factor to SI, powers of kg, m, s, A, K, rad.
@@ -169,16 +168,27 @@ impl Target {
         if let Some(display) = self.display.iter().find(|display| display.name == unit) {
             return Ok(Conversion { factor: 1.0 / display.factor, offset: offset(-display.offset / display.factor) });
         }
-        let known = UNITS.iter().map(|unit| unit.0).chain(MORE.iter().map(|unit| unit.0));
         let spelled = SPELLINGS.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(unit));
         let near = match spelled {
-            Some((_, meant)) => Some(format!("did you mean `{meant}`?")),
-            None => suggestion(unit, known.chain(self.display.iter().map(|display| display.name.as_str()))),
+            Some((_, meant)) => format!("did you mean `{meant}`? "),
+            None => self.alternatives(),
         };
-        let near = near.map_or(String::new(), |near| format!("{near} "));
         Err((
             format!("the unit `{unit}` cannot be converted to `{own}`"),
             format!("{near}Give the column a known unit, or no unit and values in {own}"),
         ))
+    }
+
+    /// Lists the known units of the same quantity. Names of similar letters are often those of other units: mrad, mPa and MPa.
+    fn alternatives(&self) -> String {
+        let Some(base) = self.base else { return String::new() };
+        let all = UNITS
+            .iter()
+            .map(|(name, _, powers)| (*name, *powers))
+            .chain(MORE.map(|(name, _, _, powers)| (name, powers)));
+        let is_same =
+            |[kg, m, s, ampere, kelvin, rad]: [i32; 6]| [kg, m, s, ampere, kelvin, 0, 0, rad] == base.exponents;
+        let names: Vec<&str> = all.filter(|(_, powers)| is_same(*powers)).map(|(name, _)| name).collect();
+        if names.is_empty() { String::new() } else { format!("known are {}. ", names.join(", ")) }
     }
 }

@@ -61,7 +61,26 @@ impl Resolver<'_> {
             }
         }
         self.problems.set_context(None);
+        self.tell_apart(&mut columns);
         columns
+    }
+
+    /// Gives a column the name component:variable if its plain name is that of the times or of another column.
+    fn tell_apart(&mut self, columns: &mut [Column]) {
+        let mut taken = BTreeSet::from(["time".to_owned()]);
+        for column in columns {
+            if taken.contains(&column.plan.name) {
+                column.plan.name = format!("{}:{}", column.component, column.variable);
+            }
+            if !taken.insert(column.plan.name.clone()) {
+                let message = format!("two recorded signals have the name `{}`", column.plan.name);
+                self.problems.add_with_help(
+                    0..0,
+                    message,
+                    Some("rename a component, or record one of them only".into()),
+                );
+            }
+        }
     }
 
     /// Finds the patterns of recorded signals that no output matches in any case.

@@ -180,7 +180,15 @@ impl Inputs {
             AfterEnd::Error => {
                 let message =
                     format!("`{name}` ends at {last} s, before the stop: from {last} s to {stop} s it has no value");
-                let help = Some(format!("`--stop {last}` ends the run there, `--after-end hold` keeps the last value"));
+                // Whole steps, written without the roundings of their sum.
+                let steps = ((last - start) / step + 1e-6).floor();
+                let end = start + steps * step;
+                let text = format!("{end:.9}");
+                let end = text.trim_end_matches('0').trim_end_matches('.');
+                let hold = "`--after-end hold` keeps the last value";
+                let help =
+                    if steps > 0.0 { format!("`--stop {end}` ends the run before, {hold}") } else { hold.to_owned() };
+                let help = Some(help);
                 self.note(Mistake { line: None, message, help });
             }
         }
@@ -286,10 +294,11 @@ impl Inputs {
     ) -> Result<Vec<String>, DataError> {
         let mut ignored = Vec::new();
         for column in 0..self.table.columns().len() {
-            if column == self.clock.column || self.used.contains(&column) {
+            let name = self.name(column).to_owned();
+            // A delimiter at the end of the header makes a column without a name.
+            if column == self.clock.column || self.used.contains(&column) || name.is_empty() {
                 continue;
             }
-            let name = self.name(column).to_owned();
             if outputs.contains(&name) {
                 ignored.push(format!("`{name}`"));
                 continue;
@@ -303,7 +312,7 @@ impl Inputs {
             let is_of_component = name.split_once(':').is_some_and(|(component, _)| components.contains(&component));
             if help.is_some() || is_of_component {
                 self.note(Mistake { line: None, message: format!("no input takes the signal `{name}`"), help });
-            } else if !name.is_empty() {
+            } else {
                 ignored.push(format!("`{name}`"));
             }
         }
