@@ -5,7 +5,7 @@ use fmu_study::execution::{End, Existing, Summary, execute};
 use fmu_study::journal::Progress;
 use fmu_study::study::{self, Method, Study, Workers};
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -119,6 +119,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let summary = summary.into_diagnostic()?;
     print_summary(&study, &summary, &seconds);
     outln!("{}", arguments.out.join(&study.name).join("summary.json").display());
+    if summary.methods.iter().all(|method| method.progress.best.is_none()) {
+        let help = "The reasons are in `history.csv` of each method, in the folder of the summary.";
+        return Err(miette!(help = help, "no evaluation of any method was feasible"));
+    }
     Ok(())
 }
 
