@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 import time
+import zipfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
@@ -226,11 +227,22 @@ def _extract(plan: Plan, folder: Path) -> tuple[dict[Path, Path], dict[Path, str
                 continue
             target = folder / str(len(folders))
             try:
-                fmpy.extract(str(component.fmu), str(target))
+                _unpack(component.fmu, target)
                 folders[component.fmu] = target
             except Exception as error:  # fmpy raises bare Exceptions for illegal archives
                 broken[component.fmu] = f"{type(error).__name__}: {error}"
     return folders, broken
+
+
+def _unpack(fmu: Path, folder: Path) -> None:
+    """Extract an archive, also of tools that separate folders by backslashes, which fmpy refuses."""
+    with zipfile.ZipFile(fmu) as archive:
+        if not any("\\" in entry.orig_filename for entry in archive.infolist()):
+            fmpy.extract(str(fmu), str(folder))
+            return
+        for entry in archive.infolist():
+            entry.filename = entry.orig_filename.replace("\\", "/")
+            archive.extract(entry, folder)
 
 
 def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:

@@ -8,11 +8,13 @@ that FMI 2.0 lacks, all are transferred one by one.
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 # Names of the functions of FMI 2.0 that are called otherwise in FMI 3.0.
 NAMES = {
+    "fmi2Instantiate": "fmi3InstantiateCoSimulation",
     "fmi2SetupExperiment": "fmi3EnterInitializationMode",
     "fmi2EnterInitializationMode": "fmi3EnterInitializationMode",
     "fmi2ExitInitializationMode": "fmi3ExitInitializationMode",
@@ -161,7 +163,7 @@ class Functions:
             value = (kind * 1)()
             reference = (ctypes.c_uint * 1)(references[i])
             status = _getter(self._library, f"fmi3Get{name}", kind)(component, reference, 1, value, 1)
-            if status >= DISCARD:
+            if not OK <= status < DISCARD:
                 return status
             if plain == "Int32" and not least <= value[0] <= most:
                 return ERROR
@@ -172,12 +174,14 @@ class Functions:
         for i in range(count):
             name, kind = SPECIAL[self._types.get(references[i], plain)]
             value = (kind * 1)(values[i])
-            # ctypes wraps integers around.
+            # ctypes wraps integers around, and makes large numbers of 32 bits infinite.
             if plain == "Int32" and value[0] != values[i]:
+                return ERROR
+            if plain == "Float64" and math.isfinite(value[0]) != math.isfinite(values[i]):
                 return ERROR
             reference = (ctypes.c_uint * 1)(references[i])
             status = _getter(self._library, f"fmi3Set{name}", kind)(component, reference, 1, value, 1)
-            if status >= DISCARD:
+            if not OK <= status < DISCARD:
                 return status
         return OK
 
@@ -212,7 +216,7 @@ class Functions:
             few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
             flags = (ctypes.c_uint8 * len(part))()
             status = self._get_boolean(component, few, len(part), flags, len(part))
-            if status >= DISCARD:
+            if not OK <= status < DISCARD:
                 return status
             for i, flag in zip(part, flags, strict=True):
                 values[i] = flag
@@ -225,7 +229,7 @@ class Functions:
             few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
             flags = (ctypes.c_uint8 * len(part))(*(int(values[i] != 0) for i in part))
             status = self._set_boolean(component, few, len(part), flags, len(part))
-            if status >= DISCARD:
+            if not OK <= status < DISCARD:
                 return status
         return OK
 

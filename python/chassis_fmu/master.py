@@ -34,6 +34,7 @@ from . import calls, fmi3
 from .calls import Board
 from .plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
 
+OK = 0
 WARNING = 1
 DISCARD = 2
 ERROR = 3
@@ -328,6 +329,8 @@ class Slave:
             if group.count
         ]
 
+        self._restore_rounding("fmi2Instantiate")
+
     def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> tuple[_WholeGroup, _WholeGroup, _WholeGroup]:
         """Return the Integers of 32 bits, the Booleans, and the Integers that may have more."""
         wide = self._wide
@@ -339,10 +342,10 @@ class Slave:
         )
 
     def check(self, status: int, function: str, time: float | None, subject: str = "") -> None:
-        """Raise RunError if a status is worse than a warning. The function is named as in FMI 2.0."""
-        if status > WARNING:
+        """Raise RunError if a status is worse than a warning, or none of FMI. The function is named as in FMI 2.0."""
+        if not OK <= status <= WARNING:
             function = self._named(function)
-            label = STATUS[status] if status < len(STATUS) else "unknown"
+            label = STATUS[status] if 0 <= status < len(STATUS) else "unknown"
             detail = f"status {status} ({label})" + (f", {subject}" if subject else "")
             raise RunError(
                 self.component.name,
@@ -365,6 +368,7 @@ class Slave:
         """Announce the experiment."""
         self._enter("fmi2SetupExperiment")
         status = self._functions.fmi2SetupExperiment(self._component, 0, 0.0, simulation.start, 1, simulation.stop)
+        self._restore_rounding("fmi2SetupExperiment")
         self.check(status, "fmi2SetupExperiment", simulation.start)
 
     def _restore_rounding(self, function: str) -> None:
@@ -400,6 +404,7 @@ class Slave:
                 call, value = f.fmi2SetString, (ctypes.c_char_p * 1)(str(s.value).encode())
             self._enter(f"fmi2Set{s.kind}")
             status = call(self._component, reference, 1, value)
+            self._restore_rounding(f"fmi2Set{s.kind}")
             self.check(status, f"fmi2Set{s.kind}", time, f"{s.name} = {s.value!r}")
 
     def enter(self, time: float) -> None:
@@ -423,13 +428,16 @@ class Slave:
             group.load()
             self._board.call = self._calls[0]
             status = self._set_real(self._component, group.references, group.count, group.values)
-            if status > WARNING:
+            self._restore_rounding("fmi2SetReal")
+            if not OK <= status <= WARNING:
                 self.check(status, "fmi2SetReal", time)
         for whole, name, call in self._whole_inputs:
             self._enter(name)
             if not whole.load():
                 self.check(ERROR, name, time, "a value does not fit the type of the variable")
-            self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
+            status = call(self._component, whole.references, whole.count, whole.values)
+            self._restore_rounding(name)
+            self.check(status, name, time)
 
     def step(self, time: float, step: float) -> RunError | None:
         """Advance from `time` by `step`. Returns the end of the simulation if the FMU wants it at the end of the step.
@@ -439,7 +447,7 @@ class Slave:
         self._board.call = self._calls[1]
         status = self._do_step(self._component, time, step, 1)
         self._restore_rounding("fmi2DoStep")
-        if status <= WARNING:
+        if OK <= status <= WARNING:
             return None
         if status == DISCARD:
             reached = self._reached()
@@ -460,7 +468,7 @@ class Slave:
         wants, reached = ctypes.c_int(0), ctypes.c_double(math.nan)
         self._enter("fmi2GetBooleanStatus")
         status = self._functions.fmi2GetBooleanStatus(self._component, TERMINATED, ctypes.byref(wants))
-        if status > WARNING or not wants.value:
+        if not OK <= status <= WARNING or not wants.value:
             return None
         self._enter("fmi2GetRealStatus")
         self._functions.fmi2GetRealStatus(self._component, LAST_SUCCESSFUL_TIME, ctypes.byref(reached))
@@ -472,12 +480,15 @@ class Slave:
         if group.count:
             self._board.call = self._calls[2]
             status = self._get_real(self._component, group.references, group.count, group.values)
-            if status > WARNING:
+            self._restore_rounding("fmi2GetReal")
+            if not OK <= status <= WARNING:
                 self.check(status, "fmi2GetReal", time)
             group.store()
         for whole, name, call in self._whole_outputs:
             self._enter(name)
-            self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
+            status = call(self._component, whole.references, whole.count, whole.values)
+            self._restore_rounding(name)
+            self.check(status, name, time)
             whole.store()
 
     def terminate(self, time: float) -> None:

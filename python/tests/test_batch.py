@@ -155,6 +155,24 @@ def test_the_rounding_mode_of_an_fmu_stays_its_own(scenario: Plan, tmp_path: Pat
     assert list(times) == [simulation.start + k * step for k in range(simulation.rows)]
 
 
+def test_a_status_that_is_none_of_fmi_is_an_error(scenario: Plan, tmp_path: Path) -> None:
+    plan = planned(scenario, build(tmp_path, "if (t > 0.15 && i->v.real[2] == 1) return -1;"))
+    outcome = batch.execute(plan, tmp_path / "runs", 1, 60.0)
+    assert set(outcome.failures) == {"bad"}
+    assert "fmi2DoStep" in outcome.failures["bad"]
+    assert "status -1 (unknown)" in outcome.failures["bad"]
+
+
+def test_an_archive_with_backslashes_is_unpacked(scenario: Plan, tmp_path: Path) -> None:
+    fmu = build(tmp_path, "")
+    with zipfile.ZipFile(fmu) as archive:
+        entries = {name.replace("/", "\\"): archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(fmu, "w") as archive:
+        for name, content in entries.items():
+            archive.writestr(name, content)
+    assert not batch.execute(planned(scenario, fmu), tmp_path / "runs", 1, 60.0).failures
+
+
 def test_a_library_that_does_not_load_in_time_is_named(scenario: Plan, tmp_path: Path) -> None:
     fmu = build(tmp_path, "", "__attribute__((constructor)) static void begin(void) { for (;;) sleep(1); }")
     expected = "component ramp, loading or fmi2Instantiate: not done after 2 s (--timeout), stopped"
