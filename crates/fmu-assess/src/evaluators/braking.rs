@@ -294,22 +294,28 @@ mod tests {
             27.8 * time.min(0.5) + 27.8 * braking - 4.0 * braking * braking
         };
         let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| of(*time)).collect::<Vec<_>>();
-        let noise = |time: f64| 0.01 * sin_cos(1e6 * time).0;
-        let noisy = |speed: Option<&dyn Fn(f64) -> f64>| {
+        let evaluated = |amplitude: f64, speed: Option<&dyn Fn(f64) -> f64>| {
+            let noise = |time: f64| amplitude * sin_cos(1e6 * time).0;
             let trace = Trace::new(times.clone()).with("driver.brake", column(&|t| f64::from(t > 0.5005))).unwrap();
             let trace = trace.with("vehicle.position_x", column(&|t| way(t) + noise(t))).unwrap();
             let trace = trace.with("vehicle.position_y", column(&|t| noise(t + 7.0))).unwrap();
             let speed = speed.map(|speed| trace.clone().with("vehicle.speed", column(speed)).unwrap());
             EVALUATOR.evaluate(&speed.unwrap_or(trace), &json!({})).unwrap()
         };
+        let noisy = |speed| evaluated(0.01, speed);
         let evaluation = noisy(Some(&speed));
         assert_eq!(number(&evaluation, "initial_speed"), 27.8);
         let distance = number(&evaluation, "distance");
         assert!((distance - (27.8 * 27.8 - 0.04) / 16.0).abs() < 2e-4, "{distance}");
         assert!((number(&evaluation, "mfdd") - 8.0).abs() < 1e-3);
         assert_eq!(evaluation.notes.len(), 1);
-        // Without a speed there is nothing to compare; the positions alone give another number.
-        assert!(noisy(None).notes.is_empty());
+        // Without a speed, the mean speed of some rows shows that the positions give another number.
+        let notes = noisy(None).notes;
+        assert!(matches!(&notes[..], [note] if note.starts_with("the speed is ")), "{notes:?}");
+        // A ratio of 3.6 is no noise.
+        let in_kilometers = evaluated(0.0, Some(&|time| 3.6 * speed(time)));
+        let Some(Value::Null(reason)) = in_kilometers.value("mfdd") else { panic!("{:?}", in_kilometers.metrics) };
+        assert!(reason.to_string().contains("as if it were in km/h: give the columns their units"), "{reason}");
         let with_gap = noisy(Some(&|time| if (5.0..5.002).contains(&time) { f64::NAN } else { speed(time) }));
         assert!(with_gap.notes[0].starts_with("`vehicle.speed` is not a finite number at 5"), "{:?}", with_gap.notes);
         let clean = evaluate(27.8, 8.0, 0.0);
