@@ -186,7 +186,8 @@ def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
     """Read the values of each factor from the file that `store` has written, and return them with its hash."""
     try:
         content = path.read_bytes()
-        found = pyarrow.parquet.read_table(pa.BufferReader(content))
+        # Threads of pyarrow would free the buffer later, which ends a process that exits meanwhile with SIGABRT.
+        found = pyarrow.parquet.ParquetFile(pa.BufferReader(content), pre_buffer=False).read(use_threads=False)
     except (OSError, pa.ArrowException) as error:
         raise StudyError(f"cannot read {path}: {error}; --overwrite samples it again") from error
     names = ["sample", *(factor.name for factor in study.vary)]
