@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-RECORD = """# Long proofs
+RECORD = """# Nightly tests
 
 | part | date | commit | duration | result |
 |---|---|---|---|---|

@@ -1,4 +1,4 @@
-//! `VanDerPol`: a complete model in 15 lines. The README has the equations.
+//! `VanDerPol`: a complete model in 21 lines. The README has the equations.
 
 use fmu::prelude::*;
 
