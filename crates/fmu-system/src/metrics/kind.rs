@@ -159,11 +159,6 @@ impl Kind {
             return None;
         }
         let squares = || summation.mean(values.iter().map(|x| x * x));
-        // A single row has no spread.
-        let is_spread = matches!(self, Self::PeakToPeak | Self::Deviation | Self::Changes);
-        if is_spread && values.len() < 2 {
-            return None;
-        }
         Some(match self {
             Self::MeanSquare => squares(),
             Self::Rms => squares().sqrt(),
