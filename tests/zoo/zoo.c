@@ -305,7 +305,7 @@ static int set_string(Instance *i, unsigned r, const char *v) {
 }
 #define COMMON(Name)                                                             \
     EXPORT void Name##FreeInstance(void *c) {                                     \
-        if (((Instance *)c)->habit == habit_free_crash) raise(SIGSEGV);          \
+        if (((Instance *)c)->habit == habit_free_crash) crash();                 \
         free(c);                                                                 \
     }                                                                            \
     EXPORT int Name##ExitInitializationMode(void *c) {                            \
@@ -313,7 +313,7 @@ static int set_string(Instance *i, unsigned r, const char *v) {
         return OK;                                                               \
     }                                                                            \
     EXPORT int Name##Terminate(void *c) {                                         \
-        if (((Instance *)c)->habit == habit_end_crash) raise(SIGSEGV);           \
+        if (((Instance *)c)->habit == habit_end_crash) crash();                  \
         return ((Instance *)c)->habit == habit_crash_strict ? ERROR : OK;         \
     }                                                                            \
     EXPORT int Name##Reset(void *c) { return reset(c); }
