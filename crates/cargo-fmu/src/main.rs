@@ -56,9 +56,9 @@ enum Cli {
     ///
     /// Newton's method with the exact Jacobian of the FMU finds the values at which the derivatives of all states vanish, to 1e-10 of the
     /// nominal value per second. States that only integrate others, such as position and heading, drift and keep their start values. A
-    /// state given by `--set` is held, and a free input (`--free`) keeps it there. The speed of a plant with pedals is always held; its drive
-    /// torques, all equal, are free unless they are given. If there is no steady state, the command prints a state that keeps changing, and
-    /// the exit code is 1.
+    /// state given by `--set` is held, and a free input (`--free`) keeps it there. The speed of a plant with pedals is always held. Its drive
+    /// torques share one free value unless you set them. Without a steady state, the command prints a state that keeps changing and exits
+    /// with 1.
     Trim(trim::Arguments),
     /// Create a package with a working model, or a scenario that runs
     New(new::Arguments),

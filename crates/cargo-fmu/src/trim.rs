@@ -52,7 +52,7 @@ pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
 /// Prints the steady state, and writes a file.
 ///
 /// # Errors
-/// The FMU has no states or directional derivatives, a value cannot be set, there is no steady state, or the file cannot be written.
+/// The FMU lacks states or directional derivatives, a value cannot be set, no steady state exists, or writing the file fails.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;

@@ -49,7 +49,7 @@ impl Vehicle {
     /// cornering stiffness of one tire of each axle.
     ///
     /// # Errors
-    /// There is no load on the front axle.
+    /// The static load of the front axle is not positive.
     pub fn new(m: f64, g: f64, [a, l12, l23]: [f64; 3], c_tire: [f64; 3]) -> Result<Self, String> {
         let (b, c) = (l12 - a, l12 + l23 - a);
         let [w_f, ..] = statics::three_axle_loads(m, g, [a, -b, -c]);

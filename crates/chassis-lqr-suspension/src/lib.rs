@@ -192,8 +192,8 @@ impl Gains {
     /// Solves the regulator problem: the cost weighs `outputs` and the forces, of which `force` N are accepted.
     ///
     /// # Errors
-    /// An accepted value is out of range, the mass matrix is not positive definite or there is no stabilizing solution; the
-    /// message names the parameter or property and the rule it breaks.
+    /// An accepted value is out of range, the mass matrix is not positive definite, or the Riccati equation has no stabilizing
+    /// solution. The message names the parameter or property and the violated rule.
     pub fn derived(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
         let regulator = regulator(p, outputs, force)?;
         let k = &regulator.gain;

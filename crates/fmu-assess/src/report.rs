@@ -610,19 +610,19 @@ fn percent(old: f64, new: f64, unit: &str) -> Option<f64> {
 /// Compares a metric with and without the controllers.
 fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured) -> Option<Judgment> {
     let is_up = metric.direction == Direction::Up;
-    let judge = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
+    let rate = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
     match comparison {
         Comparison::None(_) if old.is_null() && new.is_null() => None,
         Comparison::None(_) => Some(Judgment::NotComparable),
-        Comparison::Rises(rises) => Some(judge(*rises)),
+        Comparison::Rises(rises) => Some(rate(*rises)),
         Comparison::Booleans(old, new) if old == new => Some(Judgment::Same),
-        Comparison::Booleans(_, new) => Some(judge(*new)),
+        Comparison::Booleans(_, new) => Some(rate(*new)),
         Comparison::Numbers(old, new, _) => {
             let is_nothing = old.abs().max(new.abs()) < nothing(metric.unit);
             if is_nothing || (100.0 * (new - old) / old.abs()).abs() < COUNTS {
                 Some(Judgment::Same)
             } else {
-                Some(judge(new > old))
+                Some(rate(new > old))
             }
         }
     }

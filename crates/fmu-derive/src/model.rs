@@ -262,7 +262,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     }
 }
 
-/// Returns true if an attribute is `#[fmu::model]`, judged by its path.
+/// Returns true for the path of the attribute `#[fmu::model]`.
 pub(crate) fn is_model(path: &Path) -> bool {
     path.segments.last().is_some_and(|last| last.ident == "model")
 }

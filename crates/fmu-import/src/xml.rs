@@ -24,7 +24,7 @@ pub struct XmlError {
     pub line: usize,
     /// Column in bytes, from 1.
     pub column: usize,
-    /// Description of the problem and of what was expected.
+    /// Description of the problem and of the violated rule.
     pub message: String,
 }
 

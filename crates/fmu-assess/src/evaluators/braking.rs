@@ -312,7 +312,7 @@ mod tests {
         // Without a speed, the mean speed of some rows shows that the positions give another number.
         let notes = noisy(None).notes;
         assert!(matches!(&notes[..], [note] if note.starts_with("the speed is ")), "{notes:?}");
-        // A ratio of 3.6 is no noise.
+        // Noise cannot cause a ratio of 3.6.
         let in_kilometers = evaluated(0.0, Some(&|time| 3.6 * speed(time)));
         let Some(Value::Null(reason)) = in_kilometers.value("mfdd") else { panic!("{:?}", in_kilometers.metrics) };
         assert!(reason.to_string().contains("as if it were in km/h: give the columns their units"), "{reason}");

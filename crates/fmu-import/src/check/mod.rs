@@ -50,7 +50,7 @@ pub struct Finding {
     pub topic: Topic,
     /// Subject, such as a variable or a function.
     pub subject: String,
-    /// Description of the problem and of what was expected.
+    /// Description of the problem and of the violated rule.
     pub message: String,
 }
 

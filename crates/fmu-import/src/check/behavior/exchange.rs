@@ -309,7 +309,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Reports the first element that differs from what was expected; returns true if there is one.
+    /// Reports the first element that differs from its expected value. Returns true if an element differs.
     fn differs(&self, tell: Tell<'_>, function: &str, words: &str, values: &[f64], expected: &[f64]) -> bool {
         let differing = values.iter().zip(expected).position(|(a, b)| a.to_bits() != b.to_bits());
         let Some(i) = differing else { return false };
