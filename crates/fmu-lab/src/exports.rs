@@ -4,10 +4,6 @@
 //! ([`lab_response`], [`lab_body`]). All code but this module is safe.
 
 #![allow(unsafe_code)]
-#![cfg_attr(
-    not(target_family = "wasm"),
-    allow(dead_code, reason = "exports of the WebAssembly module; other targets build the crate for its tests")
-)]
 
 use crate::Lab;
 use std::cell::RefCell;

@@ -70,7 +70,8 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
     record(simulation, run, fmus, true)
 }
 
-/// As [`execute`], but neither terminates nor frees the instances, which has crashed or hung before. They stay until the process ends.
+/// Works like [`execute`], but neither terminates nor frees the instances, because that may have crashed or hung before. They stay
+/// until the process ends.
 ///
 /// # Errors
 /// As [`execute`].
@@ -78,7 +79,12 @@ pub(crate) fn repeat(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -
     record(simulation, run, fmus, false)
 }
 
-fn record(simulation: &Simulation, run: &Run, fmus: &dyn Instances, is_ended: bool) -> Result<Recording, RunError> {
+fn record(
+    simulation: &Simulation,
+    run: &Run,
+    fmus: &dyn Instances,
+    is_terminated: bool,
+) -> Result<Recording, RunError> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run);
@@ -94,7 +100,7 @@ fn record(simulation: &Simulation, run: &Run, fmus: &dyn Instances, is_ended: bo
         }
     }
     let mut recording = recorder.finish(run);
-    if !is_ended {
+    if !is_terminated {
         std::mem::forget(session);
         return match ended {
             Ok(()) => Ok(recording),

@@ -166,7 +166,7 @@ impl Inputs {
                 format!("`{name}` begins at {first} s, after the start: from {start} s to {first} s it has no value");
             let help = Some(format!(
                 "set `start` of [simulation] to {first}, or subtract {} from the times of the file",
-                first - start
+                plain(first - start)
             ));
             self.note(Mistake { line: None, message, help });
         }
@@ -180,11 +180,9 @@ impl Inputs {
             AfterEnd::Error => {
                 let message =
                     format!("`{name}` ends at {last} s, before the stop: from {last} s to {stop} s it has no value");
-                // Whole steps, written without the roundings of their sum.
+                // A run has whole steps.
                 let steps = ((last - start) / step + 1e-6).floor();
-                let end = start + steps * step;
-                let text = format!("{end:.9}");
-                let end = text.trim_end_matches('0').trim_end_matches('.');
+                let end = plain(start + steps * step);
                 let hold = "`--after-end hold` keeps the last value";
                 let help =
                     if steps > 0.0 { format!("`--stop {end}` ends the run before, {hold}") } else { hold.to_owned() };
@@ -217,8 +215,7 @@ impl Inputs {
             "`{name}` has no samples from {} s to {} s{more} (they are usually {} s apart); it is interpolated linearly there",
             longest[0],
             longest[1],
-            // Without the roundings of a difference of times.
-            format!("{usual:.6}").trim_end_matches('0').trim_end_matches('.'),
+            plain(usual)
         ));
     }
 
@@ -338,6 +335,11 @@ impl Inputs {
         }
         Ok(self.warnings)
     }
+}
+
+/// Returns a time for a message, without the rounding errors of sums and differences.
+fn plain(time: f64) -> f64 {
+    (time * 1e9).round() / 1e9
 }
 
 /// Interpolation of an input between samples.

@@ -181,9 +181,9 @@ impl Pool {
             };
             let done = ((time - simulation.start) / simulation.step).round() as u64;
             let until = Simulation { steps: done.min(simulation.steps), ..*simulation };
-            // An FMU may fail when it is to end before the stop time.
+            // The instances are not terminated: this may have crashed, and an FMU may reject it before the stop time.
             let repeated = self.run(slot, &until, run, csv, true, steps);
-            // Its instances are still there.
+            // The process still contains them.
             *slot = None;
             let recorded = repeated.map_or_else(|failure| failure.recorded, |recording| Some(Box::new(recording)));
             Failure { recorded, ..failure }
