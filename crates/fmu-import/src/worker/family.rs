@@ -49,7 +49,11 @@ pub(super) fn is_member(id: i32) -> bool {
 /// Name of the program of a process: an FMU that forks without a program of its own leaves copies of this one.
 pub(super) fn name(id: Pid, program: String) -> String {
     let file = |process: &str| std::fs::read_link(format!("/proc/{process}/exe")).ok();
-    let is_copy = file("self").is_some_and(|own| file(&id.as_raw_nonzero().to_string()) == Some(own));
+    let is_copy = match file(&id.as_raw_nonzero().to_string()) {
+        Some(other) => file("self") == Some(other),
+        // It, or its first thread, has ended.
+        None => Status::read(getpid().as_raw_nonzero().get()).is_some_and(|own| own.program == program),
+    };
     if is_copy { format!("a copy of {program}") } else { program }
 }
 

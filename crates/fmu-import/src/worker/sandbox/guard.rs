@@ -23,6 +23,8 @@ use std::path::{Path, PathBuf};
 
 /// Most different incidents that are noted. An FMU may ask for a new file in each step.
 const MAX_INCIDENTS: usize = 100;
+/// Most links that the kernel follows from one path.
+const MAX_LINKS: usize = 40;
 /// Longest path, bytes (`PATH_MAX`).
 const MAX_PATH: usize = 4096;
 
@@ -135,16 +137,22 @@ impl Guard {
                 if flags & WRITES == 0 {
                     return GoesOn;
                 }
-                let Some(path) = caller.path(place, true) else { return self.unknown(name) };
+                let path = match caller.path(place, true) {
+                    Some(Ok(path)) => path,
+                    Some(Err(error)) => return Fails(error),
+                    None => return self.unknown(name),
+                };
                 // Without the file there is nothing to change, and the kernel reports the error.
                 let is_missing = flags & libc::O_CREAT == 0 && !path.exists();
                 if is_missing || self.is_writable(&path) { GoesOn } else { denied_change(&path, name) }
             }
             Kind::Change(places) => {
                 for place in places {
-                    let Some(path) = caller.path(*place, false) else { return self.unknown(name) };
-                    if !self.is_writable(&path) {
-                        return denied_change(&path, name);
+                    match caller.path(*place, false) {
+                        Some(Ok(path)) if self.is_writable(&path) => {}
+                        Some(Ok(path)) => return denied_change(&path, name),
+                        Some(Err(error)) => return Fails(error),
+                        None => return self.unknown(name),
                     }
                 }
                 GoesOn
@@ -153,7 +161,7 @@ impl Guard {
                 // `utimensat` without a path is for the file of the descriptor.
                 let path = match (place.0, caller.0.arguments[place.1]) {
                     (Some(descriptor), 0) => caller.open_file(caller.integer(descriptor)),
-                    _ => caller.path(place, true),
+                    _ => caller.path(place, true).and_then(Result::ok),
                 };
                 // Another thread might replace the path before the kernel reads it, so these calls never go on.
                 match path {
@@ -285,20 +293,23 @@ impl Caller<'_> {
         std::fs::read_link(format!("/proc/{}/{name}", self.0.thread)).ok()
     }
 
-    /// The real path of a file that arguments name; `follows`: also behind a link at its end.
-    fn path(&self, (folder, path): Place, follows: bool) -> Option<PathBuf> {
+    /// The real path of a file that arguments name; `follows`: also behind a link at its end. `None`: it cannot be read.
+    ///
+    /// # Errors
+    /// The number of the error that the call has: the folder of the file does not exist, for example.
+    fn path(&self, (folder, path): Place, follows: bool) -> Option<Result<PathBuf, i32>> {
         let path = PathBuf::from(self.text(path)?);
         let own = [("/dev/stdin", "fd/0"), ("/dev/stdout", "fd/1"), ("/dev/stderr", "fd/2")];
         if let Some((_, link)) = own.iter().find(|(name, _)| path == Path::new(name)) {
-            return self.link(link);
+            return self.link(link).map(Ok);
         }
         for (name, start) in [("/proc/self", ""), ("/proc/thread-self", ""), ("/dev/fd", "fd")] {
             if let Ok(rest) = path.strip_prefix(name) {
                 let own = Path::new(start).join(rest);
                 if own.parent() == Some(Path::new("fd")) {
-                    return self.link(own.to_str()?);
+                    return self.link(own.to_str()?).map(Ok);
                 }
-                return Some(Path::new("/proc").join(self.0.thread.to_string()).join(own));
+                return Some(Ok(Path::new("/proc").join(self.0.thread.to_string()).join(own)));
             }
         }
         let path = if path.is_absolute() {
@@ -307,10 +318,19 @@ impl Caller<'_> {
             self.open_file(folder.map_or(libc::AT_FDCWD, |argument| self.integer(argument)))?.join(path)
         };
         if follows && let Ok(real) = path.canonicalize() {
-            return Some(real);
+            return Some(Ok(real));
         }
-        let (Some(parent), Some(name)) = (path.parent(), path.file_name()) else { return Some(path) };
-        Some(parent.canonicalize().ok()?.join(name))
+        // A link to a file that does not exist yet: the kernel makes that file.
+        let mut path = path;
+        for _ in 0..MAX_LINKS {
+            match path.read_link() {
+                Ok(target) if follows => path = path.parent()?.join(target),
+                _ => break,
+            }
+        }
+        let (Some(parent), Some(name)) = (path.parent(), path.file_name()) else { return Some(Ok(path)) };
+        let real = parent.canonicalize().map(|parent| parent.join(name));
+        Some(real.map_err(|error| error.raw_os_error().unwrap_or(libc::EACCES)))
     }
 
     /// Number of the process group.
