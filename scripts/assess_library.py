@@ -335,7 +335,7 @@ VERDICTS = {"pass": "passed", "fail": "**failed**", "error": "**error**", "compa
 def assessed(plant: str, controllers: Sequence[str], more: Sequence[str] = ()) -> Assessment:
     """Assess a vehicle."""
     out = ROOT / "target" / "assessments" / plant
-    command = ["cargo", "fmu", "assess", plant, "--out", str(out), *more]
+    command = ["cargo", "chassis", "bench", "run", plant, "--out", str(out), *more]
     for controller in controllers:
         command += ["--with", controller]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
@@ -462,7 +462,7 @@ def tuned_section(tuned: Tuned) -> list[str]:
         f"### {tuned.title}",
         "",
         "```sh",
-        f"cargo fmu assess {tuning.plant}{controllers} --parameters {file}",
+        f"chassis bench run {tuning.plant}{controllers} --parameters {file}",
         "```",
         "",
         "| condition | metric | unit | without | paper | tuned |",

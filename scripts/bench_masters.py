@@ -19,7 +19,7 @@ from chassis_fmu.shell import ROOT, positive
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:
     """Return what is timed: the native master alone, and each master with tables, figures and page."""
     cosim = [sys.executable, str(ROOT / "scripts" / "cosim.py"), str(scenario), *more]
-    native = ["cargo", "fmu", "run", str(scenario), *more]
+    native = ["cargo", "chassis", "run", str(scenario), *more]
     return {
         "native master": [*native, "--out", str(out / "native")],
         "native master and page": [*cosim, "--native", "--out", str(out / "native-page")],

@@ -35,7 +35,7 @@ from chassis_fmu.study.journal import Journal
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
 
-# Runs of `cargo fmu run` and of a study that are compared with each other, and those that show what a call takes once.
+# Runs of `chassis run` and of a study that are compared with each other, and those that show what a call takes once.
 MANY, FEW = 96, 16
 
 # Of about 20 ms each.
@@ -137,9 +137,9 @@ def of_metrics() -> Path:
 
 
 def closed_loop(runs: int, rounds: int) -> Iterator[str]:
-    """Compare a study with `cargo fmu run`, which also writes the signals."""
+    """Compare a study with `chassis run`, which also writes the signals."""
     path = write_study("closed_loop", "")
-    native = ["cargo", "fmu", "run", str(of_metrics()), "--no-warnings", "--out", str(FOLDER / "results")]
+    native = ["cargo", "chassis", "run", str(of_metrics()), "--no-warnings", "--out", str(FOLDER / "results")]
     jobs = processors()
     pairs = []
     for _ in range(rounds):
@@ -147,7 +147,7 @@ def closed_loop(runs: int, rounds: int) -> Iterator[str]:
         few, many = (study(path, count // 2) for count in (FEW, MANY))
         native_few, native_many = (run([*native, "--seeds", str(count // 2)]) for count in (FEW, MANY))
         pairs.append((less(native_many, native_few), less(many, few)))
-    yield row("rate of a study, to that of `cargo fmu run` with the signals of the metrics only", ratios(pairs))
+    yield row("rate of a study, to that of `chassis run` with the signals of the metrics only", ratios(pairs))
     few, many = (study(path, count // 2) for count in (FEW, runs))
     inside = seconds_of_runs(path)
     took = f"{many.seconds:.1f} s, {runs / many.seconds:.2f} runs/s"

@@ -1,4 +1,4 @@
-"""Compare the time of another `cargo-fmu` with that of this one: `scripts/bench workers`, see `--help`.
+"""Compare the time of another `chassis` with that of this one: `scripts/bench workers`, see `--help`.
 
 Both run the same scenario and the same study with the same FMUs, turn by turn, so that both see the same machine. CPU
 time is user and system time of all processes. The result files have to be identical. With `--other-fmus` the other
@@ -23,7 +23,7 @@ from chassis_fmu.shell import ROOT, positive
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 STUDY = ROOT / "studies" / "hydro_pneumatic_ride.toml"
 FMUS = ROOT / "target" / "fmu"
-OURS = ROOT / "target" / "release" / "cargo-fmu"
+OURS = ROOT / "target" / "release" / "chassis"
 
 
 class Times(NamedTuple):
@@ -37,8 +37,8 @@ def commands(program: Path, out: Path, fmus: Path = FMUS) -> dict[str, list[str]
     """Return what is timed of a program: a scenario and a study."""
     more = ["--jobs", "2", "--fmus", str(fmus), "--out", str(out)]
     return {
-        "run": [str(program), "fmu", "run", str(SCENARIO), *more],
-        "study": [str(program), "fmu", "study", str(STUDY), "--budget", "30", "--overwrite", *more],
+        "run": [str(program), "run", str(SCENARIO), *more],
+        "study": [str(program), "study", str(STUDY), "--budget", "30", "--overwrite", *more],
     }
 
 
@@ -77,7 +77,7 @@ def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="scripts/bench workers", description=__doc__.splitlines()[0])
-    parser.add_argument("other", type=Path, metavar="PROGRAM", help="cargo-fmu of another commit")
+    parser.add_argument("other", type=Path, metavar="PROGRAM", help="chassis of another commit")
     parser.add_argument(
         "--rounds", type=positive, default=20, metavar="N", help="pairs of runs of each command (default: 20)"
     )

@@ -1,4 +1,4 @@
-"""Run a system from `cargo fmu export` in another tool: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
+"""Run a system from `chassis export` in another tool: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
 
 Ecos reads the SSP file, libcosim OspSystemStructure.xml or, with `-ssp`, the SSP file; with `-calls` the same structure
 is built by calls of their libraries.
@@ -34,7 +34,7 @@ TOOLS = ("fmpy", "ecos", "ecos-calls", *LIBCOSIM, "container")
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="folder written by `cargo fmu export --out FOLDER`")
+    parser.add_argument("folder", type=Path, help="folder written by `chassis export --out FOLDER`")
     parser.add_argument("--tool", required=True, choices=TOOLS, help="tool to use")
     parser.add_argument(
         "--order",

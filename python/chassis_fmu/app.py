@@ -16,10 +16,9 @@ from . import batch, figures, index, junit, lab, metrics, page, page_data, plan,
 from .numbers import Numbers, Values, Verdict
 from .plan import Metric, Plan, Run
 from .results import Recording
+from .scenario import ScenarioError
 from .terminal import escaped
 from .verdict import Status
-
-PURPOSE = "plan and run scenarios"
 
 
 class AppError(Exception):
@@ -69,7 +68,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the verdicts to this file, as JUnit XML")
     parser.add_argument("--parquet", action="store_true", help="also write the recorded signals as Parquet files")
     source = parser.add_mutually_exclusive_group()
-    source.add_argument("--native", action="store_true", help="execute the runs with `cargo fmu run`, not with FMPy")
+    source.add_argument("--native", action="store_true", help="execute the runs with `chassis run`, not with FMPy")
     source.add_argument(
         "--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files in DIR, without runs"
     )
@@ -77,7 +76,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _options(options: argparse.Namespace) -> list[str]:
-    """Return the arguments that `cargo fmu plan` and `cargo fmu run` share."""
+    """Return the arguments that `chassis plan` and `chassis run` share."""
     out = [str(options.scenario.resolve())]
     if options.inputs is not None:
         out += ["--inputs", str(options.inputs.resolve())]
@@ -182,9 +181,9 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
 
 def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
-    code, text = shell.cargo_fmu(["plan", "--json", *shared], PURPOSE, capture=True)
+    code, text = shell.chassis(["plan", "--json", *shared], capture=True)
     if code != 0:
-        # cargo fmu has said why
+        # The command has printed the reason.
         raise AppError("", code)
     scenario = plan.parse(text, shell.ROOT)
     folder = options.out.resolve() / scenario.name
@@ -206,12 +205,12 @@ def _run(options: argparse.Namespace) -> int:
             first = next(iter(outcome.failures.values()))
             raise AppError(f"{options.from_csv} has no results of {scenario.name}: {first}", 1)
     elif options.native:
-        master = "native (cargo fmu run)"
+        master = "native (chassis run)"
         repeat.append("--native")
         out = ["--out", str(options.out.resolve())]
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
         arguments = [*shared, *out, *jobs, *shell.workers(options)]
-        code, _ = shell.cargo_fmu(["run", "--no-warnings", "--no-verdicts", *arguments], PURPOSE)
+        code, _ = shell.chassis(["run", "--no-warnings", "--no-verdicts", *arguments])
         # The runs that are whole are reported.
         outcome = batch.take(scenario, runs, runs)
         if code != 0 and not outcome.failures:
@@ -270,11 +269,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     try:
         return _run(arguments(argv))
-    except (AppError, shell.NoCargoError) as error:
+    except AppError as error:
         if str(error):
             print(f"error: {escaped(error)}", file=sys.stderr)
         return error.code
-    except (plan.PlanError, metrics.MetricError, results.ResultsError, OSError) as error:
+    except (plan.PlanError, ScenarioError, metrics.MetricError, results.ResultsError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

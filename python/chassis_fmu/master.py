@@ -1,6 +1,6 @@
 """The co-simulation master: executes one run of a plan through fmpy.
 
-The calls, their order and their arguments are those of the native master (`cargo fmu run`), so that the results
+The calls, their order and their arguments are those of the native master (`chassis run`), so that the results
 of both are equal to the bit. Components of FMI 3.0 are called through `fmi3`. The inner loop uses fmpy's ctypes
 functions directly on preallocated arrays: fmpy's convenience methods build two arrays per call and would dominate the
 run time.
@@ -190,7 +190,7 @@ class FmpyInstance:
             named += [(one.name, one.reference) for one in (*component.inputs, *component.outputs)]
             # Elements of arrays have references that the native master alone knows.
             if elements := [name for name, reference in named if reference not in types]:
-                text = f"`{elements[0]}` is an element of an array, which `cargo fmu run` connects, but not this master"
+                text = f"`{elements[0]}` is an element of an array, which `chassis run` connects, but not this master"
                 self.free()
                 raise RunError(component.name, "loading", None, text)
             self.functions = cast(Functions, fmi3.Functions(self._slave.dll, types))

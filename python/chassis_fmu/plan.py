@@ -1,11 +1,11 @@
-"""The plan of a scenario: what `cargo fmu plan --json` prints, as typed values.
+"""The plan of a scenario: what `chassis plan --json` prints, as typed values.
 
 A plan is complete: every connection is a pair of bus slots, every parameter has its value reference and its
 value in the unit of the variable. Nothing here reads the scenario file itself, so that both masters (the native
 one and the one in `master`) execute exactly the same thing and every scenario error has one source.
 
 The types have the fields of the JSON text, which msgspec validates. A test compares them with the schema that
-`cargo fmu plan-schema` prints.
+`chassis schema plan` prints.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Component(_Part, frozen=True):
             return self.parameters
         if not self.steady:
             raise PlanError(
-                f"the steady state in which `{self.name}` starts has not been found; `cargo fmu plan --json` finds it"
+                f"the steady state in which `{self.name}` starts has not been found; `chassis plan --json` finds it"
             )
         return self.parameters + self.steady
 
@@ -517,7 +517,9 @@ def parse(text: str, root: Path) -> Plan:
     try:
         found = msgspec.json.decode(text, type=_Version).format
         if found != FORMAT:
-            raise PlanError(f"plan format {found}, expected {FORMAT}: cargo-fmu and the scripts differ in version")
+            raise PlanError(
+                f"plan format {found}, expected {FORMAT}: `chassis` and the Python package differ in version"
+            )
         return msgspec.json.decode(text, type=Plan, dec_hook=path)
     except msgspec.ValidationError as error:
         raise PlanError(f"the plan does not have the expected fields: {error}") from error

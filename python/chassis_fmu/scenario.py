@@ -124,7 +124,7 @@ def fmus() -> dict[str, Path]:
 
 def worker_program() -> Path:
     """Return the program that executes FMUs in processes of its own."""
-    name = "cargo-fmu.exe" if sys.platform == "win32" else "cargo-fmu"
+    name = "chassis.exe" if sys.platform == "win32" else "chassis"
     places = [PACKAGE / "bin" / name, ROOT / "target" / "release" / name]
     found = next((p for p in places if p.is_file()), None) or shutil.which(name)
     if found is None:

@@ -7,25 +7,16 @@ import importlib.metadata
 import math
 import os
 import platform
-import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from . import libpython
+from .scenario import worker_program
 
 ROOT = Path(__file__).resolve().parents[2]
 """The top folder of the repository."""
-
-
-class NoCargoError(Exception):
-    """Cargo is not on the path."""
-
-    code = 127
-
-    def __init__(self, purpose: str) -> None:
-        super().__init__(f"cargo is not on the PATH: install Rust to {purpose}")
 
 
 def program(launcher: str) -> str:
@@ -103,16 +94,13 @@ def workers(options: argparse.Namespace) -> list[str]:
     return ["--timeout", f"{options.timeout:g}", *python]
 
 
-def cargo_fmu(arguments: Sequence[str], purpose: str, capture: bool = False) -> tuple[int, str]:
-    """Run a subcommand of `cargo fmu`; its messages go to the terminal. Returns its exit code and captured output.
+def chassis(arguments: Sequence[str], capture: bool = False) -> tuple[int, str]:
+    """Run a subcommand of `chassis`; its messages go to the terminal. Returns its exit code and captured output.
 
     FMUs made with Python use the Python that this is.
     """
-    cargo = shutil.which("cargo")
-    if cargo is None:
-        raise NoCargoError(purpose)
     done = subprocess.run(
-        [cargo, "fmu", *arguments],
+        [worker_program(), *arguments],
         cwd=ROOT,
         env={"PYTHONHOME": sys.base_prefix, **os.environ},
         stdout=subprocess.PIPE if capture else None,

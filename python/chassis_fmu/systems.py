@@ -1,4 +1,4 @@
-"""Runs what `cargo fmu export` wrote in other tools: FMPy, Ecos and libcosim; packs it into one FMU.
+"""Runs what `chassis export` wrote in other tools: FMPy, Ecos and libcosim; packs it into one FMU.
 
 Every function takes the folder and returns the outputs that are connectors of the SSP file, named `component:signal`.
 FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
@@ -70,7 +70,7 @@ def package(folder: Path) -> Path:
 
 
 class Structure:
-    """An SSP file as `cargo fmu export` writes it."""
+    """An SSP file as `chassis export` writes it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

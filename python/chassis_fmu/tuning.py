@@ -1,4 +1,4 @@
-"""Tuning studies: `cargo fmu study` does the work; here its history becomes Parquet, a plot and a page."""
+"""Tuning studies: `chassis study` does the work; here its history becomes Parquet, a plot and a page."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ from . import index, metrics, page_data, plots, results, shell, tables
 from .describe import sha256
 from .figures import Axis, Line, Panel
 from .plan import Case, Conversion, Level
+from .scenario import ScenarioError
 from .terminal import escaped
 
 FORMAT = 3
@@ -115,7 +116,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Study:
-    """The summary that `cargo fmu study` writes."""
+    """The summary that `chassis study` writes."""
 
     raw: dict[str, Any]
     parameters: tuple[Parameter, ...]
@@ -502,7 +503,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _options(options: argparse.Namespace) -> list[str]:
-    """Return the arguments of `cargo fmu study`."""
+    """Return the arguments of `chassis study`."""
     out = [str(options.study.resolve()), "--out", str(options.out.resolve())]
     if options.fmus is not None:
         out += ["--fmus", str(options.fmus.resolve())]
@@ -515,9 +516,9 @@ def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
     folder = options.out.resolve() / options.study.stem
     if not options.report_only:
-        code, _ = shell.cargo_fmu(["study", *shared, *shell.workers(options)], "carry out studies")
+        code, _ = shell.chassis(["study", *shared, *shell.workers(options)])
         if code != 0:
-            # cargo fmu has said why
+            # The command has printed the reason.
             return code
     # How it was interrupted and gone on with does not matter: the results are the same.
     repeat = [a for a in shared if a not in ("--resume", "--overwrite")]
@@ -530,10 +531,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     try:
         return _run(arguments(argv))
-    except shell.NoCargoError as error:
-        print(f"error: {escaped(error)}", file=sys.stderr)
-        return error.code
-    except (StudyError, results.ResultsError, OSError) as error:
+    except (StudyError, ScenarioError, results.ResultsError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -101,7 +101,7 @@ def test_the_fmus_of_the_library_are_found() -> None:
 
 
 def test_signals_are_those_of_the_command(steer: cf.Scenario, plain: dict[str, Array], tmp_path: Path) -> None:
-    """Reference: the CSV file of `cargo fmu run` for a scenario with the values in it; its numbers have all digits."""
+    """Reference: the CSV file of `chassis run` for a scenario with the values in it; its numbers have all digits."""
     text = STEP_STEER.read_text(encoding="utf-8").replace('"steer.start" = 5.0', '"steer.start" = 0.1')
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(text, encoding="utf-8")

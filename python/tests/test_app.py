@@ -1,8 +1,7 @@
-"""The command from end to end, with a stand-in for cargo that prints the plan of the tests."""
+"""The command from end to end, with a stand-in for `chassis` that prints the plan of the tests."""
 
 from __future__ import annotations
 
-import os
 import stat
 from pathlib import Path
 
@@ -10,25 +9,26 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from chassis_fmu import app, plan, results
+from chassis_fmu import app, plan, results, shell
+from chassis_fmu import scenario as scenario_module
 from chassis_fmu.plan import Plan
 
 HERE = Path(__file__).parent
 
 
 @pytest.fixture
-def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Put a `cargo` on the path that notes its arguments and prints the plan, or fails like a scenario error."""
+def chassis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Replace `chassis` by a program that notes its arguments and prints the plan, or fails like a scenario error."""
     folder = tmp_path / "bin"
     folder.mkdir()
-    script = folder / "cargo"
+    script = folder / "chassis"
     script.write_text(
         f"""#!/bin/sh
 printf '%s\\n' "$*" >> '{folder}/log'
 case "$*" in
 *broken*) echo 'scenario.toml:3:7: unknown component `rod`, did you mean `road`?' >&2; exit 3 ;;
-*' plan --json '*) cat '{HERE}/plan.json' ;;
-*' run '*)
+'plan --json '*) cat '{HERE}/plan.json' ;;
+'run '*)
     mkdir -p '{tmp_path}/out/trial/runs'
     cp '{tmp_path}'/recorded/*.csv '{tmp_path}/out/trial/runs'
     test ! -e '{tmp_path}/failing' ;;
@@ -36,7 +36,7 @@ esac
 """
     )
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(shell, "worker_program", lambda: script)
     return folder / "log"
 
 
@@ -62,13 +62,13 @@ def test_the_scenario_is_optional(capsys: pytest.CaptureFixture[str]) -> None:
     assert "[SCENARIO]" in capsys.readouterr().out
 
 
-def test_a_stop_before_the_start_reaches_the_command_that_reports_it(cargo: Path, tmp_path: Path) -> None:
+def test_a_stop_before_the_start_reaches_the_command_that_reports_it(chassis: Path, tmp_path: Path) -> None:
     app.main(["broken.toml", "--stop", "-3", "--out", str(tmp_path)])
-    assert cargo.read_text().rstrip().endswith("--stop -3.0")
+    assert chassis.read_text().rstrip().endswith("--stop -3.0")
 
 
 def test_outputs_repeat_to_the_byte(
-    cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chassis: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for out in ("one", "two"):
         assert app.main(["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / out)]) == 0
@@ -92,11 +92,11 @@ def test_outputs_repeat_to_the_byte(
     assert "Not reproduced  Less <roll>, by 25.0 %" in out
     assert b'href="trial/index.html"' in one["index.html"]
     assert b"runs/active_1.csv" in one["trial/index.html"]
-    assert cargo.read_text().splitlines()[0].startswith("fmu plan --json ")
+    assert chassis.read_text().splitlines()[0].startswith("plan --json ")
 
 
 def test_parquet_is_written_when_asked_for_and_goes_with_the_next_call(
-    cargo: Path, recorded: Path, tmp_path: Path
+    chassis: Path, recorded: Path, tmp_path: Path
 ) -> None:
     runs = tmp_path / "out" / "trial" / "runs"
     options = ["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]
@@ -109,42 +109,42 @@ def test_parquet_is_written_when_asked_for_and_goes_with_the_next_call(
     assert table["body.roll"].to_pylist() == list(results.read_csv(runs / "passive_1.csv").values["body.roll"])
     assert app.main(options) == 0
     assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4 + [".json"]
-    assert cargo.exists()
+    assert chassis.exists()
 
 
-def test_options_are_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+def test_options_are_passed_on(chassis: Path, recorded: Path, tmp_path: Path) -> None:
     options = ["--stop", "0.3", "--seeds", "2", "--order", "jacobi", "--fmus", str(tmp_path)]
     code = app.main(["trial.toml", *options, "--from-csv", str(recorded), "--out", str(tmp_path / "out")])
     assert code == 0
-    assert cargo.read_text().strip().endswith(f"--fmus {tmp_path} --stop 0.3 --seeds 2 --order jacobi")
+    assert chassis.read_text().strip().endswith(f"--fmus {tmp_path} --stop 0.3 --seeds 2 --order jacobi")
 
 
-def test_a_scenario_error_is_shown_as_it_is(cargo: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_scenario_error_is_shown_as_it_is(chassis: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.main(["broken.toml", "--out", str(tmp_path / "out")]) == 3
     assert capfd.readouterr().err == "scenario.toml:3:7: unknown component `rod`, did you mean `road`?\n"
     assert not (tmp_path / "out").exists()
-    assert cargo.exists()
+    assert chassis.exists()
 
 
 def test_a_missing_run_is_reported_and_the_others_are_kept(
-    cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chassis: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (recorded / "active_2.csv").unlink()
     assert app.main(["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]) == 1
     assert "error: run active#2:" in capsys.readouterr().err
     assert (tmp_path / "out" / "trial" / "runs" / "active_1.csv").exists()
     assert "1 of 4 runs failed" in (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
-    assert cargo.exists()
+    assert chassis.exists()
 
 
-def test_native_runs_are_reported(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+def test_native_runs_are_reported(chassis: Path, recorded: Path, tmp_path: Path) -> None:
     options = ["trial.toml", "--native", "--jobs", "2", "--out", str(tmp_path / "out")]
     assert app.main(options) == 0
     assert (
-        cargo.read_text().splitlines()[1].partition(" --timeout 60")[0].endswith(f"--out {tmp_path / 'out'} --jobs 2")
+        chassis.read_text().splitlines()[1].partition(" --timeout 60")[0].endswith(f"--out {tmp_path / 'out'} --jobs 2")
     )
     page = (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
-    assert "native (cargo fmu run)" in page
+    assert "native (chassis run)" in page
     # a run that fails there has no file
     (recorded / "active_2.csv").unlink()
     (tmp_path / "out" / "trial" / "runs" / "active_2.csv").unlink()
@@ -153,15 +153,15 @@ def test_native_runs_are_reported(cargo: Path, recorded: Path, tmp_path: Path) -
     assert "1 of 4 runs failed" in (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
 
 
-def test_a_native_failure_without_a_failed_run_is_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+def test_a_native_failure_without_a_failed_run_is_passed_on(chassis: Path, recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "failing").touch()
     assert app.main(["trial.toml", "--native", "--out", str(tmp_path / "out")]) == 1
     assert not (tmp_path / "out" / "trial" / "index.html").exists()
-    assert cargo.exists()
+    assert chassis.exists()
     assert recorded.exists()
 
 
-def test_a_page_is_not_replaced_when_all_runs_fail(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+def test_a_page_is_not_replaced_when_all_runs_fail(chassis: Path, recorded: Path, tmp_path: Path) -> None:
     options = ["trial.toml", "--native", "--out", str(tmp_path / "out")]
     assert app.main(options) == 0
     page = (tmp_path / "out" / "trial" / "index.html").read_bytes()
@@ -174,11 +174,11 @@ def test_a_page_is_not_replaced_when_all_runs_fail(cargo: Path, recorded: Path, 
     assert (tmp_path / "out" / "trial" / "index.html").read_bytes() == page
     # The report of tests is of this call: four runs failed, and nothing is known about the requirement.
     assert 'tests="5" failures="0" errors="4" skipped="1"' in (tmp_path / "trial.xml").read_text(encoding="utf-8")
-    assert cargo.exists()
+    assert chassis.exists()
 
 
 def test_a_csv_of_other_rows_or_columns_is_rejected(
-    cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chassis: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (recorded / "active_2.csv").write_text("time,body.roll\n0.0,1.0\n")
     (recorded / "active_1.csv").write_text("time,body.roll\n0.0,1.0\n")
@@ -186,29 +186,31 @@ def test_a_csv_of_other_rows_or_columns_is_rejected(
     errors = capsys.readouterr().err
     assert "active_2.csv has 1 rows, expected 4" in errors
     assert "active_1.csv has no column source.count" in errors
-    assert cargo.exists()
+    assert chassis.exists()
 
 
 def test_an_fmu_that_cannot_be_opened_fails_its_runs(
-    cargo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chassis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     old = tmp_path / "out" / "trial" / "runs" / "passive_1.csv"
     results.write_text(old, "stale")
     assert app.main(["trial.toml", "--out", str(tmp_path / "out")]) == 1
     assert "error: run passive#1: component source, loading:" in capsys.readouterr().err
     assert not old.exists()
-    assert cargo.exists()
+    assert chassis.exists()
 
 
-def test_cargo_is_asked_for(
+def test_the_program_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(scenario_module, "ROOT", tmp_path)
+    monkeypatch.setattr(scenario_module, "PACKAGE", tmp_path)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert app.main(["trial.toml"]) == 127
-    assert "cargo is not on the PATH" in capsys.readouterr().err
+    assert app.main(["trial.toml"]) == 1
+    assert "there is no program chassis" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("cargo")
+@pytest.mark.usefixtures("chassis")
 def test_a_requirement_that_is_not_met_is_an_error_unless_asked_otherwise(
     recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,7 @@ import bench_workers
 def test_commands_differ_in_the_master_only() -> None:
     timed = bench_masters.commands(Path("a.toml"), Path("out"), ["--stop", "8"])
     native, page, fmpy = timed.values()
-    assert native == ["cargo", "fmu", "run", "a.toml", "--stop", "8", "--out", "out/native"]
+    assert native == ["cargo", "chassis", "run", "a.toml", "--stop", "8", "--out", "out/native"]
     assert [word for word in page if word != "--native"][:-1] == fmpy[:-1]
     assert "--native" in page
 

@@ -95,17 +95,16 @@ def test_the_readme_counts_its_lines_as_the_benchmarks_do() -> None:
     assert re.findall(r"Export a model in (\d+) lines", text) == [str(len(lines))]
 
 
-def cargo_fmu() -> str:
-    subprocess.run(
-        ["cargo", "build", "--quiet", "--release", "--locked", "--package", "cargo-fmu"], cwd=ROOT, check=True
-    )
-    return str(Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target").absolute() / "release" / "cargo-fmu")
+def built(name: str) -> str:
+    """Build a command; returns its path."""
+    subprocess.run(["cargo", "build", "--quiet", "--release", "--locked", "--package", name], cwd=ROOT, check=True)
+    return str(Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target").absolute() / "release" / name)
 
 
 def test_the_scenario_of_the_guide_runs(tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(blocks(GUIDE / "scenarios.md", "toml")[0], encoding="utf-8")
-    command = [cargo_fmu(), "run", str(scenario), "--fmus", str(FOLDER), "--out", str(tmp_path / "out")]
+    command = [built("chassis"), "run", str(scenario), "--fmus", str(FOLDER), "--out", str(tmp_path / "out")]
     subprocess.run(command, check=True, capture_output=True, text=True)
     assert list((tmp_path / "out").rglob("*.csv"))
 
@@ -118,7 +117,7 @@ def test_the_first_model_is_created_tested_packed_and_simulated(tmp_path: Path) 
     assert install == "cargo install --locked --path crates/cargo-fmu\n"
     assert environment.splitlines()[-1] == ".venv/bin/pip install fmpy"
     (tmp_path / "bin").mkdir()
-    (tmp_path / "bin" / "cargo-fmu").symlink_to(cargo_fmu())
+    (tmp_path / "bin" / "cargo-fmu").symlink_to(built("cargo-fmu"))
     script = "set -e\n" + create.replace("EXPORTER", str(ROOT)) + pack
     # The exporter is compiled once for all foreign packages (tests/tests/foreign.rs).
     variables = {

@@ -121,7 +121,7 @@ class System:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    command = ["cargo", "fmu", "export", "scenarios/rescue_vehicle_step_steer.toml", "--case", "coordination"]
+    command = ["cargo", "chassis", "export", "scenarios/rescue_vehicle_step_steer.toml", "--case", "coordination"]
     options = ["--stop", "0.05", "--fmus", str(FMUS), "--out", str(tmp_path / "system")]
     done = subprocess.run([*command, *options], cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr

@@ -19,20 +19,18 @@ DEFAULT = "scenarios/rescue_vehicle_step_steer.toml"
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make a project that is set up: its cargo and its Python note their arguments."""
+    """Make a project that is set up: its programs note their arguments."""
     folder = tmp_path / "project"
     (folder / "scripts").mkdir(parents=True)
     for name in ("run", "study", "assess", "build"):
         shutil.copy(ROOT / "scripts" / name, folder / "scripts" / name)
-    for path, name in (("scripts/setup", "setup"), (".venv/bin/python", "python"), ("bin/cargo", "cargo")):
+    programs = (".venv/bin/python", "python"), ("bin/cargo", "cargo"), ("target/release/chassis", "chassis")
+    for path, name in (("scripts/setup", "setup"), *programs):
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(f"#!/bin/sh\nprintf '%s\\n' \"{name} $*\" >> '{folder}/log'\n")
         file.chmod(0o755)
     (folder / ".venv" / "pyproject.toml").touch()
-    (folder / "target" / "release").mkdir(parents=True)
-    (folder / "target" / "release" / "cargo-fmu").write_text("")
-    (folder / "target" / "release" / "cargo-fmu").chmod(0o755)
     monkeypatch.setenv("PATH", f"{folder}/bin{os.pathsep}{os.environ['PATH']}")
     return folder
 
@@ -67,7 +65,7 @@ def calls(project: Path, *command: str) -> tuple[str, list[str]]:
 )
 def test_a_scenario_may_stand_anywhere(project: Path, arguments: tuple[str, ...], needed: str) -> None:
     messages, found = calls(project, "run", *arguments)
-    assert f"cargo fmu pack --for {needed}" in found
+    assert f"chassis pack {needed}" in found
     assert found[-1] == f"python scripts/cosim.py {' '.join(arguments)}".strip()
     assert Path(needed).name in messages
     options = app.arguments(arguments)
@@ -77,7 +75,7 @@ def test_a_scenario_may_stand_anywhere(project: Path, arguments: tuple[str, ...]
 def test_a_study_may_stand_anywhere(project: Path) -> None:
     for arguments in (("my.toml", "--runs", "3"), ("--runs", "3", "my.toml"), ("merge", "my.toml")):
         _, found = calls(project, "study", *arguments)
-        assert "cargo fmu pack --for inside/my.toml" in found
+        assert "chassis pack inside/my.toml" in found
         assert found[-1] == f"python scripts/study.py {' '.join(arguments)}"
 
 

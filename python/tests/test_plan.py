@@ -102,7 +102,7 @@ def shape(schema: Any, defined: dict[str, Any]) -> Any:
 
 
 def test_the_types_are_those_of_the_command() -> None:
-    code, text = shell.cargo_fmu(["plan-schema"], "read plans", capture=True)
+    code, text = shell.chassis(["schema", "plan"], capture=True)
     assert code == 0
     theirs = json.loads(text)
     (ours,), defined = msgspec.json.schema_components(

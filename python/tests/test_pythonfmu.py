@@ -125,7 +125,7 @@ def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
     # The antilock brakes add what the controller asks for to the pressure of the pedal.
     base = ["--base", "AntilockBraking", "--base", "BrakeAndDriveActuators"]
     more = ["--suite", "handling", "--fmus", str(FOLDER), "--out", str(out)]
-    call("cargo", "fmu", "assess", "EspCar", *base, "--with", controller, *python, *more)
+    call("cargo", "chassis", "bench", "run", "EspCar", *base, "--with", controller, *python, *more)
     assessment = json.loads((out / "assessment.json").read_text(encoding="utf-8"))
     rows = {row["id"]: row for row in assessment["metrics"]}
     times = rows["step_steer.yaw_rate.response_time"]

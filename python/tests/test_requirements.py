@@ -1,4 +1,4 @@
-"""Requirements: `cargo fmu run` and the scripts come to the same verdicts, in the same words."""
+"""Requirements: `chassis run` and the scripts come to the same verdicts, in the same words."""
 
 import subprocess
 import sys
@@ -104,7 +104,7 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     scenario.write_text(SCENARIO, encoding="utf-8")
     out, again = tmp_path / "native", tmp_path / "python"
     shared: list[str | Path] = [scenario, *options, "--junit"]
-    native, text = run("cargo", "fmu", "run", *shared, tmp_path / "native.xml", "--out", out)
+    native, text = run("cargo", "chassis", "run", *shared, tmp_path / "native.xml", "--out", out)
     python: list[str | Path] = [sys.executable, "scripts/cosim.py", *shared, tmp_path / "python.xml", "--out", again]
     code, words = run(*python, "--from-csv", out / "limits")
     # Runs that were cut short leave open what they would have missed, but not what is too large already.
@@ -117,5 +117,5 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     assert documents[0] == documents[1]
     assert ("Not evaluated" in text) == is_cut
     assert "Failed" in text
-    relaxed, _ = run("cargo", "fmu", "run", scenario, *options, "--no-fail", "--out", out)
+    relaxed, _ = run("cargo", "chassis", "run", scenario, *options, "--no-fail", "--out", out)
     assert relaxed == 0

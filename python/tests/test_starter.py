@@ -1,4 +1,4 @@
-"""`cargo fmu new --kind scenario`: what it writes runs, for every plant of the library."""
+"""`chassis new`: what it writes runs, for every plant of the library."""
 
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from chassis_fmu import results, shell
 
 
-def cargo_fmu(*arguments: str | Path) -> tuple[int, str]:
-    return shell.cargo_fmu([str(argument) for argument in arguments], "test", capture=True)
+def chassis(*arguments: str | Path) -> tuple[int, str]:
+    return shell.chassis([str(argument) for argument in arguments], capture=True)
 
 
 PLANTS = ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]
@@ -23,7 +23,7 @@ MANEUVERS = ["straight", "ramp_step", "fishhook", "double_lane_change", "slalom"
 def start(plant: str, maneuver: str, folder: Path) -> Path:
     """Write a scenario of at most 20 lines."""
     name = folder / f"{plant}_{maneuver}".lower()
-    code, _ = cargo_fmu("new", name, "--kind", "scenario", "--plant", plant, "--maneuver", maneuver)
+    code, _ = chassis("new", name, "--plant", plant, "--maneuver", maneuver)
     assert code == 0
     scenario = name.with_suffix(".toml")
     assert len(scenario.read_text(encoding="utf-8").splitlines()) <= 20
@@ -31,7 +31,7 @@ def start(plant: str, maneuver: str, folder: Path) -> Path:
 
 
 def lateral_acceleration(scenario: Path, out: Path, *options: str) -> NDArray[np.floating[Any]]:
-    code, _ = cargo_fmu("run", scenario, "--out", out, *options)
+    code, _ = chassis("run", scenario, "--out", out, *options)
     assert code == 0
     file = out / scenario.stem / "runs" / "open_loop.csv"
     return results.read_csv(file, ["vehicle.lateral_acceleration"]).values["vehicle.lateral_acceleration"]
@@ -45,7 +45,7 @@ def test_a_new_scenario_runs(plant: str, tmp_path: Path) -> None:
     assert acceleration.min() < -0.5
     assert acceleration.max() > 0.5
     # Nothing is overwritten.
-    code, _ = cargo_fmu("new", scenario.with_suffix(""), "--kind", "scenario", "--plant", plant)
+    code, _ = chassis("new", scenario.with_suffix(""), "--plant", plant)
     assert code == 1
 
 
@@ -59,13 +59,13 @@ def test_every_maneuver_runs_with_every_plant(maneuver: str, tmp_path: Path) -> 
 
 
 def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    code, _ = cargo_fmu("new", tmp_path / "a", "--kind", "scenario", "--plant", "EspCar", "--maneuver", "none_of_them")
+    code, _ = chassis("new", tmp_path / "a", "--plant", "EspCar", "--maneuver", "none_of_them")
     assert code == 1
     text = " ".join(capfd.readouterr().err.replace("│", " ").split())
     for name in MANEUVERS:
         assert f"{name}," in text
     # What needs more than its name is refused with what it needs.
-    code, _ = cargo_fmu("new", tmp_path / "a", "--kind", "scenario", "--plant", "EspCar", "--maneuver", "table")
+    code, _ = chassis("new", tmp_path / "a", "--plant", "EspCar", "--maneuver", "table")
     assert code == 1
     assert "table.file" in " ".join(capfd.readouterr().err.replace("│", " ").split())
 
@@ -81,7 +81,7 @@ def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.Cap
 def test_mistakes_are_named(
     options: tuple[str, ...], expected: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    code, _ = cargo_fmu("new", tmp_path / "my-test", "--kind", "scenario", *options)
+    code, _ = chassis("new", tmp_path / "my-test", *options)
     assert code == 1
     assert expected in " ".join(capfd.readouterr().err.replace("│", " ").split())
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""One closed loop of each vehicle, written by `cargo fmu export`, runs in masters that others made.
+"""One closed loop of each vehicle, written by `chassis export`, runs in masters that others made.
 
 The reference is the native master in the same order of stepping: libcosim and Ecos step all components at once,
 which is its order `jacobi`. All recorded signals are compared at every step; a difference is the largest one over the

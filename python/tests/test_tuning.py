@@ -1,10 +1,9 @@
-"""Reports of tuning studies: histories to Parquet, the plot, the page, the command with a stand-in for cargo."""
+"""Reports of tuning studies: histories to Parquet, the plot, the page, the command with a stand-in for `chassis`."""
 
 from __future__ import annotations
 
 import itertools
 import json
-import os
 import stat
 from pathlib import Path
 from typing import Any
@@ -294,32 +293,32 @@ def test_damaged_results_are_clear_errors(folder: Path, file: str, content: str,
 
 
 @pytest.fixture
-def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Put a `cargo` on the path that notes its arguments, or fails like a mistake in a study."""
+def chassis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Replace `chassis` by a program that notes its arguments, or fails like a mistake in a study."""
     place = tmp_path / "bin"
     place.mkdir()
-    script = place / "cargo"
+    script = place / "chassis"
     script.write_text(f'#!/bin/sh\necho "$*" >> \'{place}/log\'\ncase "$*" in *broken*) exit 3 ;; esac\n')
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{place}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(shell, "worker_program", lambda: script)
     return place / "log"
 
 
-def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_tunes_and_reports(folder: Path, chassis: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study, out = shell.ROOT / "studies" / "trial.toml", folder.parent
     assert tuning.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
-    expected = f"fmu study studies/trial.toml --out {out} --jobs 2 --budget 9 --resume --timeout 60"
-    assert cargo.read_text().partition(" --libpython")[0].strip() == expected
+    expected = f"study studies/trial.toml --out {out} --jobs 2 --budget 9 --resume --timeout 60"
+    assert chassis.read_text().partition(" --libpython")[0].strip() == expected
     assert capsys.readouterr().out.strip() == str(folder / "index.html")
     page = (folder / "index.html").read_text()
     assert f"scripts/study studies/trial.toml --out {out} --jobs 2 --budget 9</code>" in page
 
 
-def test_failures_keep_their_exit_code(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_failures_keep_their_exit_code(folder: Path, chassis: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = ["--out", str(folder.parent)]
     assert tuning.main(["broken.toml", *out]) == 3
     assert tuning.main(["nothing.toml", *out]) == 1
     assert "summary.json" in capsys.readouterr().err
-    assert cargo.read_text().count("\n") == 2
+    assert chassis.read_text().count("\n") == 2
     assert tuning.main(["trial.toml", *out, "--report-only"]) == 0
-    assert cargo.read_text().count("\n") == 2, "cargo is not called"
+    assert chassis.read_text().count("\n") == 2, "chassis is not called"

@@ -51,8 +51,21 @@ pub fn cargo() -> std::ffi::OsString {
 /// If it does not build.
 #[must_use]
 pub fn cargo_fmu() -> PathBuf {
+    program("cargo-fmu")
+}
+
+/// As [`cargo_fmu`], for the command `chassis`.
+///
+/// # Panics
+/// If it does not build.
+#[must_use]
+pub fn chassis() -> PathBuf {
+    program("chassis")
+}
+
+fn program(name: &str) -> PathBuf {
     // With a test and all packages, as `cargo test --workspace`: other features would build everything a second time.
-    let targets = ["--workspace", "--bin", "cargo-fmu", "--test", "commands"];
+    let targets = ["--workspace", "--bin", name, "--test", "commands"];
     let arguments =
         ["build", "--locked", "--offline", "--quiet", "--message-format", "json"].into_iter().chain(targets);
     let output = successful(Command::new(cargo()).args(arguments).current_dir(workspace()));

@@ -1,4 +1,4 @@
-//! `cargo fmu assess`: vehicles of the library and of others in standard maneuvers.
+//! `chassis bench run`: vehicles of the library and of others in standard maneuvers.
 
 use serde_json::Value;
 use std::io::{Read, Write};
@@ -54,8 +54,8 @@ fn assess(arguments: &[&str]) -> Assessed {
 
 fn assess_with(folders: &[PathBuf], arguments: &[&str]) -> Assessed {
     let out = TempDir::new().unwrap();
-    let mut command = Command::new(tests::cargo_fmu());
-    command.arg("assess").args(arguments).arg("--out").arg(out.path().join("out"));
+    let mut command = Command::new(tests::chassis());
+    command.args(["bench", "run"]).args(arguments).arg("--out").arg(out.path().join("out"));
     for folder in folders {
         command.arg("--fmus").arg(folder);
     }

@@ -502,11 +502,11 @@ fn formats_have_what_their_options_say() {
     assert_eq!(elements, scalars.len(), "the same variables, one for each element");
 }
 
-/// `cargo fmu pack --for SCENARIO`, as `scripts/run` calls it: a package that does not compile does not affect scenarios
+/// `chassis pack SCENARIO`, as `scripts/run` calls it: a package that does not compile does not affect scenarios
 /// that do not need it, and up-to-date FMUs are not reported.
 #[test]
 fn a_broken_package_blocks_only_what_needs_it() {
-    let cargo_fmu = tests::cargo_fmu();
+    let chassis = tests::chassis();
     let copy = Copy::new();
     std::fs::write(copy.root.join("fmu-plant/road/src/lib.rs"), "this is not Rust").expect("it can be written");
     // Interfaces that are not committed would be reported.
@@ -533,7 +533,7 @@ fn a_broken_package_blocks_only_what_needs_it() {
         std::fs::remove_file(copy.fmu("FuzzyCoordination")).expect("it can be removed");
     }
     let pack = |file: &str| {
-        let mut command = copy.prepared(&cargo_fmu, &["fmu", "pack", "--for", file]);
+        let mut command = copy.prepared(&chassis, &["pack", file]);
         let output = command.env("CARGO_TERM_QUIET", "true").output().expect("it starts");
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         (output.status.success(), text(&output.stdout), text(&output.stderr))
@@ -546,7 +546,7 @@ fn a_broken_package_blocks_only_what_needs_it() {
     assert_eq!(pack("elsewhere.toml"), (true, String::new(), String::new()));
     let (is_fine, _, messages) = pack("broken.toml");
     assert!(!is_fine && messages.contains("fmu-plant/road/src/lib.rs"), "{messages}");
-    // An incomplete study gives the message of `cargo fmu study`.
+    // An incomplete study gives the message of `chassis study`.
     let (is_fine, _, messages) = pack("study.toml");
     assert!(!is_fine && messages.contains("study.toml") && messages.contains("missing key `title`"), "{messages}");
 }

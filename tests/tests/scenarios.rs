@@ -217,7 +217,7 @@ fn modes_have_names() {
     assert!(modes > 20, "{modes}");
 }
 
-/// Issue 11: a prescribed speed for a car that computes its own. Found by a trial run with the real FMUs, as in `cargo fmu plan`.
+/// Issue 11: a prescribed speed for a car that computes its own. Found by a trial run with the real FMUs, as in `chassis plan`.
 #[test]
 fn a_trial_run_finds_parameters_without_effect() {
     let file = workspace().join("scenarios/esp_car_step_steer.toml");

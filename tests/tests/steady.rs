@@ -245,7 +245,7 @@ fn parameter_sets_and_linear_models_start_there() {
     let file = folder_of_file.path().join("turn.ssv");
     let given = settings(&[("driver.speed", 20.0), ("steer.front", 0.05)]);
     let steady = trimmed("EspCar", &given, &["--out", file.to_str().expect("UTF-8")]).unwrap();
-    let set = fmu_system::parameter_set::ParameterSet::read(&file).unwrap();
+    let set = fmu_import::parameter_set::ParameterSet::read(&file).unwrap();
     let starts = steady["starts"].as_object().unwrap();
     assert_eq!(set.parameters.len(), starts.len());
     for parameter in &set.parameters {

@@ -1,4 +1,4 @@
-//! Cost of an evaluation of the ride objective, 6 s at steps of 1 ms: the packed half car and comfort law as `cargo fmu study`
+//! Cost of an evaluation of the ride objective, 6 s at steps of 1 ms: the packed half car and comfort law as `chassis study`
 //! runs them, and the same equations called directly in Rust, with the same data and bit-identical objectives. Both read road
 //! and speed from a table computed in advance.
 

@@ -84,7 +84,7 @@ pub fn compare_versions(before: &Path) {
     assert!(compared > 0, "{} has no FMU with a name that `target/fmu` has", before.display());
 }
 
-/// A run of packed FMUs as in `cargo fmu study`: libraries loaded once, instances per run, signals in memory.
+/// A run of packed FMUs as in `chassis study`: libraries loaded once, instances per run, signals in memory.
 #[derive(Debug)]
 pub struct Evaluation {
     plan: Plan,
@@ -92,7 +92,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Resolves the first run of a scenario; `inputs` is the text of a CSV file of signals (see `cargo fmu plan --inputs`).
+    /// Resolves the first run of a scenario; `inputs` is the text of a CSV file of signals (see `chassis plan --inputs`).
     ///
     /// # Panics
     /// If the scenario is invalid or an FMU is not packed.

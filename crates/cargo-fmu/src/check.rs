@@ -11,7 +11,7 @@ use fmu_import::worker::Printed;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::inspect::locate;
-use crate::output::outln;
+use crate::outln;
 use crate::worker;
 
 /// Maximum number of lines shown of an FMU's output.

@@ -10,7 +10,7 @@ use miette::{Diagnostic, LabeledSpan, MietteHandler, MietteHandlerOpts, ReportHa
 ///
 /// # Errors
 /// Miette has already printed something.
-pub(crate) fn install() -> miette::Result<()> {
+pub fn install() -> miette::Result<()> {
     miette::set_hook(Box::new(|_| Box::new(Handler(MietteHandlerOpts::new().build()))))?;
     Ok(())
 }

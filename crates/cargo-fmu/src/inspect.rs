@@ -10,7 +10,8 @@ use fmu_import::terminal::{indented, line};
 use fmu_import::xml::{self, Element};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
-use crate::output::{outln, write_file};
+use crate::outln;
+use crate::output::write_file;
 use crate::variables;
 use crate::workspace::Workspace;
 

@@ -14,14 +14,14 @@ use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::DMatrix;
 
 use self::model::{LinearModel, Mode, Signal};
+use crate::files::write_whole;
 use crate::inspect::locate;
-use crate::output::{errln, outln};
-use crate::pack::write_whole;
 use crate::worker;
+use crate::{errln, outln};
 
 /// Arguments of `cargo fmu linearize`.
 #[derive(clap::Args, Debug)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     /// Name of a packed FMU of this workspace, or path of any .fmu file with directional derivatives or model exchange
     fmu: String,
     /// Set a parameter, an input or a state, such as driver.speed=9.7; may be repeated
@@ -111,7 +111,7 @@ fn format(path: &Path) -> Result<Format> {
 ///
 /// # Errors
 /// The FMU has no states, or neither directional derivatives nor model exchange; a value cannot be set, or a file cannot be written.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
     let formats = arguments.out.iter().map(|path| format(path)).collect::<Result<Vec<_>>>()?;

@@ -1,4 +1,4 @@
-//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model; or a scenario that runs.
+//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,10 +6,8 @@ use std::process::Command;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::build::cargo;
-use crate::output::outln;
-use crate::pack::write_whole;
-#[cfg(feature = "system")]
-use crate::system::starter;
+use crate::files::write_whole;
+use crate::outln;
 use crate::workspace::{Workspace, pascal_case};
 
 /// Arguments of `cargo fmu new`.
@@ -17,17 +15,17 @@ use crate::workspace::{Workspace, pascal_case};
 pub(crate) struct Arguments {
     /// Folder of the new package, named in kebab case, such as heat-pump or models/heat-pump
     ///
-    /// The FMU gets the name in Pascal case, HeatPump. With `--kind scenario`, this is the scenario file without `.toml`.
+    /// The FMU gets the name in Pascal case, HeatPump.
     path: PathBuf,
-    /// Kind of model, or a scenario
+    /// Kind of model
     #[arg(long, value_enum, default_value_t = Kind::Continuous)]
     kind: Kind,
     /// Folder of the crate `fmu`, if it is neither in the workspace nor in a registry
     #[arg(long, value_name = "DIR")]
     exporter_path: Option<PathBuf>,
-    #[cfg(feature = "system")]
-    #[command(flatten)]
-    scenario: starter::Scenario,
+    /// Moved to another command
+    #[arg(long, value_name = "FMU", hide = true)]
+    plant: Option<String>,
 }
 
 /// Kinds of models.
@@ -39,8 +37,8 @@ pub(crate) enum Kind {
     Discrete,
     /// An existing simulation that advances itself
     Stateful,
-    /// A scenario with a plant, a TOML file
-    #[cfg(feature = "system")]
+    /// Moved to another command
+    #[value(hide = true)]
     Scenario,
 }
 
@@ -51,7 +49,6 @@ impl Kind {
             Self::Discrete => include_str!("../templates/discrete.rs.in"),
             Self::Stateful => include_str!("../templates/stateful.rs.in"),
             // Not a package.
-            #[cfg(feature = "system")]
             Self::Scenario => "",
         }
     }
@@ -62,7 +59,6 @@ impl Kind {
             Self::Continuous => "continuous",
             Self::Discrete => "discrete",
             Self::Stateful => "stateful",
-            #[cfg(feature = "system")]
             Self::Scenario => "scenario",
         }
     }
@@ -73,11 +69,8 @@ impl Kind {
 /// # Errors
 /// The name is not in kebab case, the folder already exists, or cargo cannot add the package.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    #[cfg(feature = "system")]
-    match arguments.kind {
-        Kind::Scenario => return starter::write(&arguments.path, &arguments.scenario),
-        _ if arguments.scenario.is_given() => return Err(miette!("--plant belongs to --kind scenario")),
-        _ => (),
+    if matches!(arguments.kind, Kind::Scenario) || arguments.plant.is_some() {
+        return Err(miette!("`cargo fmu new PATH --kind scenario` is called `chassis new PATH` now"));
     }
     let name = arguments.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let is_word = |word: &str| {

@@ -7,28 +7,31 @@ use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use fmu_import::terminal::escaped;
 
 /// Prints to the standard output; [`outln`] adds the end of the line.
-#[cfg(feature = "system")]
+#[macro_export]
 macro_rules! out {
     ($($text:tt)*) => { $crate::output::write(format_args!($($text)*)) };
 }
 
 /// Prints a line to the standard output.
+#[macro_export]
 macro_rules! outln {
     ($($text:tt)*) => { $crate::output::write(format_args!("{}\n", format_args!($($text)*))) };
 }
 
 /// Prints a line to the standard error.
+#[macro_export]
 macro_rules! errln {
-    ($($text:tt)*) => { eprintln!("{}", fmu_import::terminal::escaped(&format!($($text)*))) };
+    ($($text:tt)*) => { $crate::output::write_error(format_args!($($text)*)) };
 }
 
-#[cfg(feature = "system")]
-pub(crate) use out;
-pub(crate) use {errln, outln};
-
 /// Ends the program if nobody reads any more.
-pub(crate) fn write(text: Arguments<'_>) {
+pub fn write(text: Arguments<'_>) {
     write_raw(escaped(&text.to_string()).as_bytes());
+}
+
+/// Prints a line to the standard error.
+pub fn write_error(text: Arguments<'_>) {
+    eprintln!("{}", escaped(&text.to_string()));
 }
 
 /// Prints a file as it is, unless it goes to a terminal.

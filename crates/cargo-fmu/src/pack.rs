@@ -1,6 +1,6 @@
 //! `cargo fmu pack`: builds models and zips them to FMUs.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,12 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::build::{self, Asked, Export, Interface, Linux};
 use crate::documentation;
+use crate::files::write_whole;
 use crate::licenses::{self, Licenses};
-use crate::needed;
 use crate::new;
-use crate::output::{errln, outln};
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
+use crate::{errln, outln};
 
 /// Arguments of `cargo fmu pack`.
 #[derive(clap::Args, Debug)]
@@ -28,9 +28,16 @@ pub(crate) struct Arguments {
     /// Pack all models of the workspace's default members
     #[arg(long, conflicts_with = "names")]
     all: bool,
-    /// Pack what this scenario or study needs; skip up-to-date FMUs
-    #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
+    /// Moved to another command
+    #[arg(long = "for", value_name = "FILE", hide = true)]
     needed_by: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// Options on how FMUs are built and packed.
+#[derive(clap::Args, Debug)]
+pub struct Settings {
     /// Platforms to build for, separated by commas [default: platform of this machine]
     ///
     /// Other platforms need cargo-zigbuild (Linux) or mingw-w64 (Windows), and a Rust toolchain for that platform.
@@ -65,13 +72,19 @@ pub(crate) struct Arguments {
     cargo: build::Options,
 }
 
-impl Arguments {
+impl Settings {
     /// Version of FMI, interfaces and arrays of the FMUs.
     fn format(&self) -> Result<Format> {
         if self.arrays && self.fmi == 2 {
             return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no arrays"));
         }
         Ok(Format { version: self.fmi, interfaces: self.interfaces.clone(), arrays: self.arrays })
+    }
+
+    /// Folder for the FMUs.
+    fn folder(&self, workspace: &Workspace) -> PathBuf {
+        let default = || if self.fmi == 3 { workspace.fmus_of_fmi3() } else { workspace.fmus() };
+        self.out.clone().unwrap_or_else(default)
     }
 
     /// Kind of the binary for Linux: the command line decides, then the workspace.
@@ -86,52 +99,77 @@ impl Arguments {
     }
 }
 
-/// Builds, checks against the committed descriptions, and zips.
+/// Treatment of FMUs of an earlier call.
+#[derive(Clone, Copy, PartialEq)]
+enum Existing {
+    Replaced,
+    /// Those with the same bytes are neither written nor listed.
+    KeptIfEqual,
+}
+
+/// Packs the models that the arguments name.
 ///
 /// # Errors
 /// A model does not build, its library has no description, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.needed_by.is_some() {
+        return Err(miette!("`cargo fmu pack --for FILE` is called `chassis pack FILE` now"));
+    }
+    let workspace = find(&arguments.settings)?;
+    let models = workspace.select(&arguments.names, arguments.all)?;
+    pack(&workspace, models, &arguments.settings, Existing::Replaced)
+}
+
+/// Packs those of some FMUs that the current workspace has, and leaves out those that are up to date. Other names are ignored.
+///
+/// # Errors
+/// As of `cargo fmu pack`: a model does not build, its library has no description, or a file cannot be written.
+pub fn pack_needed(fmus: &BTreeSet<String>, settings: &Settings) -> Result<()> {
+    let workspace = find(settings)?;
+    let models = workspace.models_of(fmus);
+    if models.is_empty() {
+        // All FMUs come from elsewhere.
+        return Ok(());
+    }
+    let folder = settings.folder(&workspace);
+    let is_missing = |model: &&Model| !folder.join(format!("{}.fmu", model.name)).exists();
+    let missing: Vec<&str> = models.iter().filter(is_missing).map(|model| model.name.as_str()).collect();
+    if !missing.is_empty() {
+        eprintln!("Building {}; the first build also compiles the dependencies", missing.join(", "));
+    }
+    pack(&workspace, models, settings, Existing::KeptIfEqual)
+}
+
+fn find(settings: &Settings) -> Result<Workspace> {
     let mut workspace = Workspace::find()?;
-    if let Some(target) = &arguments.cargo.target_dir {
+    if let Some(target) = &settings.cargo.target_dir {
         workspace.target = std::path::absolute(target).into_diagnostic()?;
     }
+    Ok(workspace)
+}
+
+/// Builds, checks against the committed descriptions, and zips.
+fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existing: Existing) -> Result<()> {
     let format = arguments.format()?;
-    let default = || if format.version == 3 { workspace.fmus_of_fmi3() } else { workspace.fmus() };
-    let folder = arguments.out.clone().unwrap_or_else(default);
-    let models = match &arguments.needed_by {
-        None => workspace.select(&arguments.names, arguments.all)?,
-        Some(file) => {
-            let models = workspace.models_of(&needed::fmus(file)?);
-            if models.is_empty() {
-                // All its FMUs come from elsewhere.
-                return Ok(());
-            }
-            let is_missing = |model: &&Model| !folder.join(format!("{}.fmu", model.name)).exists();
-            let missing: Vec<&str> = models.iter().filter(is_missing).map(|model| model.name.as_str()).collect();
-            if !missing.is_empty() {
-                eprintln!("Building {}; the first build also compiles the dependencies", missing.join(", "));
-            }
-            models
-        }
-    };
+    let folder = arguments.folder(workspace);
     // Before any build, so missing tools are reported at once.
-    let builders = build::builders(&workspace, &arguments.platforms, arguments.linux(&workspace), format.version)?;
+    let builders = build::builders(workspace, &arguments.platforms, arguments.linux(workspace), format.version)?;
     if models.is_empty() {
         return Err(miette!(
             help = "Set `crate-type = [\"cdylib\", \"rlib\"]` in the section [lib] of its Cargo.toml.",
             "this workspace has no package with the crate type cdylib that depends on fmu"
         ));
     }
-    let (models, descriptions) = describe(&workspace, models, &format, &arguments.cargo)?;
+    let (models, descriptions) = describe(workspace, models, &format, &arguments.cargo)?;
     for (model, description) in models.iter().zip(&descriptions) {
-        follow_convention(&workspace, model, &description.parsed)?;
+        follow_convention(workspace, model, &description.parsed)?;
     }
     let exports: Vec<_> = descriptions.iter().map(|description| description.export(&format)).collect();
     let mut libraries = vec![Vec::new(); models.len()];
     let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
-        let built = builder.build(&workspace, &models, &exports, &arguments.cargo)?;
-        let components = licenses::components(builder, &workspace, &models, &arguments.cargo, &built.messages)
+        let built = builder.build(workspace, &models, &exports, &arguments.cargo)?;
+        let components = licenses::components(builder, workspace, &models, &arguments.cargo, &built.messages)
             .wrap_err("collecting the licenses of what is linked")?;
         for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
             licenses[i].add(components);
@@ -169,7 +207,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let bytes = archive(model, &libraries[i], &licenses[i], description, &readme)?;
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
-        if arguments.needed_by.is_some() && std::fs::read(&path).is_ok_and(|old| old == bytes) {
+        if existing == Existing::KeptIfEqual && std::fs::read(&path).is_ok_and(|old| old == bytes) {
             continue;
         }
         write_whole(&path, &bytes)?;
@@ -412,34 +450,4 @@ fn add_folder(folder: &Path, entry: &str, files: &mut BTreeMap<String, Vec<u8>>)
         }
     }
     Ok(())
-}
-
-/// Fails if the folder is not writable, which would otherwise show only after hours.
-#[cfg(feature = "system")]
-pub(crate) fn try_to_write(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .and_then(|()| tempfile::tempfile_in(folder).map(drop))
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot write to {}; nothing was simulated", folder.display()))
-}
-
-/// Writes a file completely or not at all.
-///
-/// # Errors
-/// The folder is not writable.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let write = || -> std::io::Result<()> {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder)?;
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        file.write_all(bytes)?;
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))?;
-        }
-        file.persist(path)?;
-        Ok(())
-    };
-    write().into_diagnostic().wrap_err_with(|| format!("writing {}", path.display()))
 }

@@ -1,11 +1,11 @@
 //! `cargo fmu trim`: the steady state of a plant at an operating point.
 
 use std::num::NonZeroUsize;
-#[cfg(feature = "system")]
 use std::path::PathBuf;
 
 use fmu_import::archive::read_description;
-use fmu_import::description::ModelDescription;
+use fmu_import::description::{ModelDescription, Value};
+use fmu_import::parameter_set::{Parameter, ParameterSet};
 use fmu_import::trim::{StateRole, SteadyState};
 use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::DMatrix;
@@ -13,7 +13,7 @@ use nalgebra::DMatrix;
 use crate::eigenvalues::eigenvalues;
 use crate::inspect::locate;
 use crate::linearize::parse;
-use crate::output::outln;
+use crate::outln;
 use crate::worker;
 
 /// Poles smaller than this fraction of the largest one count as 0, due to rounding.
@@ -21,7 +21,7 @@ const AT_ZERO: f64 = 1e-8;
 
 /// Arguments of `cargo fmu trim`.
 #[derive(clap::Args, Debug)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     /// Name of a packed FMU of this workspace, or path of any .fmu file with directional derivatives
     fmu: String,
     /// Set a parameter or an input, or hold a state, such as driver.speed=20 or steer.front=0.02; may be repeated
@@ -34,7 +34,6 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "INPUT[,INPUT…]")]
     free: Vec<String>,
     /// Write the start values of states, and the parameters and inputs, as an SSP 1.0 parameter set
-    #[cfg(feature = "system")]
     #[arg(long, value_name = "FILE.ssv")]
     out: Option<PathBuf>,
     /// Print JSON instead of the table
@@ -53,10 +52,9 @@ pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
 ///
 /// # Errors
 /// The FMU lacks states or directional derivatives, a value cannot be set, no steady state exists, or writing the file fails.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
-    #[cfg(feature = "system")]
     if let Some(out) = arguments.out.as_ref().filter(|out| out.extension().is_none_or(|extension| extension != "ssv")) {
         return Err(miette!("--out {}: the name must end in .ssv", out.display()));
     }
@@ -65,9 +63,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .map_err(|message| miette!("{message}"))?;
     let description = read_description(&path).into_diagnostic()?;
     let growth = growth(&steady);
-    #[cfg(feature = "system")]
     if let Some(out) = &arguments.out {
-        crate::pack::write_whole(out, ssv(&steady, &description).into_diagnostic()?.as_bytes())?;
+        crate::files::write_whole(out, ssv(&steady, &description).into_diagnostic()?.as_bytes())?;
     }
     if arguments.json {
         outln!("{:#}", json(&steady, &description, growth));
@@ -160,12 +157,10 @@ fn print(steady: &SteadyState, description: &ModelDescription, growth: Option<f6
 }
 
 /// The start values as a parameter set.
-#[cfg(feature = "system")]
 fn ssv(steady: &SteadyState, description: &ModelDescription) -> std::io::Result<String> {
-    use fmu_system::parameter_set::{Parameter, ParameterSet};
     let parameter = |(name, value): &(String, _)| Parameter {
         name: name.clone(),
-        value: fmu_import::description::Value::clone(value),
+        value: Value::clone(value),
         unit: unit(description, name).map(str::to_owned),
     };
     let name = format!("steady state of {}", description.model_name);

@@ -1,9 +1,9 @@
-//! `cargo fmu worker`: the processes that execute FMUs for the other commands, and the options of these about them.
+//! The subcommand `worker`: processes that execute FMUs for the other commands, and the options of these about them.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -11,21 +11,23 @@ use fmu_import::terminal::line;
 use fmu_import::worker::{Launch, Settings, memory_share};
 use miette::{IntoDiagnostic, Result, WrapErr};
 
-/// Arguments of `cargo fmu worker`: the job, and the file in which calls of FMUs are announced.
+/// Arguments of the hidden subcommand `worker`: the job, and the file in which calls of FMUs are announced.
 #[derive(clap::Args, Debug)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     job: String,
     board: PathBuf,
 }
 
-/// Works for the process that started this one.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let serve = match arguments.job.as_str() {
-        fmu_import::worker::JOB => fmu_import::worker::serve,
-        #[cfg(feature = "system")]
-        fmu_system::worker::JOB => fmu_system::worker::serve,
-        job => return Err(miette::miette!("there is no worker for `{job}`")),
-    };
+/// A kind of work, and the function that does it; the path is that of the file in which calls of FMUs are announced.
+pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
+
+/// Works for the process that started this one, in one of the given jobs.
+///
+/// # Errors
+/// The job is none of these, or nobody has started this process for it.
+pub fn run(arguments: &Arguments, jobs: &[Job]) -> Result<()> {
+    let job = jobs.iter().find(|(name, _)| *name == arguments.job);
+    let (_, serve) = job.ok_or_else(|| miette::miette!("there is no worker for `{}`", arguments.job))?;
     serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
 }
 
@@ -34,7 +36,7 @@ const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Options of the commands that start workers.
 #[derive(clap::Args, Debug)]
-pub(crate) struct Options {
+pub struct Options {
     /// Time limit for a step, in seconds; an FMU that takes longer is stopped
     ///
     /// The limit also applies to each trial of `check`, and to a whole linearization or search for a steady state.
@@ -94,7 +96,6 @@ fn memory(text: &str) -> Result<Memory, String> {
 }
 
 /// Options of other commands, without a library of Python.
-#[cfg(feature = "system")]
 impl Default for Options {
     fn default() -> Self {
         Self { timeout: DEFAULT_TIMEOUT, libpython: None, memory: None, sandbox: false, no_sandbox: false }
@@ -102,10 +103,10 @@ impl Default for Options {
 }
 
 /// Receiver of lines about workers and FMUs.
-pub(crate) type Lines = Arc<dyn Fn(&str) + Send + Sync>;
+pub type Lines = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// Prints lines about workers and FMUs.
-pub(crate) fn to_terminal() -> Lines {
+pub fn to_terminal() -> Lines {
     Arc::new(|line| eprintln!("{line}"))
 }
 
@@ -138,7 +139,7 @@ impl Options {
     }
 
     /// Settings of some workers that start this program. `lines` takes what FMUs print, and notes about the workers, each once.
-    pub(crate) fn settings(&self, lines: Lines, workers: NonZeroUsize) -> Result<Settings> {
+    pub fn settings(&self, lines: Lines, workers: NonZeroUsize) -> Result<Settings> {
         let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;
         if let Some(library) = self.libpython.as_ref().filter(|library| !library.is_file()) {
             return Err(miette::miette!("there is no file {}, the library of Python", library.display()));

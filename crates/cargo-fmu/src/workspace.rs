@@ -10,52 +10,52 @@ use serde::Deserialize;
 
 /// A package that becomes an FMU: a `cdylib` that depends on `fmu`.
 #[derive(Clone, Debug)]
-pub(crate) struct Model {
+pub struct Model {
     /// Name of the package, in kebab case.
-    pub(crate) package: String,
+    pub package: String,
     /// Name of the FMU: that of the package in Pascal case, until the model's own name is known.
-    pub(crate) name: String,
+    pub name: String,
     /// Folder of the package.
-    pub(crate) folder: PathBuf,
+    pub folder: PathBuf,
     /// Name of the library crate, in snake case.
-    pub(crate) library: String,
+    pub library: String,
     /// True if the package is a default member of the workspace; examples are not.
-    pub(crate) is_default: bool,
+    pub is_default: bool,
     /// Packages of the workspace that it depends on, directly or not.
-    pub(crate) dependencies: BTreeSet<String>,
+    pub dependencies: BTreeSet<String>,
 }
 
 /// The workspace that the command was called in.
 #[derive(Clone, Debug)]
-pub(crate) struct Workspace {
+pub struct Workspace {
     /// Top folder.
-    pub(crate) root: PathBuf,
+    pub root: PathBuf,
     /// `target`.
-    pub(crate) target: PathBuf,
+    pub target: PathBuf,
     /// All models, by name.
-    pub(crate) models: Vec<Model>,
+    pub models: Vec<Model>,
     /// Settings of the workspace for `cargo fmu`.
-    pub(crate) settings: Settings,
+    pub settings: Settings,
 }
 
 /// `[workspace.metadata.fmu]` in the Cargo.toml at the top.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct Settings {
+pub struct Settings {
     /// True if linux64 binaries load with an old glibc; options on the command line take precedence.
-    pub(crate) portable: bool,
+    pub portable: bool,
     /// Folder of committed model descriptions, from the top; without it they are not compared.
-    pub(crate) descriptions: Option<PathBuf>,
+    pub descriptions: Option<PathBuf>,
     /// Folders of new models by kind: `continuous`, `discrete`, `stateful`.
-    pub(crate) new: BTreeMap<String, PathBuf>,
+    pub new: BTreeMap<String, PathBuf>,
     /// Convention of the names of variables; without it any name that FMI allows is accepted.
-    pub(crate) names: Option<Names>,
+    pub names: Option<Names>,
 }
 
 /// A convention of the names of variables.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Names {
+pub enum Names {
     /// Words in lower snake case, joined by dots.
     LowerSnakeCase,
 }
@@ -109,7 +109,7 @@ impl Workspace {
     ///
     /// # Errors
     /// Cargo cannot read the workspace.
-    pub(crate) fn find() -> Result<Self> {
+    pub fn find() -> Result<Self> {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let output = Command::new(cargo)
             .args(["metadata", "--no-deps", "--format-version", "1"])

@@ -1,7 +1,7 @@
 //! The systems that are compared: a plant with its base components, driven by a driver, without and with controllers.
 //!
 //! All signals are wired by name. A system becomes a scenario, so that all rules and messages of scenarios hold, and each of its
-//! runs can be repeated by `cargo fmu run`.
+//! runs can be repeated by `chassis run`.
 
 use crate::signals::{self, Conversion, conversion};
 use crate::vehicle::VehicleFile;

@@ -7,6 +7,7 @@
 //! - [`check`](mod@check) validates an FMU by its description and its behavior, [`linearize`](mod@linearize) makes
 //!   linear models, [`trim`](mod@trim) finds steady states,
 //! - [`worker`] does such work in other processes, which may crash,
+//! - [`parameter_set`] reads and writes SSP files of values, [`limits`] bounds the size of files,
 //! - [`terminal`] makes text of an FMU safe to print, [`names`] finds similar names, [`temporary`] manages temporary files.
 
 pub mod archive;
@@ -14,10 +15,12 @@ pub mod c_api;
 pub mod check;
 pub mod description;
 pub mod fmu;
+pub mod limits;
 pub mod linearize;
 pub mod loader;
 pub mod named_values;
 pub mod names;
+pub mod parameter_set;
 pub mod temporary;
 pub mod terminal;
 pub mod trim;

@@ -116,7 +116,7 @@ impl Lab {
         self.paths = texts.keys().filter(is_scenario).cloned().collect();
         #[cfg(target_family = "wasm")]
         for (path, text) in texts {
-            fmu_system::limits::provide(path, text);
+            fmu_import::limits::provide(path, text);
         }
         let systems = catalog::systems(&self.fmus);
         self.scenarios = catalog::scenarios(&self.paths, &self.fmus, &systems);

@@ -18,7 +18,7 @@ use crate::study::{Method, Search, Study};
 use crate::{ahp, cma_es, genetic, pacsa};
 use fmu_import::description::Unit;
 use fmu_import::description::Value;
-use fmu_system::parameter_set::{self, ParameterSet};
+use fmu_import::parameter_set::{self, ParameterSet};
 use fmu_system::run::Run;
 use serde::Serialize;
 use std::cell::Cell;

@@ -148,7 +148,7 @@ pub fn needs(path: &Path) -> Result<(PathBuf, BTreeSet<String>), StudyError> {
 }
 
 fn text(path: &Path) -> Result<String, StudyError> {
-    let read = fmu_system::limits::read_text(path, fmu_system::limits::TEXT_FILE);
+    let read = fmu_import::limits::read_text(path, fmu_import::limits::TEXT_FILE);
     read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })
 }
 

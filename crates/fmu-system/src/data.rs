@@ -14,7 +14,7 @@ pub use self::clock::{Channel, Clock, Duplicates, Offset, Signal, TimeColumn, Tr
 pub use self::text::Encoding;
 
 use self::text::{Cell, Rows, cell, is_number};
-use crate::limits;
+use fmu_import::limits;
 use fmu_import::names::suggestion;
 use std::borrow::Cow;
 use std::io::Read as _;

@@ -14,13 +14,13 @@
 mod osp;
 mod ssp;
 
-use crate::parameter_set::{Parameter, ParameterSet};
 use crate::plan::Plan;
 use crate::run;
 use crate::run::{Run, Wire};
 use fmu_import::archive::{ArchiveError, read_description};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, FmiVersion, ModelDescription, Unit, Variable};
+use fmu_import::parameter_set::{Parameter, ParameterSet};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Runs systems of co-simulation FMUs of FMI 2.0 and 3.0.
 //!
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with all its parameters, connections and recorded
-//!   columns; [`parameter_set`] reads and writes files of values, [`problem`] shows mistakes with their place,
+//!   columns; [`problem`] shows mistakes with their place,
 //! - a [`mod@run`] is executed by a [`master`] in this process, by a [`session`] step by step, or by a [`worker`] in another process, which
 //!   may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect, [`steady`]
 //!   finds the steady states in which components start,
@@ -39,11 +39,9 @@ pub mod data;
 pub mod export;
 pub mod failure;
 pub mod fmus;
-pub mod limits;
 pub mod master;
 pub mod metrics;
 pub mod parameter;
-pub mod parameter_set;
 pub mod plan;
 pub mod problem;
 pub mod report;

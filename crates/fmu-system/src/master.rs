@@ -3,10 +3,10 @@
 
 use crate::failure::FailureKind;
 use crate::fmus::Instances;
-use crate::limits;
 use crate::run::{Run, Simulation};
 pub use crate::session::RunError;
 use crate::session::Session;
+use fmu_import::limits;
 use fmu_import::loader::Message;
 use std::time::Instant;
 

@@ -1,6 +1,6 @@
 //! Requirements: verdicts on the numbers of the runs by the limits of the metrics, as numbers, text and JUnit XML.
 //!
-//! This is the only implementation of the rules: `cargo fmu run` and the Python package call [`evaluate`].
+//! This is the only implementation of the rules: `chassis run` and the Python package call [`evaluate`].
 
 use crate::metrics::{Columns, Definition, Kind, MetricError};
 use crate::plan::Plan;

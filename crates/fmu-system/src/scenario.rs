@@ -7,8 +7,8 @@ mod sweep;
 pub(crate) use check::{unknown, whole_steps};
 pub(crate) use layout::*;
 
-use crate::limits;
 use crate::problem::Collector;
+use fmu_import::limits;
 use serde_spanned::Spanned;
 use std::path::Path;
 

@@ -6,8 +6,8 @@
 mod support;
 
 use fmu_import::description::Value;
+use fmu_import::parameter_set::ParameterSet;
 use fmu_system::export::{ExportError, OSP_STRUCTURE, PARAMETERS, STRUCTURE, System};
-use fmu_system::parameter_set::ParameterSet;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, resolve_text};
 use quick_xml::Reader;

@@ -2,8 +2,8 @@
 
 use fmu_import::description::{BaseType, Value};
 use fmu_import::description::{BaseUnit, ModelDescription, Unit};
+use fmu_import::parameter_set::{Parameter, ParameterSet};
 use fmu_system::metrics::{Combine, Definition, Kind};
-use fmu_system::parameter_set::{Parameter, ParameterSet};
 use fmu_system::plan::{Origin, Plan, Signal};
 use fmu_system::report::{Cell, Expect, FigureKind, Metric, Part, Source};
 use fmu_system::resolve::{Descriptions, Found, Options, ResolveError, resolve_text};
@@ -1143,7 +1143,7 @@ fn missing_fmus_are_one_mistake() {
         let help = miette::Diagnostic::help(problem).unwrap().to_string();
         (problem.line(), help, miette::Diagnostic::labels(problem).unwrap().count())
     };
-    let pack = "`cargo fmu pack --for scenarios/step.toml` builds all that this scenario needs";
+    let pack = "`chassis pack scenarios/step.toml` builds all that this scenario needs";
     let (line, help, marks) = mistake(SCENARIO, &[]);
     assert_eq!(line, "scenarios/step.toml:11:7: 3 FMUs are not in memory: Driver, Steering, Vehicle");
     assert_eq!((help.as_str(), marks), (pack, 1));

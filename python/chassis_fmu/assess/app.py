@@ -20,7 +20,7 @@ from .assessment import AssessmentError, Folder
 UNABLE = 2
 
 HELP = """Drive a vehicle through the standard maneuvers of the test bench, without and with controllers, and write a
-page with the results. All options are those of `cargo fmu assess`, which runs the maneuvers:"""
+page with the results. All options are those of `chassis bench run`, which runs the maneuvers:"""
 
 
 def _arguments(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
@@ -34,7 +34,7 @@ def _arguments(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
 
 
 def _plant(arguments: Sequence[str]) -> str | None:
-    """Return the plant among arguments of `cargo fmu assess`: the first that is neither an option nor its value."""
+    """Return the plant among arguments of `chassis bench run`: the first that is neither an option nor its value."""
     flags = {"--quick", "--adapt"}
     after_option = False
     for argument in arguments:
@@ -48,10 +48,10 @@ def _plant(arguments: Sequence[str]) -> str | None:
 
 
 def _assess(arguments: Sequence[str | Path]) -> int:
-    """Run `cargo fmu assess`; its messages go to the terminal. Returns its exit code."""
+    """Run `chassis bench run`; its messages go to the terminal. Returns its exit code."""
     # FMUs made with Python use the Python that this is.
     environment = {"PYTHONHOME": sys.base_prefix, **os.environ}
-    return subprocess.run([worker_program(), "assess", *arguments], env=environment, check=False).returncode
+    return subprocess.run([worker_program(), "bench", "run", *arguments], env=environment, check=False).returncode
 
 
 def _page(folder: Folder, command: str) -> int:

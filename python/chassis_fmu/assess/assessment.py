@@ -1,4 +1,4 @@
-"""An assessment as `cargo fmu assess` writes it: `assessment.json`, and signals of its runs as CSV."""
+"""An assessment as `chassis bench run` writes it: `assessment.json`, and signals of its runs as CSV."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ class Folder:
         try:
             found = msgspec.json.decode(path.read_bytes(), type=Assessment)
         except (OSError, msgspec.MsgspecError) as error:
-            raise AssessmentError(f"{path}: {error}; `cargo fmu assess` writes it") from error
+            raise AssessmentError(f"{path}: {error}; `chassis bench run` writes it") from error
         if found.schema != SCHEMA:
             raise AssessmentError(f"{path}: its schema is {found.schema}, expected {SCHEMA}")
         return found

@@ -138,7 +138,7 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def is_tuning(path: Path) -> bool:
-    """Tell whether a study optimizes by the methods of `cargo fmu study`. False if it cannot be read."""
+    """Tell whether a study optimizes by the methods of `chassis study`. False if it cannot be read."""
     try:
         table = load(path)
     except (OSError, ValueError):

@@ -1,6 +1,6 @@
-// Every scenario of the library, one seed: the engine writes the file of `cargo fmu run`, byte by byte.
+// Every scenario of the library, one seed: the engine writes the file of `chassis run`, byte by byte.
 //
-// CARGO_FMU names the command, FMUS the folder with native FMUs of the same sources.
+// CHASSIS names the command, FMUS the folder with native FMUs of the same sources.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
@@ -9,7 +9,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { Client, ROOT } from "./lab";
 
-const COMMAND = process.env.CARGO_FMU ?? join(ROOT, "target/release/cargo-fmu");
+const COMMAND = process.env.CHASSIS ?? join(ROOT, "target/release/chassis");
 const NATIVE = process.env.FMUS ?? join(ROOT, "target/fmu");
 
 const client = new Client();
@@ -28,7 +28,7 @@ test("all scenarios have the bytes of the native master", async (context) => {
   for (const { id, cases, seeds } of scenarios) {
     await context.test(id, async () => {
       const out = join(folder, id);
-      execFileSync(COMMAND, ["fmu", "run", `scenarios/${id}.toml`, "--seeds", "1", "--out", out, "--fmus", NATIVE], { cwd: ROOT, stdio: "pipe" });
+      execFileSync(COMMAND, ["run", `scenarios/${id}.toml`, "--seeds", "1", "--out", out, "--fmus", NATIVE], { cwd: ROOT, stdio: "pipe" });
       for (const { id: name } of cases) {
         const seed = seeds[0] ?? 0;
         await client.open({ system: { kind: "scenario", scenario: id, case: name, twin: null, seed }, values: {} });

@@ -1,8 +1,8 @@
 //! The SSP file (System Structure and Parameterization 1.0 and 2.0, section 5).
 
 use super::{Component, STRUCTURE, System, number};
-use crate::parameter_set::{COMMON, base_unit};
 use fmu_import::description::BaseType;
+use fmu_import::parameter_set::{COMMON, base_unit};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 use std::collections::{BTreeMap, BTreeSet};

@@ -106,7 +106,7 @@ impl<'a> Resolver<'a> {
             }
         }
         if !ours.is_empty() {
-            hints.push(format!("`cargo fmu pack --for {}` builds all that this scenario needs", self.problems.file()));
+            hints.push(format!("`chassis pack {}` builds all that this scenario needs", self.problems.file()));
         }
         if elsewhere {
             hints.push("name the folder of FMUs that are not built in this workspace with --fmus".to_string());

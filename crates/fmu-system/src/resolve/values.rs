@@ -3,12 +3,12 @@
 use super::pattern::matches;
 use super::system::{Member, Resolver};
 use crate::parameter;
-use crate::parameter_set::{Parameter, ParameterSet};
 use crate::run::Setting;
 use crate::scenario::{self, Case, Values};
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::named_values::listed;
 use fmu_import::names::{any_of, suggestion};
+use fmu_import::parameter_set::{Parameter, ParameterSet};
 use serde_spanned::Spanned;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

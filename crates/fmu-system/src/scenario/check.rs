@@ -1,10 +1,10 @@
 //! Checks that need no FMU.
 
 use super::layout::{Figure, Metric, Scenario, Simulation};
-use crate::limits::{RUNS, STEPS};
 use crate::metrics::{Combine, Kind};
 use crate::problem::Collector;
 use crate::report::FigureKind;
+use fmu_import::limits::{RUNS, STEPS};
 use fmu_import::names::suggestion;
 use serde_spanned::Spanned;
 use std::collections::BTreeSet;

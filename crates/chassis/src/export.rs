@@ -1,4 +1,4 @@
-//! `cargo fmu export`: writes a run of a scenario for other masters.
+//! `chassis export`: writes a run of a scenario for other masters.
 
 use clap::Args;
 use fmu_import::description::Value;
@@ -10,12 +10,12 @@ use fmu_system::run::Run;
 use miette::{IntoDiagnostic, miette};
 use std::path::{Path, PathBuf};
 
-use super::folders::folders;
-use super::selection::find_steady_starts;
-use crate::output::{errln, outln};
-use crate::worker;
+use crate::folders::folders;
+use crate::selection::find_steady_starts;
+use cargo_fmu::worker;
+use cargo_fmu::{errln, outln};
 
-/// Arguments of `cargo fmu export`.
+/// Arguments of `chassis export`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Scenario file (TOML)

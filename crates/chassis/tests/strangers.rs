@@ -5,6 +5,9 @@
 #[path = "../../../tests/zoo/zoo.rs"]
 mod zoo;
 
+mod programs;
+
+use programs::program;
 use std::path::Path;
 use std::process::{Command, Output};
 use tempfile::TempDir;
@@ -36,7 +39,7 @@ fn folder(zoo: &Zoo<'_>) -> TempDir {
 }
 
 fn command(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    let mut command = Command::new(program(arguments[0]));
     command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary"));
     command.output().unwrap()
 }
@@ -93,7 +96,7 @@ fn without(calls: &[i64], folder: &Path, arguments: &[&str]) -> Output {
     assert!(Command::new("cc").arg("-o").args([&older, &source]).status().unwrap().success());
     let numbers: Vec<String> = calls.iter().map(i64::to_string).collect();
     let mut command = Command::new(&older);
-    command.arg(numbers.join(",")).arg(env!("CARGO_BIN_EXE_cargo-fmu")).args(arguments).current_dir(folder);
+    command.arg(numbers.join(",")).arg(program(arguments[0])).args(arguments).current_dir(folder);
     command.env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary")).output().unwrap()
 }
 
@@ -125,7 +128,7 @@ fn nothing_that_an_fmu_started_outlives_the_command() {
         assert!(is_success, "{habit}: {said}");
         assert!(said.contains("that an FMU had started") || !is_left, "{habit}: {said}");
         // None of these starts a program: what is left is this one.
-        assert!(said.contains("(a copy of cargo-fmu)") || !is_left, "{habit}: {said}");
+        assert!(said.contains("(a copy of chassis)") || !is_left, "{habit}: {said}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! `cargo fmu compat`: which FMUs fit which plants by their signals.
+//! `chassis fits`: which FMUs fit which plants by their signals.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -10,9 +10,9 @@ use fmu_system::compat::{Fit, Systems, systems};
 use fmu_system::resolve::{Descriptions, FmuFolder};
 use miette::{Result, miette};
 
-use crate::output::out;
+use cargo_fmu::out;
 
-/// Arguments of `cargo fmu compat`. [`fmu_system::compat`] defines the terms.
+/// Arguments of `chassis fits`. [`fmu_system::compat`] defines the terms.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Show only these plants and other FMUs

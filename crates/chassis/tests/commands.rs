@@ -1,5 +1,8 @@
 //! The command as a user calls it: output, messages, exit codes.
 
+mod programs;
+
+use programs::program;
 use std::path::Path;
 use std::process::{Command, Output};
 use tempfile::TempDir;
@@ -11,12 +14,7 @@ mod support;
 const SCENARIO: &str = include_str!("data/ramp.toml");
 
 fn command(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
-        .args(arguments)
-        .current_dir(folder)
-        .env("NO_COLOR", "1")
-        .output()
-        .unwrap()
+    Command::new(program(arguments[0])).args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -56,7 +54,7 @@ fn wrong_usage_ends_with_2() {
 #[test]
 fn mistakes_end_with_1_and_mark_the_place() {
     let folder = folder(&SCENARIO.replace("stop", "stopp"));
-    let output = command(folder.path(), &["fmu", "plan", "ramp.toml"]);
+    let output = command(folder.path(), &["plan", "ramp.toml"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(output.stdout.is_empty());
     let error = text(&output.stderr);
@@ -170,7 +168,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     // There is nothing to build in this workspace, which would be another mistake.
     let folder = workspace("");
     let pack = |arguments: &[&str], path: &str| {
-        let output = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+        let output = Command::new(program("pack"))
             .args([&["pack"], arguments].concat())
             .current_dir(folder.path())
             .envs([("NO_COLOR", "1"), ("PATH", path), ("RUSTC", "no/rustc/here")])
@@ -285,7 +283,7 @@ fn fmus_that_are_not_packed_are_one_mistake() {
     };
     let error = plan("SuspensionMixer");
     assert!(error.contains("there is no SuspensionMixer.fmu in target/fmu"), "{error}");
-    assert!(error.contains("`cargo fmu pack --for ramp.toml` builds all that this scenario needs"), "{error}");
+    assert!(error.contains("`chassis pack ramp.toml` builds all that this scenario needs"), "{error}");
     let error = plan("SuspensionMixr");
     assert!(error.contains("did you mean `SuspensionMixer`?") && !error.contains("pack"), "{error}");
 }
@@ -320,7 +318,7 @@ fn workspace(settings: &str) -> TempDir {
 fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     const NO_MODEL: &str = "this workspace has no package";
     let pack = |folder: &TempDir, arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+        let output = Command::new(program("pack"))
             .args([&["pack"], arguments].concat())
             .current_dir(folder.path())
             // Neither cargo-zigbuild nor zig.
@@ -466,7 +464,7 @@ fn a_killed_study_goes_on_to_the_same_results() {
     let fmu = "target/fmu/Ramp.fmu";
     std::fs::copy(whole.path().join(fmu), killed.path().join(fmu)).unwrap();
     for lines in [5, 30, 90] {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+        let mut child = Command::new(program("study"))
             .args(["study", "study.toml", "--resume", "--jobs", "3"])
             .current_dir(killed.path())
             .stdout(std::process::Stdio::null())
@@ -518,7 +516,7 @@ fn systems_are_shown_as_a_matrix() {
     }
     let (mine, theirs) = (folder.path().join("mine"), folder.path().join("theirs"));
     let systems = |arguments: &[&str]| {
-        let output = command(folder.path(), &[&["compat", "--fmus", "mine", "--fmus", "theirs"], arguments].concat());
+        let output = command(folder.path(), &[&["fits", "--fmus", "mine", "--fmus", "theirs"], arguments].concat());
         (output.status.success(), text(&output.stdout), text(&output.stderr))
     };
     let (_, _, error) = systems(&[]);
@@ -593,14 +591,35 @@ fn a_system_is_written_for_other_masters() {
     assert_eq!(system(&["--overwrite"]).status.code(), Some(0));
 }
 
-/// Commands of earlier versions end with the new name.
+/// Commands of earlier versions end with the new name, options that have moved, too.
 #[test]
 fn renamed_commands_say_so() {
     let folder = tempfile::tempdir().unwrap();
-    for (old, new) in [("tune", "study"), ("system", "export"), ("systems", "compat")] {
-        let output = command(folder.path(), &[old, "x.toml"]);
-        assert_eq!(output.status.code(), Some(1));
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(message.contains(&format!("`cargo fmu {old}` is called `cargo fmu {new}` now")), "{message}");
+    let message = |program: &str, arguments: &[&str]| {
+        let path = programs::program(program);
+        let output =
+            Command::new(path).args(arguments).current_dir(folder.path()).env("NO_COLOR", "1").output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        message(&output.stderr)
+    };
+    for (arguments, old, new) in [
+        (["tune", "x.toml"], "cargo fmu tune", "chassis study"),
+        (["system", "x.toml"], "cargo fmu system", "chassis export"),
+        (["plan", "x.toml"], "cargo fmu plan", "chassis plan"),
+        (["run", "x.toml"], "cargo fmu run", "chassis run"),
+        (["assess", "EspCar"], "cargo fmu assess", "chassis bench run"),
+        (["evaluate", "braking"], "cargo fmu evaluate", "chassis bench evaluate"),
+        (["compat", "EspCar"], "cargo fmu compat", "chassis fits"),
+    ] {
+        let found = message("check", &arguments);
+        assert!(found.contains(&format!("`{old}` is called `{new}` now")), "{found}");
     }
+    for (old, new) in [("assess", "bench run"), ("evaluate", "bench evaluate"), ("compat", "fits")] {
+        let found = message("run", &[old, "x"]);
+        assert!(found.contains(&format!("`chassis {old}` is called `chassis {new}` now")), "{found}");
+    }
+    let found = message("pack", &["pack", "--for", "x.toml"]);
+    assert!(found.contains("`cargo fmu pack --for FILE` is called `chassis pack FILE` now"), "{found}");
+    let found = message("new", &["new", "x", "--kind", "scenario", "--plant", "EspCar"]);
+    assert!(found.contains("is called `chassis new PATH` now"), "{found}");
 }

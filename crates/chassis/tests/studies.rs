@@ -167,7 +167,7 @@ impl Place {
 }
 
 fn workers(jobs: usize) -> Workers {
-    let program = PathBuf::from(env!("CARGO_BIN_EXE_cargo-fmu"));
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_chassis"));
     let launch = Launch { program, arguments: vec!["worker".into()] };
     let settings = Settings::new(launch, Duration::from_secs(60), Arc::new(|_| ()));
     Workers { settings, jobs: NonZeroUsize::new(jobs).unwrap() }

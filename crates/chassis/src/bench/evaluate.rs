@@ -1,4 +1,4 @@
-//! `cargo fmu evaluate`: metrics of recorded signals.
+//! `chassis bench evaluate`: metrics of recorded signals.
 
 use std::path::PathBuf;
 
@@ -7,25 +7,25 @@ use fmu_assess::evaluators::{self, EVALUATORS, reference};
 use fmu_assess::signals::unit;
 use fmu_assess::vehicle::VehicleFile;
 use fmu_assess::{Evaluator, Metric, Reading, Reason, Resample, Trace, Value};
+use fmu_import::limits;
 use fmu_import::names::suggestion;
 use fmu_system::data::DataError;
-use fmu_system::limits;
 use miette::{Result, miette};
 
-use crate::output::{errln, out, outln};
+use cargo_fmu::{errln, out, outln};
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
-  cargo fmu evaluate step_steer run.csv
-  cargo fmu evaluate sine_with_dwell measured.csv.gz --options '{\"steer.ratio\": 16}'
-  cargo fmu evaluate braking measured.csv --vehicle logger.toml --resample
-  cargo fmu evaluate cones --list";
+  chassis bench evaluate step_steer run.csv
+  chassis bench evaluate sine_with_dwell measured.csv.gz --options '{\"steer.ratio\": 16}'
+  chassis bench evaluate braking measured.csv --vehicle logger.toml --resample
+  chassis bench evaluate cones --list";
 
 /// Maximum number of metrics listed by name that are null for the same reason.
 const SHOWN: usize = 6;
 
-/// Arguments of `cargo fmu evaluate`.
+/// Arguments of `chassis bench evaluate`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
 
     /// TOML file with names and units of signals
     ///
-    /// Only the table `signals` of a file for `cargo fmu assess --vehicle` is used. Its key `time` names the time column.
+    /// Only the table `signals` of a file for `chassis bench run --vehicle` is used. Its key `time` names the time column.
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 
@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     let (trace, notes) = Trace::read(&file, &bytes, evaluator.columns, &reading)?;
     let evaluation = evaluator.evaluate(&trace, &options).map_err(|error| {
-        let list = format!("`cargo fmu evaluate {} --list` shows all options.", evaluator.name);
+        let list = format!("`chassis bench evaluate {} --list` shows all options.", evaluator.name);
         miette!(help = format!("{} {list}", error.help()), "--options: {error}")
     })?;
     for note in notes.iter().chain(&evaluation.notes) {
@@ -122,7 +122,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Checks the name of a signal in a vehicle file. Notes one that no evaluator reads, which may be for `cargo fmu assess`.
+/// Checks the name of a signal in a vehicle file. Notes one that no evaluator reads, which may be for `chassis bench run`.
 fn check_signal(name: &str) -> std::result::Result<(), String> {
     if name.contains('*') {
         return Err(format!("has a pattern, `{name}`: name each signal"));

@@ -1,11 +1,11 @@
-//! `cargo fmu run`: executes a scenario.
+//! `chassis run`: executes a scenario.
 
-use super::jobs::jobs;
-use super::plan::print_warnings;
-use super::selection::Selection;
-use crate::output::{errln, outln};
-use crate::pack::{try_to_write, write_whole};
-use crate::worker;
+use crate::jobs::jobs;
+use crate::plan::print_warnings;
+use crate::selection::Selection;
+use cargo_fmu::files::{try_to_write, write_whole};
+use cargo_fmu::worker;
+use cargo_fmu::{errln, outln};
 use clap::Args;
 use fmu_import::terminal::{escaped, indented};
 use fmu_system::fmus::Fmus;
@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 /// Maximum number of different messages shown after all runs.
 const SHOWN_MESSAGES: usize = 10;
 
-/// Arguments of `cargo fmu run`.
+/// Arguments of `chassis run`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -38,7 +38,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
 
-    /// Leave out the warnings of `cargo fmu plan`
+    /// Leave out the warnings of `chassis plan`
     #[arg(long)]
     no_warnings: bool,
 
@@ -86,7 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         print_warnings(&plan);
         let unread: BTreeSet<&Signal> = plan.wiring.iter().flat_map(|wiring| &wiring.unread).collect();
         if !unread.is_empty() {
-            errln!("note: {} outputs are neither read nor recorded; `cargo fmu plan` lists them", unread.len());
+            errln!("note: {} outputs are neither read nor recorded; `chassis plan` lists them", unread.len());
         }
         plan
     };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fmu_system::resolve::FmuFolder;
 
-use crate::workspace::Workspace;
+use cargo_fmu::workspace::Workspace;
 
 /// FMUs in folders. Of those that are missing, the current workspace, if any, can build its own.
 pub(crate) fn folders(folders: &[PathBuf]) -> FmuFolder {

@@ -5,6 +5,9 @@
 #[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
+mod programs;
+
+use programs::program;
 use std::path::Path;
 use std::process::{Command, Output};
 use support::Build;
@@ -45,7 +48,7 @@ fn ramp<'a>(step: &'a str) -> Build<'a> {
 }
 
 fn prepared(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    let mut command = Command::new(program(arguments[0]));
     command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary"));
     command
 }

@@ -1,8 +1,8 @@
-//! `cargo fmu plan`: checks a scenario and shows its runs and its wiring.
+//! `chassis plan`: checks a scenario and shows its runs and its wiring.
 
-use super::selection::Selection;
-use crate::output::{errln, out, outln};
-use crate::worker;
+use crate::selection::Selection;
+use cargo_fmu::worker;
+use cargo_fmu::{errln, out, outln};
 use clap::Args;
 use fmu_import::description::Value;
 use fmu_import::terminal::{indented, line};
@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// Maximum number of outputs of a component listed by name; of more, only the number is shown.
 const LISTED_OUTPUTS: usize = 6;
 
-/// Arguments of `cargo fmu plan`.
+/// Arguments of `chassis plan`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -23,12 +23,6 @@ pub(crate) struct Arguments {
     /// Print the plan as JSON: every run with its components, parameters, connections and recorded columns
     #[arg(long)]
     json: bool,
-}
-
-/// Prints the JSON Schema of what `plan --json` prints.
-pub(crate) fn print_schema() -> miette::Result<()> {
-    outln!("{}", serde_json::to_string_pretty(&fmu_system::plan::schema()).into_diagnostic()?);
-    Ok(())
 }
 
 /// Prints the plan, and warnings about likely mistakes.

@@ -1,4 +1,4 @@
-//! `cargo fmu study`: carries out a study.
+//! `chassis study`: carries out a study.
 
 use clap::Args;
 use fmu_study::execution::{End, Existing, Summary, execute};
@@ -11,12 +11,12 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use super::folders::folders;
-use super::jobs::jobs;
-use crate::output::outln;
-use crate::worker;
+use crate::folders::folders;
+use crate::jobs::jobs;
+use cargo_fmu::outln;
+use cargo_fmu::worker;
 
-/// Arguments of `cargo fmu study`. With `--resume`, an interrupted study continues and gives the same results.
+/// Arguments of `chassis study`. With `--resume`, an interrupted study continues and gives the same results.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Study file (TOML)

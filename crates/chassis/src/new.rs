@@ -1,4 +1,4 @@
-//! `cargo fmu new --kind scenario`: a short scenario of a plant that runs, to be changed.
+//! `chassis new`: a short scenario of a plant that runs, to be changed.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -8,10 +8,10 @@ use fmu_import::names::{any_of, suggestion};
 use fmu_system::resolve::{Descriptions, FmuFolder, Options, resolve_text};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
-use super::folders::folders;
-use crate::output::outln;
-use crate::pack::write_whole;
-use crate::workspace::Workspace;
+use crate::folders::folders;
+use cargo_fmu::files::write_whole;
+use cargo_fmu::outln;
+use cargo_fmu::workspace::Workspace;
 
 /// FMUs of the driver and the road, used if a folder has them.
 const DRIVER: &str = "Driver";
@@ -22,34 +22,28 @@ const RECORDED: usize = 4;
 /// Outputs of a vehicle that are preferred.
 const WANTED: [&str; 4] = ["vehicle.yaw_rate", "vehicle.lateral_acceleration", "vehicle.sideslip", "body.roll"];
 
-/// Arguments of `cargo fmu new --kind scenario`.
+/// Arguments of `chassis new`.
 #[derive(clap::Args, Debug)]
-pub(crate) struct Scenario {
-    /// Name of the plant's FMU; only with `--kind scenario`
-    #[arg(long, value_name = "FMU", required_if_eq("kind", "scenario"))]
-    plant: Option<String>,
-    /// Maneuver of the FMU `Driver`, such as sine_with_dwell; only with `--kind scenario` [default: start value of the FMU]
-    #[arg(long, value_name = "NAME", requires = "plant")]
+pub(crate) struct Arguments {
+    /// Scenario file, with or without `.toml`
+    path: PathBuf,
+    /// Name of the plant's FMU
+    #[arg(long, value_name = "FMU")]
+    plant: String,
+    /// Maneuver of the FMU `Driver`, such as sine_with_dwell [default: start value of the FMU]
+    #[arg(long, value_name = "NAME")]
     maneuver: Option<String>,
     /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
-    ///
-    /// Only with `--kind scenario`.
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 }
 
-impl Scenario {
-    /// Returns true if an option for scenarios only is given.
-    pub(crate) fn is_given(&self) -> bool {
-        self.plant.is_some()
-    }
-}
-
-/// Writes the scenario to `path`, with the extension `.toml`.
+/// Writes the scenario, with the extension `.toml`.
 ///
 /// # Errors
 /// The file exists, an FMU is not there, the driver has no such maneuver, or the file cannot be written.
-pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = &arguments.path;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     // A dot in a name does not begin an extension.
     let name = name.strip_suffix(".toml").unwrap_or(name);
@@ -61,8 +55,7 @@ pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
         return Err(miette!("{} exists already; nothing was written", file.display()));
     }
     let fmus = folders(&arguments.fmus);
-    // Required by clap.
-    let plant = arguments.plant.as_deref().unwrap_or_default();
+    let plant = arguments.plant.as_str();
     let text = text(plant, arguments.maneuver.as_deref(), &fmus)?;
     resolve_text(&file, &text, &fmus, &Options::default())
         .wrap_err_with(|| format!("a scenario of {plant} cannot be made without more settings"))?;
@@ -73,7 +66,7 @@ pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
     let inside = std::env::current_dir().ok().and_then(|here| file.strip_prefix(here).ok());
     let shown = inside.unwrap_or(&file).display().to_string();
     outln!(
-        "{shown} is ready. Next:\n  cargo fmu plan {shown}   # what is connected to what\n  cargo fmu run {shown}    # signals and requirements"
+        "{shown} is ready. Next:\n  chassis plan {shown}   # what is connected to what\n  chassis run {shown}    # signals and requirements"
     );
     if Workspace::find().is_ok_and(|found| found.root.join("scripts/run").is_file()) {
         outln!("  scripts/run {shown}      # the same with a page");
@@ -262,7 +255,7 @@ mod tests {
 
     #[test]
     fn constants_of_one_value_share_a_pattern() {
-        let decay = ModelDescription::parse(include_str!("../../../fmu-import/tests/data/decay2.xml")).unwrap();
+        let decay = ModelDescription::parse(include_str!("../../fmu-import/tests/data/decay2.xml")).unwrap();
         let of = |name: &str, start: Value| {
             let template = decay.variables.iter().find(|variable| variable.base_type == BaseType::Real).unwrap();
             Variable { name: name.to_owned(), start: Some(start), ..template.clone() }

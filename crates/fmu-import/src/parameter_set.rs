@@ -4,16 +4,17 @@
 //! value may come with a unit; without one it is in the unit of the variable. An enumeration, and an Integer whose values have
 //! names, may be given by name. Binary values are not read, because no scenario sets them.
 
+use crate::description::{BaseUnit, Unit, Value};
 use crate::limits;
-use fmu_import::description::{BaseUnit, Unit, Value};
-use fmu_import::xml::{self, Element, XmlError};
+use crate::xml::{self, Element, XmlError};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
 use std::io;
 use std::path::Path;
 
 const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
-pub(crate) const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
+/// Namespace of the elements that all parts of SSP share.
+pub const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
 /// Names of the attributes of a base unit, in the order of [`BaseUnit::exponents`].
 const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
@@ -109,7 +110,7 @@ impl ParameterSet {
     }
 
     /// The text of the file in a version of SSP, with these names of the types. SSP names them as FMI does.
-    pub(crate) fn to_xml_of(
+    pub fn to_xml_of(
         &self,
         version: &str,
         units: &[Unit],
@@ -166,7 +167,8 @@ impl ParameterSet {
     }
 }
 
-pub(crate) fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
+/// The element `BaseUnit` of a unit: exponents, factor and offset, as in FMI.
+pub fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
     let mut element = BytesStart::new("ssc:BaseUnit");
     let Some(base) = base else { return element };
     for (name, exponent) in BASE.iter().zip(base.exponents) {
@@ -216,7 +218,7 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_import::description::{BaseType, DataType};
+    use crate::description::{BaseType, DataType};
 
     fn unit(name: &str, exponents: [i32; 8], factor: f64) -> Unit {
         Unit {

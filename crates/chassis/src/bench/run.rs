@@ -1,4 +1,4 @@
-//! `cargo fmu assess`: standard maneuvers for a plant, without and with controllers.
+//! `chassis bench run`: standard maneuvers for a plant, without and with controllers.
 
 use clap::{Args, ValueEnum};
 use fmu_assess::assess::{Options, Shown, assess};
@@ -6,7 +6,7 @@ use fmu_assess::report::{Assessment, Judgment, Row, Suite, Verdict};
 use fmu_assess::vehicle::VehicleFile;
 use fmu_assess::{ACTUATORS, SetupError, Subject};
 use fmu_import::description::Value;
-use fmu_system::parameter_set::{Parameter, ParameterSet};
+use fmu_import::parameter_set::{Parameter, ParameterSet};
 use fmu_system::resolve::FmuFolder;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -17,13 +17,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use super::folders::folders;
-use super::jobs::jobs;
-use crate::output::{errln, outln};
-use crate::pack::{try_to_write, write_whole};
-use crate::worker;
+use crate::folders::folders;
+use crate::jobs::jobs;
+use cargo_fmu::files::{try_to_write, write_whole};
+use cargo_fmu::worker;
+use cargo_fmu::{errln, outln};
 
-/// Arguments of `cargo fmu assess`.
+/// Arguments of `chassis bench run`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Plant: name of an FMU in the folder, or path of an .fmu file

@@ -1,7 +1,7 @@
 //! Arguments that select a scenario and change it.
 
-use super::folders::folders;
-use crate::worker;
+use crate::folders::folders;
+use cargo_fmu::worker;
 use clap::{Args, ValueEnum};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{self, Options, resolve};

@@ -1,5 +1,4 @@
-//! `cargo fmu evaluate` as a user calls it: output, messages, exit codes.
-#![cfg(feature = "system")]
+//! `chassis bench evaluate` as a user calls it: output, messages, exit codes.
 
 use serde_json::Value;
 use std::io::Read as _;
@@ -16,8 +15,8 @@ fn reference(name: &str) -> PathBuf {
 }
 
 fn evaluate(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
-        .args(["fmu", "evaluate"])
+    Command::new(env!("CARGO_BIN_EXE_chassis"))
+        .args(["bench", "evaluate"])
         .args(arguments)
         .env("NO_COLOR", "1")
         .env("COLUMNS", "200")
@@ -204,7 +203,7 @@ fn mistakes_name_the_place_and_what_to_do() {
         assert!(output.stdout.is_empty());
         let message = message(&output);
         assert!(message.contains(expected), "{message}");
-        assert!(message.contains("cargo fmu evaluate sine_with_dwell --list"), "{message}");
+        assert!(message.contains("chassis bench evaluate sine_with_dwell --list"), "{message}");
     }
 }
 
@@ -226,7 +225,7 @@ fn the_guide_has_the_reference_of_all_evaluators() {
     let page = std::fs::read_to_string(workspace().join("docs/guide/src/assess.md")).unwrap();
     assert!(
         page.ends_with(&printed),
-        "docs/guide/src/assess.md has to end with what `cargo fmu evaluate --list` prints"
+        "docs/guide/src/assess.md has to end with what `chassis bench evaluate --list` prints"
     );
     let one = String::from_utf8(evaluate(&["cones", "--list"]).stdout).unwrap();
     assert!(one.starts_with("### `cones`") && printed.contains(&one));

@@ -1,0 +1,145 @@
+//! `chassis`: plans and runs systems of FMUs, carries out studies, and drives vehicles through standard maneuvers.
+
+mod bench;
+mod export;
+mod fits;
+mod folders;
+mod jobs;
+mod new;
+mod pack;
+mod plan;
+mod run;
+mod schema;
+mod selection;
+mod study;
+
+use cargo_fmu::{errors, linearize, trim, worker};
+use clap::Parser;
+use fmu_system::data::DataError;
+use fmu_system::resolve::ResolveError;
+use miette::{IntoDiagnostic as _, Result, miette};
+
+/// Commands that were renamed, and their names now.
+const RENAMED: [(&str, &str); 4] =
+    [("assess", "bench run"), ("evaluate", "bench evaluate"), ("compat", "fits"), ("plan-schema", "schema plan")];
+
+/// Jobs of workers.
+const JOBS: [worker::Job; 2] =
+    [(fmu_import::worker::JOB, fmu_import::worker::serve), (fmu_system::worker::JOB, fmu_system::worker::serve)];
+
+/// Run systems of FMUs, studies, and a test bench for vehicles and their controllers
+#[derive(Parser, Debug)]
+#[command(name = "chassis", bin_name = "chassis", version)]
+enum Cli {
+    /// Check a scenario and show its runs and its wiring
+    ///
+    /// Components without inputs are run briefly in a separate process, to find parameters that have no effect.
+    Plan(plan::Arguments),
+    /// Execute all runs of a scenario and write a CSV file for each
+    Run(run::Arguments),
+    /// Export a run of a scenario for other masters: an SSP package and a system structure for libcosim, with the FMUs
+    ///
+    /// DIR/NAME.ssp contains the structure with units of measure, the parameter sets and the FMUs, for Ecos, libcosim and
+    /// OMSimulator. DIR/OspSystemStructure.xml is for libcosim; it is left out if a component is of FMI 3.0, which libcosim
+    /// does not support. Constant inputs become start values, and recorded signals become connectors. Metrics and figures are
+    /// not exported.
+    ///
+    /// Neither file defines the order of the components within a step: Ecos and libcosim step all components at once
+    /// (`--order jacobi` of `chassis run`).
+    Export(export::Arguments),
+    /// Optimize parameters of a scenario with PACSA, a genetic algorithm or CMA-ES
+    ///
+    /// For studies with method `optimize` and `[[parameter]]`. All other studies, those with `[[vary]]`, need Python: `scripts/study`
+    /// runs sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on this machine or on a cluster.
+    Study(study::Arguments),
+    /// Test bench: drive standard maneuvers, or evaluate recorded ones
+    #[command(subcommand)]
+    Bench(bench::Command),
+    /// Show which FMUs fit which plants by their signals
+    ///
+    /// A plant is an FMU with continuous states. An FMU that writes inputs of one with more states is an actuator instead. A
+    /// block whose signals have no units, and names that no other FMU has, is not a plant either. An output connects to the
+    /// input of the same name, type and unit of measure.
+    ///
+    /// An FMU that is not a plant fits a plant under two conditions: the plant or other fitting FMUs write all of its inputs,
+    /// and it writes an input of the plant or of an FMU that acts on the plant. `idle` marks an FMU whose inputs are written
+    /// but whose outputs do not act on the plant. `lacks 3` marks one with three inputs that nothing writes; a scenario can set
+    /// them to constants. Other plants are ignored.
+    ///
+    /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
+    /// reads has no effect.
+    Fits(fits::Arguments),
+    /// Pack the FMUs that a scenario or study needs, as far as the current workspace has their models
+    ///
+    /// FMUs that are up to date are left out.
+    Pack(pack::Arguments),
+    /// Write a scenario of a plant that runs
+    New(new::Arguments),
+    /// Print the JSON Schema of a format
+    Schema(schema::Arguments),
+    /// `cargo fmu linearize`, for the Python package
+    #[command(hide = true)]
+    Linearize(linearize::Arguments),
+    /// `cargo fmu trim`, for the Python package
+    #[command(hide = true)]
+    Trim(trim::Arguments),
+    /// Execute FMUs for another command
+    #[command(hide = true)]
+    Worker(worker::Arguments),
+}
+
+fn main() -> Result<()> {
+    errors::install()?;
+    if let Some((old, new)) = RENAMED.iter().find(|(old, _)| std::env::args().nth(1).is_some_and(|given| given == *old))
+    {
+        return Err(miette!("`chassis {old}` is called `chassis {new}` now"));
+    }
+    let command = Cli::parse();
+    // The temporary folders of a worker are those of the process that started it.
+    if !matches!(command, Cli::Worker(_)) {
+        fmu_import::temporary::remove_on_signals().into_diagnostic()?;
+    }
+    let result = run(&command);
+    if let Err(report) = &result
+        && is_about_data(report)
+    {
+        // As with the arguments: nothing was run.
+        eprintln!("Error: {report:?}");
+        std::process::exit(2);
+    }
+    result
+}
+
+/// Returns true if a file of data cannot be used and nothing was run.
+fn is_about_data(report: &miette::Report) -> bool {
+    let resolved = report.downcast_ref::<ResolveError>();
+    report.downcast_ref::<DataError>().is_some() || matches!(resolved, Some(ResolveError::Data(_)))
+}
+
+fn run(command: &Cli) -> Result<()> {
+    match command {
+        Cli::Plan(arguments) => plan::run(arguments),
+        Cli::Run(arguments) => run::run(arguments),
+        Cli::Export(arguments) => export::run(arguments),
+        Cli::Study(arguments) => study::run(arguments),
+        Cli::Bench(command) => bench::run(command),
+        Cli::Fits(arguments) => fits::run(arguments),
+        Cli::Pack(arguments) => pack::run(arguments),
+        Cli::New(arguments) => new::run(arguments),
+        Cli::Schema(arguments) => schema::run(arguments),
+        Cli::Linearize(arguments) => linearize::run(arguments),
+        Cli::Trim(arguments) => trim::run(arguments),
+        Cli::Worker(arguments) => worker::run(arguments, &JOBS),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}
