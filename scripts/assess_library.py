@@ -335,7 +335,7 @@ VERDICTS = {"pass": "passed", "fail": "**failed**", "error": "**error**", "compa
 def assessed(plant: str, controllers: Sequence[str], more: Sequence[str] = ()) -> Assessment:
     """Assess a vehicle."""
     out = ROOT / "target" / "assessments" / plant
-    command = ["cargo", "chassis", "bench", "run", plant, "--out", str(out), *more]
+    command = ["cargo", "chassis", "bench", "run", plant, "--no-page", "--out", str(out), *more]
     for controller in controllers:
         command += ["--with", controller]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)

@@ -18,12 +18,11 @@ from chassis_fmu.shell import ROOT, positive
 
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:
     """Return what is timed: the native master alone, and each master with tables, figures and page."""
-    cosim = [sys.executable, str(ROOT / "scripts" / "cosim.py"), str(scenario), *more]
-    native = ["cargo", "chassis", "run", str(scenario), *more]
+    run = [sys.executable, "-m", "chassis_fmu", "run", str(scenario), *more]
     return {
-        "native master": [*native, "--out", str(out / "native")],
-        "native master and page": [*cosim, "--native", "--out", str(out / "native-page")],
-        "fmpy master and page": [*cosim, "--out", str(out / "fmpy-page")],
+        "native master": [*run, "--no-page", "--out", str(out / "native")],
+        "native master and page": [*run, "--out", str(out / "native-page")],
+        "fmpy master and page": [*run, "--engine", "fmpy", "--out", str(out / "fmpy-page")],
     }
 
 

@@ -108,7 +108,7 @@ def write_study(name: str, lines: str) -> Path:
 
 def study(path: Path, runs: int, *more: str) -> Measured:
     """Carry out a study."""
-    command = [sys.executable, str(ROOT / "scripts" / "study.py"), str(path), "--runs", str(runs)]
+    command = [sys.executable, "-m", "chassis_fmu", "study", str(path), "--runs", str(runs)]
     given = more if "--report-only" in more else ("--overwrite", *more)
     return run([*command, "--no-fail", "--out", str(FOLDER / "results"), *given])
 
@@ -139,7 +139,8 @@ def of_metrics() -> Path:
 def closed_loop(runs: int, rounds: int) -> Iterator[str]:
     """Compare a study with `chassis run`, which also writes the signals."""
     path = write_study("closed_loop", "")
-    native = ["cargo", "chassis", "run", str(of_metrics()), "--no-warnings", "--out", str(FOLDER / "results")]
+    native = ["cargo", "chassis", "run", str(of_metrics()), "--no-page", "--no-warnings"]
+    native += ["--out", str(FOLDER / "results")]
     jobs = processors()
     pairs = []
     for _ in range(rounds):
@@ -190,7 +191,7 @@ def with_dask(runs: int, rounds: int) -> Iterator[str]:
             found = []
             for engine in ("dask", "local"):
                 # Start-up, tables and page are in both.
-                options = ("--engine", engine, "--jobs", str(jobs))
+                options = (*(("--dask",) if engine == "dask" else ()), "--jobs", str(jobs))
                 few, many = (study(path, count, *options) for count in (runs // 10, runs))
                 found.append(less(many, few))
             pairs.append((found[0], found[1]))

@@ -245,8 +245,10 @@ def assessed(tuning: Tuning, values: Mapping[str, float], condition: Sequence[st
     with tempfile.TemporaryDirectory() as folder:
         command = [
             str(worker_program()),
-            "assess",
+            "bench",
+            "run",
             tuning.plant,
+            "--no-page",
             "--out",
             folder,
             "--fmus",

@@ -1,90 +1,53 @@
-"""The command line: plan, runs, tables, figures, page."""
+"""Tables, figures and page of a scenario: what `chassis run` has done after its runs, which may be those of FMPy.
+
+`chassis run` passes a request as JSON on the standard input: `python -m chassis_fmu.app`.
+"""
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import importlib.metadata
-import os
-import shlex
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
+
+import msgspec
 
 from . import batch, figures, index, junit, lab, metrics, page, page_data, plan, plots, results, shell, tables, texts
 from .numbers import Numbers, Values, Verdict
 from .plan import Metric, Plan, Run
 from .results import Recording
-from .scenario import ScenarioError
 from .terminal import escaped
 from .verdict import Status
 
 
+class Request(msgspec.Struct, frozen=True):
+    """What `chassis run` asks for."""
+
+    plan: msgspec.Raw
+    """The plan, as `chassis plan --json` prints it."""
+    folder: Path
+    """The folder of the results; the runs of the native master are in its folder `runs`."""
+    engine: Literal["native", "fmpy", "csv"]
+    command: str
+    """The command that repeats the runs."""
+    csv: Path | None = None
+    """With the engine `csv`: the folder of the recorded runs."""
+    jobs: int = 1
+    timeout: float = 60.0
+    parquet: bool = False
+    junit: Path | None = None
+    no_fail: bool = False
+    inputs: str | None = None
+    """Name of the file of signals."""
+    shortened: str | None = None
+    """What the runs were cut to, such as "--stop 2 --seeds 1"."""
+
+
 class AppError(Exception):
-    """A failure with a message for the user and an exit code."""
-
-    def __init__(self, message: str, code: int = 1) -> None:
-        super().__init__(message)
-        self.code = code
-
-
-def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        prog=shell.program("scripts/run"),
-        description="Run a scenario with the FMUs of this repository and report the results beside the paper's.",
-    )
-    parser.add_argument(
-        "scenario",
-        type=Path,
-        nargs="?",
-        default=shell.ROOT / "scenarios/rescue_vehicle_step_steer.toml",
-        metavar="SCENARIO",
-        help="scenario file (scenarios/*.toml; default: the step steer of the rescue vehicle)",
-    )
-    parser.add_argument(
-        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
-    )
-    shell.add_timeout(parser)
-    shell.add_out(parser)
-    parser.add_argument(
-        "--inputs", type=Path, metavar="CSV", help="CSV file with signals that replace the outputs of components"
-    )
-    parser.add_argument(
-        "--after-end",
-        choices=("error", "hold"),
-        help="action if a signal from --inputs ends before the run does (default: error)",
-    )
-    parser.add_argument("--stop", type=float, metavar="T", help="override the scenario's stop time, in seconds")
-    parser.add_argument("--seeds", type=shell.positive, metavar="N", help="use only the first N seeds")
-    parser.add_argument(
-        "--order",
-        choices=("sequential", "jacobi"),
-        help="override the scenario's order of the components within a step",
-    )
-    shell.add_fmus(parser)
-    parser.add_argument("--no-fail", action="store_true", help="exit with 0 even if a requirement is not met")
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the verdicts to this file, as JUnit XML")
-    parser.add_argument("--parquet", action="store_true", help="also write the recorded signals as Parquet files")
-    source = parser.add_mutually_exclusive_group()
-    source.add_argument("--native", action="store_true", help="execute the runs with `chassis run`, not with FMPy")
-    source.add_argument(
-        "--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files in DIR, without runs"
-    )
-    return parser.parse_args(argv)
-
-
-def _options(options: argparse.Namespace) -> list[str]:
-    """Return the arguments that `chassis plan` and `chassis run` share."""
-    out = [str(options.scenario.resolve())]
-    if options.inputs is not None:
-        out += ["--inputs", str(options.inputs.resolve())]
-    if options.after_end is not None:
-        out += ["--after-end", options.after_end]
-    for folder in options.fmus or ():
-        out += ["--fmus", str(folder.resolve())]
-    return shell.from_root([*out, *shell.set_options(options, ("stop", "seeds", "order"))])
+    """A failure with a message for the user."""
 
 
 def _of_baseline(scenario: Plan, run: Run, runs: Path, failures: dict[str, str]) -> Recording | None:
@@ -179,14 +142,29 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
     return Report("\n".join(part for part in parts if part).rstrip("\n"), numbers)
 
 
-def _run(options: argparse.Namespace) -> int:
-    shared = _options(options)
-    code, text = shell.chassis(["plan", "--json", *shared], capture=True)
-    if code != 0:
-        # The command has printed the reason.
-        raise AppError("", code)
-    scenario = plan.parse(text, shell.ROOT)
-    folder = options.out.resolve() / scenario.name
+def _outcome(request: Request, scenario: Plan) -> tuple[str, batch.Outcome]:
+    """Execute the runs, or take those that are there; returns what executed them, too."""
+    runs = request.folder / "runs"
+    if request.csv is not None:
+        # The folder of a scenario's results is as good as the folder of the files in it.
+        given = request.csv / "runs" if (request.csv / "runs").is_dir() else request.csv
+        outcome = batch.take(scenario, given, runs)
+        if len(outcome.failures) == len(scenario.runs):
+            first = next(iter(outcome.failures.values()))
+            raise AppError(f"{request.csv} has no results of {scenario.name}: {first}")
+        return "CSV files of earlier runs", outcome
+    if request.engine == "native":
+        return "native (chassis run)", batch.take(scenario, runs, runs)
+    outcome = batch.execute(scenario, runs, request.jobs, request.timeout)
+    for name, warnings in outcome.warnings.items():
+        print(f"warning: run {name}:", *map(escaped, warnings), sep="\n  ", file=sys.stderr)
+    return f"fmpy {importlib.metadata.version('fmpy')}", outcome
+
+
+def execute(request: Request) -> int:
+    """Execute a request; returns the exit code."""
+    scenario = plan.parse(bytes(request.plan).decode(), Path.cwd())
+    folder = request.folder
     runs = folder / "runs"
     runs.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=runs):
@@ -195,87 +173,63 @@ def _run(options: argparse.Namespace) -> int:
     for run in scenario.runs:
         # What an earlier call left with this option is not of these runs.
         (runs / f"{run.stem}.parquet").unlink(missing_ok=True)
-    repeat = ["scripts/run", *shared]
-    if options.from_csv is not None:
-        master = "CSV files of earlier runs"
-        given = options.from_csv.resolve()
-        # The folder of a scenario's results is as good as the folder of the files in it.
-        outcome = batch.take(scenario, given / "runs" if (given / "runs").is_dir() else given, runs)
-        if len(outcome.failures) == len(scenario.runs):
-            first = next(iter(outcome.failures.values()))
-            raise AppError(f"{options.from_csv} has no results of {scenario.name}: {first}", 1)
-    elif options.native:
-        master = "native (chassis run)"
-        repeat.append("--native")
-        out = ["--out", str(options.out.resolve())]
-        jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
-        arguments = [*shared, *out, *jobs, *shell.workers(options)]
-        code, _ = shell.chassis(["run", "--no-warnings", "--no-verdicts", *arguments])
-        # The runs that are whole are reported.
-        outcome = batch.take(scenario, runs, runs)
-        if code != 0 and not outcome.failures:
-            raise AppError("", code)
-    else:
-        master = f"fmpy {importlib.metadata.version('fmpy')}"
-        outcome = batch.execute(scenario, runs, options.jobs or _processors(), options.timeout)
-        for name, warnings in outcome.warnings.items():
-            print(f"warning: run {name}:", *map(escaped, warnings), sep="\n  ", file=sys.stderr)
+    master, outcome = _outcome(request, scenario)
     failures = outcome.failures
     left_out = failures | outcome.ended
-    if options.parquet:
+    if request.parquet:
         batch.convert(scenario, runs, left_out)
-        repeat.append("--parquet")
-    if len(failures) == len(scenario.runs) and code != 0:
+    if len(failures) == len(scenario.runs) and request.engine == "native":
         # The page of an earlier run, if there is one, is better than one without numbers. A report of tests is not.
-        if options.junit is not None:
-            results.write_text(options.junit, junit.document(Numbers(scenario, {}, ()), failures))
-        raise AppError("all runs failed, see above; no page was made", code)
-    cut = [f"--{name} {getattr(options, name):g}" for name in ("stop", "seeds") if getattr(options, name) is not None]
+        if request.junit is not None:
+            results.write_text(request.junit, junit.document(Numbers(scenario, {}, ()), failures))
+        _print_failures(scenario, failures)
+        raise AppError("all runs failed, see above; no page was made")
     context = page.Context(
         master=master,
-        command=shlex.join(repeat),
-        inputs=None if options.inputs is None else options.inputs.name,
-        shortened=" ".join(cut) or None,
+        command=request.command,
+        inputs=request.inputs,
+        shortened=request.shortened,
         versions=shell.versions(),
     )
     made = report(scenario, folder, left_out, context)
     print(escaped(made.text))
-    if options.junit is not None:
-        results.write_text(options.junit, junit.document(made.numbers, failures))
-    if cut:
-        print(f"Run with {' '.join(cut)}: the paper's numbers and the findings are about the whole scenario.\n")
+    if request.junit is not None:
+        results.write_text(request.junit, junit.document(made.numbers, failures))
+    if request.shortened:
+        print(f"Run with {request.shortened}: the paper's numbers and the findings are about the whole scenario.\n")
     for name, end in outcome.ended.items():
         print(f"note: run {name}: {escaped(end)}\n", file=sys.stderr)
-    for name, error in failures.items():
-        print(f"error: run {name}: {escaped(error)}\n", file=sys.stderr)
-    if failures:
-        print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
+    _print_failures(scenario, failures)
     failed = made.failed
     if failed:
         of = len(made.numbers.requirements())
         print(f"{len(failed)} of {of} requirements not met", file=sys.stderr)
     print(f"\n{folder / 'index.html'}")
-    return 1 if failures or (failed and not options.no_fail) else 0
+    return 1 if failures or (failed and not request.no_fail) else 0
 
 
-def _processors() -> int:
-    """Return how many processors this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+def _print_failures(scenario: Plan, failures: dict[str, str]) -> None:
+    for name, error in failures.items():
+        print(f"error: run {name}: {escaped(error)}\n", file=sys.stderr)
+    if failures:
+        print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+def main() -> int:
+    """Execute the request on the standard input; returns the exit code."""
     try:
-        return _run(arguments(argv))
-    except AppError as error:
-        if str(error):
-            print(f"error: {escaped(error)}", file=sys.stderr)
-        return error.code
-    except (plan.PlanError, ScenarioError, metrics.MetricError, results.ResultsError, OSError) as error:
+        return execute(msgspec.json.decode(sys.stdin.buffer.read(), type=Request, dec_hook=_path))
+    except (AppError, plan.PlanError, metrics.MetricError, results.ResultsError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
+
+
+def _path(kind: type, value: object) -> object:
+    return Path(str(value)) if kind is Path else value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

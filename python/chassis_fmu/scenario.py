@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,7 +14,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from . import _native, libpython, names, plan
+from . import _native, libpython, names, plan, program
+from .program import PACKAGE, ROOT
 
 Value: TypeAlias = "float | int | bool | str"
 Values: TypeAlias = Mapping[str, Value]
@@ -29,9 +29,6 @@ Recorded: TypeAlias = "tuple[Column, list[Column | None]]"
 Status = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
 
 ScenarioError = _native.ScenarioError
-
-PACKAGE = Path(__file__).resolve().parent
-ROOT = PACKAGE.parents[1]
 
 
 class RunError(Exception):
@@ -124,15 +121,10 @@ def fmus() -> dict[str, Path]:
 
 def worker_program() -> Path:
     """Return the program that executes FMUs in processes of its own."""
-    name = "chassis.exe" if sys.platform == "win32" else "chassis"
-    places = [PACKAGE / "bin" / name, ROOT / "target" / "release" / name]
-    found = next((p for p in places if p.is_file()), None) or shutil.which(name)
-    if found is None:
-        raise ScenarioError(
-            f"there is no program {name}, which executes FMUs in processes of their own; the wheel contains it, "
-            "`scripts/build` makes it in the repository, and it may be on the PATH"
-        )
-    return Path(found)
+    try:
+        return program.find()
+    except program.ProgramError as error:
+        raise ScenarioError(str(error)) from error
 
 
 def _split(name: str) -> tuple[str, str]:

@@ -7,24 +7,11 @@ import importlib.metadata
 import math
 import os
 import platform
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import libpython
-from .scenario import worker_program
-
 ROOT = Path(__file__).resolve().parents[2]
 """The top folder of the repository."""
-
-
-def program(launcher: str) -> str:
-    """Return the name of this program in usage messages: its launcher, or how Python runs the module."""
-    called = Path(sys.argv[0])
-    if called.name == "__main__.py" and called.resolve().is_relative_to(Path(__file__).parent):
-        return f"python -m chassis_fmu.{called.parent.name}"
-    return launcher
 
 
 def positive(text: str) -> int:
@@ -85,28 +72,6 @@ def from_root(arguments: Sequence[str]) -> list[str]:
     """Name files as seen from the project, where they lie in it, as messages and pages do."""
     prefix = f"{ROOT}{os.sep}"
     return [a.removeprefix(prefix) for a in arguments]
-
-
-def workers(options: argparse.Namespace) -> list[str]:
-    """Return the arguments about the processes that execute FMUs."""
-    library = libpython.find()
-    python = [] if library is None else ["--libpython", str(library)]
-    return ["--timeout", f"{options.timeout:g}", *python]
-
-
-def chassis(arguments: Sequence[str], capture: bool = False) -> tuple[int, str]:
-    """Run a subcommand of `chassis`; its messages go to the terminal. Returns its exit code and captured output.
-
-    FMUs made with Python use the Python that this is.
-    """
-    done = subprocess.run(
-        [worker_program(), *arguments],
-        cwd=ROOT,
-        env={"PYTHONHOME": sys.base_prefix, **os.environ},
-        stdout=subprocess.PIPE if capture else None,
-        check=False,
-    )
-    return done.returncode, done.stdout.decode() if capture else ""
 
 
 def versions() -> tuple[tuple[str, str], ...]:

@@ -2,7 +2,7 @@
 
 Every function takes the folder and returns the outputs that are connectors of the SSP file, named `component:signal`.
 FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
-`scripts/cosim.py` uses; Ecos and libcosim read the files by themselves, or are given the structure by calls.
+`chassis run --engine fmpy` uses; Ecos and libcosim read the files by themselves, or are given the structure by calls.
 """
 
 from __future__ import annotations

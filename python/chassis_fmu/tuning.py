@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import math
 import re
-import shlex
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -443,7 +441,7 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         figure=None if svg is None else _inline(svg),
         interactive=page_data.Interactive.of(data),
         command=command,
-        hashes={path.stem: sha256(path) for path in (shell.ROOT / name for name in study.raw["fmus"])},
+        hashes={path.stem: sha256(path) for path in map(Path, study.raw["fmus"])},
         versions=shell.versions(),
         definitions=definitions(study.raw),
         value=_value,
@@ -474,66 +472,17 @@ def report(folder: Path, command: str) -> None:
     index.write(folder.parent)
 
 
-def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        prog=shell.program("scripts/study"),
-        description="Optimize parameters of FMUs as a study describes, and show how the methods converged.",
-    )
-    parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
-    parser.add_argument(
-        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
-    )
-    shell.add_timeout(parser)
-    shell.add_out(parser)
-    parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder with the FMUs (default: target/fmu)")
-    parser.add_argument(
-        "--budget",
-        type=shell.positive,
-        metavar="N",
-        help="override the study's number of evaluations per method",
-    )
-    existing = parser.add_mutually_exclusive_group()
-    existing.add_argument("--resume", action="store_true", help="continue from the existing results")
-    existing.add_argument("--overwrite", action="store_true", help="remove the existing results and start over")
-    existing.add_argument(
-        "--report-only", action="store_true", help="only make the plot and the page from the existing results"
-    )
-    return parser.parse_args(argv)
-
-
-def _options(options: argparse.Namespace) -> list[str]:
-    """Return the arguments of `chassis study`."""
-    out = [str(options.study.resolve()), "--out", str(options.out.resolve())]
-    if options.fmus is not None:
-        out += ["--fmus", str(options.fmus.resolve())]
-    out += shell.set_options(options, ("jobs", "budget"))
-    out += [f"--{name}" for name in ("resume", "overwrite") if getattr(options, name)]
-    return shell.from_root(out)
-
-
-def _run(options: argparse.Namespace) -> int:
-    shared = _options(options)
-    folder = options.out.resolve() / options.study.stem
-    if not options.report_only:
-        code, _ = shell.chassis(["study", *shared, *shell.workers(options)])
-        if code != 0:
-            # The command has printed the reason.
-            return code
-    # How it was interrupted and gone on with does not matter: the results are the same.
-    repeat = [a for a in shared if a not in ("--resume", "--overwrite")]
-    report(folder, shlex.join(["scripts/study", *repeat]))
-    print(folder / "index.html")
-    return 0
-
-
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Make the page of the study in a folder: `FOLDER COMMAND`, with the command that repeats it."""
+    folder, command = sys.argv[1:] if argv is None else argv
     try:
-        return _run(arguments(argv))
+        report(Path(folder), command)
     except (StudyError, ScenarioError, results.ResultsError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print("interrupted; --resume goes on", file=sys.stderr)
-        return 130
+    print(Path(folder) / "index.html")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

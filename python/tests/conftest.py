@@ -24,10 +24,10 @@ def run_by_both_masters(tmp_path: Path) -> Callable[[Path, Path], Path]:
 
     def run(scenario: Path, fmus: Path) -> Path:
         files: list[Path] = []
-        for name, options in (("fmpy", []), ("native", ["--native"])):
+        for name in ("fmpy", "native"):
             out = tmp_path / name
             done = subprocess.run(
-                [sys.executable, "scripts/cosim.py", scenario, "--fmus", fmus, *options, "--out", out],
+                [sys.executable, "-m", "chassis_fmu", "run", scenario, "--engine", name, "--fmus", fmus, "--out", out],
                 cwd=ROOT,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,

@@ -108,7 +108,7 @@ def test_signals_are_those_of_the_command(steer: cf.Scenario, plain: dict[str, A
     folder = next(iter(cf.fmus().values())).parent
     out = tmp_path / "out"
     options: list[str | Path] = ["--stop", "0.3", "--seeds", "1", "--fmus", folder, "--out", out]
-    command: list[str | Path] = [worker_program(), "run", scenario, *options]
+    command: list[str | Path] = [worker_program(), "run", scenario, "--no-page", *options]
     subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
     file = next(out.rglob("coordination*.csv"))
     names = file.read_text(encoding="utf-8").splitlines()[0].split(",")

@@ -20,6 +20,7 @@ from chassis_fmu.assess.assessment import AssessmentError, Folder, Row
 from chassis_fmu.describe import sha256
 from chassis_fmu.plan import Case
 from chassis_fmu.results import read_csv
+from tests import commands
 from tests.page_schema import data_of
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +31,7 @@ FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Assess the car in all maneuvers, the series of sine with dwell only up to its first unstable runs."""
     out = tmp_path_factory.mktemp("assess") / "car"
-    command = [sys.executable, "scripts/assess.py", "EspCar", "--with", "AntilockBraking", "--quick"]
+    command = [sys.executable, "-m", "chassis_fmu", "bench", "run", "EspCar", "--with", "AntilockBraking", "--quick"]
     done = subprocess.run([*command, "--out", str(out)], cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
     # Antilock brakes alone do not prevent the spin of sine with dwell.
     assert done.returncode == 1, done.stderr
@@ -182,24 +183,17 @@ def test_footprints_have_the_size_of_the_vehicle(folder: Path) -> None:
     assert list(y[:4]) == pytest.approx([2.0 + front, 2.0 + front, 2.0 - rear, 2.0 - rear])
 
 
-def test_the_page_of_an_assessment_that_is_there(folder: Path, page: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(["--page", str(folder)]) == 0
-    assert capsys.readouterr().out == f"{folder / 'index.html'}\n"
+def test_the_page_of_an_assessment_that_is_there(folder: Path, page: str) -> None:
+    code, text = commands.chassis("bench", "run", "EspCar", "--out", folder, "--report-only")
+    assert (code, text) == (0, f"{folder / 'index.html'}\n")
     again = (folder / "index.html").read_text(encoding="utf-8")
     # But for the command.
-    assert re.sub(r"<code>scripts/assess .*?</code>", "", again) == re.sub(r"<code>scripts/assess .*?</code>", "", page)
+    assert re.sub(r"<code>chassis bench .*?</code>", "", again) == re.sub(r"<code>chassis bench .*?</code>", "", page)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--page", "nowhere"], "nowhere/assessment.json"),
-        (["--page", "nowhere", "EspCar"], "--page takes a folder and nothing else"),
-    ],
-)
-def test_errors(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(arguments) == 2
-    assert message in capsys.readouterr().err
+def test_a_folder_without_an_assessment_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main([str(tmp_path / "nowhere"), "chassis bench run"]) == 1
+    assert "nowhere/assessment.json" in capsys.readouterr().err
 
 
 def test_another_schema_is_an_error(folder: Path, tmp_path: Path) -> None:
@@ -213,10 +207,8 @@ def test_another_schema_is_an_error(folder: Path, tmp_path: Path) -> None:
 def test_a_plant_with_few_signals_has_a_page(tmp_path: Path) -> None:
     """The linear bicycle model: no roll, no tire loads, no pedals."""
     out = tmp_path / "bicycle"
-    assert app.main(["BicycleCar", "--suite", "handling", "--suite", "stability", "--quick", "--out", str(out)]) in (
-        0,
-        1,
-    )
+    options: list[str | Path] = ["--suite", "handling", "--suite", "stability", "--quick", "--out", out]
+    assert commands.chassis("bench", "run", "BicycleCar", *options)[0] in (0, 1)
     text = (out / "index.html").read_text(encoding="utf-8")
     assert "<h1>BicycleCar</h1>" in text
     assert "With controllers" not in text

@@ -1,4 +1,4 @@
-"""Damaged FMUs given to `scripts/cosim.py`: a message and an exit code, no traceback, nothing left behind."""
+"""Damaged FMUs given to `chassis run --engine fmpy`: a message and an exit code, no traceback, nothing left behind."""
 
 from __future__ import annotations
 
@@ -69,8 +69,7 @@ def _cosim(fmu: bytes, folder: Path) -> tuple[int, str]:
     temporary.mkdir()
     (fmus / f"{NAME}.fmu").write_bytes(fmu)
     command = [
-        sys.executable,
-        str(ROOT / "scripts" / "cosim.py"),
+        *(sys.executable, "-m", "chassis_fmu", "run", "--engine", "fmpy"),
         str(ROOT / "scenarios/rescue_vehicle_step_steer.toml"),
     ]
     command += [

@@ -569,7 +569,7 @@ def tier(path: Path) -> object:
 
 @pytest.mark.parametrize("path", [tier(p) for p in SCENARIOS])
 def test_the_tables_are_those_of_the_references(path: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "scripts/cosim.py", str(path), "--native", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "chassis_fmu", "run", str(path), "--out", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     with (tmp_path / path.stem / "table.csv").open(encoding="utf-8", newline="") as file:

@@ -104,7 +104,8 @@ def built(name: str) -> str:
 def test_the_scenario_of_the_guide_runs(tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(blocks(GUIDE / "scenarios.md", "toml")[0], encoding="utf-8")
-    command = [built("chassis"), "run", str(scenario), "--fmus", str(FOLDER), "--out", str(tmp_path / "out")]
+    command = [built("chassis"), "run", str(scenario), "--no-page", "--fmus", str(FOLDER)]
+    command += ["--out", str(tmp_path / "out")]
     subprocess.run(command, check=True, capture_output=True, text=True)
     assert list((tmp_path / "out").rglob("*.csv"))
 

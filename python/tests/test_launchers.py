@@ -5,13 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-
-from chassis_fmu import app
-from chassis_fmu.study import app as study
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = "scenarios/rescue_vehicle_step_steer.toml"
@@ -24,7 +20,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "scripts").mkdir(parents=True)
     for name in ("run", "study", "assess", "build"):
         shutil.copy(ROOT / "scripts" / name, folder / "scripts" / name)
-    programs = (".venv/bin/python", "python"), ("bin/cargo", "cargo"), ("target/release/chassis", "chassis")
+    programs = (".venv/bin/chassis", "chassis of .venv"), ("bin/cargo", "cargo"), ("target/release/chassis", "chassis")
     for path, name in (("scripts/setup", "setup"), *programs):
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -53,69 +49,44 @@ def calls(project: Path, *command: str) -> tuple[str, list[str]]:
 @pytest.mark.parametrize(
     ("arguments", "needed"),
     [
-        ((), DEFAULT),
-        (("--native",), DEFAULT),
-        (("--stop", "3"), DEFAULT),
         (("my.toml",), "inside/my.toml"),
-        (("my.toml", "--native"), "inside/my.toml"),
-        (("--native", "my.toml"), "inside/my.toml"),
-        (("--stop", "3", "my.toml", "--native"), "inside/my.toml"),
-        (("without_suffix", "--native"), "inside/without_suffix"),
+        (("my.toml", "--no-page"), "inside/my.toml"),
+        (("--no-page", "my.toml"), "inside/my.toml"),
+        (("--stop", "3", "my.toml", "--no-page"), "inside/my.toml"),
+        (("without_suffix", "--no-page"), "inside/without_suffix"),
     ],
 )
 def test_a_scenario_may_stand_anywhere(project: Path, arguments: tuple[str, ...], needed: str) -> None:
     messages, found = calls(project, "run", *arguments)
     assert f"chassis pack {needed}" in found
-    assert found[-1] == f"python scripts/cosim.py {' '.join(arguments)}".strip()
+    assert found[-1] == f"chassis of .venv run {' '.join(arguments)}"
     assert Path(needed).name in messages
-    options = app.arguments(arguments)
-    assert options.scenario.name == Path(needed).name
+
+
+def test_without_arguments_the_main_scenario_runs_through_fmpy(project: Path) -> None:
+    _, found = calls(project, "run")
+    assert f"chassis pack {DEFAULT}" in found
+    assert found[-1] == f"chassis of .venv run {DEFAULT} --engine fmpy"
 
 
 def test_a_study_may_stand_anywhere(project: Path) -> None:
-    for arguments in (("my.toml", "--runs", "3"), ("--runs", "3", "my.toml"), ("merge", "my.toml")):
+    for arguments in (("my.toml", "--runs", "3"), ("--runs", "3", "my.toml"), ("--merge", "my.toml")):
         _, found = calls(project, "study", *arguments)
         assert "chassis pack inside/my.toml" in found
-        assert found[-1] == f"python scripts/study.py {' '.join(arguments)}"
+        assert found[-1] == f"chassis of .venv study {' '.join(arguments)}"
 
 
 def test_all_fmus_are_packed_without_a_file(project: Path) -> None:
     messages, found = calls(project, "assess", "EspCar", "--quick")
     assert "cargo fmu pack --all" in found
+    assert found[-1] == "chassis of .venv bench run EspCar --quick"
     assert "the FMUs of this project" in messages
 
 
-def test_a_page_needs_no_fmus(project: Path) -> None:
-    for arguments in (("--page", "results/assess_EspCar"), ("--page=results/assess_EspCar",)):
-        _, found = calls(project, "assess", *arguments)
-        assert found == ["setup", f"python scripts/assess.py {' '.join(arguments)}"]
-
-
-@pytest.mark.parametrize(("launcher", "script"), [("run", "cosim"), ("study", "study"), ("assess", "assess")])
-def test_help_builds_nothing(project: Path, launcher: str, script: str) -> None:
+@pytest.mark.parametrize(("launcher", "verb"), [("run", "run"), ("study", "study"), ("assess", "bench run")])
+def test_help_builds_nothing_that_is_there(project: Path, launcher: str, verb: str) -> None:
     for option in ("-h", "--help"):
         _, found = calls(project, launcher, option)
-        assert found == [f"python scripts/{script}.py {option}"]
+        assert found == [f"chassis of .venv {verb} {option}"]
     (project / ".venv" / "pyproject.toml").unlink()
-    assert calls(project, launcher, "--help")[1] == ["setup", f"python scripts/{script}.py --help"]
-
-
-def test_usage_names_the_launcher(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, name in ((app.arguments, "scripts/run"), (study.arguments, "scripts/study")):
-        with pytest.raises(SystemExit):
-            arguments(["--help"])
-        assert capsys.readouterr().out.startswith(f"usage: {name} ")
-
-
-def test_usage_names_the_module() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "chassis_fmu.study", "--help"], capture_output=True, encoding="utf-8", check=True
-    )
-    assert done.stdout.startswith("usage: python -m chassis_fmu.study ")
-
-
-def test_a_tuning_study_may_stand_after_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "tuning.toml"
-    path.write_text('method = "optimize"\n')
-    assert study.main(["--runs", "3", str(path)]) == 2
-    assert "is a tuning study" in capsys.readouterr().err
+    assert calls(project, launcher, "--help")[1] == ["setup", f"chassis of .venv {verb} --help"]

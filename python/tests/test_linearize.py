@@ -21,7 +21,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("linear")
     outputs = [argument for name in ("json", "csv", "mat") for argument in ("--out", f"{folder}/car.{name}")]
     fmu = str(ROOT / "target/fmu/EspCar.fmu")
-    code, text = commands.cargo_fmu(["linearize", fmu, *outputs])
+    code, text = commands.cargo_fmu("linearize", fmu, *outputs)
     assert code == 0
     assert text.startswith("EspCar at its start values\n")
     return folder
@@ -67,7 +67,7 @@ def test_mistakes_are_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -
         (["--out", str(tmp_path / "car.txt")], "expected a name that ends in .json, .csv, .mat or .html"),
         (["--out", str(tmp_path / "car.html"), "--bode", "steer.frnt:vehicle.yaw_rate"], "no input `steer.frnt`"),
     ):
-        code, _ = commands.cargo_fmu(["linearize", fmu, *options])
+        code, _ = commands.cargo_fmu("linearize", fmu, *options)
         assert code == 1
         assert expected in " ".join(capfd.readouterr().err.replace("│", " ").split())
     assert not list(tmp_path.iterdir())

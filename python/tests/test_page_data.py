@@ -111,7 +111,7 @@ def test_the_page_of_a_linear_model_has_the_bode_plot_of_numpy(tmp_path: Path) -
     source, target = "steer.front", "vehicle.yaw_rate"
     fmu = str(SCHEMA.parents[1] / "target/fmu/EspCar.fmu")
     outputs = [argument for name in ("json", "html") for argument in ("--out", f"{tmp_path}/car.{name}")]
-    code, _ = commands.cargo_fmu(["linearize", fmu, "--bode", f"{source}:{target}", *outputs])
+    code, _ = commands.cargo_fmu("linearize", fmu, "--bode", f"{source}:{target}", *outputs)
     assert code == 0
     data = data_of(tmp_path / "car.html")
     assert [figure["name"] for figure in data["figures"]] == ["poles", "bode_1"]

@@ -7,7 +7,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from chassis_fmu import plan, shell
+from chassis_fmu import plan
+from tests.commands import chassis
 
 HERE = Path(__file__).parent
 
@@ -102,7 +103,7 @@ def shape(schema: Any, defined: dict[str, Any]) -> Any:
 
 
 def test_the_types_are_those_of_the_command() -> None:
-    code, text = shell.chassis(["schema", "plan"], capture=True)
+    code, text = chassis("schema", "plan")
     assert code == 0
     theirs = json.loads(text)
     (ours,), defined = msgspec.json.schema_components(

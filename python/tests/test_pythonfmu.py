@@ -59,8 +59,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     call(sys.executable, "-m", "pythonfmu", "build", "-f", str(SOURCE), "-d", str(folder))
     scenario = folder / "swapped.toml"
     scenario.write_text(SCENARIO.read_text(encoding="utf-8") + CASE, encoding="utf-8")
-    cosim = str(ROOT / "scripts" / "cosim.py")
-    call(sys.executable, cosim, *options(folder), "--out", str(folder / "fmpy"))
+    call(
+        sys.executable, "-m", "chassis_fmu", "run", "--engine", "fmpy", *options(folder), "--out", str(folder / "fmpy")
+    )
     return folder
 
 
@@ -125,7 +126,7 @@ def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
     # The antilock brakes add what the controller asks for to the pressure of the pedal.
     base = ["--base", "AntilockBraking", "--base", "BrakeAndDriveActuators"]
     more = ["--suite", "handling", "--fmus", str(FOLDER), "--out", str(out)]
-    call("cargo", "chassis", "bench", "run", "EspCar", *base, "--with", controller, *python, *more)
+    call("cargo", "chassis", "bench", "run", "EspCar", *base, "--no-page", "--with", controller, *python, *more)
     assessment = json.loads((out / "assessment.json").read_text(encoding="utf-8"))
     rows = {row["id"]: row for row in assessment["metrics"]}
     times = rows["step_steer.yaw_rate.response_time"]
@@ -137,8 +138,7 @@ def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
 def test_both_masters_agree_to_the_last_bit(folder: Path, python: list[str]) -> None:
     out = folder / "native"
     # It finds the library by itself.
-    cosim = str(ROOT / "scripts" / "cosim.py")
-    call(sys.executable, cosim, "--native", *options(folder), "--out", str(out))
+    call(sys.executable, "-m", "chassis_fmu", "run", *options(folder), "--out", str(out))
     assert python
     names = sorted(p.name for p in (out / "swapped" / "runs").glob("*.csv"))
     assert names == ["coordination.csv", "left_out.csv", "python.csv", "sign.csv"]

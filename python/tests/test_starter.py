@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chassis_fmu import results, shell
-
-
-def chassis(*arguments: str | Path) -> tuple[int, str]:
-    return shell.chassis([str(argument) for argument in arguments], capture=True)
-
+from chassis_fmu import results
+from tests.commands import chassis
 
 PLANTS = ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]
 
@@ -31,7 +27,7 @@ def start(plant: str, maneuver: str, folder: Path) -> Path:
 
 
 def lateral_acceleration(scenario: Path, out: Path, *options: str) -> NDArray[np.floating[Any]]:
-    code, _ = chassis("run", scenario, "--out", out, *options)
+    code, _ = chassis("run", scenario, "--no-page", "--out", out, *options)
     assert code == 0
     file = out / scenario.stem / "runs" / "open_loop.csv"
     return results.read_csv(file, ["vehicle.lateral_acceleration"]).values["vehicle.lateral_acceleration"]

@@ -238,7 +238,7 @@ def test_shards_make_the_same_table(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert run(tmp_path, study) == 0
     whole = table(tmp_path)
     (tmp_path / "out" / "study" / "runs.parquet").unlink()
-    merge = ["merge", str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]
+    merge = [str(study), "--merge", "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]
     assert app.main(merge) == 2
     assert run(tmp_path, study, "--shard", "1/3") == 0
     assert run(tmp_path, study, "--shard", "3/3") == 0
@@ -555,8 +555,8 @@ def test_a_sampler_that_cannot_work_is_explained(
         (
             "distributed",
             'method = "sample"\n{}',
-            ("--engine", "dask"),
-            "--engine dask needs the Python package distributed",
+            ("--dask",),
+            "--dask needs the Python package distributed",
         ),
     ],
 )
@@ -623,7 +623,7 @@ def test_the_design_that_was_written_is_what_is_run(tmp_path: Path, capsys: pyte
     (tmp_path / "out" / "study" / "rows-1-of-2.jsonl").unlink()
     assert run(tmp_path, study, "--shard", "1/2") == 0
     assert run(tmp_path, study, "--shard", "2/2") == 0
-    merge = ["merge", str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]
+    merge = [str(study), "--merge", "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]
     assert app.main(merge) == 0
     assert [r["p"] for r in rows(tmp_path)[::2]] == moved
     assert [r["y"] for r in rows(tmp_path)[::2]] == [v + 320.0 for v in moved]
@@ -670,18 +670,6 @@ def test_the_seed_of_the_scenario_is_a_column(tmp_path: Path) -> None:
     scenario = SCENARIO + '[seeds]\nparameter = "f:seed"\nvalues = [7, 8]\n'
     assert run(tmp_path, write(tmp_path, SAMPLE + vary("p", "f:a", UNIFORM), scenario)) == 0
     assert {r["seed"] for r in rows(tmp_path)} == {7}
-
-
-@pytest.mark.parametrize("options", [("--engine", "dask"), ("--runs", "3"), ("--shard", "1/2"), ("--runs=3",)])
-def test_a_tuning_study_has_no_options_of_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
-) -> None:
-    path = tmp_path / "tuning.toml"
-    path.write_text('method = "optimize"\n[[parameter]]\nname = "f:a"\n')
-    assert app.main([str(path), *options]) == 2
-    error = capsys.readouterr().err
-    assert f"is a tuning study ([[parameter]]): PACSA, GA and CMA-ES run on this machine, without {options[0]}" in error
-    assert "--budget N" in error
 
 
 def test_a_mistake_of_the_program_is_no_requirement_that_is_missed(

@@ -1,10 +1,9 @@
-"""Reports of tuning studies: histories to Parquet, the plot, the page, the command with a stand-in for `chassis`."""
+"""Reports of tuning studies: histories to Parquet, the plot, the page, the command."""
 
 from __future__ import annotations
 
 import itertools
 import json
-import stat
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from chassis_fmu import shell, tuning
+from chassis_fmu import tuning
 from tests.page_schema import data_of
 
 HISTORY = """evaluation,generation,a:x,"b:y, z",objective,feasible,reason
@@ -93,7 +92,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_histories_become_one_table(folder: Path) -> None:
-    tuning.report(folder, "scripts/study trial.toml")
+    tuning.report(folder, "chassis study trial.toml")
     table = pyarrow.parquet.read_table(folder / "history.parquet")
     # what lies beyond the budget is left out
     assert table["method"].to_pylist() == ["pacsa"] * 4 + ["lost"]
@@ -224,7 +223,7 @@ def test_the_page_says_if_nothing_improved(folder: Path) -> None:
 
 
 def test_the_page_says_what_was_found(folder: Path) -> None:
-    tuning.report(folder, "scripts/study trial.toml")
+    tuning.report(folder, "chassis study trial.toml")
     page = (folder / "index.html").read_text()
     for text in (
         "Trial &lt;1&gt;",
@@ -245,7 +244,7 @@ def test_the_page_says_what_was_found(folder: Path) -> None:
 
 
 def test_the_page_has_data_by_the_schema_and_definitions(folder: Path) -> None:
-    tuning.report(folder, "scripts/study trial")
+    tuning.report(folder, "chassis study trial")
     data = data_of(folder / "index.html")
     assert [figure["name"] for figure in data["figures"]] == ["convergence"]
     raw = summary()
@@ -292,33 +291,12 @@ def test_damaged_results_are_clear_errors(folder: Path, file: str, content: str,
         tuning.report(folder, "c")
 
 
-@pytest.fixture
-def chassis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Replace `chassis` by a program that notes its arguments, or fails like a mistake in a study."""
-    place = tmp_path / "bin"
-    place.mkdir()
-    script = place / "chassis"
-    script.write_text(f'#!/bin/sh\necho "$*" >> \'{place}/log\'\ncase "$*" in *broken*) exit 3 ;; esac\n')
-    script.chmod(script.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setattr(shell, "worker_program", lambda: script)
-    return place / "log"
-
-
-def test_the_command_tunes_and_reports(folder: Path, chassis: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study, out = shell.ROOT / "studies" / "trial.toml", folder.parent
-    assert tuning.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
-    expected = f"study studies/trial.toml --out {out} --jobs 2 --budget 9 --resume --timeout 60"
-    assert chassis.read_text().partition(" --libpython")[0].strip() == expected
+def test_the_page_is_made_after_the_study(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert tuning.main([str(folder), "chassis study studies/trial.toml --budget 9"]) == 0
     assert capsys.readouterr().out.strip() == str(folder / "index.html")
-    page = (folder / "index.html").read_text()
-    assert f"scripts/study studies/trial.toml --out {out} --jobs 2 --budget 9</code>" in page
+    assert "chassis study studies/trial.toml --budget 9</code>" in (folder / "index.html").read_text()
 
 
-def test_failures_keep_their_exit_code(folder: Path, chassis: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = ["--out", str(folder.parent)]
-    assert tuning.main(["broken.toml", *out]) == 3
-    assert tuning.main(["nothing.toml", *out]) == 1
+def test_a_folder_without_a_study_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert tuning.main([str(tmp_path), "chassis study"]) == 1
     assert "summary.json" in capsys.readouterr().err
-    assert chassis.read_text().count("\n") == 2
-    assert tuning.main(["trial.toml", *out, "--report-only"]) == 0
-    assert chassis.read_text().count("\n") == 2, "chassis is not called"

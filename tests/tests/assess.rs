@@ -55,7 +55,7 @@ fn assess(arguments: &[&str]) -> Assessed {
 fn assess_with(folders: &[PathBuf], arguments: &[&str]) -> Assessed {
     let out = TempDir::new().unwrap();
     let mut command = Command::new(tests::chassis());
-    command.args(["bench", "run"]).args(arguments).arg("--out").arg(out.path().join("out"));
+    command.args(["bench", "run", "--no-page"]).args(arguments).arg("--out").arg(out.path().join("out"));
     for folder in folders {
         command.arg("--fmus").arg(folder);
     }

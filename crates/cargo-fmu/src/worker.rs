@@ -44,7 +44,7 @@ pub struct Options {
     timeout: Duration,
 
     /// Python library (libpython3.*.so), for FMUs made with Python that do not contain one
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "CHASSIS_LIBPYTHON", hide_env = true)]
     libpython: Option<PathBuf>,
 
     /// Memory limit of each process that executes FMUs, such as 4G or 500M, or `none`; Linux only
@@ -112,7 +112,8 @@ pub fn to_terminal() -> Lines {
 
 impl Options {
     /// The options that differ from the defaults, with their values; a flag has none.
-    pub(crate) fn given(&self) -> Vec<(&'static str, Option<String>)> {
+    #[must_use]
+    pub fn given(&self) -> Vec<(&'static str, Option<String>)> {
         let mut given = Vec::new();
         if self.timeout != DEFAULT_TIMEOUT {
             given.push(("--timeout", Some(self.timeout.as_secs_f64().to_string())));
@@ -131,6 +132,12 @@ impl Options {
             given.push(("--sandbox", None));
         }
         given
+    }
+
+    /// Time limit for a step.
+    #[must_use]
+    pub fn timeout(&self) -> Duration {
+        self.timeout
     }
 
     /// Returns true with `--no-sandbox`. Only commands with a sandbox by default call it.

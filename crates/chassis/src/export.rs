@@ -21,8 +21,9 @@ pub(crate) struct Arguments {
     /// Scenario file (TOML)
     scenario: PathBuf,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
-    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
+    /// above, or the FMUs that came with this program]
+    #[arg(long, value_name = "DIR")]
     fmus: Vec<PathBuf>,
 
     /// Case to export [default: the first]

@@ -1,13 +1,16 @@
 //! `chassis`: plans and runs systems of FMUs, carries out studies, and drives vehicles through standard maneuvers.
 
 mod bench;
+mod completions;
 mod export;
 mod fits;
 mod folders;
 mod jobs;
+mod lab;
 mod new;
 mod pack;
 mod plan;
+mod python;
 mod run;
 mod schema;
 mod selection;
@@ -23,19 +26,28 @@ use miette::{IntoDiagnostic as _, Result, miette};
 const RENAMED: [(&str, &str); 4] =
     [("assess", "bench run"), ("evaluate", "bench evaluate"), ("compat", "fits"), ("plan-schema", "schema plan")];
 
+/// The exit codes, below the help.
+const EXIT_CODES: &str = "Exit codes:
+  0  success
+  1  a run failed, a requirement or limit is not met, or a file has a mistake
+  2  wrong usage, unusable data, or nothing could be run";
+
 /// Jobs of workers.
 const JOBS: [worker::Job; 2] =
     [(fmu_import::worker::JOB, fmu_import::worker::serve), (fmu_system::worker::JOB, fmu_system::worker::serve)];
 
 /// Run systems of FMUs, studies, and a test bench for vehicles and their controllers
 #[derive(Parser, Debug)]
-#[command(name = "chassis", bin_name = "chassis", version)]
+#[command(name = "chassis", bin_name = "chassis", version, after_help = EXIT_CODES)]
 enum Cli {
     /// Check a scenario and show its runs and its wiring
     ///
     /// Components without inputs are run briefly in a separate process, to find parameters that have no effect.
     Plan(plan::Arguments),
-    /// Execute all runs of a scenario and write a CSV file for each
+    /// Run a scenario, and write signals, tables and a page
+    ///
+    /// Each run has a CSV file in OUT/SCENARIO/runs. Tables, figures and the page index.html need the Python package `chassis_fmu`. The exit code
+    /// is 1 if a run fails or a requirement is not met.
     Run(run::Arguments),
     /// Export a run of a scenario for other masters: an SSP package and a system structure for libcosim, with the FMUs
     ///
@@ -75,6 +87,12 @@ enum Cli {
     Pack(pack::Arguments),
     /// Write a scenario of a plant that runs
     New(new::Arguments),
+    /// Build the lab, a static site that simulates vehicles and controllers in a browser
+    Lab(lab::Arguments),
+    /// Print a completion script for a shell
+    ///
+    /// For bash: chassis completions bash > ~/.local/share/bash-completion/completions/chassis
+    Completions(completions::Arguments),
     /// Print the JSON Schema of a format
     Schema(schema::Arguments),
     /// `cargo fmu linearize`, for the Python package
@@ -126,6 +144,8 @@ fn run(command: &Cli) -> Result<()> {
         Cli::Fits(arguments) => fits::run(arguments),
         Cli::Pack(arguments) => pack::run(arguments),
         Cli::New(arguments) => new::run(arguments),
+        Cli::Lab(arguments) => lab::run(arguments),
+        Cli::Completions(arguments) => completions::run(arguments, &mut <Cli as clap::CommandFactory>::command()),
         Cli::Schema(arguments) => schema::run(arguments),
         Cli::Linearize(arguments) => linearize::run(arguments),
         Cli::Trim(arguments) => trim::run(arguments),

@@ -33,8 +33,9 @@ pub(crate) struct Arguments {
     /// Maneuver of the FMU `Driver`, such as sine_with_dwell [default: start value of the FMU]
     #[arg(long, value_name = "NAME")]
     maneuver: Option<String>,
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
-    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
+    /// above, or the FMUs that came with this program]
+    #[arg(long, value_name = "DIR")]
     fmus: Vec<PathBuf>,
 }
 

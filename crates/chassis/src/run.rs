@@ -2,11 +2,12 @@
 
 use crate::jobs::jobs;
 use crate::plan::print_warnings;
-use crate::selection::Selection;
+use crate::python::{self, Python};
+use crate::selection::{Selection, find_steady_starts};
 use cargo_fmu::files::{try_to_write, write_whole};
 use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use fmu_import::terminal::{escaped, indented};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
@@ -32,11 +33,27 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     selection: Selection,
 
+    /// Master that executes the runs
+    #[arg(long, default_value = "native")]
+    engine: Engine,
+
     /// Folder for results
     ///
-    /// The files go to OUT/SCENARIO/runs.
+    /// The files go to OUT/SCENARIO.
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
+
+    /// Make neither tables nor a page
+    #[arg(long, conflicts_with_all = ["parquet", "from_csv"])]
+    no_page: bool,
+
+    /// Make tables and page from the CSV files in DIR, without runs
+    #[arg(long, value_name = "DIR", conflicts_with = "engine")]
+    from_csv: Option<PathBuf>,
+
+    /// Also write the recorded signals as Parquet files
+    #[arg(long)]
+    parquet: bool,
 
     /// Leave out the warnings of `chassis plan`
     #[arg(long)]
@@ -54,12 +71,64 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
-    /// Leave the requirements to the caller
-    #[arg(long, hide = true, conflicts_with_all = ["no_fail", "junit"])]
-    no_verdicts: bool,
+    /// Renamed
+    #[arg(long, hide = true)]
+    native: bool,
 
     #[command(flatten)]
     workers: worker::Options,
+}
+
+/// A master.
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+enum Engine {
+    /// That of this program
+    Native,
+    /// FMPy, in Python: the same results, more slowly
+    Fmpy,
+}
+
+impl Arguments {
+    /// Python, if tables and a page are made or FMPy executes the runs.
+    fn python(&self) -> miette::Result<Option<Python>> {
+        if self.engine == Engine::Fmpy {
+            return Python::required("--engine fmpy").map(Some);
+        }
+        if self.from_csv.is_some() || self.parquet {
+            return Python::required("this option").map(Some);
+        }
+        Ok(if self.no_page { None } else { Python::find_or_note() })
+    }
+
+    /// The request to Python for tables and page.
+    fn request(&self, plan: &Plan) -> miette::Result<String> {
+        let absolute = |path: &Path| std::path::absolute(path).into_diagnostic();
+        let cut = [
+            self.selection.stop.map(|stop| format!("--stop {stop}")),
+            self.selection.seeds.map(|n| format!("--seeds {n}")),
+        ];
+        let cut: Vec<String> = cut.into_iter().flatten().collect();
+        let engine = match (&self.from_csv, self.engine) {
+            (Some(_), _) => "csv",
+            (None, Engine::Native) => "native",
+            (None, Engine::Fmpy) => "fmpy",
+        };
+        let request = serde_json::json!({
+            "plan": plan,
+            "folder": absolute(&self.out.join(&plan.name))?,
+            "engine": engine,
+            "command": python::command(),
+            "csv": self.from_csv.as_deref().map(absolute).transpose()?,
+            "jobs": jobs(self.jobs),
+            "timeout": self.workers.timeout().as_secs_f64(),
+            "parquet": self.parquet,
+            "junit": self.junit.as_deref().map(absolute).transpose()?,
+            "no_fail": self.no_fail,
+            "inputs": self.selection.inputs.as_ref().and_then(|file| file.file_name()).map(|name| name.to_string_lossy()),
+            "shortened": (!cut.is_empty()).then(|| cut.join(" ")),
+        });
+        serde_json::to_string(&request).into_diagnostic()
+    }
 }
 
 /// Summary of a run whose file is written.
@@ -77,9 +146,13 @@ impl From<Recording> for Done {
     }
 }
 
-/// Executes the scenario.
+/// Executes the scenario, and makes tables and page.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    let plan = if arguments.no_warnings {
+    if arguments.native {
+        return Err(miette!("the native master is the default now, without `--native`; `--engine fmpy` chooses FMPy"));
+    }
+    let python = arguments.python()?;
+    let mut plan = if arguments.no_warnings {
         arguments.selection.plan()?
     } else {
         let plan = arguments.selection.plan_with_warnings(&arguments.workers)?;
@@ -90,11 +163,26 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         }
         plan
     };
+    let is_native = arguments.engine == Engine::Native && arguments.from_csv.is_none();
+    if is_native {
+        execute(arguments, &plan, python.is_some())?;
+    }
+    let Some(python) = python else { return Ok(()) };
+    // Other masters do not search for them.
+    find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
+    match python.call("app", &[], Some(&arguments.request(&plan)?))? {
+        0 => Ok(()),
+        code => python::exit(code),
+    }
+}
+
+/// Executes the runs by the master of this program. With `is_reported`, failed runs and verdicts are left to the page.
+fn execute(arguments: &Arguments, plan: &Plan, is_reported: bool) -> miette::Result<()> {
     let folder = arguments.out.join(&plan.name).join("runs");
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
     try_to_write(&folder)?;
-    remove_old(&plan, &folder)?;
-    let bar = progress_bar(&plan)?;
+    remove_old(plan, &folder)?;
+    let bar = progress_bar(plan)?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = jobs(arguments.jobs);
@@ -139,15 +227,14 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
     let statuses = serde_json::to_string_pretty(&RunStatuses::new(statuses)).into_diagnostic()?;
     write_whole(&folder.join(results::STATUS_FILE), (statuses + "\n").as_bytes())?;
-    print_summary(&plan, &done, ended.len(), &folder, began.elapsed());
+    print_summary(plan, &done, ended.len(), &folder, began.elapsed());
+    if is_reported {
+        return Ok(());
+    }
     for (_, message) in &ended {
         errln!("note: {}", indented(message, "  "));
     }
-    let failed = if arguments.no_verdicts {
-        0
-    } else {
-        report_verdicts(&plan, &folder, [&failures[..], &ended[..]], arguments)?
-    };
+    let failed = report_verdicts(plan, &folder, [&failures[..], &ended[..]], arguments)?;
     if !failures.is_empty() {
         let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
         return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));

@@ -16,8 +16,9 @@ pub(crate) struct Selection {
     /// Scenario file (TOML)
     scenario: PathBuf,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
-    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
+    /// above, or the FMUs that came with this program]
+    #[arg(long, value_name = "DIR")]
     fmus: Vec<PathBuf>,
 
     /// CSV file with signals that replace the outputs of components
@@ -25,7 +26,7 @@ pub(crate) struct Selection {
     /// The file has a column `time` and columns named `signal` or `component:signal`. Values are converted to the units of the
     /// variables. Continuous inputs are interpolated linearly, others hold the last value.
     #[arg(long, value_name = "FILE")]
-    inputs: Option<PathBuf>,
+    pub(crate) inputs: Option<PathBuf>,
 
     /// Action if a signal from `--inputs` ends before the run does
     #[arg(long, value_name = "WHAT", default_value = "error", requires = "inputs")]
@@ -33,11 +34,11 @@ pub(crate) struct Selection {
 
     /// Override the scenario's stop time, in seconds
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
-    stop: Option<f64>,
+    pub(crate) stop: Option<f64>,
 
     /// Use only the first N seeds
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    seeds: Option<u32>,
+    pub(crate) seeds: Option<u32>,
 
     /// Override the scenario's order of the components within a step
     #[arg(long)]

@@ -1,18 +1,20 @@
 //! `chassis study`: carries out a study.
 
 use clap::Args;
+use fmu_import::terminal::escaped;
 use fmu_study::execution::{End, Existing, Summary, execute};
 use fmu_study::journal::Progress;
 use fmu_study::study::{self, Method, Study, Workers};
 use indicatif::{ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, miette};
+use miette::{IntoDiagnostic, Result, miette};
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::folders::folders;
+use crate::folders::{folders, places};
 use crate::jobs::jobs;
+use crate::python::{self, Python};
 use cargo_fmu::outln;
 use cargo_fmu::worker;
 
@@ -22,8 +24,9 @@ pub(crate) struct Arguments {
     /// Study file (TOML)
     study: PathBuf,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
-    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
+    /// above, or the FMUs that came with this program]
+    #[arg(long, value_name = "DIR")]
     fmus: Vec<PathBuf>,
 
     /// Folder for results
@@ -39,17 +42,94 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     workers: worker::Options,
 
-    /// Override the study's number of evaluations per method
+    /// Override the study's number of samples (`runs`)
     #[arg(long, value_name = "N")]
+    runs: Option<NonZeroU64>,
+
+    /// Override the number of evaluations per method of a study without `[[vary]]`
+    #[arg(long, value_name = "N", conflicts_with_all = ["runs", "dask", "shard", "merge"])]
     budget: Option<NonZeroU64>,
 
+    /// Execute the runs with Dask, by the scheduler at ADDRESS, such as tcp://HOST:8786 [default: one on this machine]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    dask: Option<String>,
+
+    /// Run only the I-th of N parts of the samples
+    #[arg(long, value_name = "I/N", conflicts_with = "merge")]
+    shard: Option<String>,
+
+    /// Make tables and page from the results of all parts
+    #[arg(long)]
+    merge: bool,
+
+    /// Exit with 0 even if a requirement is not met
+    #[arg(long)]
+    no_fail: bool,
+
     /// Continue from the existing results
-    #[arg(long, conflicts_with = "overwrite")]
+    #[arg(long, conflicts_with_all = ["overwrite", "report_only"])]
     resume: bool,
 
     /// Remove the existing results and start over
-    #[arg(long)]
+    #[arg(long, conflicts_with = "report_only")]
     overwrite: bool,
+
+    /// Make only tables and page, from the existing results
+    #[arg(long)]
+    report_only: bool,
+}
+
+/// Exit code of a study that could not run.
+const UNABLE: i32 = 2;
+
+impl Arguments {
+    /// The options that only studies with `[[vary]]` have, of those that are given.
+    fn of_samples(&self) -> Option<&'static str> {
+        let given = [
+            ("--runs", self.runs.is_some()),
+            ("--dask", self.dask.is_some()),
+            ("--shard", self.shard.is_some()),
+            ("--merge", self.merge),
+        ];
+        given.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name)
+    }
+
+    /// The arguments for Python, which carries out studies with `[[vary]]`.
+    fn for_python(&self) -> Result<Vec<String>> {
+        if self.budget.is_some() {
+            return Err(miette!("--budget is for studies without [[vary]]; --runs N sets the number of samples"));
+        }
+        if let Some((name, _)) =
+            self.workers.given().into_iter().find(|(name, _)| ["--memory", "--sandbox"].contains(name))
+        {
+            return Err(miette!("{name} is for studies without [[vary]]"));
+        }
+        let mut all = vec![self.study.display().to_string()];
+        let mut option = |name: &str, value: Option<String>| {
+            if let Some(value) = value {
+                all.push(format!("--{name}={value}"));
+            }
+        };
+        for folder in places(&self.fmus) {
+            option("fmus", Some(folder.display().to_string()));
+        }
+        option("out", Some(self.out.display().to_string()));
+        option("jobs", self.jobs.map(|n| n.to_string()));
+        option("timeout", Some(self.workers.timeout().as_secs_f64().to_string()));
+        option("runs", self.runs.map(|n| n.to_string()));
+        option("shard", self.shard.clone());
+        option("dask", self.dask.clone().filter(|address| !address.is_empty()));
+        let flags = [
+            ("--dask", self.dask.as_ref().is_some_and(String::is_empty)),
+            ("--merge", self.merge),
+            ("--no-fail", self.no_fail),
+            ("--resume", self.resume),
+            ("--overwrite", self.overwrite),
+            ("--report-only", self.report_only),
+        ];
+        all.extend(flags.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name.to_owned()));
+        Ok(all)
+    }
 }
 
 /// Progress bar of the current method, and its start time.
@@ -82,8 +162,42 @@ impl Bars {
     }
 }
 
-/// Carries out the study.
-pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
+/// Carries out the study, and makes its page.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    if study::has_samples(&arguments.study) {
+        let python = Python::required("a study with [[vary]]")?;
+        python::exit(python.call("study", &arguments.for_python()?, None)?);
+    }
+    if let Some(option) = arguments.of_samples() {
+        eprintln!(
+            "error: {} has no [[vary]]: PACSA, GA and CMA-ES run on this machine, without {option}. --budget N sets the number of \
+             evaluations, --jobs N that of processes; method = \"optimize\" with [search] and [[vary]] takes --dask and --runs",
+            escaped(&arguments.study.display().to_string())
+        );
+        python::exit(UNABLE);
+    }
+    if arguments.report_only {
+        return page(arguments, &Python::required("a page")?);
+    }
+    let python = Python::find_or_note();
+    optimize(arguments)?;
+    python.map_or(Ok(()), |python| page(arguments, &python))
+}
+
+/// Makes the page of a study without `[[vary]]`.
+fn page(arguments: &Arguments, python: &Python) -> Result<()> {
+    let name = arguments.study.file_stem().unwrap_or_default();
+    let folder = std::path::absolute(arguments.out.join(name)).into_diagnostic()?;
+    // Interruptions do not matter: the results are the same.
+    let command = python::command_without(&["--resume", "--overwrite", "--report-only"]);
+    match python.call("tuning", &[folder.display().to_string(), command], None)? {
+        0 => Ok(()),
+        code => python::exit(code),
+    }
+}
+
+/// Carries out a study that searches parameters.
+fn optimize(arguments: &Arguments) -> Result<()> {
     let bar = ProgressBar::no_length();
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));

@@ -14,7 +14,13 @@ mod support;
 const SCENARIO: &str = include_str!("data/ramp.toml");
 
 fn command(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(program(arguments[0])).args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
+    Command::new(program(arguments[0]))
+        .args(arguments)
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .env("CHASSIS_PYTHON", "")
+        .output()
+        .unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -69,7 +75,7 @@ fn mistakes_end_with_1_and_mark_the_place() {
 #[test]
 fn a_missing_fmu_says_what_to_do() {
     let folder = folder(SCENARIO);
-    let output = command(folder.path(), &["run", "ramp.toml"]);
+    let output = command(folder.path(), &["run", "ramp.toml", "--fmus", "target/fmu"]);
     assert_eq!(output.status.code(), Some(1));
     let error = text(&output.stderr);
     assert!(error.contains("there is no Ramp.fmu in target/fmu"), "{error}");
@@ -466,6 +472,7 @@ fn a_killed_study_goes_on_to_the_same_results() {
     for lines in [5, 30, 90] {
         let mut child = Command::new(program("study"))
             .args(["study", "study.toml", "--resume", "--jobs", "3"])
+            .env("CHASSIS_PYTHON", "")
             .current_dir(killed.path())
             .stdout(std::process::Stdio::null())
             .spawn()
@@ -591,14 +598,58 @@ fn a_system_is_written_for_other_masters() {
     assert_eq!(system(&["--overwrite"]).status.code(), Some(0));
 }
 
+/// A study without `[[vary]]` has none of the options of the others.
+#[test]
+fn options_of_samples_belong_to_studies_with_samples() {
+    let folder = study();
+    for option in ["--dask", "--runs=3", "--shard=1/2", "--merge"] {
+        let output = command(folder.path(), &["study", "study.toml", option]);
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        let found = message(&output.stderr);
+        let name = option.split('=').next().unwrap();
+        assert!(
+            found.contains(&format!(
+                "study.toml has no [[vary]]: PACSA, GA and CMA-ES run on this machine, without {name}"
+            )),
+            "{found}"
+        );
+        assert!(found.contains("--budget N"), "{found}");
+    }
+}
+
+/// Without the package of Python there are results, but no page; what needs the package says so.
+#[cfg(unix)]
+#[test]
+fn a_page_needs_python() {
+    let folder = folder(SCENARIO);
+    let fmus = folder.path().join("target/fmu");
+    std::fs::create_dir_all(&fmus).unwrap();
+    support::Build::new("Ramp", "u", "x").pack(&fmus);
+    let output = command(folder.path(), &["run", "ramp.toml"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("note: no page is made, which needs the Python package `chassis_fmu`"));
+    for arguments in [&["--engine", "fmpy"][..], &["--parquet"], &["--from-csv", "."]] {
+        let output = command(folder.path(), &[&["run", "ramp.toml"], arguments].concat());
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(message(&output.stderr).contains("needs the Python package `chassis_fmu`"), "{arguments:?}");
+    }
+    let output = command(folder.path(), &["run", "ramp.toml", "--native"]);
+    assert!(message(&output.stderr).contains("the native master is the default now"));
+}
+
 /// Commands of earlier versions end with the new name, options that have moved, too.
 #[test]
 fn renamed_commands_say_so() {
     let folder = tempfile::tempdir().unwrap();
     let message = |program: &str, arguments: &[&str]| {
         let path = programs::program(program);
-        let output =
-            Command::new(path).args(arguments).current_dir(folder.path()).env("NO_COLOR", "1").output().unwrap();
+        let output = Command::new(path)
+            .args(arguments)
+            .current_dir(folder.path())
+            .env("NO_COLOR", "1")
+            .env("CHASSIS_PYTHON", "")
+            .output()
+            .unwrap();
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
         message(&output.stderr)
     };

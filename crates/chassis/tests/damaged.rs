@@ -175,6 +175,7 @@ fn command(folder: &Path, command: &str) -> Output {
         .current_dir(folder)
         .env("TMPDIR", folder.join("temporary"))
         .env("NO_COLOR", "1")
+        .env("CHASSIS_PYTHON", "")
         .output()
         .unwrap();
     assert!(output.status.code().is_some(), "{command} ends with {}", output.status);

@@ -43,7 +43,7 @@ fn run(fmi: FmiVersion, habit: &str, scenario: &str, arguments: &[&str]) -> (Tem
     std::fs::write(folder.path().join("ends.toml"), scenario).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_chassis"));
     command.args(["run", "ends.toml", "--fmus", ".", "--no-warnings", "--jobs", "1"]).args(arguments);
-    let output = command.current_dir(folder.path()).env("NO_COLOR", "1").output().unwrap();
+    let output = command.current_dir(folder.path()).env("NO_COLOR", "1").env("CHASSIS_PYTHON", "").output().unwrap();
     (folder, output)
 }
 
@@ -83,7 +83,13 @@ fn fmus_have_any_file_name() {
     std::fs::write(folder.path().join("ends.toml"), SCENARIO.replace("\"Zoo\"", "\"My Zoo-1.2\"")).unwrap();
     for arguments in [&["plan", "ends.toml", "--fmus", "."][..], &["run", "ends.toml", "--fmus", ".", "--no-fail"]] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_chassis"));
-        let output = command.args(arguments).current_dir(folder.path()).env("NO_COLOR", "1").output().unwrap();
+        let output = command
+            .args(arguments)
+            .current_dir(folder.path())
+            .env("NO_COLOR", "1")
+            .env("CHASSIS_PYTHON", "")
+            .output()
+            .unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", unwrapped(&output.stderr));
     }
     assert_eq!(times(folder.path()).len(), 11);

@@ -19,6 +19,7 @@ fn evaluate(arguments: &[&str]) -> Output {
         .args(["bench", "evaluate"])
         .args(arguments)
         .env("NO_COLOR", "1")
+        .env("CHASSIS_PYTHON", "")
         .env("COLUMNS", "200")
         .output()
         .unwrap()

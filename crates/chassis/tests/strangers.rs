@@ -40,7 +40,12 @@ fn folder(zoo: &Zoo<'_>) -> TempDir {
 
 fn command(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(program(arguments[0]));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary"));
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .env("CHASSIS_PYTHON", "")
+        .env("TMPDIR", folder.join("temporary"));
     command.output().unwrap()
 }
 
@@ -50,7 +55,8 @@ fn check(folder: &Path, options: &[&str]) -> String {
 }
 
 fn run(folder: &Path, options: &[&str]) -> (bool, String) {
-    let output = command(folder, &[&["run", "zoo.toml", "--fmus", ".", "--no-warnings"], options].concat());
+    let output =
+        command(folder, &[&["run", "zoo.toml", "--fmus", ".", "--no-warnings", "--no-page"], options].concat());
     (output.status.success(), String::from_utf8(output.stderr).unwrap())
 }
 
@@ -97,7 +103,7 @@ fn without(calls: &[i64], folder: &Path, arguments: &[&str]) -> Output {
     let numbers: Vec<String> = calls.iter().map(i64::to_string).collect();
     let mut command = Command::new(&older);
     command.arg(numbers.join(",")).arg(program(arguments[0])).args(arguments).current_dir(folder);
-    command.env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary")).output().unwrap()
+    command.env("NO_COLOR", "1").env("CHASSIS_PYTHON", "").env("TMPDIR", folder.join("temporary")).output().unwrap()
 }
 
 /// The processes, other than zombies, whose command line or environment has a path of the folder.

@@ -49,7 +49,12 @@ fn ramp<'a>(step: &'a str) -> Build<'a> {
 
 fn prepared(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(program(arguments[0]));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary"));
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .env("CHASSIS_PYTHON", "")
+        .env("TMPDIR", folder.join("temporary"));
     command
 }
 
@@ -401,7 +406,9 @@ fn an_fmu_in_python_says_what_it_needs() {
             let output = command(path, command_line);
             assert_eq!(output.status.code(), Some(1), "{step}");
             let said = message(&[output.stdout, output.stderr].concat());
-            for expected in ["needs the Python library", "--libpython FILE", "scripts/cosim.py --native"] {
+            for expected in
+                ["needs the Python library", "--libpython FILE", "the command `chassis` of the Python package finds it"]
+            {
                 assert!(said.contains(expected), "{step}: {said}");
             }
             let output = command(path, &[command_line, &["--libpython", "libpython.so"]].concat());

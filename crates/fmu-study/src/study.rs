@@ -108,6 +108,15 @@ pub fn is_study(path: &Path) -> bool {
     table.is_some_and(|table| table.contains_key("scenario"))
 }
 
+/// Returns true if a study varies values in samples, which `chassis_fmu.study` carries out: all but those of method `optimize` without
+/// `[[vary]]`. False if it cannot be read.
+pub fn has_samples(path: &Path) -> bool {
+    let table = text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    table.is_some_and(|table| {
+        table.contains_key("vary") || table.get("method").and_then(toml::Value::as_str) != Some("optimize")
+    })
+}
+
 /// Keys that every study needs, including studies for another program.
 #[derive(Debug, Deserialize)]
 struct Needs {

@@ -1,4 +1,4 @@
-"""`python -m chassis_fmu.assess`: the command of `scripts/assess`."""
+"""`python -m chassis_fmu.assess FOLDER COMMAND`, which `chassis bench run` calls."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""`python -m chassis_fmu.study`: the command of `scripts/study`."""
+"""`python -m chassis_fmu.study`, which `chassis study` calls."""
 
 import sys
 

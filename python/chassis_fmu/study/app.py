@@ -1,4 +1,4 @@
-"""The command: `scripts/study STUDY`, and `scripts/study merge STUDY` for the shards of one."""
+"""Studies with `[[vary]]`: what `chassis study` calls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from .. import results, scenario, shell, tuning
+from .. import results, scenario, shell
 from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
 from . import design, execute, file, report
@@ -27,9 +27,6 @@ from .statistics import Numbers
 
 # What a call means that could not do its work; 1 is a requirement that is not met.
 UNABLE = 2
-
-# Options of studies that no tuning study has.
-NOT_OF_TUNING = ("--engine", "--scheduler", "--runs", "--shard")
 
 # Without `[series]`, the page shows the signals of so many worst runs of each case and point, if these runs took no
 # longer than this, s.
@@ -46,12 +43,10 @@ def _shard(text: str) -> Shard:
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Read the command line."""
-    name = shell.program("scripts/study")
     parser = argparse.ArgumentParser(
-        prog=name,
+        prog="chassis study",
         description=(
             "Run a study: many runs of a scenario with varying values, and a page with the results. "
-            f"`{name} merge STUDY` merges the shards of a study. "
             "Exit code: 0 if all requirements are met, 1 if one is not, 2 if the study could not run."
         ),
     )
@@ -60,15 +55,11 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
         "--runs", type=shell.positive, metavar="N", help="override the study's number of samples (`runs`)"
     )
     parser.add_argument(
-        "--engine",
-        choices=("local", "dask"),
-        default="local",
-        help="execute the runs on this machine or with Dask (default: local)",
-    )
-    parser.add_argument(
-        "--scheduler",
+        "--dask",
+        nargs="?",
+        const="",
         metavar="ADDRESS",
-        help="address of the Dask scheduler, such as tcp://HOST:8786 (default: start one on this machine)",
+        help="execute the runs with Dask, by the scheduler at tcp://HOST:8786 or one that is started on this machine",
     )
     parser.add_argument(
         "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
@@ -78,16 +69,14 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     shell.add_fmus(parser)
     parser.add_argument("--shard", type=_shard, metavar="I/N", help="run only the I-th of N parts of the samples")
     parser.add_argument("--no-fail", action="store_true", help="exit with 0 even if a requirement is not met")
+    parser.add_argument("--merge", action="store_true", help="make tables and page from all shards")
     existing = parser.add_mutually_exclusive_group()
     existing.add_argument("--resume", action="store_true", help="continue from the existing results")
     existing.add_argument("--overwrite", action="store_true", help="remove the existing results and start over")
     existing.add_argument(
         "--report-only", action="store_true", help="only make the tables and the page from the existing results"
     )
-    options = parser.parse_args(argv)
-    if options.scheduler is not None and options.engine != "dask":
-        parser.error("--scheduler belongs to --engine dask")
-    return options
+    return parser.parse_args(argv)
 
 
 def _job(options: argparse.Namespace) -> Job:
@@ -96,16 +85,16 @@ def _job(options: argparse.Namespace) -> Job:
     return Job(study, options.study.resolve(), folders)
 
 
-def _engine(options: argparse.Namespace, job: Job, *, merging: bool) -> tuple[Engine, str]:
+def _engine(options: argparse.Namespace, job: Job) -> tuple[Engine, str]:
     jobs = options.jobs or scenario.processors()
-    if options.report_only or merging:
+    if options.report_only or options.merge:
         return Nothing(job, jobs, options.timeout), "rows of earlier calls"
-    if options.engine == "local":
+    if options.dask is None:
         return Local(job, jobs, options.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"
     from .cluster import Dask
 
-    where = "of this machine" if options.scheduler is None else f"at {options.scheduler}"
-    return Dask(job, options.scheduler, jobs, options.timeout), f"Dask, scheduler {where}"
+    where = f"at {options.dask}" if options.dask else "of this machine"
+    return Dask(job, options.dask or None, jobs, options.timeout), f"Dask, scheduler {where}"
 
 
 def _total(job: Job, shard: Shard) -> int:
@@ -195,7 +184,7 @@ def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[R
     return recorded, files
 
 
-def _run(options: argparse.Namespace, *, merging: bool) -> int:
+def _run(options: argparse.Namespace) -> int:
     job = _job(options)
     for text in job.warnings():
         print(f"warning: {escaped(text)}", file=sys.stderr)
@@ -203,16 +192,16 @@ def _run(options: argparse.Namespace, *, merging: bool) -> int:
     shard = options.shard or WHOLE
     if shard != WHOLE and job.study.is_adaptive:
         raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
-    with folder.locked(WHOLE if merging else shard):
-        return _write(options, job, folder, shard, merging=merging)
+    with folder.locked(WHOLE if options.merge else shard):
+        return _write(options, job, folder, shard)
 
 
-def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, *, merging: bool) -> int:
-    if not merging:
+def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) -> int:
+    if not options.merge:
         folder.prepare(shard, resume=options.resume or options.report_only, overwrite=options.overwrite)
-    engine, name = _engine(options, job, merging=merging)
+    engine, name = _engine(options, job)
     with execute.closing(engine):
-        if merging:
+        if options.merge:
             result, name = execute.merge(job, folder), f"{len(folder.journals())} shards"
         else:
             result = _execute(options, job, folder, shard, engine)
@@ -222,7 +211,7 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, 
             given += [word for path in options.fmus or () for word in ("--fmus", str(path))]
             print(
                 f"{folder.journal(shard)}\n"
-                f"`scripts/study merge {shlex.join(given)}` makes the tables when all parts are there"
+                f"`chassis study --merge {shlex.join(given)}` makes the tables when all parts are there"
             )
             return 0
         execute.write(job, folder, result)
@@ -232,7 +221,7 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, 
     given += shell.set_options(options, ("runs",))
     for path in options.fmus or ():
         given += shell.from_root(["--fmus", str(path.resolve())])
-    context = report.Context(shlex.join(["scripts/study", *given]), name, shell.versions(), files)
+    context = report.Context(shlex.join(["chassis", "study", *given]), name, shell.versions(), files)
     report.write(numbers, recorded, context, folder.path)
     print(escaped(report.console(numbers)))
     print(f"\n{folder.path / 'index.html'}")
@@ -242,33 +231,14 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, 
     return 1 if failed and not options.no_fail else 0
 
 
-def _study_of(given: Sequence[str]) -> Path | None:
-    """Return the study among arguments, which may come after options with values: as `scripts/build` finds it."""
-    if given and not given[0].startswith("-"):
-        return Path(given[0])
-    return next((Path(a) for a in given if a.endswith(".toml") and not a.startswith("-")), None)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    given = list(sys.argv[1:] if argv is None else argv)
-    merging = given[:1] == ["merge"]
-    given = given[1:] if merging else given
-    path = _study_of(given)
-    if path is not None and path.is_file() and file.is_tuning(path):
-        wrong = [a for a in given if a.partition("=")[0] in NOT_OF_TUNING] + ["merge"] * merging
-        if wrong:
-            print(
-                f"error: {escaped(path)} is a tuning study ([[parameter]]): PACSA, GA and CMA-ES run on this machine, "
-                f"without {wrong[0]}. --budget N sets the number of evaluations, --jobs N that of processes; "
-                'method = "optimize" with [search] and [[vary]] takes an engine and --runs',
-                file=sys.stderr,
-            )
-            return UNABLE
-        # No requirement can be missed: what it cannot do is what no study could.
-        return UNABLE if (code := tuning.main(given)) == 1 else code
+    options = arguments(argv if argv is not None else sys.argv[1:])
+    if file.is_tuning(options.study):
+        print(f"error: {escaped(options.study)} has no [[vary]]; `chassis study` carries it out", file=sys.stderr)
+        return UNABLE
     try:
-        return _run(arguments(given), merging=merging)
+        return _run(options)
     except (StudyError, ScenarioError, RunError, results.ResultsError, OSError, pa.ArrowException) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return UNABLE

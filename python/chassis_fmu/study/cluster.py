@@ -26,7 +26,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .. import shell
-from ..scenario import PACKAGE, Outcome, Recorded, Sample, Scenario, Value
+from ..program import PACKAGE
+from ..scenario import Outcome, Recorded, Sample, Scenario, Value
 from . import packages
 from .engines import Take
 from .file import StudyError
@@ -132,7 +133,7 @@ class Dask:
     """A Dask cluster: that of a scheduler, or one of this machine."""
 
     def __init__(self, job: Job, address: str | None, jobs: int, timeout: float) -> None:
-        packages.needed("distributed", "--engine dask")
+        packages.needed("distributed", "--dask")
         import dask
         import distributed
 

@@ -17,8 +17,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use crate::folders::folders;
+use crate::folders::{folders, places};
 use crate::jobs::jobs;
+use crate::python::{self, Python};
 use cargo_fmu::files::{try_to_write, write_whole};
 use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
@@ -42,8 +43,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "SUITE")]
     suite: Vec<SuiteName>,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins
-    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
+    /// above, or the FMUs that came with this program]
+    #[arg(long, value_name = "DIR")]
     fmus: Vec<PathBuf>,
 
     /// Set a parameter, such as esp_car:body.mass=1300 or "esp_car:body.mass=1300 kg"; may be repeated
@@ -83,6 +85,14 @@ pub(crate) struct Arguments {
     /// Folder for results [default: results/assess_PLANT]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
+
+    /// Make no page
+    #[arg(long, conflicts_with = "report_only")]
+    no_page: bool,
+
+    /// Make only the page, from the existing results
+    #[arg(long)]
+    report_only: bool,
 
     /// Also write the assessment to this file, as JSON
     #[arg(long, value_name = "FILE")]
@@ -193,25 +203,49 @@ fn named(name: &str, folders: &mut Vec<PathBuf>) -> String {
     path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Assesses the plant. The exit code is 1 if a limit is not kept or a run failed, 2 if nothing could be run.
+/// Assesses the plant, and makes a page. The exit code is 1 if a limit is not kept or a run failed, 2 if nothing could be run.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
+    if arguments.report_only {
+        let python = Python::required("a page")?;
+        return page(arguments, &python, 0);
+    }
+    let python = if arguments.no_page { None } else { Python::find_or_note() };
     let code = match carried_out(arguments) {
         Ok(assessment) if !assessment.has_run() => {
             errln!("Error: nothing could be run: the reasons are above");
             2
         }
-        Ok(assessment) if assessment.is_passed() => return Ok(()),
-        Ok(_) => 1,
+        Ok(assessment) => i32::from(!assessment.is_passed()),
         Err(error) => {
             errln!("Error: {error:?}");
             2
         }
     };
-    std::process::exit(code)
+    match python {
+        Some(python) if code != 2 => page(arguments, &python, code),
+        _ if code == 0 => Ok(()),
+        _ => python::exit(code),
+    }
+}
+
+/// Folder of the results.
+fn out(arguments: &Arguments) -> PathBuf {
+    let plant = named(&arguments.plant, &mut Vec::new());
+    arguments.out.clone().unwrap_or_else(|| Path::new("results").join(format!("assess_{plant}")))
+}
+
+/// Makes the page, and ends with this exit code.
+fn page(arguments: &Arguments, python: &Python, code: i32) -> miette::Result<()> {
+    let folder = std::path::absolute(out(arguments)).into_diagnostic()?.display().to_string();
+    let command = python::command_without(&["--report-only"]);
+    match python.call("assess", &[folder, command], None)?.max(code) {
+        0 => Ok(()),
+        code => python::exit(code),
+    }
 }
 
 fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
-    let mut places = arguments.fmus.clone();
+    let mut places = places(&arguments.fmus);
     let mut order = Vec::new();
     let mut all = |units: &[Placed]| {
         let names: Vec<String> = units.iter().map(|unit| named(&unit.name, &mut places)).collect();
@@ -239,7 +273,7 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
             file.over(VehicleFile::of_library(&plant))
         }
     };
-    let out = arguments.out.clone().unwrap_or_else(|| Path::new("results").join(format!("assess_{plant}")));
+    let out = out(arguments);
     let mut set = arguments.parameters.as_deref().map_or(Ok(Vec::new()), parameters)?;
     set.retain(|(component, name, _)| !arguments.set.iter().any(|(of, own, _)| (of, own) == (component, name)));
     set.extend(arguments.set.iter().cloned());

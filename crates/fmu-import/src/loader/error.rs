@@ -45,7 +45,7 @@ pub enum LoadError {
     /// It calls Python, and the process has no Python.
     #[error(
         "{} needs the Python library, which this process lacks: it uses `{symbol}` without linking to it; give the library \
-         to `chassis run`, `study` or `check` with `--libpython FILE`, or run `scripts/cosim.py --native`, which finds it",
+         with `--libpython FILE`; the command `chassis` of the Python package finds it",
         path.display()
     )]
     Python {

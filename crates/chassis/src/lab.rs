@@ -1,0 +1,31 @@
+//! `chassis lab`: the site that simulates vehicles in a browser.
+
+use std::process::Command;
+
+use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
+
+use crate::python::{exit, root};
+
+/// Arguments of `chassis lab`.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Arguments {
+    /// Options of `scripts/lab`
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    options: Vec<String>,
+}
+
+/// Builds the site.
+///
+/// # Errors
+/// This program is not in the repository, which has the sources of the site.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let root = root().ok_or_else(|| {
+        miette!(
+            help = "Clone the repository, and call `scripts/lab` in it.",
+            "the lab is built from the sources of the repository, and this program is not in one"
+        )
+    })?;
+    let mut command = Command::new(root.join("scripts/lab"));
+    let status = command.args(&arguments.options).status().into_diagnostic().wrap_err("starting scripts/lab")?;
+    if status.success() { Ok(()) } else { exit(status.code().unwrap_or(1)) }
+}

@@ -1,0 +1,120 @@
+//! The Python package `chassis_fmu`, which makes tables and pages and runs scenarios through FMPy.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
+
+/// Names the Python that has the package; the command of the package sets it.
+const VARIABLE: &str = "CHASSIS_PYTHON";
+
+/// Remedy without the package.
+const HELP: &str =
+    "Install the wheel of the package `chassis-fmu`, or call the command inside the repository after `scripts/setup`.";
+
+/// A Python with the package.
+pub(crate) struct Python {
+    program: PathBuf,
+}
+
+impl Python {
+    /// The Python that called this program, or that of the repository that this program was built in.
+    pub(crate) fn find() -> Option<Self> {
+        let given = std::env::var_os(VARIABLE).map(PathBuf::from);
+        let program = given.or_else(|| {
+            let place = if cfg!(windows) { ".venv/Scripts/python.exe" } else { ".venv/bin/python" };
+            Some(root()?.join(place))
+        })?;
+        program.is_file().then_some(Self { program })
+    }
+
+    /// As [`Self::find`]; a note tells that there is none, and therefore no page.
+    pub(crate) fn find_or_note() -> Option<Self> {
+        let found = Self::find();
+        if found.is_none() {
+            cargo_fmu::errln!("note: no page is made, which needs the Python package `chassis_fmu`. {HELP}");
+        }
+        found
+    }
+
+    /// As [`Self::find`].
+    ///
+    /// # Errors
+    /// There is none, and `purpose` needs one.
+    pub(crate) fn required(purpose: &str) -> Result<Self> {
+        Self::find().ok_or_else(|| miette!(help = HELP, "{purpose} needs the Python package `chassis_fmu`"))
+    }
+
+    /// Runs a module of the package with arguments, and with text on its standard input; returns the exit code.
+    ///
+    /// # Errors
+    /// Python cannot be started.
+    pub(crate) fn call(&self, module: &str, arguments: &[String], input: Option<&str>) -> Result<i32> {
+        let starting = || format!("starting {}", self.program.display());
+        let mut command = Command::new(&self.program);
+        // It is for FMUs; a virtual environment finds its packages without it.
+        command.env_remove("PYTHONHOME").args(["-m", &format!("chassis_fmu.{module}")]).args(arguments);
+        command.stdin(if input.is_some() { Stdio::piped() } else { Stdio::inherit() });
+        let mut child = command.spawn().into_diagnostic().wrap_err_with(starting)?;
+        if let (Some(text), Some(mut pipe)) = (input, child.stdin.take()) {
+            // A Python that ends early has said why.
+            let _ = pipe.write_all(text.as_bytes());
+        }
+        let status = child.wait().into_diagnostic().wrap_err_with(starting)?;
+        // Without a code it was ended by a signal.
+        Ok(status.code().unwrap_or(1))
+    }
+}
+
+/// Ends this program with the exit code of another one.
+pub(crate) fn exit(code: i32) -> ! {
+    fmu_import::temporary::remove();
+    std::process::exit(code)
+}
+
+/// This call as a command: files of the repository that this program was built in are named from its top.
+pub(crate) fn command() -> String {
+    command_without(&[])
+}
+
+/// As [`command`], without some options that have no value.
+pub(crate) fn command_without(options: &[&str]) -> String {
+    let here = std::env::current_dir().unwrap_or_default();
+    let root = root().filter(|root| *root != here);
+    let arguments = std::env::args().skip(1).filter(|argument| !options.contains(&argument.as_str())).map(|argument| {
+        let path = here.join(&argument);
+        let inside = root.as_ref().filter(|_| path.exists());
+        let named = inside.map(|root| path.strip_prefix(root).unwrap_or(&path).display().to_string());
+        quoted(&named.unwrap_or(argument))
+    });
+    ["chassis".to_owned()].into_iter().chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
+/// The repository that this program was built in.
+pub(crate) fn root() -> Option<PathBuf> {
+    let own = std::env::current_exe().ok()?;
+    own.ancestors().find(|folder| folder.join("python/chassis_fmu").is_dir()).map(Path::to_path_buf)
+}
+
+/// An argument as a shell reads it.
+fn quoted(argument: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "@%+=:,./-_".contains(c);
+    if !argument.is_empty() && argument.chars().all(is_plain) {
+        argument.to_owned()
+    } else {
+        format!("'{}'", argument.replace('\'', "'\"'\"'"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_quoted_for_shells() {
+        for (argument, expected) in [("a-b.toml", "a-b.toml"), ("", "''"), ("a b", "'a b'"), ("it's", "'it'\"'\"'s'")] {
+            assert_eq!(quoted(argument), expected);
+        }
+    }
+}

@@ -1,0 +1,7 @@
+"""`python -m chassis_fmu`: the command `chassis`."""
+
+import sys
+
+from .command import main
+
+sys.exit(main())
