@@ -1,5 +1,7 @@
 //! Arrays whose elements are named after positions of wheels and axles.
 
+use fmu::Scalar;
+
 fmu::named_array! {
     /// The wheels of a three-axle vehicle; left ones have even numbers.
     pub SixWheels[6] {
@@ -94,6 +96,23 @@ fmu::named_array! {
         rear: "rear axle",
     }
 }
+
+/// Sums over left and right elements side by side (see [`crate::arithmetic`]).
+macro_rules! sum_of {
+    ($name:ident: $first_left:literal $($left:literal)*, $first_right:literal $($right:literal)*) => {
+        impl<T: Scalar> $name<T> {
+            /// Sum of the values of `f` at all indices: left ones, right ones, then both.
+            #[inline]
+            pub fn sum_of(f: impl Fn(usize) -> T) -> T {
+                (f($first_left) $(+ f($left))*) + (f($first_right) $(+ f($right))*)
+            }
+        }
+    };
+}
+
+sum_of!(SixWheels: 0 2 4, 1 3 5);
+sum_of!(FourWheels: 0 2, 1 3);
+sum_of!(Struts: 0 2, 1 3);
 
 /// The axle (0, 1, 2) of wheel `i` of [`SixWheels`].
 pub const fn axle_of(i: usize) -> usize {
