@@ -8,6 +8,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_vehicle::arithmetic::Divisor;
 use chassis_vehicle::data::esp_car as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
@@ -178,11 +179,11 @@ pub struct Y<T> {
     #[var(CORNER_ACCELERATION)]
     corner: FourWheels<T>,
     #[var(SUSPENSION_DEFLECTION)]
-    d: FourWheels<T>,
+    d_s: FourWheels<T>,
     #[var(SUSPENSION_VELOCITY)]
-    dd: FourWheels<T>,
+    dd_s: FourWheels<T>,
     #[var(TIRE_DEFLECTION)]
-    t_z: FourWheels<T>,
+    d_t: FourWheels<T>,
     #[var(TIRE_LOAD)]
     f_z: FourWheels<T>,
     #[var(TIRE_LONGITUDINAL_FORCE)]
@@ -207,27 +208,29 @@ pub struct D {
     /// Tire load at rest
     #[var("tire.static_load", unit = "N", display = "kN")]
     f_z0: FourWheels<f64>,
-    /// All wheels, kg.
+    /// m_U: all wheels, kg.
     m_w: f64,
     /// Body's center of mass ahead of the reference point, m.
     e: f64,
     /// Height of the roll axis, m.
     h_ra: f64,
+    /// S_1: moment of the wheels' masses about the reference point, kg m.
+    s_1: f64,
+    /// Center of the wheels' masses ahead of the reference point, m.
+    x_w: f64,
     /// Longitudinal and lateral position of each wheel, m.
     x: [f64; 4],
     y: [f64; 4],
     /// Wheels about the vertical axis through the reference point, kg m2.
     i_w: f64,
-    /// Reciprocals, because a step would divide by these numbers a thousand times: F_z0, m_s, m_u, mass of all wheels, J_w,
-    /// w_eps, track and wheelbase.
-    per_f_z0: [f64; 4],
-    per_m_s: f64,
-    per_m_u: [f64; 2],
-    per_m_w: f64,
-    per_j_w: f64,
-    per_w_eps: f64,
-    per_track: f64,
-    per_wheelbase: f64,
+    /// F_z0 of each wheel.
+    static_load: [Divisor; 4],
+    m_s: Divisor,
+    m_u: [Divisor; 2],
+    j_w: Divisor,
+    w_eps: Divisor,
+    track: Divisor,
+    wheelbase: Divisor,
     /// Inverse mass matrices of (ud, thetadd) and (vd, phidd).
     u_theta: [[f64; 2]; 2],
     v_phi: [[f64; 2]; 2],

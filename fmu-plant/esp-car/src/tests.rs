@@ -218,7 +218,7 @@ proptest! {
         let moving: Vec<_> = x.reals().into_iter().zip(rates.reals()).map(|(x, d)| Dual64::new(x, d)).collect();
         let power = energy(&p, &d, &X::from_reals(&moving)).eps;
         let y = equations::outputs(&p, &d, &x, &u);
-        let dampers: f64 = (0..4).map(|i| -p.c_s[axle_of(i)] * y.dd[i] * y.dd[i]).sum();
+        let dampers: f64 = (0..4).map(|i| -p.c_s[axle_of(i)] * y.dd_s[i] * y.dd_s[i]).sum();
         let wheels: f64 = (0..4).map(|i| x.omega[i] * (u.t_d[i] - u.t_b[i] * (x.omega[i] / p.w_eps).tanh())).sum();
         prop_assert!((power - dampers - wheels).abs() <= 1e-8, "{} W of {power} W", power - dampers - wheels);
     }
