@@ -6,17 +6,20 @@
 //! | x, y | position of a wheel in front of and to the left of the center of mass |
 //! | Z, theta, phi | heave, pitch, roll of the sprung mass |
 //! | z_w, z_r | height of a wheel and of the road under it |
-//! | d, t | deflection of suspension and tire (compression negative) |
+//! | d_s, d_t | deflection of suspension and tire (compression negative) |
 //! | F_s, U | force of spring and damper (tension positive), of the actuator (pushes the body up) |
 //! | q | force on the body, U - F_s |
 //! | N, F_z0 | tire load, and at rest |
 //! | delta, alpha, F_y | steering angle, slip angle and lateral force of a tire |
-//! | u, v, r | longitudinal and lateral velocity, yaw rate; u_e is u with a floor, for divisions |
+//! | u, v, r | longitudinal and lateral velocity, yaw rate |
+//! | u_e | u with a floor, for divisions |
 //! | psi | heading |
 //!
-//! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
+//! One more d, before the index if a name has one, is one more derivative with respect to time: zd, zdd_w, dd_s.
 
+use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{SixWheels, ThreeAxles, axle_of, left_is_positive};
+use chassis_vehicle::suspension::{load_transfer_ratio, tire_load};
 use chassis_vehicle::{statics, tire};
 use fmu::Scalar;
 
@@ -63,117 +66,171 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
         y: std::array::from_fn(|i| p.b_t / 2.0 * left_is_positive(i)),
         inverse,
         c: std::array::from_fn(|i| p.c[axle_of(i)]),
-        per_m_s: 1.0 / m_s,
-        per_m_w: 1.0 / p.m_w,
-        per_i_y: 1.0 / p.i_y,
+        sprung_mass: Divisor::new(m_s),
+        m_w: Divisor::new(p.m_w),
+        i_y: Divisor::new(p.i_y),
     })
 }
 
 /// Everything that follows from state and inputs.
 struct Motion<T> {
-    d: SixWheels<T>,
-    dd: SixWheels<T>,
-    t: SixWheels<T>,
-    n: SixWheels<T>,
-    beta: T,
-    sin_psi: T,
-    cos_psi: T,
-    alpha: SixWheels<T>,
-    f_y: SixWheels<T>,
-    zdd: T,
-    thetadd: T,
-    phidd: T,
-    zdd_w: SixWheels<T>,
-    vd: T,
-    rd: T,
+    heading: Rotation<T>,
+    suspension: Suspension<T>,
+    tires: Tires<T>,
+    vertical: Vertical<T>,
+    lateral: Lateral<T>,
 }
 
 #[inline]
-fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
-    let u_e = Scalar::max(u.u, T::from(p.u_min));
-    // Suspension (eq. 8, corrected): the left side rises with positive roll, the front sinks with positive pitch.
-    let d = SixWheels::from_fn(|i| x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i]);
-    let dd = SixWheels::from_fn(|i| x.zd - x.thetad * s.x[i] + x.phid * s.y[i] - x.zd_w[i]);
-    let f_s = SixWheels::<T>::from_fn(|i| d[i] * p.k_s + dd[i] * p.c_s);
-
-    // Tires (eq. 7, or its saturating form).
-    let t = SixWheels::from_fn(|i| x.z_w[i] - u.z_r[i]);
-    let n = SixWheels::from_fn(|i| {
-        let load = -t[i] * p.k_t + s.fz0[i];
-        if p.lift_off { Scalar::max(load, T::from(0.0)) } else { load }
-    });
-    // Both wheels of an axle have its direction; the fourth is that of the center of mass.
-    let across = |x_axle: f64| x.v + x.r * x_axle;
-    let [direction @ .., beta] = T::atan2_each([across(s.x[0]), across(s.x[2]), across(s.x[4]), x.v], [u_e; 4]);
-    // Separate from the heading: an array of small angles takes the fast path.
-    let (_, cos_delta) = T::sin_cos_each(u.delta.0);
-    let (sin_psi, cos_psi) = x.psi.sin_cos();
-    let alpha = SixWheels::from_fn(|i| direction[axle_of(i)] - u.delta[axle_of(i)]);
-    let f_y: SixWheels<T> = match p.tire_model {
-        TireModel::Linear => SixWheels::from_fn(|i| tire::linear(s.c[i], alpha[i])),
-        TireModel::Saturating => {
-            SixWheels(tire::saturating_each(s.c, std::array::from_fn(|i| n[i] * u.friction[i] * p.mu), alpha.0))
-        }
-    };
-
-    // Vertical motion (eqs. 4-6, corrected).
-    let q = SixWheels::<T>::from_fn(|i| u.f_u[i] - f_s[i]);
-    // Left and right wheels side by side.
-    let sum = |f: &dyn Fn(usize) -> T| (f(0) + f(2) + f(4)) + (f(1) + f(3) + f(5));
-    let zdd = sum(&|i| q[i]) * s.per_m_s;
-    let thetadd = (-sum(&|i| q[i] * s.x[i]) + x.theta * (s.m_s * p.g * p.h_s)) * s.per_i_y;
-    let zdd_w = SixWheels::from_fn(|i| (f_s[i] - u.f_u[i] + (n[i] - s.fz0[i])) * s.per_m_w);
-
-    // Lateral, roll and yaw motion (eqs. 1-3): one symmetric system in (vd, phidd, rd).
-    let across = SixWheels::<T>::from_fn(|i| f_y[i] * cos_delta[axle_of(i)]);
-    let right = [
-        sum(&|i| across[i]) - u.u * x.r * p.m,
-        sum(&|i| q[i] * s.y[i]) + x.phi * (s.m_s * p.g * p.h_s) + u.u * x.r * (s.m_s * p.h_s),
-        sum(&|i| across[i] * s.x[i]),
-    ];
-    let [vd, phidd, rd] = s.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
-    Motion { d, dd, t, n, beta, sin_psi, cos_psi, alpha, f_y, zdd, thetadd, phidd, zdd_w, vd, rd }
+fn motion<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+    let suspension = suspension(p, d, x, u);
+    let directions = directions(p, d, x, u);
+    let steering = Rotation::by_each(u.delta.0);
+    let heading = Rotation::by(x.psi);
+    let tires = tires(p, d, u, &suspension.n, directions);
+    let vertical = vertical_motion(p, d, x, u, &suspension);
+    let lateral = lateral_motion(p, d, x, u, &suspension.q, &tires.f_y, &steering);
+    Motion { heading, suspension, tires, vertical, lateral }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-    let m = motion(p, s, x, u);
+/// Suspension and tire springs.
+struct Suspension<T> {
+    d_s: SixWheels<T>,
+    dd_s: SixWheels<T>,
+    f_s: SixWheels<T>,
+    q: SixWheels<T>,
+    d_t: SixWheels<T>,
+    n: SixWheels<T>,
+}
+
+/// Eq. 8, corrected: the left side rises with positive roll, the front sinks with positive pitch.
+#[inline]
+fn suspension<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> Suspension<T> {
+    let d_s = SixWheels::from_fn(|i| x.z - x.theta * d.x[i] + x.phi * d.y[i] - x.z_w[i]);
+    let dd_s = SixWheels::from_fn(|i| x.zd - x.thetad * d.x[i] + x.phid * d.y[i] - x.zd_w[i]);
+    let f_s = SixWheels::<T>::from_fn(|i| d_s[i] * p.k_s + dd_s[i] * p.c_s);
+    let q = SixWheels::<T>::from_fn(|i| u.f_u[i] - f_s[i]);
+    let d_t = SixWheels::from_fn(|i| x.z_w[i] - u.z_r[i]);
+    let n = SixWheels::from_fn(|i| tire_load(d.fz0[i], p.k_t, d_t[i], p.lift_off));
+    Suspension { d_s, dd_s, f_s, q, d_t, n }
+}
+
+/// Directions in which the hubs of the axles and the center of mass move; the last one is the sideslip angle.
+#[inline]
+fn directions<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> [T; 4] {
+    let u_e = Scalar::max(u.u, T::from(p.u_min));
+    let v = |x_axle: f64| x.v + x.r * x_axle;
+    T::atan2_each([v(d.x[0]), v(d.x[2]), v(d.x[4]), x.v], [u_e; 4])
+}
+
+/// Slip angles and lateral forces, and the sideslip angle.
+struct Tires<T> {
+    alpha: SixWheels<T>,
+    f_y: SixWheels<T>,
+    beta: T,
+}
+
+/// Eq. 7, or its saturating form.
+#[inline]
+fn tires<T: Scalar>(p: &RescueVehicle, d: &D, u: &U<T>, n: &SixWheels<T>, [axles @ .., beta]: [T; 4]) -> Tires<T> {
+    let alpha = SixWheels::from_fn(|i| axles[axle_of(i)] - u.delta[axle_of(i)]);
+    let f_y = match p.tire_model {
+        TireModel::Linear => SixWheels::from_fn(|i| tire::linear(d.c[i], alpha[i])),
+        TireModel::Saturating => {
+            SixWheels(tire::saturating_each(d.c, std::array::from_fn(|i| n[i] * u.friction[i] * p.mu), alpha.0))
+        }
+    };
+    Tires { alpha, f_y, beta }
+}
+
+/// Accelerations of body and wheels.
+struct Vertical<T> {
+    zdd: T,
+    thetadd: T,
+    zdd_w: SixWheels<T>,
+}
+
+/// Eqs. 4-6, corrected.
+#[inline]
+fn vertical_motion<T: Scalar>(
+    p: &RescueVehicle,
+    d: &D,
+    x: &X<T>,
+    u: &U<T>,
+    Suspension { f_s, q, n, .. }: &Suspension<T>,
+) -> Vertical<T> {
+    Vertical {
+        zdd: SixWheels::sum_of(|i| q[i]).over(d.sprung_mass),
+        thetadd: (-SixWheels::sum_of(|i| q[i] * d.x[i]) + x.theta * (d.m_s * p.g * p.h_s)).over(d.i_y),
+        zdd_w: SixWheels::from_fn(|i| (f_s[i] - u.f_u[i] + (n[i] - d.fz0[i])).over(d.m_w)),
+    }
+}
+
+/// Lateral, roll and yaw acceleration.
+struct Lateral<T> {
+    vd: T,
+    phidd: T,
+    rd: T,
+}
+
+/// Eqs. 1-3: one symmetric system in (vd, phidd, rd).
+#[inline]
+fn lateral_motion<T: Scalar>(
+    p: &RescueVehicle,
+    d: &D,
+    x: &X<T>,
+    u: &U<T>,
+    q: &SixWheels<T>,
+    f_y: &SixWheels<T>,
+    steering: &[Rotation<T>; 3],
+) -> Lateral<T> {
+    let across = SixWheels::<T>::from_fn(|i| f_y[i] * steering[axle_of(i)].cos);
+    let right = [
+        SixWheels::sum_of(|i| across[i]) - u.u * x.r * p.m,
+        SixWheels::sum_of(|i| q[i] * d.y[i]) + x.phi * (d.m_s * p.g * p.h_s) + u.u * x.r * (d.m_s * p.h_s),
+        SixWheels::sum_of(|i| across[i] * d.x[i]),
+    ];
+    let [vd, phidd, rd] = d.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
+    Lateral { vd, phidd, rd }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    let Motion { heading, vertical, lateral, .. } = motion(p, d, x, u);
+    let [xd, yd] = heading.out_of_frame([u.u, x.v]);
     X {
         z: x.zd,
         theta: x.thetad,
         phi: x.phid,
         z_w: x.zd_w,
-        zd: m.zdd,
-        thetad: m.thetadd,
-        phid: m.phidd,
-        zd_w: m.zdd_w,
-        v: m.vd,
-        r: m.rd,
+        zd: vertical.zdd,
+        thetad: vertical.thetadd,
+        phid: lateral.phidd,
+        zd_w: vertical.zdd_w,
+        v: lateral.vd,
+        r: lateral.rd,
         psi: x.r,
-        x: u.u * m.cos_psi - x.v * m.sin_psi,
-        y: u.u * m.sin_psi + x.v * m.cos_psi,
+        x: xd,
+        y: yd,
     }
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
-    let m = motion(p, s, x, u);
-    let right: T = (0..6).filter(|i| i % 2 == 1).map(|i| m.n[i]).sum();
-    let left: T = (0..6).filter(|i| i % 2 == 0).map(|i| m.n[i]).sum();
-    let least = T::from(1.0); // N; the ratio of a vehicle in the air is 0
-    let all = right + left;
+pub(crate) fn outputs<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+    let Motion { suspension, tires, vertical, lateral, .. } = motion(p, d, x, u);
+    let loads = |side: usize| (0..3).map(|axle| suspension.n[2 * axle + side]).sum::<T>();
     Y {
         u: u.u,
-        beta: m.beta,
-        rd: m.rd,
-        a_y: m.vd + u.u * x.r,
-        ltr: all.if_greater(least, (right - left) / Scalar::max(all, least), T::from(0.0)),
-        zdd: m.zdd,
-        thetadd: m.thetadd,
-        phidd: m.phidd,
-        d: m.d,
-        dd: m.dd,
-        t: m.t,
-        n: m.n,
-        alpha: m.alpha,
-        f_y: m.f_y,
+        beta: tires.beta,
+        rd: lateral.rd,
+        a_y: lateral.vd + u.u * x.r,
+        ltr: load_transfer_ratio(loads(0), loads(1)),
+        zdd: vertical.zdd,
+        thetadd: vertical.thetadd,
+        phidd: lateral.phidd,
+        d_s: suspension.d_s,
+        dd_s: suspension.dd_s,
+        d_t: suspension.d_t,
+        n: suspension.n,
+        alpha: tires.alpha,
+        f_y: tires.f_y,
     }
 }

@@ -9,6 +9,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_vehicle::arithmetic::Divisor;
 use chassis_vehicle::data::rescue_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
@@ -156,11 +157,11 @@ pub struct Y<T> {
     #[var(BODY_ROLL_ACCELERATION)]
     phidd: T,
     #[var(SUSPENSION_DEFLECTION)]
-    d: SixWheels<T>,
+    d_s: SixWheels<T>,
     #[var(SUSPENSION_VELOCITY)]
-    dd: SixWheels<T>,
+    dd_s: SixWheels<T>,
     #[var(TIRE_DEFLECTION)]
-    t: SixWheels<T>,
+    d_t: SixWheels<T>,
     #[var(TIRE_LOAD)]
     n: SixWheels<T>,
     #[var(TIRE_SLIP_ANGLE)]
@@ -185,10 +186,10 @@ pub struct D {
     inverse: [[f64; 3]; 3],
     /// Cornering stiffness of each tire.
     c: [f64; 6],
-    /// Reciprocals, because a step would divide by these numbers a hundred times: m_s, mass of a wheel, I_y.
-    per_m_s: f64,
-    per_m_w: f64,
-    per_i_y: f64,
+    /// m_s
+    sprung_mass: Divisor,
+    m_w: Divisor,
+    i_y: Divisor,
 }
 
 /// Three-axle emergency rescue vehicle: heave, pitch, roll, six wheels, lateral and yaw motion at a prescribed speed

@@ -116,7 +116,7 @@ fn the_derivatives_have_the_check_numbers() {
     let y = equations::outputs(&p, &derived(&p), &x, &u);
     let f_s = [-1541.6666667, -40291.666667, 26958.333333, -11791.666667, 42458.333333, 3708.3333333];
     for (i, expected) in f_s.into_iter().enumerate() {
-        assert_abs_diff_eq!(p.k_s * y.d[i] + p.c_s * y.dd[i], expected, epsilon = 1e-6);
+        assert_abs_diff_eq!(p.k_s * y.d_s[i] + p.c_s * y.dd_s[i], expected, epsilon = 1e-6);
     }
     let f_y = [15753.647634, 15709.816993, 10097.802895, 10083.914977, -5708.9092767, -5705.8295911];
     for (actual, expected) in y.f_y.iter().zip(f_y) {
@@ -175,24 +175,24 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     // Closed form of a turn with v = 0: every tire makes m u r / 6, and the roll angle per lateral acceleration is
     // m_s h_s / (K_phi - m_s g h_s) with springs and tire springs in series, K_phi = 6 (B/2)^2 k_s k_t / (k_s + k_t).
     let p = linear();
-    let s = derived(&p);
+    let d = derived(&p);
     let (speed, r) = (data::SPEED, 0.385);
     let a_y = speed * r;
     let half = p.b_t / 2.0;
     let k_phi = 6.0 * half * half * p.k_s * p.k_t / (p.k_s + p.k_t);
-    let per_acceleration = s.m_s * p.h_s / (k_phi - s.m_s * p.g * p.h_s);
+    let per_acceleration = d.m_s * p.h_s / (k_phi - d.m_s * p.g * p.h_s);
     assert_abs_diff_eq!(per_acceleration, 0.01984193, epsilon = 1e-8); // check number
     let phi = per_acceleration * a_y;
     let share = p.k_s / (p.k_s + p.k_t);
     let delta = ThreeAxles::from_fn(|axle| {
-        let travel = (s.x[2 * axle] * r).atan2(speed);
+        let travel = (d.x[2 * axle] * r).atan2(speed);
         let mut delta = travel;
         for _ in 0..100 {
             delta = travel + p.m * a_y / 6.0 / (p.c[axle] * delta.cos());
         }
         delta
     });
-    let x = X { phi, z_w: SixWheels::from_fn(|i| share * s.y[i] * phi), r, ..X::default() };
+    let x = X { phi, z_w: SixWheels::from_fn(|i| share * d.y[i] * phi), r, ..X::default() };
     let u = U { u: speed, delta, ..U::default() };
     let rates = derivatives(&p, &x, &u);
     // Roundings of forces of 1e5 N on the smallest mass, 600 kg.
@@ -200,7 +200,7 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
         assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
     // Load transfer: the moment of the tires about the roll axis is that of the springs.
-    let y = equations::outputs(&p, &s, &x, &u);
+    let y = equations::outputs(&p, &d, &x, &u);
     assert_abs_diff_eq!(y.ltr, k_phi * phi / (half * p.m * p.g), epsilon = 1e-12);
     assert_abs_diff_eq!(y.a_y, a_y, epsilon = 1e-12);
 }
@@ -210,12 +210,12 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
     // Two derivations of one model: these equations by dual numbers, and the matrices M, N, R, Q of the paper's
     // Appendix A (corrected). States v = u beta; a few roundings of the largest element.
     let p = linear();
-    let s = derived(&p);
+    let d = derived(&p);
     let vehicle = Vehicle {
         m: p.m,
         m_w: p.m_w,
-        x: s.x,
-        y: s.y,
+        x: d.x,
+        y: d.y,
         h_s: p.h_s,
         i_x: p.i_x,
         i_y: p.i_y,
@@ -270,15 +270,15 @@ fn the_poles_at_35_km_h_are_the_check_numbers() {
 }
 
 /// Kinetic and potential energy of the vehicle without lift-off; it is at rest in the vertical plane at 0.
-fn energy<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>) -> T {
+fn energy<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>) -> T {
     let wheels = (0..6).map(|i| {
-        let d = x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i];
-        d.squared() * p.k_s + x.z_w[i].squared() * p.k_t + x.zd_w[i].squared() * p.m_w
+        let d_s = x.z - x.theta * d.x[i] + x.phi * d.y[i] - x.z_w[i];
+        d_s.squared() * p.k_s + x.z_w[i].squared() * p.k_t + x.zd_w[i].squared() * p.m_w
     });
-    let body = x.zd.squared() * s.m_s + x.thetad.squared() * p.i_y + x.phid.squared() * p.i_x;
+    let body = x.zd.squared() * d.m_s + x.thetad.squared() * p.i_y + x.phid.squared() * p.i_x;
     let plane = x.v.squared() * p.m + x.r.squared() * p.i_z;
-    let coupling = x.v * x.phid * (s.m_s * p.h_s) + x.phid * x.r * p.i_xz;
-    let height = (x.theta.squared() + x.phi.squared()) * (s.m_s * p.g * p.h_s);
+    let coupling = x.v * x.phid * (d.m_s * p.h_s) + x.phid * x.r * p.i_xz;
+    let height = (x.theta.squared() + x.phi.squared()) * (d.m_s * p.g * p.h_s);
     (wheels.sum::<T>() + body + plane - height) * 0.5 - coupling
 }
 
@@ -312,14 +312,14 @@ proptest! {
     fn the_energy_balance_closes(x in any_state()) {
         for tire_model in [TireModel::Linear, TireModel::Saturating] {
             let p = RescueVehicle { tire_model, lift_off: false, ..RescueVehicle::default() };
-            let s = derived(&p);
+            let d = derived(&p);
             let u = U { u: 0.0, ..U::default() };
-            let rates = equations::derivatives(&p, &s, &x, &u);
+            let rates = equations::derivatives(&p, &d, &x, &u);
             let moving: Vec<_> = x.reals().into_iter().zip(rates.reals()).map(|(x, d)| Dual64::new(x, d)).collect();
-            let power = energy(&p, &s, &X::from_reals(&moving)).eps;
-            let y = equations::outputs(&p, &s, &x, &u);
-            let dampers: f64 = y.dd.iter().map(|dd| -p.c_s * dd * dd).sum();
-            let tires: f64 = (0..6).map(|i| y.f_y[i] * (x.v + x.r * s.x[i])).sum();
+            let power = energy(&p, &d, &X::from_reals(&moving)).eps;
+            let y = equations::outputs(&p, &d, &x, &u);
+            let dampers: f64 = y.dd_s.iter().map(|dd_s| -p.c_s * dd_s * dd_s).sum();
+            let tires: f64 = (0..6).map(|i| y.f_y[i] * (x.v + x.r * d.x[i])).sum();
             prop_assert!(dampers <= 0.0 && tires <= 0.0);
             prop_assert!((power - dampers - tires).abs() <= 1e-8, "{} W from {} W", power - dampers - tires, power);
         }
@@ -331,14 +331,14 @@ proptest! {
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), saturating: bool, lift_off: bool) {
         let tire_model = if saturating { TireModel::Saturating } else { TireModel::Linear };
         let p = RescueVehicle { tire_model, lift_off, ..RescueVehicle::default() };
-        let s = derived(&p);
+        let d = derived(&p);
         let (xm, um) = (mirrored(&x), mirrored(&u));
         let pairs = [
             (
-                mirrored(&equations::derivatives(&p, &s, &x, &u)).reals(),
-                equations::derivatives(&p, &s, &xm, &um).reals(),
+                mirrored(&equations::derivatives(&p, &d, &x, &u)).reals(),
+                equations::derivatives(&p, &d, &xm, &um).reals(),
             ),
-            (mirrored(&equations::outputs(&p, &s, &x, &u)).reals(), equations::outputs(&p, &s, &xm, &um).reals()),
+            (mirrored(&equations::outputs(&p, &d, &x, &u)).reals(), equations::outputs(&p, &d, &xm, &um).reals()),
         ];
         for (expected, actual) in pairs {
             let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
@@ -415,12 +415,12 @@ fn data_that_make_no_vehicle_are_rejected() {
 fn the_inverse_mass_matrix_is_one() {
     // M M^-1 = 1; roundings of a product of 3 terms of order 1.
     let p = RescueVehicle::default();
-    let s = derived(&p);
-    let coupling = -s.m_s * p.h_s;
+    let d = derived(&p);
+    let coupling = -d.m_s * p.h_s;
     let mass = [[p.m, coupling, 0.0], [coupling, p.i_x, -p.i_xz], [0.0, -p.i_xz, p.i_z]];
     for (i, row) in mass.iter().enumerate() {
         for j in 0..3 {
-            let product: f64 = (0..3).map(|k| row[k] * s.inverse[k][j]).sum();
+            let product: f64 = (0..3).map(|k| row[k] * d.inverse[k][j]).sum();
             assert_abs_diff_eq!(product, if i == j { 1.0 } else { 0.0 }, epsilon = 1e-13);
         }
     }
