@@ -5,21 +5,24 @@
 //! |---|---|
 //! | z_s, phi | heave and roll of the sprung mass |
 //! | z_u, z_q | height of the unsprung mass of a side and of the road under it |
-//! | T, arm | track and its half |
-//! | d, e | deflection of suspension and tires (compression negative) |
+//! | T | track |
+//! | d_s, d_t | deflection of suspension and tires (compression negative) |
 //! | F, f | force of spring and damper, of the actuator (both push the body up) |
 //! | N, N_0 | load of the tires of a side, and at rest |
 //! | M | moment of suspension and weight about the roll axis |
 //! | G | lateral force through the roll center, as a vertical force on the left wheels (opposite on the right) |
 //! | h, h_r | center of mass over the roll axis, roll center over ground |
-//! | v | speed; v_e is v with a floor, for divisions; q fades the tire forces out below the floor |
+//! | v, v_e | speed, and with a floor, for divisions |
+//! | q | fades the tire forces out below the floor |
 //! | beta, gamma, psi | sideslip angle, yaw rate, heading |
 //! | delta, alpha, F_y | steering angle, slip angle of an axle, lateral force of a tire |
+//! | F_f, F_r | lateral force of the front and the rear axle |
 //! | a_y, LTR | lateral acceleration, load transfer ratio estimated from it |
 //! | c | share of the roll acceleration in the lateral motion (`model.roll_lateral_coupling`) |
 //!
-//! One more d at the end of a name is one more derivative with respect to time: phid, phidd.
+//! One more d, before the index if a name has one, is one more derivative with respect to time: phid, zdd_u, dd_s.
 
+use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{FourWheels, Sides, TwoAxles, axle_of, left_is_positive};
 use chassis_vehicle::suspension::{load_transfer_ratio, spring_damper, tire_load};
 use chassis_vehicle::tire::MagicFormula;
@@ -48,12 +51,12 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
         m,
         n0: (p.m_s / 2.0 + p.m_u) * p.g,
         share: std::array::from_fn(|i| share[axle_of(i)]),
-        per_t: 1.0 / p.t,
-        per_m_s: 1.0 / p.m_s,
-        per_m_u: 1.0 / p.m_u,
-        per_i_x: 1.0 / p.i_x,
-        per_i_z: 1.0 / p.i_z,
-        per_m_y: 1.0 / (m - p.c * (p.m_s * p.h) * (p.m_s * p.h) / p.i_x),
+        t: Divisor::new(p.t),
+        m_s: Divisor::new(p.m_s),
+        m_u: Divisor::new(p.m_u),
+        i_x: Divisor::new(p.i_x),
+        i_z: Divisor::new(p.i_z),
+        m_y: Divisor::new(m - p.c * (p.m_s * p.h) * (p.m_s * p.h) / p.i_x),
     })
 }
 
@@ -61,57 +64,25 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
 struct Motion<T> {
     /// Derivatives of the state.
     rates: X<T>,
-    sin_phi: T,
-    cos_phi: T,
-    d: Sides<T>,
-    dd: Sides<T>,
-    e: Sides<T>,
-    n: Sides<T>,
-    alpha: TwoAxles<T>,
-    f_y: FourWheels<T>,
+    roll: Rotation<T>,
+    suspension: Suspension<T>,
+    tires: Tires<T>,
     a_y: T,
 }
 
 #[inline]
-fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
-    let arm = |i| p.t / 2.0 * left_is_positive(i);
-    let ([sin_phi, sin_psi], [cos_phi, cos_psi]) = T::sin_cos_each([x.phi, x.psi]);
-
-    // Suspension (eq. 4, corrected).
-    let d = Sides::from_fn(|i| x.z_s + x.phi * arm(i) - x.z_u[i]);
-    let dd = Sides::from_fn(|i| x.zd_s + x.phid * arm(i) - x.zd_u[i]);
-    let push = Sides::<T>::from_fn(|i| spring_damper(p.k_s, p.c_s, d[i], dd[i]) + u.f[i]); // F + f
-
-    // Tires: a side's load is shared by its front and rear tire as at rest.
-    let e = Sides::from_fn(|i| x.z_u[i] - u.z_q[i]);
-    let n = Sides::from_fn(|i| tire_load(s.n0, p.k_t, e[i], p.lift_off));
+fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, d: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+    let [roll, heading] = Rotation::by_each([x.phi, x.psi]);
+    let suspension = suspension(p, d, x, u);
     let per_v_e = T::from(1.0) / Scalar::max(u.v, T::from(FLOOR));
     let q = Scalar::clamp(u.v / FLOOR, T::from(0.0), T::from(1.0));
-    let alpha = TwoAxles([x.beta + x.gamma * p.l_f * per_v_e - u.delta[0], x.beta - x.gamma * p.l_r * per_v_e]);
-    let force = MagicFormula::PASSENGER_CAR.lateral_each(
-        std::array::from_fn(|i| u.friction[i % 2] * p.mu),
-        std::array::from_fn(|i| n[i % 2] * s.share[i]),
-        std::array::from_fn(|i| alpha[axle_of(i)]),
-    );
-    let f_y = FourWheels(force.map(|force| q * force));
+    let tires = tires(p, d, x, u, &suspension.n, [per_v_e, q]);
+    let moment = roll_moment(p, &suspension, &roll);
+    let Lateral { a_y, betad, gammad } = lateral_motion(p, d, x, &tires.f_y, moment, [per_v_e, q]);
+    let Vertical { zdd_s, phidd, zdd_u } = vertical_motion(p, d, &suspension, moment, a_y);
 
-    // Lateral and yaw motion (eqs. 2 and 3, corrected); with c = 1 sway and roll are one system of two equations:
-    // m a_y - m_s h phidd = F_f + F_r,  I_x phidd = M + m_s h a_y.
-    let m_sh = p.m_s * p.h;
-    let moment = (push[0] - push[1]) * (p.t / 2.0) + sin_phi * (m_sh * p.g);
-    let (f_front, f_rear) = (f_y[0] + f_y[1], f_y[2] + f_y[3]);
-    let a_y = (f_front + f_rear + moment * (p.c * m_sh * s.per_i_x)) * s.per_m_y;
-    let fade = |rate: T, value: T| q * rate - (-q + 1.0) * value * DECAY;
-    let betad = fade(a_y * per_v_e - x.gamma, x.beta);
-    let gammad = fade((f_front * p.l_f - f_rear * p.l_r) * s.per_i_z, x.gamma);
-
-    // Vertical and roll motion (eqs. 1, 4, 5 and 9, corrected).
-    let zdd_s = (push[0] + push[1]) * s.per_m_s;
-    let phidd = (moment + a_y * m_sh) * s.per_i_x;
-    let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r * s.per_t);
-    let zdd_u = Sides::from_fn(|i| (n[i] - s.n0 - push[i] + g * left_is_positive(i)) * s.per_m_u);
-
-    let lateral = u.v * x.beta; // lateral velocity: sideslip is a small angle
+    // Sideslip is a small angle.
+    let [xd, yd] = heading.out_of_frame([u.v, u.v * x.beta]);
     let rates = X {
         z_s: x.zd_s,
         phi: x.phid,
@@ -122,34 +93,141 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Mo
         beta: betad,
         gamma: gammad,
         psi: x.gamma,
-        x: u.v * cos_psi - lateral * sin_psi,
-        y: u.v * sin_psi + lateral * cos_psi,
+        x: xd,
+        y: yd,
     };
-    Motion { rates, sin_phi, cos_phi, d, dd, e, n, alpha, f_y, a_y }
+    Motion { rates, roll, suspension, tires, a_y }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-    motion(p, s, x, u).rates
+/// Suspension and tire springs.
+struct Suspension<T> {
+    d_s: Sides<T>,
+    dd_s: Sides<T>,
+    /// F + f
+    push: Sides<T>,
+    d_t: Sides<T>,
+    n: Sides<T>,
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
-    let m = motion(p, s, x, u);
+/// Eq. 4, corrected.
+#[inline]
+fn suspension<T: Scalar>(p: &HydroPneumaticHalfCar, d: &D, x: &X<T>, u: &U<T>) -> Suspension<T> {
+    let y = |i| p.t / 2.0 * left_is_positive(i);
+    let d_s = Sides::from_fn(|i| x.z_s + x.phi * y(i) - x.z_u[i]);
+    let dd_s = Sides::from_fn(|i| x.zd_s + x.phid * y(i) - x.zd_u[i]);
+    let push = Sides::from_fn(|i| spring_damper(p.k_s, p.c_s, d_s[i], dd_s[i]) + u.f[i]);
+    let d_t = Sides::from_fn(|i| x.z_u[i] - u.z_q[i]);
+    let n = Sides::from_fn(|i| tire_load(d.n0, p.k_t, d_t[i], p.lift_off));
+    Suspension { d_s, dd_s, push, d_t, n }
+}
+
+/// Slip angles and lateral forces.
+struct Tires<T> {
+    alpha: TwoAxles<T>,
+    f_y: FourWheels<T>,
+}
+
+/// The front and the rear tire of a side share its load as at rest.
+#[inline]
+fn tires<T: Scalar>(
+    p: &HydroPneumaticHalfCar,
+    d: &D,
+    x: &X<T>,
+    u: &U<T>,
+    n: &Sides<T>,
+    [per_v_e, q]: [T; 2],
+) -> Tires<T> {
+    let alpha = TwoAxles([x.beta + x.gamma * p.l_f * per_v_e - u.delta[0], x.beta - x.gamma * p.l_r * per_v_e]);
+    let force = MagicFormula::PASSENGER_CAR.lateral_each(
+        std::array::from_fn(|i| u.friction[i % 2] * p.mu),
+        std::array::from_fn(|i| n[i % 2] * d.share[i]),
+        std::array::from_fn(|i| alpha[axle_of(i)]),
+    );
+    let f_y = FourWheels(force.map(|force| q * force));
+    Tires { alpha, f_y }
+}
+
+/// M of eqs. 1 and 9, corrected.
+#[inline]
+fn roll_moment<T: Scalar>(p: &HydroPneumaticHalfCar, Suspension { push, .. }: &Suspension<T>, roll: &Rotation<T>) -> T {
+    (push[0] - push[1]) * (p.t / 2.0) + roll.sin * (p.m_s * p.h * p.g)
+}
+
+/// Lateral acceleration, and rates of sideslip and yaw rate.
+struct Lateral<T> {
+    a_y: T,
+    betad: T,
+    gammad: T,
+}
+
+/// Eqs. 2 and 3, corrected; with c = 1, sway and roll are one system of two equations: m a_y - m_s h phidd = F_f + F_r,
+/// I_x phidd = M + m_s h a_y.
+#[inline]
+fn lateral_motion<T: Scalar>(
+    p: &HydroPneumaticHalfCar,
+    d: &D,
+    x: &X<T>,
+    f_y: &FourWheels<T>,
+    moment: T,
+    [per_v_e, q]: [T; 2],
+) -> Lateral<T> {
+    let (f_f, f_r) = (f_y[0] + f_y[1], f_y[2] + f_y[3]);
+    let a_y = (f_f + f_r + moment * (p.c * (p.m_s * p.h)).over(d.i_x)).over(d.m_y);
+    let fade = |rate: T, value: T| q * rate - (-q + 1.0) * value * DECAY;
+    Lateral {
+        a_y,
+        betad: fade(a_y * per_v_e - x.gamma, x.beta),
+        gammad: fade((f_f * p.l_f - f_r * p.l_r).over(d.i_z), x.gamma),
+    }
+}
+
+/// Accelerations of body and wheels.
+struct Vertical<T> {
+    zdd_s: T,
+    phidd: T,
+    zdd_u: Sides<T>,
+}
+
+/// Eqs. 1, 4, 5 and 9, corrected.
+#[inline]
+fn vertical_motion<T: Scalar>(
+    p: &HydroPneumaticHalfCar,
+    d: &D,
+    Suspension { push, n, .. }: &Suspension<T>,
+    moment: T,
+    a_y: T,
+) -> Vertical<T> {
+    let phidd = (moment + a_y * (p.m_s * p.h)).over(d.i_x);
+    let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r).over(d.t);
+    Vertical {
+        zdd_s: (push[0] + push[1]).over(d.m_s),
+        phidd,
+        zdd_u: Sides::from_fn(|i| (n[i] - d.n0 - push[i] + g * left_is_positive(i)).over(d.m_u)),
+    }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, d: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    motion(p, d, x, u).rates
+}
+
+pub(crate) fn outputs<T: Scalar>(p: &HydroPneumaticHalfCar, d: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+    let Motion { rates, roll, suspension, tires, a_y } = motion(p, d, x, u);
     // Moment balance about the ground (eq. 7).
-    let lever = m.cos_phi * p.h + p.h_r;
-    let ltr = (lever * m.a_y / p.g + m.sin_phi * p.h) * (2.0 * p.m_s / (s.m * p.t));
+    let lever = roll.cos * p.h + p.h_r;
+    let ltr = (lever * a_y / p.g + roll.sin * p.h) * (2.0 * p.m_s / (d.m * p.t));
     Y {
         v: u.v,
-        gammad: m.rates.gamma,
-        a_y: m.a_y,
+        gammad: rates.gamma,
+        a_y,
         ltr,
-        ratio: load_transfer_ratio(m.n[0], m.n[1]),
-        zdd_s: m.rates.zd_s,
-        phidd: m.rates.phid,
-        d: m.d,
-        dd: m.dd,
-        e: m.e,
-        n: m.n,
-        alpha: m.alpha,
-        f_y: m.f_y,
+        ratio: load_transfer_ratio(suspension.n[0], suspension.n[1]),
+        zdd_s: rates.zd_s,
+        phidd: rates.phid,
+        d_s: suspension.d_s,
+        dd_s: suspension.dd_s,
+        d_t: suspension.d_t,
+        n: suspension.n,
+        alpha: tires.alpha,
+        f_y: tires.f_y,
     }
 }

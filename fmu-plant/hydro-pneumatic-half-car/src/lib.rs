@@ -9,6 +9,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_vehicle::arithmetic::Divisor;
 use chassis_vehicle::data::hydro_pneumatic_half_car as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
@@ -133,11 +134,11 @@ pub struct Y<T> {
     #[var(BODY_ROLL_ACCELERATION)]
     phidd: T,
     #[var(SUSPENSION_DEFLECTION)]
-    d: Sides<T>,
+    d_s: Sides<T>,
     #[var(SUSPENSION_VELOCITY)]
-    dd: Sides<T>,
+    dd_s: Sides<T>,
     #[var(TIRE_DEFLECTION)]
-    e: Sides<T>,
+    d_t: Sides<T>,
     #[var(TIRE_LOAD)]
     n: Sides<T>,
     #[var(TIRE_SLIP_ANGLE)]
@@ -157,14 +158,13 @@ pub struct D {
     n0: f64,
     /// Share of a tire in the load of its side.
     share: [f64; 4],
-    /// Reciprocals, because a step would divide by these numbers a hundred times: T, m_s, m_u, I_x, I_z, and the mass that the
-    /// lateral force accelerates while the body rolls, m - c (m_s h)^2 / I_x.
-    per_t: f64,
-    per_m_s: f64,
-    per_m_u: f64,
-    per_i_x: f64,
-    per_i_z: f64,
-    per_m_y: f64,
+    t: Divisor,
+    m_s: Divisor,
+    m_u: Divisor,
+    i_x: Divisor,
+    i_z: Divisor,
+    /// Mass that the lateral force accelerates while the body rolls: m - c (m_s h)^2/I_x.
+    m_y: Divisor,
 }
 
 /// Rescue vehicle with hydro-pneumatic suspension: half car (heave, roll, wheels) on a bicycle model (sideslip, yaw)

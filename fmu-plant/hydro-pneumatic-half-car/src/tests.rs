@@ -303,7 +303,7 @@ proptest! {
         let rates = derivatives(&p, &x, &u);
         let moving: Vec<_> = x.reals().into_iter().zip(rates.reals()).map(|(x, d)| Dual64::new(x, d)).collect();
         let power = energy(&p, &X::from_reals(&moving)).eps;
-        let dampers: f64 = outputs(&p, &x, &u).dd.iter().map(|dd| -p.c_s * dd * dd).sum();
+        let dampers: f64 = outputs(&p, &x, &u).dd_s.iter().map(|dd_s| -p.c_s * dd_s * dd_s).sum();
         prop_assert!(dampers <= 0.0);
         prop_assert!((power - dampers).abs() <= 1e-9, "{power} W, dampers {dampers} W");
     }
@@ -313,11 +313,11 @@ proptest! {
     #[test]
     fn the_momentum_balances_close(x in any_state(), u in any_inputs(), options in any_options()) {
         let p = HydroPneumaticHalfCar { geometric: 1.0, ..options };
-        let (s, rates, y) = (derived(&p), derivatives(&p, &x, &u), outputs(&p, &x, &u));
+        let (d, rates, y) = (derived(&p), derivatives(&p, &x, &u), outputs(&p, &x, &u));
         let (m_sh, arm) = (p.m_s * p.h, p.t / 2.0);
         let vertical = p.m_s * rates.zd_s + p.m_u * (rates.zd_u[0] + rates.zd_u[1]);
-        prop_assert!((vertical - (y.n[0] + y.n[1] - 2.0 * s.n0)).abs() < 1e-9);
-        let sway = s.m * y.a_y - p.c * m_sh * rates.phid;
+        prop_assert!((vertical - (y.n[0] + y.n[1] - 2.0 * d.n0)).abs() < 1e-9);
+        let sway = d.m * y.a_y - p.c * m_sh * rates.phid;
         prop_assert!((sway - y.f_y.iter().sum::<f64>()).abs() < 1e-9);
         let roll = p.i_x * rates.phid + p.m_u * arm * (rates.zd_u[0] - rates.zd_u[1]);
         let load = arm * (y.n[0] - y.n[1]) + m_sh * p.g * x.phi.sin() + m_sh * y.a_y;
