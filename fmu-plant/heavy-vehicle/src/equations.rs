@@ -7,20 +7,21 @@
 //! | z_f, z_b, th_b | height of the front wheels; height and pitch of the walking beams |
 //! | z_w, q | height of a wheel and of the road under it |
 //! | x, y | position of an axle in front of and of a side to the left of the center of mass |
-//! | d, t | deflection of a strut and of the tires (compression negative) |
-//! | f, F_s | force of the actuator and of the whole strut (push the body up) |
+//! | d_s, d_t | deflection of a strut and of the tires (compression negative) |
+//! | f, S | force of the actuator and of the whole strut (push the body up) |
 //! | F_0, F_z | load of the tires of a wheel position at rest and now |
 //! | delta, alpha, F_y | steering angle, slip angle, lateral force of a wheel position |
-//! | Y | lateral force of an axle, across the vehicle |
-//! | R | moment of an anti-roll bar |
+//! | Y (y_axle) | lateral force of an axle, across the vehicle |
+//! | R (r_bar) | moment of an anti-roll bar |
 //! | G | lateral force of an axle that loads its left wheel and relieves the right one on its way to the body |
 //! | M_phi | moment of struts, bars and weight about the roll axis |
 //! | phi_a, kappa | lateral model: roll angle of an axle; share of the roll angle that its springs take |
 //! | u, v, r | longitudinal and lateral velocity, yaw rate |
 //! | a_y, psi | lateral acceleration, heading |
 //!
-//! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
+//! One more d, before the index if a name has one, is one more derivative with respect to time: zd, zdd_f, dd_s.
 
+use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{
     FrontWheels, Sides, SixWheels, Struts, ThreeAxles, TwoAxles, axle_of, left_is_positive,
 };
@@ -32,6 +33,46 @@ use crate::{Coupling, D, HeavyVehicle, U, X, Y};
 
 /// Masses, static loads, positions, the mass matrix of the lateral motion and the tire.
 pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
+    check(p)?;
+    let m_u = [2.0 * p.m_t[0], 2.0 * p.m_t[1] + p.m_beam, 2.0 * p.m_t[2] + p.m_beam];
+    let m = p.m_b + m_u.iter().sum::<f64>();
+    let b = p.b1 + p.b2;
+
+    // Roll of the quasi-static axles.
+    let bb = p.b1 * p.b1 + p.b2 * p.b2;
+    let k_s = [0, 1].map(|group| p.k[group] * bb + p.k_a[group]);
+    let k_tire = [p.k_t[0] * bb, (p.k_t[1] + p.k_t[2]) * bb];
+
+    // Beam with its wheels.
+    let m_bw = p.m_beam + p.m_t[1] + p.m_t[2];
+    let j_bw = p.i_beam + (p.m_t[1] + p.m_t[2]) * p.l3 * p.l3 / 4.0;
+    let share = std::array::from_fn(|i| p.n[axle_of(i)] * p.lambda);
+    Ok(D {
+        m,
+        f0: static_loads(p),
+        m_u,
+        x: [p.l1, p.l3 / 2.0 - p.l2, -p.l3 / 2.0 - p.l2],
+        x_s: [p.l1, -p.l2],
+        y: [p.b1, -p.b2],
+        b,
+        k_s,
+        k_tire,
+        kappa: [0, 1].map(|group| k_tire[group] / (k_s[group] + k_tire[group])),
+        inverse: inverse_mass_matrix(p, m)?,
+        share,
+        load_scale: share.map(Divisor::new),
+        track: Divisor::new(b),
+        m_b: Divisor::new(p.m_b),
+        i_y: Divisor::new(p.i_y),
+        m_t: Divisor::new(p.m_t[0]),
+        m_bw: Divisor::new(m_bw),
+        j_bw: Divisor::new(j_bw),
+        magic: MagicFormula { c: p.c_mf, a: [p.a1, p.a2, p.a3, p.a4, p.a5, p.a6, p.a7, p.a8] },
+    })
+}
+
+/// The middle axle is behind the center of mass, and the magic formula has a force at the limit of its loads.
+fn check(p: &HeavyVehicle) -> Result<(), String> {
     if p.l3 / 2.0 >= p.l2 {
         return Err(format!(
             "'geometry.middle_to_rear_axle' must be less than twice 'geometry.cg_to_rear_suspension' ({} m), got {} m: \
@@ -49,18 +90,23 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
             peak(p.f_max)
         ));
     }
+    Ok(())
+}
 
-    let m_u = [2.0 * p.m_t[0], 2.0 * p.m_t[1] + p.m_beam, 2.0 * p.m_t[2] + p.m_beam];
-    let m = p.m_b + m_u.iter().sum::<f64>();
+/// F_0: the body on front and rear suspension, left and right, and the masses below.
+fn static_loads(p: &HeavyVehicle) -> SixWheels<f64> {
     let (l, b) = (p.l1 + p.l2, p.b1 + p.b2);
     let side = [p.b2 / b, p.b1 / b];
-    let f0 = SixWheels::from_fn(|i| {
+    SixWheels::from_fn(|i| {
         let wheel = p.m_t[axle_of(i)] * p.g;
         let body = p.m_b * p.g * side[i % 2];
         if axle_of(i) == 0 { body * p.l2 / l + wheel } else { (body * p.l1 / l + p.m_beam * p.g) / 2.0 + wheel }
-    });
+    })
+}
 
-    // Mass matrix of (vd, rd, phidd): [[m, 0, c], [0, i_z, i_xz], [c, i_xz, i]].
+/// Inverse of the mass matrix of (vd, rd, phidd), [[m, 0, c], [0, I_z, I_xz], [c, I_xz, i]] with c = -m_b h and
+/// i = I_x + m_b h^2.
+fn inverse_mass_matrix(p: &HeavyVehicle, m: f64) -> Result<[[f64; 3]; 3], String> {
     let (c, i) = (-p.m_b * p.h, p.i_x + p.m_b * p.h * p.h);
     let determinant = m * (p.i_z * i - p.i_xz * p.i_xz) - c * c * p.i_z;
     if determinant <= 0.0 {
@@ -71,47 +117,63 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
             p.i_xz
         ));
     }
-    let inverse = [
+    let cofactors = [
         [p.i_z * i - p.i_xz * p.i_xz, c * p.i_xz, -c * p.i_z],
         [c * p.i_xz, m * i - c * c, -m * p.i_xz],
         [-c * p.i_z, -m * p.i_xz, m * p.i_z],
-    ]
-    .map(|row| row.map(|cofactor| cofactor / determinant));
-
-    // Roll of the quasi-static axles.
-    let bb = p.b1 * p.b1 + p.b2 * p.b2;
-    let k_s = [0, 1].map(|group| p.k[group] * bb + p.k_a[group]);
-    let k_tire = [p.k_t[0] * bb, (p.k_t[1] + p.k_t[2]) * bb];
-    let m_bw = p.m_beam + p.m_t[1] + p.m_t[2];
-    let j_bw = p.i_beam + (p.m_t[1] + p.m_t[2]) * p.l3 * p.l3 / 4.0;
-    let share = std::array::from_fn(|i| p.n[axle_of(i)] * p.lambda);
-    Ok(D {
-        m,
-        f0,
-        m_u,
-        x: [p.l1, p.l3 / 2.0 - p.l2, -p.l3 / 2.0 - p.l2],
-        x_s: [p.l1, -p.l2],
-        y: [p.b1, -p.b2],
-        b,
-        k_s,
-        k_tire,
-        kappa: [0, 1].map(|group| k_tire[group] / (k_s[group] + k_tire[group])),
-        inverse,
-        share,
-        per_share: share.map(|share| 1.0 / share),
-        per_b: 1.0 / b,
-        per_m_b: 1.0 / p.m_b,
-        per_i_y: 1.0 / p.i_y,
-        per_m_t: 1.0 / p.m_t[0],
-        per_m_bw: 1.0 / m_bw,
-        per_j_bw: 1.0 / j_bw,
-        magic: MagicFormula { c: p.c_mf, a: [p.a1, p.a2, p.a3, p.a4, p.a5, p.a6, p.a7, p.a8] },
-    })
+    ];
+    Ok(cofactors.map(|row| row.map(|cofactor| cofactor / determinant)))
 }
 
 /// Front axle (0) or walking-beam suspension (1) of an axle.
 fn group_of(axle: usize) -> usize {
     axle.min(1)
+}
+
+/// Everything that follows from state and inputs.
+struct Motion<T> {
+    /// Derivatives of the state.
+    rates: X<T>,
+    wheels: Wheels<T>,
+    suspension: Suspension<T>,
+    springs: TireSprings<T>,
+    tires: Tires<T>,
+    a_y: T,
+}
+
+#[inline]
+fn motion<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+    let axles = axles(p, d, x, u);
+    let wheels = wheels(p, x, &axles);
+    let suspension = suspension(p, d, x, u, &axles);
+    let springs = tire_springs(p, d, u, &axles, &wheels);
+    let steering = Rotation::by_each(u.delta.0);
+    let heading = Rotation::by(x.psi);
+    let tires = tires(p, d, x, u, &steering, &springs.f_z);
+    let lateral = lateral_motion(p, d, x, u, &steering, &suspension, &tires.f_y);
+    let vertical = vertical_motion(p, d, x, &suspension, &springs.f_z, &lateral);
+
+    let [xd, yd] = heading.out_of_frame([u.u, x.v]);
+    let rates = X {
+        z: x.zd,
+        theta: x.thetad,
+        phi: x.phid,
+        z_f: x.zd_f,
+        z_b: x.zd_b,
+        th_b: x.thd_b,
+        zd: vertical.zdd,
+        thetad: vertical.thetadd,
+        phid: lateral.phidd,
+        zd_f: vertical.zdd_f,
+        zd_b: vertical.zdd_b,
+        thd_b: vertical.thdd_b,
+        v: lateral.vd,
+        r: lateral.rd,
+        psi: x.r,
+        x: xd,
+        y: yd,
+    };
+    Motion { rates, wheels, suspension, springs, tires, a_y: lateral.a_y }
 }
 
 /// Heights of the front wheels and of the beams, and their rates.
@@ -124,29 +186,139 @@ struct Axles<T> {
     phi_a: TwoAxles<T>,
 }
 
+#[inline]
+fn axles<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
+    if p.coupling == Coupling::LateralOnly {
+        return quasi_static(p, d, x, u);
+    }
+    Axles { z_f: x.z_f, z_b: x.z_b, zd_f: x.zd_f, zd_b: x.zd_b, phi_a: TwoAxles([T::from(0.0); 2]) }
+}
+
 /// Massless axles in equilibrium between springs, tires and lateral force (eq. 11, corrected): lateral model.
 #[inline]
-fn quasi_static<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
+fn quasi_static<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
     let l = p.l1 + p.l2;
     let bb = p.b1 * p.b1 + p.b2 * p.b2;
     // u r instead of the lateral acceleration, which depends on the result.
     let a_y = u.u * x.r;
     let g = [
-        a_y * ((p.m_b * p.l2 / l * p.h_rc + s.m_u[0] * p.h_u) / s.b),
-        a_y * ((p.m_b * p.l1 / l * p.h_rc + (s.m_u[1] + s.m_u[2]) * p.h_u) / s.b),
+        a_y * ((p.m_b * p.l2 / l * p.h_rc + d.m_u[0] * p.h_u) / d.b),
+        a_y * ((p.m_b * p.l1 / l * p.h_rc + (d.m_u[1] + d.m_u[2]) * p.h_u) / d.b),
     ];
     let phi_a = TwoAxles::<T>::from_fn(|group| {
-        let actuators = u.f[2 * group] * s.y[0] + u.f[2 * group + 1] * s.y[1];
-        (x.phi * s.k_s[group] + x.phid * (p.c[group] * bb * s.kappa[group]) + g[group] * s.b - actuators)
-            / (s.k_s[group] + s.k_tire[group])
+        let actuators = u.f[2 * group] * d.y[0] + u.f[2 * group + 1] * d.y[1];
+        (x.phi * d.k_s[group] + x.phid * (p.c[group] * bb * d.kappa[group]) + g[group] * d.b - actuators)
+            / (d.k_s[group] + d.k_tire[group])
     });
     Axles {
-        z_f: FrontWheels::from_fn(|side| phi_a[0] * s.y[side]),
-        z_b: Sides::from_fn(|side| phi_a[1] * s.y[side]),
-        zd_f: FrontWheels::from_fn(|side| x.phid * ((1.0 - s.kappa[0]) * s.y[side])),
-        zd_b: Sides::from_fn(|side| x.phid * ((1.0 - s.kappa[1]) * s.y[side])),
+        z_f: FrontWheels::from_fn(|side| phi_a[0] * d.y[side]),
+        z_b: Sides::from_fn(|side| phi_a[1] * d.y[side]),
+        zd_f: FrontWheels::from_fn(|side| x.phid * ((1.0 - d.kappa[0]) * d.y[side])),
+        zd_b: Sides::from_fn(|side| x.phid * ((1.0 - d.kappa[1]) * d.y[side])),
         phi_a,
     }
+}
+
+/// Heights and velocities of the wheels, and the heights of the beams.
+struct Wheels<T> {
+    z_w: SixWheels<T>,
+    zd_w: SixWheels<T>,
+    z_b: Sides<T>,
+}
+
+#[inline]
+fn wheels<T: Scalar>(p: &HeavyVehicle, x: &X<T>, axles: &Axles<T>) -> Wheels<T> {
+    let lever = [0.0, -p.l3 / 2.0, p.l3 / 2.0]; // of a wheel at its beam
+    let wheel = |front: &FrontWheels<T>, trunnion: &Sides<T>, pitch: &Sides<T>, i: usize| {
+        let side = i % 2;
+        if axle_of(i) == 0 { front[side] } else { trunnion[side] + pitch[side] * lever[axle_of(i)] }
+    };
+    Wheels {
+        z_w: SixWheels::from_fn(|i| wheel(&axles.z_f, &axles.z_b, &x.th_b, i)),
+        zd_w: SixWheels::from_fn(|i| wheel(&axles.zd_f, &axles.zd_b, &x.thd_b, i)),
+        z_b: axles.z_b,
+    }
+}
+
+/// Forces between body and axles.
+struct Suspension<T> {
+    d_s: Struts<T>,
+    dd_s: Struts<T>,
+    /// S
+    s: Struts<T>,
+    /// R, front and rear.
+    r_bar: [T; 2],
+}
+
+/// Struts and anti-roll bars (eqs. 1-3, corrected): the left side rises with positive roll, the front sinks with positive pitch.
+#[inline]
+fn suspension<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>, axles: &Axles<T>) -> Suspension<T> {
+    let strut = |z: T, theta: T, phi: T, foot: T, i: usize| z - theta * d.x_s[i / 2] + phi * d.y[i % 2] - foot;
+    let d_s = Struts::<T>::from_fn(|i| {
+        let foot = if i < 2 { axles.z_f[i] } else { axles.z_b[i - 2] };
+        strut(x.z, x.theta, x.phi, foot, i)
+    });
+    let dd_s = Struts::<T>::from_fn(|i| {
+        let foot = if i < 2 { axles.zd_f[i] } else { axles.zd_b[i - 2] };
+        strut(x.zd, x.thetad, x.phid, foot, i)
+    });
+    let s = Struts::<T>::from_fn(|i| spring_damper(p.k[i / 2], p.c[i / 2], d_s[i], dd_s[i]) + u.f[i]);
+    let bar = |group: usize, left: T, right: T| (x.phi - (left - right).over(d.track)) * p.k_a[group];
+    let r_bar = [bar(0, axles.z_f[0], axles.z_f[1]), bar(1, axles.z_b[0], axles.z_b[1])];
+    Suspension { d_s, dd_s, s, r_bar }
+}
+
+/// Deflection and load of the tires.
+struct TireSprings<T> {
+    d_t: SixWheels<T>,
+    f_z: SixWheels<T>,
+}
+
+#[inline]
+fn tire_springs<T: Scalar>(p: &HeavyVehicle, d: &D, u: &U<T>, axles: &Axles<T>, wheels: &Wheels<T>) -> TireSprings<T> {
+    let is_lateral_only = p.coupling == Coupling::LateralOnly;
+    let deflection = |i: usize| {
+        if is_lateral_only {
+            let bb = p.b1 * p.b1 + p.b2 * p.b2;
+            axles.phi_a[group_of(axle_of(i))] * (bb / d.b * left_is_positive(i))
+        } else {
+            wheels.z_w[i] - u.q[i]
+        }
+    };
+    let f_z = SixWheels::<T>::from_fn(|i| tire_load(d.f0[i], p.k_t[axle_of(i)], deflection(i), true));
+    let d_t = SixWheels::from_fn(|i| {
+        // In the lateral model there is no road to hang over: the deflection is that of the load.
+        if is_lateral_only { (-f_z[i] + d.f0[i]) / p.k_t[axle_of(i)] } else { deflection(i) }
+    });
+    TireSprings { d_t, f_z }
+}
+
+/// Slip angles and lateral forces.
+struct Tires<T> {
+    alpha: ThreeAxles<T>,
+    f_y: SixWheels<T>,
+}
+
+/// Slip angles in the frame of the wheel, the same on both sides, and forces (eqs. 9 and 10, corrected).
+#[inline]
+fn tires<T: Scalar>(
+    p: &HeavyVehicle,
+    d: &D,
+    x: &X<T>,
+    u: &U<T>,
+    steering: &[Rotation<T>; 3],
+    f_z: &SixWheels<T>,
+) -> Tires<T> {
+    if p.coupling == Coupling::VerticalOnly {
+        let zero = T::from(0.0);
+        return Tires { alpha: ThreeAxles([zero; 3]), f_y: SixWheels([zero; 6]) };
+    }
+    let tangent = |axle: usize| {
+        let [longitudinal, lateral] = steering[axle].into_frame([u.u, x.v + x.r * d.x[axle]]);
+        lateral / Scalar::max(longitudinal.abs(), T::from(p.u_min))
+    };
+    let alpha = ThreeAxles(T::atan_each([tangent(0), tangent(1), tangent(2)]));
+    Tires { alpha, f_y: lateral_forces(p, d, &u.friction, f_z, &alpha) }
 }
 
 /// Lateral forces of the tires at the loads `f_z` (eq. 9, corrected): truck tires by similarity from
@@ -154,180 +326,123 @@ fn quasi_static<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Axles
 #[inline]
 pub(crate) fn lateral_forces<T: Scalar>(
     p: &HeavyVehicle,
-    s: &D,
+    d: &D,
     friction: &SixWheels<T>,
     f_z: &SixWheels<T>,
     alpha: &ThreeAxles<T>,
 ) -> SixWheels<T> {
-    let load = std::array::from_fn(|i| Scalar::min(f_z[i] * s.per_share[i], T::from(1000.0 * p.f_max)));
-    let force = s.magic.lateral_each([T::from(1.0); 6], load, std::array::from_fn(|i| alpha[axle_of(i)]));
-    SixWheels::from_fn(|i| force[i] * friction[i] * (p.mu * s.share[i]))
+    let load = std::array::from_fn(|i| Scalar::min(f_z[i].over(d.load_scale[i]), T::from(1000.0 * p.f_max)));
+    let force = d.magic.lateral_each([T::from(1.0); 6], load, std::array::from_fn(|i| alpha[axle_of(i)]));
+    SixWheels::from_fn(|i| force[i] * friction[i] * (p.mu * d.share[i]))
 }
 
-/// Everything that follows from state and inputs.
-struct Motion<T> {
-    /// Derivatives of the state.
-    rates: X<T>,
-    z_w: SixWheels<T>,
-    zd_w: SixWheels<T>,
-    z_b: Sides<T>,
-    d: Struts<T>,
-    dd: Struts<T>,
-    t: SixWheels<T>,
-    f_z: SixWheels<T>,
-    alpha: ThreeAxles<T>,
-    f_y: SixWheels<T>,
+/// Lateral, yaw and roll acceleration.
+struct Lateral<T> {
+    vd: T,
+    rd: T,
+    phidd: T,
     a_y: T,
+    /// Y
+    y_axle: ThreeAxles<T>,
 }
 
+/// Eqs. 3, 7 and 8, corrected: one system in (vd, rd, phidd).
 #[inline]
-fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+fn lateral_motion<T: Scalar>(
+    p: &HeavyVehicle,
+    d: &D,
+    x: &X<T>,
+    u: &U<T>,
+    steering: &[Rotation<T>; 3],
+    Suspension { s, r_bar, .. }: &Suspension<T>,
+    f_y: &SixWheels<T>,
+) -> Lateral<T> {
+    let y_axle = ThreeAxles::<T>::from_fn(|axle| (f_y[2 * axle] + f_y[2 * axle + 1]) * steering[axle].cos);
+    let m_phi = Struts::sum_of(|i| s[i] * d.y[i % 2]) - r_bar[0] - r_bar[1] + x.phi * (p.m_b * p.g * p.h);
+    if p.coupling == Coupling::VerticalOnly {
+        let zero = T::from(0.0);
+        return Lateral { vd: zero, rd: zero, phidd: m_phi / (p.i_x + p.m_b * p.h * p.h), a_y: zero, y_axle };
+    }
+    let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2);
+    let along = sum(&|axle| (f_y[2 * axle] * p.b1 - f_y[2 * axle + 1] * p.b2) * steering[axle].sin);
+    let right = [
+        sum(&|axle| y_axle[axle]) - u.u * x.r * d.m,
+        sum(&|axle| y_axle[axle] * d.x[axle]) + along,
+        m_phi + u.u * x.r * (p.m_b * p.h),
+    ];
+    let [vd, rd, phidd] = d.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
+    Lateral { vd, rd, phidd, a_y: vd + u.u * x.r, y_axle }
+}
+
+/// Accelerations of body, front wheels and beams.
+struct Vertical<T> {
+    zdd: T,
+    thetadd: T,
+    zdd_f: FrontWheels<T>,
+    zdd_b: Sides<T>,
+    thdd_b: Sides<T>,
+}
+
+/// Eqs. 1, 2 and 4-6, corrected.
+#[inline]
+fn vertical_motion<T: Scalar>(
+    p: &HeavyVehicle,
+    d: &D,
+    x: &X<T>,
+    Suspension { s, r_bar, .. }: &Suspension<T>,
+    f_z: &SixWheels<T>,
+    &Lateral { a_y, y_axle, .. }: &Lateral<T>,
+) -> Vertical<T> {
     let zero = T::from(0.0);
-    let is_lateral_only = p.coupling == Coupling::LateralOnly;
-
-    // Wheels and struts: the left side rises with positive roll, the front sinks with positive pitch.
-    let axles = if is_lateral_only {
-        quasi_static(p, s, x, u)
-    } else {
-        Axles { z_f: x.z_f, z_b: x.z_b, zd_f: x.zd_f, zd_b: x.zd_b, phi_a: TwoAxles([zero; 2]) }
-    };
-    let lever = [0.0, -p.l3 / 2.0, p.l3 / 2.0]; // of a wheel at its beam
-    let wheel = |front: &FrontWheels<T>, trunnion: &Sides<T>, pitch: &Sides<T>, i: usize| {
-        let side = i % 2;
-        if axle_of(i) == 0 { front[side] } else { trunnion[side] + pitch[side] * lever[axle_of(i)] }
-    };
-    let z_w = SixWheels::from_fn(|i| wheel(&axles.z_f, &axles.z_b, &x.th_b, i));
-    let zd_w = SixWheels::from_fn(|i| wheel(&axles.zd_f, &axles.zd_b, &x.thd_b, i));
-    let strut = |z: T, theta: T, phi: T, foot: T, i: usize| z - theta * s.x_s[i / 2] + phi * s.y[i % 2] - foot;
-    let d = Struts::<T>::from_fn(|i| {
-        let foot = if i < 2 { axles.z_f[i] } else { axles.z_b[i - 2] };
-        strut(x.z, x.theta, x.phi, foot, i)
-    });
-    let dd = Struts::<T>::from_fn(|i| {
-        let foot = if i < 2 { axles.zd_f[i] } else { axles.zd_b[i - 2] };
-        strut(x.zd, x.thetad, x.phid, foot, i)
-    });
-    let f_s = Struts::<T>::from_fn(|i| spring_damper(p.k[i / 2], p.c[i / 2], d[i], dd[i]) + u.f[i]);
-    let roll_bar = |group: usize, left: T, right: T| (x.phi - (left - right) * s.per_b) * p.k_a[group];
-    let r_bar = [roll_bar(0, axles.z_f[0], axles.z_f[1]), roll_bar(1, axles.z_b[0], axles.z_b[1])];
-
-    // Tires: loads, then slip angles in the frame of the wheel, the same on both sides, then forces (eqs. 9 and 10).
-    let tires = |i: usize| {
-        if is_lateral_only {
-            let bb = p.b1 * p.b1 + p.b2 * p.b2;
-            axles.phi_a[group_of(axle_of(i))] * (bb / s.b * left_is_positive(i))
-        } else {
-            z_w[i] - u.q[i]
+    if p.coupling == Coupling::LateralOnly {
+        let (zdd_f, zdd_b) = (FrontWheels([zero; 2]), Sides([zero; 2]));
+        return Vertical { zdd: zero, thetadd: zero, zdd_f, zdd_b, thdd_b: zdd_b };
+    }
+    let g = ThreeAxles::<T>::from_fn(|axle| match p.coupling {
+        Coupling::Coupled => {
+            let inertia = a_y * d.m_u[axle];
+            ((y_axle[axle] - inertia) * p.h_rc + inertia * p.h_u).over(d.track)
         }
-    };
-    let f_z = SixWheels::<T>::from_fn(|i| tire_load(s.f0[i], p.k_t[axle_of(i)], tires(i), true));
-    let t = SixWheels::from_fn(|i| {
-        // In the lateral model there is no road to hang over: the deflection is that of the load.
-        if is_lateral_only { (-f_z[i] + s.f0[i]) / p.k_t[axle_of(i)] } else { tires(i) }
+        _ => zero,
     });
-    let (mut alpha, mut f_y) = (ThreeAxles([zero; 3]), SixWheels([zero; 6]));
-    // Separate from the heading: an array of small angles takes the fast path.
-    let (sin, cos) = T::sin_cos_each(u.delta.0);
-    let (sin_psi, cos_psi) = x.psi.sin_cos();
-    if p.coupling != Coupling::VerticalOnly {
-        let tangent = |axle: usize| {
-            let across = x.v + x.r * s.x[axle];
-            let lateral = across * cos[axle] - u.u * sin[axle];
-            let longitudinal = u.u * cos[axle] + across * sin[axle];
-            lateral / Scalar::max(longitudinal.abs(), T::from(p.u_min))
-        };
-        alpha = ThreeAxles(T::atan_each([tangent(0), tangent(1), tangent(2)]));
-        f_y = lateral_forces(p, s, &u.friction, &f_z, &alpha);
+    // Force on a wheel from its tires and from the lateral force, up.
+    let push = SixWheels::<T>::from_fn(|i| f_z[i] - d.f0[i] + g[axle_of(i)] * left_is_positive(i));
+    let bar = |group: usize, side: usize| r_bar[group] * left_is_positive(side).over(d.track);
+    let bushing = |side: usize| (x.thd_b[side] - x.thetad) * p.c_b;
+    Vertical {
+        zdd: Struts::sum_of(|i| s[i]).over(d.m_b),
+        thetadd: (bushing(0) + bushing(1) - Struts::sum_of(|i| s[i] * d.x_s[i / 2])).over(d.i_y),
+        zdd_f: FrontWheels::from_fn(|side| (-s[side] + push[side] + bar(0, side)).over(d.m_t)),
+        zdd_b: Sides::from_fn(|side| (-s[2 + side] + push[2 + side] + push[4 + side] + bar(1, side)).over(d.m_bw)),
+        thdd_b: Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)).over(d.j_bw)),
     }
-    let y_axle = ThreeAxles::<T>::from_fn(|axle| (f_y[2 * axle] + f_y[2 * axle + 1]) * cos[axle]);
-
-    // Sum over struts: left and right ones side by side.
-    let sum = |f: &dyn Fn(usize) -> T| (f(0) + f(2)) + (f(1) + f(3));
-
-    // Lateral, yaw and roll motion (eqs. 3, 7 and 8, corrected): one system in (vd, rd, phidd).
-    let m_phi = sum(&|i| f_s[i] * s.y[i % 2]) - r_bar[0] - r_bar[1] + x.phi * (p.m_b * p.g * p.h);
-    let (vd, rd, phidd) = if p.coupling == Coupling::VerticalOnly {
-        (zero, zero, m_phi / (p.i_x + p.m_b * p.h * p.h))
-    } else {
-        let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2);
-        let along = sum(&|axle| (f_y[2 * axle] * p.b1 - f_y[2 * axle + 1] * p.b2) * sin[axle]);
-        let right = [
-            sum(&|axle| y_axle[axle]) - u.u * x.r * s.m,
-            sum(&|axle| y_axle[axle] * s.x[axle]) + along,
-            m_phi + u.u * x.r * (p.m_b * p.h),
-        ];
-        let [vd, rd, phidd] = s.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
-        (vd, rd, phidd)
-    };
-    let a_y = vd + if p.coupling == Coupling::VerticalOnly { zero } else { u.u * x.r };
-
-    // Vertical motion (eqs. 1, 2, 4-6, corrected).
-    let (mut zdd, mut thetadd) = (zero, zero);
-    let (mut zdd_f, mut zdd_b, mut thdd_b) = (FrontWheels([zero; 2]), Sides([zero; 2]), Sides([zero; 2]));
-    if !is_lateral_only {
-        let g = ThreeAxles::<T>::from_fn(|axle| match p.coupling {
-            Coupling::Coupled => {
-                let inertia = a_y * s.m_u[axle];
-                ((y_axle[axle] - inertia) * p.h_rc + inertia * p.h_u) * s.per_b
-            }
-            _ => zero,
-        });
-        // Force on a wheel from its tires and from the lateral force, up.
-        let push = SixWheels::<T>::from_fn(|i| f_z[i] - s.f0[i] + g[axle_of(i)] * left_is_positive(i));
-        let bar = |group: usize, side: usize| r_bar[group] * (left_is_positive(side) * s.per_b);
-        let bushing = |side: usize| (x.thd_b[side] - x.thetad) * p.c_b;
-        zdd = sum(&|i| f_s[i]) * s.per_m_b;
-        thetadd = (bushing(0) + bushing(1) - sum(&|i| f_s[i] * s.x_s[i / 2])) * s.per_i_y;
-        zdd_f = FrontWheels::from_fn(|side| (-f_s[side] + push[side] + bar(0, side)) * s.per_m_t);
-        zdd_b = Sides::from_fn(|side| (-f_s[2 + side] + push[2 + side] + push[4 + side] + bar(1, side)) * s.per_m_bw);
-        thdd_b = Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)) * s.per_j_bw);
-    }
-    let rates = X {
-        z: x.zd,
-        theta: x.thetad,
-        phi: x.phid,
-        z_f: x.zd_f,
-        z_b: x.zd_b,
-        th_b: x.thd_b,
-        zd: zdd,
-        thetad: thetadd,
-        phid: phidd,
-        zd_f: zdd_f,
-        zd_b: zdd_b,
-        thd_b: thdd_b,
-        v: vd,
-        r: rd,
-        psi: x.r,
-        x: u.u * cos_psi - x.v * sin_psi,
-        y: u.u * sin_psi + x.v * cos_psi,
-    };
-    Motion { rates, z_w, zd_w, z_b: axles.z_b, d, dd, t, f_z, alpha, f_y, a_y }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-    motion(p, s, x, u).rates
+pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    motion(p, d, x, u).rates
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
-    let m = motion(p, s, x, u);
-    let loads = |side: usize| (0..3).map(|axle| m.f_z[2 * axle + side]).sum::<T>();
+pub(crate) fn outputs<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+    let Motion { rates, wheels, suspension, springs, tires, a_y } = motion(p, d, x, u);
+    let f_z = springs.f_z;
+    let loads = |side: usize| (0..3).map(|axle| f_z[2 * axle + side]).sum::<T>();
     Y {
         u: u.u,
         beta: x.v / Scalar::max(u.u.abs(), T::from(p.u_min)),
-        rd: m.rates.r,
-        a_y: m.a_y,
+        rd: rates.r,
+        a_y,
         ltr: load_transfer_ratio(loads(0), loads(1)),
-        zdd: m.rates.zd,
-        thetadd: m.rates.thetad,
-        phidd: m.rates.phid,
-        z_w: m.z_w,
-        zd_w: m.zd_w,
-        z_b: m.z_b,
-        d: m.d,
-        dd: m.dd,
-        t: m.t,
-        f_z: m.f_z,
-        alpha: SixWheels::from_fn(|i| m.alpha[axle_of(i)]),
-        f_y: m.f_y,
+        zdd: rates.zd,
+        thetadd: rates.thetad,
+        phidd: rates.phid,
+        z_w: wheels.z_w,
+        zd_w: wheels.zd_w,
+        z_b: wheels.z_b,
+        d_s: suspension.d_s,
+        dd_s: suspension.dd_s,
+        d_t: springs.d_t,
+        f_z,
+        alpha: SixWheels::from_fn(|i| tires.alpha[axle_of(i)]),
+        f_y: tires.f_y,
     }
 }

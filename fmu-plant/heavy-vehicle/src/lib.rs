@@ -9,6 +9,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_vehicle::arithmetic::Divisor;
 use chassis_vehicle::data::heavy_vehicle as data;
 use chassis_vehicle::prelude::*;
 use chassis_vehicle::tire::MagicFormula;
@@ -229,11 +230,11 @@ pub struct Y<T> {
     #[var(BEAM_HEIGHT)]
     z_b: Sides<T>,
     #[var(SUSPENSION_DEFLECTION)]
-    d: Struts<T>,
+    d_s: Struts<T>,
     #[var(SUSPENSION_VELOCITY)]
-    dd: Struts<T>,
+    dd_s: Struts<T>,
     #[var(TIRE_DEFLECTION)]
-    t: SixWheels<T>,
+    d_t: SixWheels<T>,
     #[var(TIRE_LOAD)]
     f_z: SixWheels<T>,
     #[var(TIRE_SLIP_ANGLE)]
@@ -266,17 +267,18 @@ pub struct D {
     kappa: [f64; 2],
     /// Inverse of the mass matrix of (vd, rd, phidd).
     inverse: [[f64; 3]; 3],
-    /// Load of a wheel position over that of the car tire of the magic formula, and its reciprocal.
+    /// n lambda: load of a wheel position over that of the car tire of the magic formula, as a factor and as a divisor.
     share: [f64; 6],
-    per_share: [f64; 6],
-    /// Reciprocals, because a step would divide by these numbers a hundred times: distance of the sides, m_b, I_y, mass of a
-    /// front wheel, of a beam its mass and pitch inertia.
-    per_b: f64,
-    per_m_b: f64,
-    per_i_y: f64,
-    per_m_t: f64,
-    per_m_bw: f64,
-    per_j_bw: f64,
+    load_scale: [Divisor; 6],
+    /// Distance of the sides.
+    track: Divisor,
+    m_b: Divisor,
+    i_y: Divisor,
+    /// A front wheel.
+    m_t: Divisor,
+    /// Mass and pitch inertia of a beam with its wheels.
+    m_bw: Divisor,
+    j_bw: Divisor,
     magic: MagicFormula,
 }
 

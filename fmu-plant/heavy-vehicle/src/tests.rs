@@ -35,9 +35,9 @@ fn derived(p: &HeavyVehicle) -> D {
 }
 
 /// Lateral force of the tires of one wheel position.
-fn lateral_force<T: Scalar>(p: &HeavyVehicle, s: &D, axle: usize, friction: T, load: T, alpha: T) -> T {
+fn lateral_force<T: Scalar>(p: &HeavyVehicle, d: &D, axle: usize, friction: T, load: T, alpha: T) -> T {
     let (friction, load) = (SixWheels([friction; 6]), SixWheels([load; 6]));
-    equations::lateral_forces(p, s, &friction, &load, &ThreeAxles([alpha; 3]))[2 * axle]
+    equations::lateral_forces(p, d, &friction, &load, &ThreeAxles([alpha; 3]))[2 * axle]
 }
 
 fn derivatives(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> X<f64> {
@@ -108,13 +108,13 @@ fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
 
 #[test]
 fn the_data_agree_with_each_other() {
-    let s = derived(&HeavyVehicle::default());
-    assert_eq!(s.m, data::MASS);
+    let d = derived(&HeavyVehicle::default());
+    assert_eq!(d.m, data::MASS);
     // Slope of the force of a front wheel at its load at rest, exact by dual numbers: the tire parameter of the controllers.
     // The check numbers have 11 and 9 correct digits.
     let stiffness = |axle: usize| {
-        let load = Dual64::from(s.f0[2 * axle]);
-        -lateral_force(&HeavyVehicle::default(), &s, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
+        let load = Dual64::from(d.f0[2 * axle]);
+        -lateral_force(&HeavyVehicle::default(), &d, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
     };
     assert_abs_diff_eq!(stiffness(0), data::FRONT_CORNERING_STIFFNESS, epsilon = 2e-6);
     assert_abs_diff_eq!(stiffness(1), 278_887.988, epsilon = 5e-4);
@@ -132,16 +132,16 @@ fn the_tire_has_the_check_numbers() {
         (0, 60_000.0, 0.1, -10_109.539),
     ];
     let p = HeavyVehicle::default();
-    let s = derived(&p);
+    let d = derived(&p);
     for (axle, load, alpha, force) in numbers {
-        assert_abs_diff_eq!(lateral_force(&p, &s, axle, 1.0, load, alpha), force, epsilon = 5e-4);
+        assert_abs_diff_eq!(lateral_force(&p, &d, axle, 1.0, load, alpha), force, epsilon = 5e-4);
         // Friction and scale act at every slip angle: closed form, exact by powers of 2.
         let slippery = HeavyVehicle { mu: 0.5, ..HeavyVehicle::default() };
-        let full = lateral_force(&p, &s, axle, 1.0, load, alpha);
-        assert_eq!(lateral_force(&slippery, &s, axle, 0.5, load, alpha), 0.25 * full);
+        let full = lateral_force(&p, &d, axle, 1.0, load, alpha);
+        assert_eq!(lateral_force(&slippery, &d, axle, 0.5, load, alpha), 0.25 * full);
     }
     // Beyond the limit of the fit the load no longer counts.
-    let beyond = |load| lateral_force(&p, &s, 0, 1.0, load, 0.1);
+    let beyond = |load| lateral_force(&p, &d, 0, 1.0, load, 0.1);
     assert_eq!(beyond(1000.0 * 22.0 * 2.4 + 1.0), beyond(1e6));
 }
 
@@ -182,9 +182,9 @@ fn the_steady_gains_are_those_of_a_single_track_model() {
     // linear model by dual numbers has to give the same (1e-9 covers the solution of 20 equations), and both the check
     // numbers (6 decimals).
     let p = HeavyVehicle::default();
-    let s = derived(&p);
+    let d = derived(&p);
     let c = [2.0 * data::FRONT_CORNERING_STIFFNESS, 2.0 * 278_887.988, 2.0 * 278_887.988];
-    let moment = |n: i32| (0..3).map(|axle| c[axle] * s.x[axle].powi(n)).sum::<f64>();
+    let moment = |n: i32| (0..3).map(|axle| c[axle] * d.x[axle].powi(n)).sum::<f64>();
     let expected = [
         (20.0, 0.937872, 0.179578),
         (40.0, 1.570257, -0.041270),
@@ -193,7 +193,7 @@ fn the_steady_gains_are_those_of_a_single_track_model() {
     ];
     for (km_h, yaw_gain, sideslip_gain) in expected {
         let speed = km_h * KM_H;
-        let bicycle = Matrix2::new(moment(0), moment(1) / speed + s.m * speed, moment(1), moment(2) / speed);
+        let bicycle = Matrix2::new(moment(0), moment(1) / speed + d.m * speed, moment(1), moment(2) / speed);
         let closed = bicycle.lu().solve(&Vector2::new(c[0], p.l1 * c[0])).unwrap();
         let (a, b) = linearized(&p, &X::default(), &U { u: speed, ..U::default() });
         let b = -b.view((0, FRONT_STEER), (DYNAMIC, 1));
@@ -221,11 +221,11 @@ fn the_steady_turn_has_the_check_numbers_and_balances() {
     }
 
     // Balance of forces across the vehicle, and of moments about its track: Newton's method leaves 1e-6 of them.
-    let s = derived(&p);
+    let d = derived(&p);
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
-    assert_abs_diff_eq!(across, s.m * y.a_y, epsilon = 1e-6);
-    let tipping = y.a_y * (p.m_b * (p.h + p.h_rc) + (s.m - p.m_b) * p.h_u) + p.m_b * p.g * p.h * x.phi;
-    let righting: f64 = (0..6).map(|i| -y.f_z[i] * s.y[i % 2]).sum();
+    assert_abs_diff_eq!(across, d.m * y.a_y, epsilon = 1e-6);
+    let tipping = y.a_y * (p.m_b * (p.h + p.h_rc) + (d.m - p.m_b) * p.h_u) + p.m_b * p.g * p.h * x.phi;
+    let righting: f64 = (0..6).map(|i| -y.f_z[i] * d.y[i % 2]).sum();
     assert_abs_diff_eq!(righting, tipping, epsilon = 1e-6);
     assert_abs_diff_eq!(righting, 82_367.07, epsilon = 6e-3); // check number
 }
@@ -247,23 +247,26 @@ fn the_lateral_model_agrees_with_the_coupled_one_in_a_steady_turn() {
 }
 
 /// Energy of the vertical motion: kinetic, of springs, bars and tires, and of the leaning body.
-fn energy<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>) -> T {
+fn energy<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>) -> T {
     let square = |value: T, factor: f64| value.squared() * factor;
+    // A beam with its wheels.
+    let m_bw = p.m_beam + p.m_t[1] + p.m_t[2];
+    let j_bw = p.i_beam + (p.m_t[1] + p.m_t[2]) * p.l3 * p.l3 / 4.0;
     let mut energy = square(x.zd, p.m_b) + square(x.thetad, p.i_y) + square(x.phid, p.i_x + p.m_b * p.h * p.h)
         - square(x.phi, p.m_b * p.g * p.h);
     for side in 0..2 {
         for (group, foot) in [x.z_f[side], x.z_b[side]].into_iter().enumerate() {
-            energy += square(x.z - x.theta * s.x_s[group] + x.phi * s.y[side] - foot, p.k[group]);
+            energy += square(x.z - x.theta * d.x_s[group] + x.phi * d.y[side] - foot, p.k[group]);
         }
         let lift = x.th_b[side] * (p.l3 / 2.0);
         energy += square(x.z_f[side], p.k_t[0])
             + square(x.z_b[side] - lift, p.k_t[1])
             + square(x.z_b[side] + lift, p.k_t[2])
             + square(x.zd_f[side], p.m_t[0])
-            + square(x.zd_b[side], 1.0 / s.per_m_bw)
-            + square(x.thd_b[side], 1.0 / s.per_j_bw);
+            + square(x.zd_b[side], m_bw)
+            + square(x.thd_b[side], j_bw);
     }
-    let twist = |left: T, right: T| x.phi - (left - right) / s.b;
+    let twist = |left: T, right: T| x.phi - (left - right) / d.b;
     energy += square(twist(x.z_f[0], x.z_f[1]), p.k_a[0]) + square(twist(x.z_b[0], x.z_b[1]), p.k_a[1]);
     energy * 0.5
 }
@@ -318,11 +321,11 @@ proptest! {
     fn the_energy_balance_of_the_vertical_motion_closes(x in any_state(), bars: bool) {
         let k_a = TwoAxles(if bars { [3e5, 5e5] } else { [0.0; 2] });
         let p = HeavyVehicle { k_a, ..with(Coupling::VerticalOnly) };
-        let s = derived(&p);
-        let rates = equations::derivatives(&p, &s, &x, &U::default());
-        let power = energy(&p, &s, &X::from_reals(&dual(&x, &rates))).eps;
-        let y = equations::outputs(&p, &s, &x, &U::default());
-        let struts: f64 = (0..4).map(|i| -p.c[i / 2] * y.dd[i] * y.dd[i]).sum();
+        let d = derived(&p);
+        let rates = equations::derivatives(&p, &d, &x, &U::default());
+        let power = energy(&p, &d, &X::from_reals(&dual(&x, &rates))).eps;
+        let y = equations::outputs(&p, &d, &x, &U::default());
+        let struts: f64 = (0..4).map(|i| -p.c[i / 2] * y.dd_s[i] * y.dd_s[i]).sum();
         let bushings: f64 = x.thd_b.iter().map(|rate| -p.c_b * (rate - x.thetad).powi(2)).sum();
         prop_assert!(struts <= 0.0 && bushings <= 0.0);
         prop_assert!((power - struts - bushings).abs() <= 1e-8, "{} W of {power} W", power - struts - bushings);
@@ -386,17 +389,17 @@ proptest! {
     #[test]
     fn velocities_are_the_rates_of_heights_and_deflections(x in any_state(), u in any_inputs()) {
         let p = HeavyVehicle::default();
-        let s = derived(&p);
-        let rates = equations::derivatives(&p, &s, &x, &u);
+        let d = derived(&p);
+        let rates = equations::derivatives(&p, &d, &x, &u);
         let still = U::<Dual64>::from_reals(&u.reals().into_iter().map(Dual64::from).collect::<Vec<_>>());
-        let moving = equations::outputs(&p, &s, &X::from_reals(&dual(&x, &rates)), &still);
-        let y = equations::outputs(&p, &s, &x, &u);
+        let moving = equations::outputs(&p, &d, &X::from_reals(&dual(&x, &rates)), &still);
+        let y = equations::outputs(&p, &d, &x, &u);
         for i in 0..4 {
-            prop_assert!((moving.d[i].eps - y.dd[i]).abs() < 1e-14);
+            prop_assert!((moving.d_s[i].eps - y.dd_s[i]).abs() < 1e-14);
         }
         for i in 0..6 {
             prop_assert!((moving.z_w[i].eps - y.zd_w[i]).abs() < 1e-14);
-            prop_assert!((moving.t[i].eps - y.zd_w[i]).abs() < 1e-14);
+            prop_assert!((moving.d_t[i].eps - y.zd_w[i]).abs() < 1e-14);
         }
     }
 
@@ -444,7 +447,7 @@ fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
     // Definition: the yaw moment of forces in the frame of steered wheels, forces that differ left and right. Checked by
     // the balance of moments about the vertical, I_z r' + I_xz phi''; roundings of 1e5 N m.
     let p = HeavyVehicle::default();
-    let s = derived(&p);
+    let d = derived(&p);
     let x = X { phi: 0.01, v: -0.5, r: 0.2, z_f: FrontWheels([0.01, -0.01]), ..X::default() };
     let u = U { delta: ThreeAxles([0.4, 0.2, -0.3]), ..turn() };
     let y = outputs(&p, &x, &u);
@@ -452,13 +455,13 @@ fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
         .map(|i| {
             let (sin, cos) = u.delta[axle_of(i)].sin_cos();
             let (along, across) = (-y.f_y[i] * sin, y.f_y[i] * cos);
-            s.x[axle_of(i)] * across - s.y[i % 2] * along
+            d.x[axle_of(i)] * across - d.y[i % 2] * along
         })
         .sum();
     assert_abs_diff_eq!(p.i_z * y.rd + p.i_xz * y.phidd, moment, epsilon = 1e-8);
     // And of forces, m v' - m_b h phi'' = sum Y - m u r.
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
-    assert_abs_diff_eq!(s.m * y.a_y - p.m_b * p.h * y.phidd, across, epsilon = 1e-8);
+    assert_abs_diff_eq!(d.m * y.a_y - p.m_b * p.h * y.phidd, across, epsilon = 1e-8);
 }
 
 #[test]
