@@ -10,6 +10,7 @@
 //! | mu | factor on the tire friction |
 //! | a_y | lateral acceleration |
 
+use chassis_vehicle::arithmetic::Rotation;
 use fmu::Scalar;
 
 use crate::{BicycleCar, U, X, Y};
@@ -35,13 +36,13 @@ fn motion<T: Scalar>(p: &BicycleCar, x: &X<T>, u: &U<T>) -> Motion<T> {
     let f_r = lateral_force(p, p.c[1], weight * p.a, alpha_r, u.mu[0]);
 
     let a_y = (f_f + f_r) / p.m;
-    let (sin_psi, cos_psi) = x.psi.sin_cos();
+    let [xd, yd] = Rotation::by(x.psi).out_of_frame([u.u, v]);
     let rates = X {
         v: a_y - u.u * r,
         r: (f_f * p.a - f_r * p.b) / p.i_z,
         psi: r,
-        x: u.u * cos_psi - v * sin_psi,
-        y: u.u * sin_psi + v * cos_psi,
+        x: xd,
+        y: yd,
         phi: x.p,
         p: (a_y * (p.m_s * p.h_s) + x.phi * (p.m_s * p.g * p.h_s - p.k_phi) - x.p * p.d_phi) / p.i_x,
     };
@@ -55,9 +56,9 @@ fn lateral_force<T: Scalar>(p: &BicycleCar, c: f64, f_z: f64, alpha: T, mu: T) -
     if p.mu_0 == 0.0 {
         return -alpha * mu * c;
     }
-    let m = mu * p.mu_0;
-    let slope = alpha * c / (Scalar::max(m, T::from(LEAST_FRICTION)) * f_z);
-    -m * f_z * slope.tanh()
+    let mu = mu * p.mu_0;
+    let linear = alpha * c / (Scalar::max(mu, T::from(LEAST_FRICTION)) * f_z);
+    -mu * f_z * linear.tanh()
 }
 
 pub(crate) fn derivatives<T: Scalar>(p: &BicycleCar, x: &X<T>, u: &U<T>) -> X<T> {
