@@ -4,7 +4,7 @@
 //! |---|---|
 //! | phi, phid | roll angle and rate |
 //! | s, rho | sliding surface phid + rho phi |
-//! | d, dd | suspension deflection of a side and its rate |
+//! | d_s, dd_s | suspension deflection of a side and its rate |
 //! | F | force of spring and damper of a side, pushing the body up |
 //! | a_y | lateral acceleration |
 //! | mu + kap | switching gain; kap grows with the magnitudes of phi (kappa1) and phid (kappa2) |
@@ -21,7 +21,7 @@ use crate::{HandlingSlidingMode, U, Y};
 pub(crate) fn forces(p: &HandlingSlidingMode, u: &U) -> Y {
     let U { phi, phid, a_y, .. } = *u;
     let s = p.rho * phi + phid;
-    let f: [f64; 2] = std::array::from_fn(|i| spring_damper(p.k_s, p.cancellation * p.c_s, u.d[i], u.dd[i]));
+    let f: [f64; 2] = std::array::from_fn(|i| spring_damper(p.k_s, p.cancellation * p.c_s, u.d_s[i], u.dd_s[i]));
     let kap = p.kappa1 * phi.abs() + p.kappa2 * phid.abs();
     // The roll acceleration that brings s to 0, and the moments that act without the actuators.
     let wanted = reaching_law(s, p.eta, p.mu + kap, p.width) - p.rho * phid;

@@ -65,9 +65,9 @@ pub struct U {
     #[var(BODY_ROLL_RATE)]
     phid: f64,
     #[var(SUSPENSION_DEFLECTION)]
-    d: Sides<f64>,
+    d_s: Sides<f64>,
     #[var(SUSPENSION_VELOCITY)]
-    dd: Sides<f64>,
+    dd_s: Sides<f64>,
     #[var(VEHICLE_LATERAL_ACCELERATION)]
     a_y: f64,
 }

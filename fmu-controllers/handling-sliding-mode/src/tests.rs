@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 
 /// Inputs of the check numbers.
-const TURN: U = U { phi: 0.05, phid: 0.1, d: Sides([0.03, -0.02]), dd: Sides([0.1, -0.05]), a_y: 4.0 };
+const TURN: U = U { phi: 0.05, phid: 0.1, d_s: Sides([0.03, -0.02]), dd_s: Sides([0.1, -0.05]), a_y: 4.0 };
 
 /// Boundary layer 0.3 rad/s, the damper stays.
 fn damped() -> HandlingSlidingMode {
@@ -34,7 +34,7 @@ fn sets() -> [HandlingSlidingMode; 3] {
 
 /// Roll acceleration of the plant's body with these actuator forces: I_x phidd = M + m_s h a_y, M with the weight.
 fn roll_acceleration(p: &HandlingSlidingMode, u: &U, f: &[f64; 2]) -> f64 {
-    let push = |i: usize| -p.k_s * u.d[i] - p.c_s * u.dd[i] + f[i];
+    let push = |i: usize| -p.k_s * u.d_s[i] - p.c_s * u.dd_s[i] + f[i];
     let moment = p.t / 2.0 * (push(0) - push(1)) + p.m_s * p.g * p.h * u.phi.sin();
     (moment + p.m_s * p.h * u.a_y) / p.i_x
 }
@@ -75,11 +75,11 @@ fn the_sets_of_the_paper_satisfy_the_robust_condition() {
 
 fn any_inputs() -> impl Strategy<Value = U> {
     let sides = |size: f64| prop::array::uniform2(-size..size).prop_map(Sides);
-    (-0.2..0.2, -2.0..2.0, sides(0.1), sides(1.0), -8.0..8.0).prop_map(|(phi, phid, d, dd, a_y)| U {
+    (-0.2..0.2, -2.0..2.0, sides(0.1), sides(1.0), -8.0..8.0).prop_map(|(phi, phid, d_s, dd_s, a_y)| U {
         phi,
         phid,
-        d,
-        dd,
+        d_s,
+        dd_s,
         a_y,
     })
 }
@@ -105,7 +105,7 @@ proptest! {
         let p = HandlingSlidingMode { cancellation, ..HandlingSlidingMode::default() };
         let all = equations::forces(&HandlingSlidingMode::default(), &u);
         let part = equations::forces(&p, &u);
-        let damper = -(1.0 - cancellation) * p.c_s * p.t / 2.0 * (u.dd[0] - u.dd[1]) / p.i_x;
+        let damper = -(1.0 - cancellation) * p.c_s * p.t / 2.0 * (u.dd_s[0] - u.dd_s[1]) / p.i_x;
         let left = roll_acceleration(&p, &u, &part.f) - roll_acceleration(&p, &u, &all.f);
         prop_assert!((left - damper).abs() < 1e-10);
     }
@@ -129,7 +129,7 @@ proptest! {
         let p = HandlingSlidingMode { limit, cancellation, ..HandlingSlidingMode::default() };
         let swapped = |sides: Sides<f64>| Sides([sides[1], sides[0]]);
         let y = equations::forces(&p, &u);
-        let mirror = U { phi: -u.phi, phid: -u.phid, d: swapped(u.d), dd: swapped(u.dd), a_y: -u.a_y };
+        let mirror = U { phi: -u.phi, phid: -u.phid, d_s: swapped(u.d_s), dd_s: swapped(u.dd_s), a_y: -u.a_y };
         let m = equations::forces(&p, &mirror);
         prop_assert_eq!((y.f, y.s), (swapped(m.f), -m.s));
         prop_assert_eq!(y.f[0], -y.f[1]);

@@ -26,10 +26,10 @@ pub struct IntegratedLqrSuspension {
     phidd: f64,
     /// Largest accepted suspension deflection (calibrated on Table 4)
     #[var("accepted.suspension_deflection", unit = "m", start = 0.0347, min = 1e-4, display = "mm")]
-    d: f64,
+    d_s: f64,
     /// Largest accepted tire deflection: the static one
     #[var("accepted.tire_deflection", unit = "m", start = 0.0589, min = 1e-4, display = "mm")]
-    t: f64,
+    d_t: f64,
     /// Largest accepted actuator force
     #[var("accepted.suspension_force", unit = "N", start = 20_000.0, positive, display = "kN")]
     force: f64,
@@ -59,8 +59,8 @@ impl Discrete for IntegratedLqrSuspension {
             Accepted { quantity: Weighted::HeaveAcceleration, value: self.zdd },
             Accepted { quantity: Weighted::PitchAcceleration, value: self.thetadd },
             Accepted { quantity: Weighted::RollAcceleration, value: self.phidd },
-            Accepted { quantity: Weighted::SuspensionDeflections, value: self.d },
-            Accepted { quantity: Weighted::TireDeflections, value: self.t },
+            Accepted { quantity: Weighted::SuspensionDeflections, value: self.d_s },
+            Accepted { quantity: Weighted::TireDeflections, value: self.d_t },
         ];
         Gains::derived(&self.vehicle, &outputs, self.force)
     }

@@ -94,8 +94,11 @@ fn an_accepted_value_whose_weight_is_no_number_is_rejected_by_name() {
             IntegratedLqrSuspension { thetadd: 1e-200, ..IntegratedLqrSuspension::default() },
         ),
         ("accepted.roll_acceleration", IntegratedLqrSuspension { phidd: 1e-200, ..IntegratedLqrSuspension::default() }),
-        ("accepted.suspension_deflection", IntegratedLqrSuspension { d: 1e-200, ..IntegratedLqrSuspension::default() }),
-        ("accepted.tire_deflection", IntegratedLqrSuspension { t: 1e-200, ..IntegratedLqrSuspension::default() }),
+        (
+            "accepted.suspension_deflection",
+            IntegratedLqrSuspension { d_s: 1e-200, ..IntegratedLqrSuspension::default() },
+        ),
+        ("accepted.tire_deflection", IntegratedLqrSuspension { d_t: 1e-200, ..IntegratedLqrSuspension::default() }),
         ("accepted.suspension_force", IntegratedLqrSuspension { force: 1e-200, ..IntegratedLqrSuspension::default() }),
     ];
     for (name, p) in cases {

@@ -23,10 +23,10 @@ pub struct RollLqrSuspension {
     phidd: f64,
     /// Largest accepted suspension deflection (calibrated on Table 4)
     #[var("accepted.suspension_deflection", unit = "m", start = 0.0347, min = 1e-4, display = "mm")]
-    d: f64,
+    d_s: f64,
     /// Largest accepted tire deflection: the static one
     #[var("accepted.tire_deflection", unit = "m", start = 0.0589, min = 1e-4, display = "mm")]
-    t: f64,
+    d_t: f64,
     /// Largest accepted actuator force
     #[var("accepted.suspension_force", unit = "N", start = 20_000.0, positive, display = "kN")]
     force: f64,
@@ -54,8 +54,8 @@ impl Discrete for RollLqrSuspension {
         let outputs = [
             Accepted { quantity: Weighted::Roll, value: self.phi },
             Accepted { quantity: Weighted::RollAcceleration, value: self.phidd },
-            Accepted { quantity: Weighted::SuspensionDeflections, value: self.d },
-            Accepted { quantity: Weighted::TireDeflections, value: self.t },
+            Accepted { quantity: Weighted::SuspensionDeflections, value: self.d_s },
+            Accepted { quantity: Weighted::TireDeflections, value: self.d_t },
         ];
         Gains::derived(&self.vehicle, &outputs, self.force)
     }

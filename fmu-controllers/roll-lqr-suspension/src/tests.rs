@@ -90,8 +90,8 @@ fn an_accepted_value_whose_weight_is_no_number_is_rejected_by_name() {
     let cases = [
         ("accepted.roll_angle", RollLqrSuspension { phi: 1e-200, ..RollLqrSuspension::default() }),
         ("accepted.roll_acceleration", RollLqrSuspension { phidd: 1e-200, ..RollLqrSuspension::default() }),
-        ("accepted.suspension_deflection", RollLqrSuspension { d: 1e-200, ..RollLqrSuspension::default() }),
-        ("accepted.tire_deflection", RollLqrSuspension { t: 1e-200, ..RollLqrSuspension::default() }),
+        ("accepted.suspension_deflection", RollLqrSuspension { d_s: 1e-200, ..RollLqrSuspension::default() }),
+        ("accepted.tire_deflection", RollLqrSuspension { d_t: 1e-200, ..RollLqrSuspension::default() }),
         ("accepted.suspension_force", RollLqrSuspension { force: 1e-200, ..RollLqrSuspension::default() }),
     ];
     for (name, p) in cases {
