@@ -76,9 +76,9 @@ pub struct PathDriver {
     /// H: lateral offset of single_lane_change, positive to the left
     #[var("path.offset", unit = "m", start = 1.4637)]
     h: f64,
-    /// D: length of single_lane_change; the start value is 2.5 s of 88 km/h
+    /// Ls: length of single_lane_change; the start value is 2.5 s of 88 km/h
     #[var("path.change_distance", unit = "m", start = 2.5 * 88.0 / 3.6, positive)]
-    d: f64,
+    l_s: f64,
     /// Deviation from which on the path is lost
     #[var("path.lost_distance", unit = "m", start = 10.0, min = 0.0)]
     lost_distance: f64,
@@ -109,12 +109,12 @@ pub struct PathDriver {
     /// K: understeer gradient of the vehicle that the driver has in mind, road-wheel angle per lateral acceleration
     #[var("vehicle.understeer_gradient", unit = "rad.s2/m", start = 0.0)]
     k: f64,
-    /// Delay of the driver, rounded to whole samples; at most 10000 samples
+    /// Td: delay of the driver, rounded to whole samples; at most 10000 samples
     #[var("response.delay", unit = "s", start = 0.05, min = 0.0, display = "ms")]
-    delay: f64,
-    /// Time constant of the driver's lag; none if it is not above 0
+    t_d: f64,
+    /// Tr: time constant of the driver's lag; none if it is not above 0
     #[var("response.time_constant", unit = "s", start = 0.05, display = "ms")]
-    lag: f64,
+    t_r: f64,
     /// Angle of the steering wheel over that of the road wheels
     #[var("steer.ratio", unit = "1", start = 16.0, positive)]
     ratio: f64,
@@ -127,9 +127,9 @@ pub struct PathDriver {
     /// Start of the steering of slowly_increasing_steer and fishhook
     #[var("steer.start", unit = "s", start = 1.0, min = 0.0)]
     t_0: f64,
-    /// w: rate of the steering wheel of slowly_increasing_steer and fishhook
+    /// omega: rate of the steering wheel of slowly_increasing_steer and fishhook
     #[var("steer.wheel_rate", unit = "rad/s", start = 0.23561944901923448, min = 0.0, display = "deg/s")]
-    w_a: f64,
+    omega: f64,
     /// A: amplitude of the steering wheel of slowly_increasing_steer and fishhook, positive to the left first
     #[var("steer.wheel_amplitude", unit = "rad", start = 4.71238898038469, display = "deg")]
     a: f64,
@@ -163,12 +163,12 @@ pub struct PathDriver {
     /// Duration of the speed ramp; 0 for a step
     #[var("speed.rise_time", unit = "s", start = 1.0, min = 0.0)]
     d_v: f64,
-    /// k_p: acceleration per error of the speed
+    /// k_pv: acceleration per error of the speed
     #[var("speed.proportional_gain", unit = "1/s", start = 1.5, min = 0.0)]
-    k_p_v: f64,
-    /// k_i: acceleration per integral of the error of the speed
+    k_pv: f64,
+    /// k_iv: acceleration per integral of the error of the speed
     #[var("speed.integral_gain", unit = "1/s2", start = 0.5, min = 0.0)]
-    k_i_v: f64,
+    k_iv: f64,
     /// Acceleration that the driver expects of the whole accelerator pedal
     #[var("throttle.full_acceleration", unit = "m/s2", start = 2.5, positive)]
     a_throttle: f64,
@@ -226,7 +226,7 @@ pub struct Y {
     #[var(PATH_LATERAL_DEVIATION)]
     e: f64,
     #[var(PATH_HEADING_ERROR)]
-    heading_error: f64,
+    psi_e: f64,
     #[var(PATH_DISTANCE)]
     s: f64,
     #[var(PATH_FINISHED)]
@@ -247,8 +247,8 @@ pub struct X {
     /// `raw` of the last samples.
     #[var(always_finite)]
     past: Delay,
-    /// After the lag, rad.
-    lag: f64,
+    /// Steering angle after delay and lag, rad.
+    lagged: f64,
     /// driver.steer, rad.
     steer: f64,
     /// I: integral of the lateral deviation, m.
@@ -292,7 +292,7 @@ impl Discrete for PathDriver {
             brake: 0.0,
             steering_wheel: 0.0,
             e: 0.0,
-            heading_error: 0.0,
+            psi_e: 0.0,
             s: 0.0,
             finished: false,
             lost: false,
@@ -313,7 +313,7 @@ impl Discrete for PathDriver {
         d.table_hash
     }
     fn initial_state(&self, d: &D) -> X {
-        X { past: Delay::of(d.steering.delay), ..X::default() }
+        X { past: Delay::of(d.steering.delay_samples), ..X::default() }
     }
     fn update(&self, sample: Sample<Self>) -> Y {
         let Sample { state: x, inputs: u, derived: d, .. } = sample;
@@ -321,8 +321,8 @@ impl Discrete for PathDriver {
         let v = u.v.max(0.0);
         let place = d.path.project(&mut x.segment, [u.x, u.y], u.yaw);
         match self.maneuver {
-            Maneuver::SlowlyIncreasingSteer => steering::slowly_increasing(self, &d.steering, x, t),
-            Maneuver::Fishhook => steering::fishhook(self, &d.steering, x, u.roll_rate, t),
+            Maneuver::SlowlyIncreasingSteer => steering::slowly_increasing(self, d, x, t),
+            Maneuver::Fishhook => steering::fishhook(self, d, x, u.roll_rate, t),
             _ => {
                 x.lost |= place.e.abs() > self.lost_distance;
                 x.finished |= place.s >= d.path.end;
@@ -331,7 +331,7 @@ impl Discrete for PathDriver {
         }
         let [throttle, brake] = speed::pedals(self, x, v, place.s, t);
         x.n = x.n.wrapping_add(1);
-        let Place { e, heading_error, s } = place;
+        let Place { e, psi_e, s } = place;
         Y {
             steer: x.steer,
             speed: speed::reference(self, t),
@@ -339,7 +339,7 @@ impl Discrete for PathDriver {
             brake,
             steering_wheel: self.ratio * x.steer,
             e,
-            heading_error,
+            psi_e,
             s,
             finished: x.finished,
             lost: x.lost,

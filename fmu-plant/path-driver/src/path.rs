@@ -5,10 +5,11 @@
 //! | P, theta, kappa, s | a point with its heading, curvature and station (sum of chord lengths) |
 //! | Q | position of the vehicle |
 //! | j, q | segment from point j to j + 1, and share of it up to the foot of the perpendicular from Q |
-//! | e | deviation: distance of Q from the path, positive to the left |
+//! | e, psi_e | deviation: distance of Q from the path, positive to the left; heading of the vehicle minus that of the path |
 //! | L_c, R | length of the clothoid and radius of the circle |
 //! | o | overlap: length by which a transition reaches into the coned sections |
-//! | H, D | offset and length of the single lane change |
+//! | xi, sigma | share of the length of a transition or lane change, and of its offset |
+//! | H, L_s | offset and length of the single lane change |
 
 use std::f64::consts::TAU;
 
@@ -50,8 +51,8 @@ pub(crate) struct Path {
 pub(crate) struct Place {
     pub(crate) s: f64,
     pub(crate) e: f64,
-    /// Heading of the vehicle minus that of the path, within +-pi.
-    pub(crate) heading_error: f64,
+    /// Within +-pi.
+    pub(crate) psi_e: f64,
 }
 
 impl Path {
@@ -79,9 +80,9 @@ impl Path {
             Maneuver::ObstacleAvoidance => Self::between_cones(p, iso_3888_2, "3 (obstacle_avoidance)"),
             Maneuver::SingleLaneChange => {
                 let last =
-                    last_point(p.x_0 + p.d + p.run_out, "'path.start', 'path.change_distance' and 'path.run_out'")?;
+                    last_point(p.x_0 + p.l_s + p.run_out, "'path.start', 'path.change_distance' and 'path.run_out'")?;
                 let points = (0..=last).map(|i| mirrored(p, single_lane_change(p, i as f64 * SPACING)));
-                Ok(Self::through(points.collect(), Some(nearest(p.x_0 + p.d).min(last))))
+                Ok(Self::through(points.collect(), Some(nearest(p.x_0 + p.l_s).min(last))))
             }
             Maneuver::Table => {
                 let (file, table) = table
@@ -103,14 +104,14 @@ impl Path {
             ));
         }
         let sections = track(p.x_0, p.w);
-        let c_1 = sections[2].end;
-        let last = last_point(c_1 + p.run_out, "'path.start' and 'path.run_out'")?;
+        let end = sections[2].end;
+        let last = last_point(end + p.run_out, "'path.start' and 'path.run_out'")?;
         let points = (0..=last).map(|i| mirrored(p, lane_changes(p, &sections, i as f64 * SPACING)));
-        Ok(Self::through(points.collect(), Some(nearest(c_1).min(last))))
+        Ok(Self::through(points.collect(), Some(nearest(end).min(last))))
     }
 
-    /// Stations and curvatures of points with their headings. The maneuver ends at the point `end`, or the last one.
-    fn through(points: Vec<[f64; 3]>, end: Option<usize>) -> Self {
+    /// Stations and curvatures of points with their headings. The maneuver ends at the point `last_of_maneuver`, or the last one.
+    fn through(points: Vec<[f64; 3]>, last_of_maneuver: Option<usize>) -> Self {
         let mut points: Vec<Point> =
             points.into_iter().map(|[x, y, theta]| Point { x, y, theta, kappa: 0.0, s: 0.0 }).collect();
         let last = points.len() - 1;
@@ -122,7 +123,7 @@ impl Path {
             let (before, after) = (points[i - 1], points[i + 1]);
             points[i].kappa = (after.theta - before.theta) / (after.s - before.s);
         }
-        let end = points[end.unwrap_or(last)].s;
+        let end = points[last_of_maneuver.unwrap_or(last)].s;
         Self { points, end }
     }
 
@@ -130,21 +131,21 @@ impl Path {
     /// last sample and updates it, which resolves paths that cross themselves.
     pub(crate) fn project(&self, segment: &mut u64, [x, y]: [f64; 2], yaw: f64) -> Place {
         let last = self.points.len() - 2;
-        let share = |j: usize| {
-            let (a, b) = (&self.points[j], &self.points[j + 1]);
-            let (dx, dy) = (b.x - a.x, b.y - a.y);
-            ((x - a.x) * dx + (y - a.y) * dy) / (dx * dx + dy * dy)
+        let foot = |j: usize| {
+            let (p_0, p_1) = (&self.points[j], &self.points[j + 1]);
+            let (dx, dy) = (p_1.x - p_0.x, p_1.y - p_0.y);
+            ((x - p_0.x) * dx + (y - p_0.y) * dy) / (dx * dx + dy * dy)
         };
         // The segment may come from saved bytes. Each loop moves in one direction, so both end for any value.
         let mut j = usize::try_from(*segment).unwrap_or(last).min(last);
-        while j < last && share(j) >= 1.0 {
+        while j < last && foot(j) >= 1.0 {
             j += 1;
         }
-        while j > 0 && share(j) < 0.0 {
+        while j > 0 && foot(j) < 0.0 {
             j -= 1;
         }
         *segment = j as u64;
-        let mut q = share(j);
+        let mut q = foot(j);
         // The first and the last segment are extended straight.
         if j > 0 {
             q = q.max(0.0);
@@ -152,11 +153,11 @@ impl Path {
         if j < last {
             q = q.min(1.0);
         }
-        let (a, b) = (&self.points[j], &self.points[j + 1]);
-        let (dx, dy, length) = (b.x - a.x, b.y - a.y, b.s - a.s);
-        let e = (dx * (y - a.y - q * dy) - dy * (x - a.x - q * dx)) / length;
-        let theta = a.theta + q.clamp(0.0, 1.0) * (b.theta - a.theta);
-        Place { s: a.s + q * length, e, heading_error: within_half_a_turn(yaw - theta) }
+        let (p_0, p_1) = (&self.points[j], &self.points[j + 1]);
+        let (dx, dy, length) = (p_1.x - p_0.x, p_1.y - p_0.y, p_1.s - p_0.s);
+        let e = (dx * (y - p_0.y - q * dy) - dy * (x - p_0.x - q * dx)) / length;
+        let theta = p_0.theta + q.clamp(0.0, 1.0) * (p_1.theta - p_0.theta);
+        Place { s: p_0.s + q * length, e, psi_e: within_half_a_turn(yaw - theta) }
     }
 
     /// Curvature at a station, 1/m: linear between the points, 0 outside the path.
@@ -166,8 +167,8 @@ impl Path {
             return 0.0;
         }
         let next = self.points.partition_point(|point| point.s <= s).clamp(1, last);
-        let (a, b) = (&self.points[next - 1], &self.points[next]);
-        a.kappa + (s - a.s) / (b.s - a.s) * (b.kappa - a.kappa)
+        let (p_0, p_1) = (&self.points[next - 1], &self.points[next]);
+        p_0.kappa + (s - p_0.s) / (p_1.s - p_0.s) * (p_1.kappa - p_0.kappa)
     }
 }
 
@@ -220,37 +221,37 @@ fn circle(p: &PathDriver, last: usize) -> Vec<[f64; 3]> {
     points
 }
 
-/// The point at `x` of the path from the first lane to the second and to the third: S(q) = q^3 (10 - 15 q + 6 q^2) in between,
+/// The point at `x` of the path from the first lane to the second and to the third: sigma = xi^3 (10 - 15 xi + 6 xi^2) in between,
 /// whose slope and curvature are 0 at both ends.
-fn lane_changes(p: &PathDriver, [a, b, c]: &[Section; 3], x: f64) -> [f64; 3] {
-    let (y_b, y_c, o) = (b.middle() - p.cut, c.middle(), p.o);
+fn lane_changes(p: &PathDriver, [first, second, third]: &[Section; 3], x: f64) -> [f64; 3] {
+    let (y_second, y_third, o) = (second.middle() - p.cut, third.middle(), p.o);
     // y and its slope of a transition from y_1 to y_2, which reaches into both sections
     let transition = |y_1: f64, y_2: f64, from: f64, to: f64| {
         let length = to - from + 2.0 * o;
-        let q = (x - (from - o)) / length;
-        let share = q * q * q * (10.0 - 15.0 * q + 6.0 * q * q);
-        let slope = 30.0 * q * q * (1.0 - q) * (1.0 - q) / length;
-        [y_1 + (y_2 - y_1) * share, (y_2 - y_1) * slope]
+        let xi = (x - (from - o)) / length;
+        let sigma = xi * xi * xi * (10.0 - 15.0 * xi + 6.0 * xi * xi);
+        let slope = 30.0 * xi * xi * (1.0 - xi) * (1.0 - xi) / length;
+        [y_1 + (y_2 - y_1) * sigma, (y_2 - y_1) * slope]
     };
-    let [y, slope] = if x <= a.end - o {
+    let [y, slope] = if x <= first.end - o {
         [0.0, 0.0]
-    } else if x < b.begin + o {
-        transition(0.0, y_b, a.end, b.begin)
-    } else if x <= b.end - o {
-        [y_b, 0.0]
-    } else if x < c.begin + o {
-        transition(y_b, y_c, b.end, c.begin)
+    } else if x < second.begin + o {
+        transition(0.0, y_second, first.end, second.begin)
+    } else if x <= second.end - o {
+        [y_second, 0.0]
+    } else if x < third.begin + o {
+        transition(y_second, y_third, second.end, third.begin)
     } else {
-        [y_c, 0.0]
+        [y_third, 0.0]
     };
     [x, y, math::atan(slope)]
 }
 
 /// The point at `x` of the single lane change, one period of a sine of lateral acceleration.
 fn single_lane_change(p: &PathDriver, x: f64) -> [f64; 3] {
-    let q = ((x - p.x_0) / p.d).clamp(0.0, 1.0);
-    let (sin, cos) = math::sin_cos(TAU * q);
-    [x, p.h * (q - sin / TAU), math::atan(p.h / p.d * (1.0 - cos))]
+    let xi = ((x - p.x_0) / p.l_s).clamp(0.0, 1.0);
+    let (sin, cos) = math::sin_cos(TAU * xi);
+    [x, p.h * (xi - sin / TAU), math::atan(p.h / p.l_s * (1.0 - cos))]
 }
 
 /// The points of a table. The heading of a point is the direction between its neighbors, without jumps of a turn.

@@ -4,8 +4,9 @@
 //! |---|---|
 //! | t, T | time since the start, sample time |
 //! | v, v_ref | speed of the vehicle, not negative, and its reference |
-//! | a | demanded acceleration |
-//! | z | integral of the error of the speed |
+//! | a_x | demanded acceleration |
+//! | k_pv, k_iv | acceleration per error of the speed, and per integral of it |
+//! | z | integral of the error of the speed times k_iv |
 
 use crate::steering::SLACK;
 use crate::{PathDriver, X};
@@ -32,11 +33,11 @@ pub(crate) fn pedals(p: &PathDriver, x: &mut X, v: f64, s: f64, t: f64) -> [f64;
     let rises = t >= p.t_v && t < p.t_v + p.d_v;
     let feedforward = if rises { (p.v_1 - p.v_0) / p.d_v } else { 0.0 };
     let error = reference(p, t) - v;
-    let a = feedforward + p.k_p_v * error + x.z;
-    let saturated = a.clamp(-p.a_brake, p.a_throttle);
+    let a_x = feedforward + p.k_pv * error + x.z;
+    let saturated = a_x.clamp(-p.a_brake, p.a_throttle);
     // A saturated pedal does not wind the integral up, only back.
-    if a == saturated || error * a < 0.0 {
-        x.z += p.k_i_v * error * p.sample_time;
+    if a_x == saturated || error * a_x < 0.0 {
+        x.z += p.k_iv * error * p.sample_time;
     }
     if saturated > 0.0 {
         [saturated / p.a_throttle, 0.0]

@@ -4,12 +4,14 @@
 //! |---|---|
 //! | t, T, n | time since the start, sample time, number of the sample |
 //! | v | speed, not negative |
-//! | e, heading error, s | position of the vehicle on the path |
-//! | L_p | distance that the driver looks ahead |
-//! | M | steering angle per curvature: wheelbase and understeer |
+//! | e, psi_e, s | deviation, heading error and station of the vehicle on the path |
+//! | T_p, L_p | time and distance that the driver looks ahead |
+//! | L, K, M | wheelbase, understeer gradient, steering angle per curvature |
+//! | g, g_ff | factors on the steering angle against the deviation ahead and for the curvature |
 //! | kappa | curvature of the path |
-//! | I | integral of the deviation |
-//! | A, w, tau | amplitude and rate of the steering wheel, time since the start of a phase |
+//! | k_i, I | rate of the integral of the deviation, and the integral |
+//! | T_ff, T_d, T_r | time by which the vehicle is late; delay and time constant of the driver |
+//! | A, omega, tau | amplitude and rate of the steering wheel, time since the start of a phase |
 //!
 //! # References
 //!
@@ -69,8 +71,8 @@ impl Delay {
         if self.0.is_empty() {
             return value;
         }
-        let place = (n % self.0.len() as u64) as usize;
-        std::mem::replace(&mut self.0[place], value)
+        let slot = (n % self.0.len() as u64) as usize;
+        std::mem::replace(&mut self.0[slot], value)
     }
 }
 
@@ -89,10 +91,10 @@ impl StateField for Delay {
 /// Derived parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct Steering {
-    /// Delay in samples.
-    pub(crate) delay: usize,
+    /// T_d in samples.
+    pub(crate) delay_samples: usize,
     /// Fraction of the remaining difference that the lag covers in a sample.
-    lag: f64,
+    lag_share: f64,
     /// Greatest angle of the road wheels, rad, and its greatest change in a sample, rad.
     limit: f64,
     change: f64,
@@ -110,17 +112,17 @@ impl Steering {
         if let Some(maneuver) = without_amplitude {
             return Err(format!("'steer.wheel_amplitude' must not be 0 for 'maneuver' = {maneuver}, got 0 rad"));
         }
-        let delay = (p.delay / p.sample_time + 0.5).floor();
-        if delay > MOST_SAMPLES {
+        let samples = (p.t_d / p.sample_time + 0.5).floor();
+        if samples > MOST_SAMPLES {
             return Err(format!(
-                "'response.delay' = {} s is {delay} samples of 'sample_time' = {} s; it must be at most {MOST_SAMPLES} \
+                "'response.delay' = {} s is {samples} samples of 'sample_time' = {} s; it must be at most {MOST_SAMPLES} \
                  samples: use a shorter delay or a longer sample time",
-                p.delay, p.sample_time
+                p.t_d, p.sample_time
             ));
         }
         Ok(Self {
-            delay: delay as usize,
-            lag: if p.lag > 0.0 { 1.0 - math::exp(-p.sample_time / p.lag) } else { 1.0 },
+            delay_samples: samples as usize,
+            lag_share: if p.t_r > 0.0 { 1.0 - math::exp(-p.sample_time / p.t_r) } else { 1.0 },
             limit: p.angle_limit / p.ratio,
             change: p.rate_limit / p.ratio * p.sample_time,
         })
@@ -129,22 +131,22 @@ impl Steering {
 
 /// One sample of the steering along a path, maneuvers 0 to 5.
 pub(crate) fn follow(p: &PathDriver, d: &D, x: &mut X, place: &Place, v: f64, t: f64) {
-    let Place { s, e, heading_error } = *place;
+    let Place { s, e, psi_e } = *place;
     if !x.lost {
         let m = p.l + p.k * v * v;
-        let lead = (p.t_ff + p.delay + p.lag.max(0.0)) * v;
+        let lead = (p.t_ff + p.t_d + p.t_r.max(0.0)) * v;
         let l_p = p.l_p_min.max(p.t_p * v);
-        let ahead = e + l_p * math::sin(heading_error) + x.integral;
+        let ahead = e + l_p * math::sin(psi_e) + x.integral;
         x.raw = m * (p.g_ff * d.path.curvature(s + lead) - p.g * (2.0 / (l_p * l_p)) * ahead);
         if v >= INTEGRAL_SPEED && t < p.hold_start {
             x.integral += p.k_i * e * p.sample_time;
         }
     }
     let delayed = x.past.shift(x.n, x.raw);
-    x.lag = if p.lag > 0.0 { x.lag + (delayed - x.lag) * d.steering.lag } else { delayed };
+    x.lagged = if p.t_r > 0.0 { x.lagged + (delayed - x.lagged) * d.steering.lag_share } else { delayed };
     if !is_held(p, t) {
         let Steering { limit, change, .. } = d.steering;
-        x.steer += (x.lag.clamp(-limit, limit) - x.steer).clamp(-change, change);
+        x.steer += (x.lagged.clamp(-limit, limit) - x.steer).clamp(-change, change);
     }
 }
 
@@ -154,31 +156,31 @@ fn is_held(p: &PathDriver, t: f64) -> bool {
 }
 
 /// Sets an angle of the steering wheel in rad, to the side on which the maneuver begins.
-fn turn(p: &PathDriver, d: &Steering, x: &mut X, angle: f64, t: f64) {
+fn turn(p: &PathDriver, d: &D, x: &mut X, angle: f64, t: f64) {
     if !is_held(p, t) {
-        x.steer = (p.a.signum() * angle / p.ratio).clamp(-d.limit, d.limit);
+        x.steer = (p.a.signum() * angle / p.ratio).clamp(-d.steering.limit, d.steering.limit);
     }
 }
 
 /// One sample of slowly increasing steer, maneuver 6.
-pub(crate) fn slowly_increasing(p: &PathDriver, d: &Steering, x: &mut X, t: f64) {
-    let angle = p.w_a * (t - p.t_0).max(0.0);
+pub(crate) fn slowly_increasing(p: &PathDriver, d: &D, x: &mut X, t: f64) {
+    let angle = p.omega * (t - p.t_0).max(0.0);
     turn(p, d, x, angle.min(p.a.abs()), t);
     x.finished |= angle >= p.a.abs();
 }
 
 /// One sample of the fishhook, maneuver 7.
-pub(crate) fn fishhook(p: &PathDriver, d: &Steering, x: &mut X, roll_rate: f64, t: f64) {
+pub(crate) fn fishhook(p: &PathDriver, d: &D, x: &mut X, roll_rate: f64, t: f64) {
     let a = p.a.abs();
     let mut tau = x.n.wrapping_sub(x.phase_start) as f64 * p.sample_time;
     // A phase may be over in the sample with which it begins.
     loop {
         let (length, next) = match x.phase {
             Phase::Wait => (p.t_0, Phase::Ramp),
-            Phase::Ramp => (a / p.w_a, Phase::Dwell),
+            Phase::Ramp => (a / p.omega, Phase::Dwell),
             Phase::Dwell if roll_rate.abs() <= p.roll_rate_threshold => (0.0, Phase::Reversal),
             Phase::Dwell => (p.maximum_dwell, Phase::Reversal),
-            Phase::Reversal => (2.0 * a / p.w_a, Phase::Hold),
+            Phase::Reversal => (2.0 * a / p.omega, Phase::Hold),
             Phase::Hold => (p.hold_time, Phase::Return),
             Phase::Return => (p.return_time, Phase::End),
             Phase::End => break,
@@ -190,9 +192,9 @@ pub(crate) fn fishhook(p: &PathDriver, d: &Steering, x: &mut X, roll_rate: f64, 
     }
     let angle = match x.phase {
         Phase::Wait | Phase::End => 0.0,
-        Phase::Ramp => (p.w_a * tau).min(a),
+        Phase::Ramp => (p.omega * tau).min(a),
         Phase::Dwell => a,
-        Phase::Reversal => a - (p.w_a * tau).min(2.0 * a),
+        Phase::Reversal => a - (p.omega * tau).min(2.0 * a),
         Phase::Hold => -a,
         Phase::Return => -a * (1.0 - tau / p.return_time),
     };

@@ -30,7 +30,7 @@ fn driver(maneuver: Maneuver) -> PathDriver {
 
 /// A driver without delay, lag and limits.
 fn immediate(maneuver: Maneuver) -> PathDriver {
-    PathDriver { delay: 0.0, lag: 0.0, angle_limit: 1e9, rate_limit: 1e9, ..driver(maneuver) }
+    PathDriver { t_d: 0.0, t_r: 0.0, angle_limit: 1e9, rate_limit: 1e9, ..driver(maneuver) }
 }
 
 fn path(p: &PathDriver) -> Path {
@@ -52,8 +52,8 @@ fn at(x: f64, y: f64, yaw: f64, v: f64) -> U {
 }
 
 fn bits(y: &Y) -> Vec<u64> {
-    let Y { steer, speed, throttle, brake, steering_wheel, e, heading_error, s, finished, lost } = *y;
-    let reals = [steer, speed, throttle, brake, steering_wheel, e, heading_error, s];
+    let Y { steer, speed, throttle, brake, steering_wheel, e, psi_e, s, finished, lost } = *y;
+    let reals = [steer, speed, throttle, brake, steering_wheel, e, psi_e, s];
     reals.into_iter().map(f64::to_bits).chain([finished, lost].map(u64::from)).collect()
 }
 
@@ -230,7 +230,7 @@ fn one_sample_is_that_of_the_specification() {
     let y = run.sample(&at(80.03, 1.2, 0.1, 20.0)).unwrap();
     assert_printed(y.s, 80.04359223, 1e-8);
     assert_printed(y.e, -0.5883951165, 1e-10);
-    assert_printed(y.heading_error, -0.0449181761, 1e-10);
+    assert_printed(y.psi_e, -0.0449181761, 1e-10);
     assert_printed(path.curvature(y.s + 2.0), -0.0020447366, 1e-10);
     assert_printed(y.steer, 0.0191060633, 1e-10);
     assert_eq!(y.steering_wheel, 16.0 * y.steer);
@@ -248,7 +248,7 @@ fn the_first_and_the_last_segment_go_on() {
     // The heading of the corner is in the middle of both.
     let corner = path.project(&mut 0, [10.0, 0.0], 0.0);
     assert_eq!(corner.s, 10.0);
-    assert!((corner.heading_error + std::f64::consts::FRAC_PI_4).abs() < 1e-15);
+    assert!((corner.psi_e + std::f64::consts::FRAC_PI_4).abs() < 1e-15);
 }
 
 /// A closed path that crosses itself: each round has its own stations. A polyline of a circle of 50 m with chords of 0.1 m is
@@ -263,7 +263,7 @@ fn rounds_of_a_circle_have_their_own_stations() {
         let angle = s / 50.0;
         let place = circle.project(&mut segment, [49.0 * angle.sin(), 50.0 - 49.0 * angle.cos()], angle);
         assert!((place.s - s).abs() < 0.01, "{s}: {place:?}");
-        assert!((place.e - 1.0).abs() < 1e-4 && place.heading_error.abs() < 1e-3, "{s}: {place:?}");
+        assert!((place.e - 1.0).abs() < 1e-4 && place.psi_e.abs() < 1e-3, "{s}: {place:?}");
     }
     // Way back, too.
     for k in (100..8800).rev() {
@@ -333,7 +333,7 @@ fn the_law_of_the_deviation() {
         let expected = -(2.34 + 0.004 * v_0 * v_0) * 1.2 * 2.0 / (l_p * l_p) * (0.7 + l_p * 0.1_f64.sin());
         let y = DiscreteSimulation::new(p.clone()).unwrap().sample(&at(30.0, 0.7, 0.1, v)).unwrap();
         assert!((y.steer - expected).abs() < 1e-14, "{v} m/s: {} instead of {expected}", y.steer);
-        assert_eq!((y.e, y.heading_error, y.s), (0.7, 0.1, 30.0));
+        assert_eq!((y.e, y.psi_e, y.s), (0.7, 0.1, 30.0));
     }
 }
 
@@ -345,8 +345,8 @@ fn the_feedforward_leads() {
             g: 0.0,
             g_ff: 0.8,
             t_ff: 0.3,
-            delay,
-            lag,
+            t_d: delay,
+            t_r: lag,
             sample_time: 0.01,
             rate_limit: 1e9,
             ..driver(Maneuver::Circle)
@@ -382,7 +382,7 @@ fn the_delay_is_a_whole_number_of_samples() {
             let mut run = DiscreteSimulation::new(p).unwrap();
             signal.iter().map(|u| run.sample(u).unwrap().steer).collect()
         };
-        let (immediate, delayed) = (steer(p.clone()), steer(PathDriver { delay, ..p }));
+        let (immediate, delayed) = (steer(p.clone()), steer(PathDriver { t_d: delay, ..p }));
         for (k, found) in delayed.into_iter().enumerate() {
             // The steering angle is a sum of changes, which rounds.
             let expected = if k < samples { 0.0 } else { immediate[k - samples] };
@@ -394,8 +394,8 @@ fn the_delay_is_a_whole_number_of_samples() {
 /// Closed form of a first-order lag after a step, exact at the samples; rounding of 400 sums.
 #[test]
 fn the_lag_is_exact_at_the_samples() {
-    let p = PathDriver { lag: 0.2, sample_time: 0.01, ..immediate(Maneuver::Straight) };
-    let raw = DiscreteSimulation::new(PathDriver { lag: 0.0, ..p.clone() }).unwrap().sample(&at(0.0, 0.3, 0.0, 10.0));
+    let p = PathDriver { t_r: 0.2, sample_time: 0.01, ..immediate(Maneuver::Straight) };
+    let raw = DiscreteSimulation::new(PathDriver { t_r: 0.0, ..p.clone() }).unwrap().sample(&at(0.0, 0.3, 0.0, 10.0));
     let raw = raw.unwrap().steer;
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 1..400 {
@@ -497,14 +497,14 @@ fn slowly_increasing_steer_is_a_ramp() {
         assert!((y.steering_wheel + ramp.min(0.5)).abs() < 1e-14, "{t} s: {}", y.steering_wheel);
         assert_eq!(y.finished, ramp >= 0.5);
         // There is no path to lose.
-        assert_eq!((y.e, y.heading_error, y.lost), (25.0, 0.3, false));
+        assert_eq!((y.e, y.psi_e, y.lost), (25.0, 0.3, false));
     }
 }
 
 /// The ramp ends exactly at the amplitude: numbers without rounding.
 #[test]
 fn slowly_increasing_steer_ends_with_its_amplitude() {
-    let p = PathDriver { t_0: 0.0, w_a: 1.0, a: 0.5, sample_time: 0.25, ..driver(Maneuver::SlowlyIncreasingSteer) };
+    let p = PathDriver { t_0: 0.0, omega: 1.0, a: 0.5, sample_time: 0.25, ..driver(Maneuver::SlowlyIncreasingSteer) };
     let mut run = DiscreteSimulation::new(p).unwrap();
     let y = [0; 4].map(|_| run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap());
     assert_eq!(y.each_ref().map(|y| y.steering_wheel), [0.0, 0.25, 0.5, 0.5]);
@@ -516,7 +516,7 @@ fn slowly_increasing_steer_ends_with_its_amplitude() {
 fn the_fishhook_waits_for_the_roll_rate() {
     let p = PathDriver {
         a: 0.4,
-        w_a: 4.0,
+        omega: 4.0,
         t_0: 0.5,
         maximum_dwell: 0.7,
         hold_time: 0.3,
@@ -559,7 +559,7 @@ fn the_fishhook_waits_for_the_roll_rate() {
 #[test]
 fn phases_of_the_fishhook_may_have_no_length() {
     let p = PathDriver {
-        w_a: 1e9,
+        omega: 1e9,
         t_0: 0.01,
         maximum_dwell: 0.25,
         roll_rate_threshold: -1.0,
@@ -577,7 +577,7 @@ fn phases_of_the_fishhook_may_have_no_length() {
     }
     assert_eq!(run.state().phase, Phase::End);
     // All at once.
-    let at_once = PathDriver { t_0: 0.0, maximum_dwell: 0.0, w_a: 1e300, ..p };
+    let at_once = PathDriver { t_0: 0.0, maximum_dwell: 0.0, omega: 1e300, ..p };
     let mut run = DiscreteSimulation::new(at_once).unwrap();
     assert!(run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap().finished);
 }
@@ -585,8 +585,13 @@ fn phases_of_the_fishhook_may_have_no_length() {
 /// The limits of angle and the hold act on steering by time, the rate limit and the delay do not.
 #[test]
 fn steering_by_time_has_an_end() {
-    let p =
-        PathDriver { angle_limit: 0.3, rate_limit: 0.1, w_a: 1e3, t_0: 0.0, ..driver(Maneuver::SlowlyIncreasingSteer) };
+    let p = PathDriver {
+        angle_limit: 0.3,
+        rate_limit: 0.1,
+        omega: 1e3,
+        t_0: 0.0,
+        ..driver(Maneuver::SlowlyIncreasingSteer)
+    };
     let mut run = DiscreteSimulation::new(PathDriver { hold_start: 0.1, ..p.clone() }).unwrap();
     let wheel: Vec<_> = (0..3).map(|_| run.sample(&at(0.0, 0.0, 0.0, 9.0)).unwrap().steering_wheel).collect();
     assert!(wheel[0] == 0.0 && (wheel[1] - 0.3).abs() < 1e-15 && wheel[2] == wheel[1], "{wheel:?}");
@@ -783,13 +788,8 @@ fn mirrored_path_and_vehicle_are_mirrored() {
         let steered = left.iter().any(|y| y.steer > 5e-3);
         assert!(steered, "{maneuver:?}");
         for (y, mirrored) in left.iter().zip(&right) {
-            let expected = Y {
-                steer: -y.steer,
-                steering_wheel: -y.steering_wheel,
-                e: -y.e,
-                heading_error: -y.heading_error,
-                ..y.clone()
-            };
+            let expected =
+                Y { steer: -y.steer, steering_wheel: -y.steering_wheel, e: -y.e, psi_e: -y.psi_e, ..y.clone() };
             assert_eq!(*mirrored, expected, "{maneuver:?}");
         }
     }
@@ -1027,7 +1027,7 @@ fn rejects_what_makes_no_sense() {
     assert!(overlap(Maneuver::DoubleLaneChange, 12.5).derived().is_ok());
     assert!(overlap(Maneuver::Circle, 99.0).derived().is_ok());
 
-    let delay = |delay, sample_time| PathDriver { delay, sample_time, ..PathDriver::default() };
+    let delay = |delay, sample_time| PathDriver { t_d: delay, sample_time, ..PathDriver::default() };
     assert_eq!(
         error(&delay(10.001, 0.001)),
         "'response.delay' = 10.001 s is 10001 samples of 'sample_time' = 0.001 s; it must be at most 10000 samples: use a \
@@ -1036,7 +1036,7 @@ fn rejects_what_makes_no_sense() {
     assert!(delay(10.0004, 0.001).derived().is_ok());
     assert!(error(&delay(1e300, 0.001)).contains("at most 10000 samples"));
 
-    let nowhere = |maneuver| PathDriver { x_0: 0.0, run_out: 0.0, l_c: 0.0, arc: 0.0, d: 1e-3, ..driver(maneuver) };
+    let nowhere = |maneuver| PathDriver { x_0: 0.0, run_out: 0.0, l_c: 0.0, arc: 0.0, l_s: 1e-3, ..driver(maneuver) };
     assert_eq!(
         error(&nowhere(Maneuver::Straight)),
         "'path.start' and 'path.run_out' must make a path of at least 0.000001 m, got 0 m"

@@ -50,11 +50,11 @@ impl Section {
 #[must_use]
 pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
     let [w_1, w_3, w_5] = [1.1 * w + 0.25, 1.2 * w + 0.25, 1.3 * w + 0.25];
-    let r = -w_1 / 2.0;
+    let right = -w_1 / 2.0;
     [
-        Section { begin: start, end: start + 15.0, right: r, left: w_1 / 2.0 },
-        Section { begin: start + 45.0, end: start + 70.0, right: r + 3.5, left: r + 3.5 + w_3 },
-        Section { begin: start + 95.0, end: start + 125.0, right: r, left: r + w_5 },
+        Section { begin: start, end: start + 15.0, right, left: w_1 / 2.0 },
+        Section { begin: start + 45.0, end: start + 70.0, right: right + 3.5, left: right + 3.5 + w_3 },
+        Section { begin: start + 95.0, end: start + 125.0, right, left: right + w_5 },
     ]
 }
 
@@ -63,11 +63,11 @@ pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
 #[must_use]
 pub fn iso_3888_2(start: f64, w: f64) -> [Section; 3] {
     let [w_1, w_3, w_5] = [1.1 * w + 0.25, w + 1.0, (1.3 * w + 0.25).max(3.0)];
-    let l = w_1 / 2.0;
+    let left = w_1 / 2.0;
     [
-        Section { begin: start, end: start + 12.0, right: -l, left: l },
-        Section { begin: start + 25.5, end: start + 36.5, right: l + 1.0, left: l + 1.0 + w_3 },
-        Section { begin: start + 49.0, end: start + 61.0, right: l - w_5, left: l },
+        Section { begin: start, end: start + 12.0, right: -left, left },
+        Section { begin: start + 25.5, end: start + 36.5, right: left + 1.0, left: left + 1.0 + w_3 },
+        Section { begin: start + 49.0, end: start + 61.0, right: left - w_5, left },
     ]
 }
 
