@@ -70,7 +70,7 @@ pub struct DirectYawControl {
     pressure_max: f64,
     /// C, as in BrakeAndDriveActuators
     #[var(BRAKE_GAIN, start = data::BRAKE_GAIN)]
-    c: TwoAxles<f64>,
+    gain: TwoAxles<f64>,
     /// T (assumed)
     #[var(SAMPLE_TIME, start = 0.005)]
     sample_time: f64,

@@ -72,8 +72,8 @@ fn small_slip_angles_solve_the_equations_of_the_paper() {
     assert_eq!((y.s_b, y.s_r), (s_b, s_r));
     let reach_b = -p.zeta[0] * beta - p.k[0] * s_b - p.eps_b * (s_b / p.width_b).clamp(-1.0, 1.0);
     let gain = d.vehicle.yaw_rate_gain(p.reference_model, u);
-    let rdd = (gain * x.df.tan() - memory.r_d) / p.tau;
-    let reach_r = rdd - p.zeta[1] * e_r - p.k[1] * s_r - p.eps_r * (s_r / p.width_r).clamp(-1.0, 1.0);
+    let rd_d = (gain * x.df.tan() - memory.r_d) / p.tau;
+    let reach_r = rd_d - p.zeta[1] * e_r - p.k[1] * s_r - p.eps_r * (s_r / p.width_r).clamp(-1.0, 1.0);
     let n_b = a1 * beta + (a2 / u + p.m * u) * r - c_f * x.df + p.m * u * reach_b;
     let n_r = a2 * beta + a3 * r / u - a * c_f * x.df + p.i_z * reach_r;
     assert_abs_diff_eq!(c_m * y.request[0] + c_r * y.request[1], n_b, epsilon = 1e-9);

@@ -69,11 +69,11 @@ pub(crate) fn state(p: &FiniteStateCoordination, x: &mut X, inputs: &U) -> State
     }
 }
 
-/// K_i and K_d of a pair of wheels for the acceleration `x`.
-fn banded(p: &FiniteStateCoordination, row: &Row, x: f64, threshold: f64) -> (f64, f64) {
-    if x < -threshold {
+/// K_i and K_d of a pair of wheels for a pitch or roll acceleration.
+fn banded(p: &FiniteStateCoordination, row: &Row, acceleration: f64, threshold: f64) -> (f64, f64) {
+    if acceleration < -threshold {
         (row.k_i[0], row.k_d[0])
-    } else if x > threshold {
+    } else if acceleration > threshold {
         (row.k_i[1], row.k_d[1])
     } else {
         (p.k_i0, p.k_d0)

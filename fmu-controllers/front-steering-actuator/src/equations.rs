@@ -7,7 +7,7 @@ use crate::{D, FrontSteeringActuator, U, X, Y};
 
 /// Positions, axle stiffnesses and the load of the front axle.
 pub(crate) fn derived(p: &FrontSteeringActuator) -> Result<D, String> {
-    let vehicle = Vehicle::new(p.m, p.g, [p.a, p.l12, p.l23], *p.c)?;
+    let vehicle = Vehicle::new(p.m, p.g, [p.a, p.l12, p.l23], *p.c_tire)?;
     Ok(D { vehicle, w_f: vehicle.w_f })
 }
 

@@ -24,7 +24,7 @@ pub struct FrontSteeringActuator {
     #[var(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
     l23: f64,
     #[var(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
-    c: ThreeAxles<f64>,
+    c_tire: ThreeAxles<f64>,
     #[var(GRAVITY, start = data::GRAVITY, positive)]
     g: f64,
     #[var(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
