@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import enum
 import math
+import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+
+import scipy.special
 
 # A change may differ from the paper's by this share of it, or by this many percentage points.
 CHANGE_SHARE = 0.25
@@ -74,38 +77,6 @@ MEANINGS = {
 _ORDER = (Status.REPRODUCED, Status.CALIBRATED, Status.PARTLY, Status.NOT_REPRODUCED, Status.OPEN)
 
 
-def t_distribution(t: float, degrees: int) -> float:
-    """Return the probability that Student's t with whole degrees of freedom lies between -t and t.
-
-    The finite series of Abramowitz and Stegun, 26.7.3 and 26.7.4.
-    """
-    angle = math.atan(t / math.sqrt(degrees))
-    sine, square = math.sin(angle), math.cos(angle) ** 2
-    # terms of the powers of the cosine from 0 (even) or 1 (odd) to degrees - 2
-    odd = degrees % 2
-    term, total = 1.0, 0.0
-    for power in range(odd, degrees - 1, 2):
-        total += term
-        term *= square * (power + 1) / (power + 2)
-    if not odd:
-        return sine * total
-    return 2.0 / math.pi * (angle + sine * math.cos(angle) * total)
-
-
-def t_quantile(degrees: int, confidence: float = CONFIDENCE) -> float:
-    """Return t such that Student's t lies between -t and t with this probability."""
-    low, high = 0.0, 1.0
-    while t_distribution(high, degrees) < confidence:
-        high *= 2.0
-    # Bisection to the last bit: the series is monotonous, and this runs a few times per page.
-    while low < (middle := 0.5 * (low + high)) < high:
-        if t_distribution(middle, degrees) < confidence:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
 @dataclass(frozen=True)
 class Interval:
     """Mean of some differences and the half width of its 95 % interval."""
@@ -129,14 +100,13 @@ class Interval:
 
         Raises ValueError without any.
         """
-        count = len(differences)
-        if not count:
+        if not differences:
             raise ValueError("no differences")
-        mean = math.fsum(differences) / count
+        mean, count = statistics.fmean(differences), len(differences)
         if count == 1:
             return Interval(mean, 0.0)
-        variance = math.fsum((d - mean) ** 2 for d in differences) / (count - 1)
-        return Interval(mean, t_quantile(count - 1) * math.sqrt(variance / count))
+        quantile = float(scipy.special.stdtrit(count - 1, 0.5 + CONFIDENCE / 2.0))
+        return Interval(mean, quantile * statistics.stdev(differences) / math.sqrt(count))
 
 
 def paired(pairs: Iterable[tuple[float, float]]) -> Interval:

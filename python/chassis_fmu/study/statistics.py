@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -57,12 +58,8 @@ def wilson(met: int, of: int) -> tuple[float, float]:
     """Return Wilson's interval of confidence of a share (E. B. Wilson, 1927)."""
     if of == 0:
         return 0.0, 1.0
-    z = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2.0))
-    p = met / of
-    center = (p + z * z / (2 * of)) / (1 + z * z / of)
-    half = z / (1 + z * z / of) * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of))
-    # At the ends exactly, which rounding misses.
-    return (0.0 if met == 0 else center - half), (1.0 if met == of else center + half)
+    low, high = scipy.stats.binomtest(met, of).proportion_ci(CONFIDENCE, "wilson")
+    return float(low), float(high)
 
 
 class Numbers:
@@ -157,22 +154,18 @@ class Compared:
 
 def student(values: Array) -> tuple[float, tuple[float, float]]:
     """Return the mean of some values, at least two, and its interval of confidence (Student)."""
-    mean, deviation = float(values.mean()), float(values.std(ddof=1))
-    quantile = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, values.size - 1))
-    half = quantile * deviation / math.sqrt(values.size)
+    mean = float(values.mean())
+    half = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, values.size - 1) * scipy.stats.sem(values))
     return mean, (mean - half, mean + half)
 
 
 def welch(first: Array, second: Array) -> tuple[float, tuple[float, float]]:
     """Return the difference of the means of two independent groups, second minus first, and its interval (Welch)."""
-    difference = float(second.mean() - first.mean())
-    parts = [float(v.var(ddof=1)) / v.size for v in (first, second)]
-    error = sum(parts)
-    if error == 0.0:
-        return difference, (difference, difference)
-    degrees = error**2 / sum(part**2 / (v.size - 1) for part, v in zip(parts, (first, second), strict=True))
-    half = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, degrees)) * math.sqrt(error)
-    return difference, (difference - half, difference + half)
+    with warnings.catch_warnings():
+        # A group of equal values is not a loss of precision.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        low, high = scipy.stats.ttest_ind(second, first, equal_var=False).confidence_interval(CONFIDENCE)
+    return float(second.mean() - first.mean()), (float(low), float(high))
 
 
 def compared(numbers: Numbers, metric: int) -> list[Compared]:
@@ -357,10 +350,10 @@ def effects(numbers: Numbers, metric: int, cell: int) -> list[Effect]:
         known = np.isfinite(y)
         if known.sum() < 4 or np.ptp(x[known]) == 0.0 or np.ptp(y[known]) == 0.0:
             continue
-        rho = float(scipy.stats.spearmanr(x[known], y[known]).statistic)
-        half = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2.0)) / math.sqrt(max(1, int(known.sum()) - 3))
-        middle = math.atanh(max(-1.0 + 1e-12, min(1.0 - 1e-12, rho)))
-        found.append(Effect(factor.name, rho, (math.tanh(middle - half), math.tanh(middle + half))))
+        # Spearman's coefficient is Pearson's of the ranks.
+        of = scipy.stats.pearsonr(*(scipy.stats.rankdata(v[known]) for v in (x, y)))
+        low, high = of.confidence_interval(CONFIDENCE)
+        found.append(Effect(factor.name, float(of.statistic), (float(low), float(high))))
     return sorted(found, key=lambda e: -abs(e.value))
 
 
