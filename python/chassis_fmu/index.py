@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import jinja2
-
-from . import results
+from . import rendering, results
 from .verdict import Status
 
 NOTE = "page.json"
@@ -42,14 +40,7 @@ def _read(folder: Path) -> Entry:
 
 def write(folder: Path) -> None:
     """Write `index.html` with a link to every page in a folder of this folder, by name."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     pages = sorted(p.parent for p in folder.glob("*/index.html"))
     entries = [(p.name, _read(p)) for p in pages]
-    template = environment.get_template("index.html.j2")
-    results.write_text(folder / "index.html", template.render(entries=entries, status=Status))
+    text = rendering.render("index.html.j2", entries=entries, status=Status)
+    results.write_text(folder / "index.html", text)

@@ -1,20 +1,12 @@
-"""The page of a scenario: one HTML file that needs nothing else.
-
-Everything that comes from a scenario or an FMU passes through Jinja's escaping; only the SVG drawn here is inserted
-as it is.
-"""
+"""The page of a scenario: one HTML file that needs nothing else."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import jinja2
-import markupsafe
-
-from . import page_data, plots, tables, texts
+from . import page_data, plots, rendering, tables, texts
 from .describe import Description, Variable, describe, sha256
 from .numbers import Numbers, Row
 from .plan import Component, Plan, Point, Run, Setting
@@ -291,23 +283,6 @@ def _of(run: Run, component: str, parameter: str) -> object:
     return None
 
 
-def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
-    """Prepare an SVG for the page: identifiers of its own, colors that follow the theme, size of the page."""
-    name = re.sub(r"[^A-Za-z0-9_-]", "-", drawing.figure.name)
-    svg = drawing.svg[drawing.svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
-    svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
-    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
-    themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
-    themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
-    svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)
-    label = markupsafe.escape(drawing.figure.title)
-    svg = re.sub(r"<svg[^>]*>", lambda m: re.sub(r'\s(width|height)="[^"]*"', "", m[0]), svg, count=1)
-    svg = svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
-    return markupsafe.Markup(svg)
-
-
 def counts(numbers: Numbers) -> dict[Status, int]:
     """Count the badges of findings and requirements, best first."""
     found = [numbers.finding(f) for f in numbers.plan.findings]
@@ -341,16 +316,8 @@ def render(
     context: Context,
 ) -> str:
     """Return the page. `data` is what the figures show, as JSON (`page_data`)."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     plan = numbers.plan
     cells = numbers.table()
-    paragraphs = [" ".join(p.split()) for p in re.split(r"\n\s*\n", plan.description) if p.strip()]
     s = plan.simulation
     groups = headline(plan, cells)
     findings = [
@@ -362,9 +329,10 @@ def render(
         )
         for f in plan.findings
     ]
-    return environment.get_template("page.html.j2").render(
+    return rendering.render(
+        "page.html.j2",
         plan=plan,
-        paragraphs=paragraphs,
+        paragraphs=rendering.paragraphs(plan.description),
         groups=groups,
         has_paper=any(c.paper is not None or c.paper_change is not None for c in cells),
         has_change=any(c.change is not None or c.paper_change is not None for c in cells),
@@ -375,7 +343,7 @@ def render(
         verdict_meanings=verdict_meanings(numbers),
         findings=findings,
         legend=legend(cells, findings),
-        figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), inline_svg(d)) for d in drawings],
+        figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), rendering.inline_svg(d)) for d in drawings],
         components=components(plan),
         failures=failures,
         context=context,

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import markupsafe
 import matplotlib as mpl
 import numpy as np
@@ -25,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import index, metrics, page_data, plots, results, shell, tables
+from . import index, metrics, page_data, plots, rendering, results, shell, tables
 from .describe import sha256
 from .figures import Axis, Line, Panel
 from .plan import Case, Conversion, Level
@@ -419,17 +418,11 @@ def definitions(raw: dict[str, Any]) -> list[str]:
 
 def render(study: Study, svg: str | None, data: str, command: str) -> str:
     """Return the page. `data` is what the figure shows, as JSON (`page_data`)."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
     columns += [(title, candidate, None) for title, candidate in study.references]
-    return environment.get_template("tuning.html.j2").render(
+    return rendering.render(
+        "tuning.html.j2",
         study=study.raw,
         paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
         groups=study.groups,

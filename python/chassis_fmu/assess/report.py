@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
-from .. import index, lab, page, page_data, plots, results, tables
+from .. import index, lab, page_data, plots, rendering, results, tables
 from ..charts import Chart
 from ..plan import Case
 from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
@@ -219,7 +217,7 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         made = plots.draw(source.systems, chart.figure, chart.panels)
         made.write(folder.path / "figures")
         drawn.append((chart.figure.name, chart.panels))
-        return chart, page.inline_svg(made)
+        return chart, rendering.inline_svg(made)
 
     sections = []
     for suite, (title, procedures) in SUITES.items():
@@ -230,19 +228,14 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         for row in rows:
             maneuvers.setdefault(row.maneuver, []).append(row)
         charts = [chart for make in CHARTS[suite] if (chart := make(source)) is not None]
-        replays = [(name, link) for name in maneuvers if (link := _replay(found, name, folder.path)) is not None]
+        replays = [(words(name), link) for name in maneuvers if (link := _replay(found, name, folder.path)) is not None]
         loads = list(_loads(found, source.cases)) if suite == "ride" else []
         sections.append(
             Section(title, procedures, list(maneuvers.items()), [drawing(chart) for chart in charts], loads, replays)
         )
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parents[1]),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    return environment.get_template("assess.html.j2").render(
+    return rendering.render(
+        "assess.html.j2",
+        paragraphs=(),
         found=found,
         units=units(found),
         cases=source.cases,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
-from .. import index, page, page_data, plots, results, tables, texts
+from .. import index, page_data, plots, rendering, results, tables, texts
 from ..charts import Chart, figure
 from ..describe import sha256
 from ..plan import Metric
@@ -97,6 +95,10 @@ class Section:
     tornados: Sequence[Tornado]
     effects: Sequence[EffectTable]
     drawings: Sequence[tuple[Chart, Any]]
+
+    def number(self, value: float | None) -> str:
+        """Write a number of the metric."""
+        return tables.number(value, self.metric.digits)
 
     @property
     def has_gaps(self) -> bool:
@@ -267,7 +269,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         made = plots.draw(job.plan, chart.figure, chart.panels)
         made.write(folder / "figures")
         drawn.append((chart.figure.name, chart.panels))
-        return chart, page.inline_svg(made)
+        return chart, rendering.inline_svg(made)
 
     sections = []
     for metric in dict.fromkeys([*_wanted(numbers), *job.metrics]):
@@ -297,20 +299,14 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         own = figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
         history = Chart(own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parents[1]),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     matrix_drawing = None if matrix is None else drawing(matrix)
     history_drawing = None if history is None or not history.panels else drawing(history)
-    return environment.get_template("study.html.j2").render(
+    return rendering.render(
+        "study.html.j2",
         study=job.study,
         name=job.name,
         plan=job.plan,
-        paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", job.study.description) if p.strip()],
+        paragraphs=rendering.paragraphs(job.study.description),
         count=numbers.count,
         cells=job.cells,
         rows=len(numbers.rows),
@@ -325,13 +321,13 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         best=best(numbers),
         failure_text=lambda done: failure_text(numbers, done),
         percentiles=statistics.PERCENTILES if job.study.has_probability else (),
+        percentages=[f">{p:g} %" for p in statistics.PERCENTILES] if job.study.has_probability else [],
         confidence=100 * statistics.CONFIDENCE,
         interactive=page_data.Interactive.of(page_data.render(job.plan.cases, [], drawn)),
         context=context,
         hashes={path.stem: sha256(path) for path in job.fmu_files()},
         title_of=lambda case, point: _titles(numbers, case, point),
         definition=texts.definition,
-        number=number,
         limit=tables.scientific,
         unit=tables.pretty_unit,
         percent=percent,

@@ -1,0 +1,49 @@
+"""Templates of the pages, and the parts that all of them share.
+
+Everything that comes from a scenario or an FMU passes through Jinja's escaping; only the SVG drawn here is inserted
+as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import markupsafe
+
+from . import plots
+
+
+def render(template: str, **values: Any) -> str:
+    """Return the page of a template."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    return environment.get_template(template).render(values)
+
+
+def paragraphs(text: str) -> list[str]:
+    """Split a description at its empty lines."""
+    return [" ".join(p.split()) for p in re.split(r"\n\s*\n", text) if p.strip()]
+
+
+def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
+    """Prepare an SVG for the page: identifiers of its own, colors that follow the theme, size of the page."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "-", drawing.figure.name)
+    svg = drawing.svg[drawing.svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
+    svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
+    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
+    themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
+    themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
+    svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)
+    label = markupsafe.escape(drawing.figure.title)
+    svg = re.sub(r"<svg[^>]*>", lambda m: re.sub(r'\s(width|height)="[^"]*"', "", m[0]), svg, count=1)
+    return markupsafe.Markup(svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
