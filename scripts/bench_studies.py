@@ -25,7 +25,7 @@ import fmpy
 import fmpy.fmi2
 import pyarrow.parquet
 
-from chassis_fmu import temporary
+from chassis_fmu.files import temporary
 from chassis_fmu.scenario import Outcome, Scenario, processors
 from chassis_fmu.shell import ROOT, positive
 from chassis_fmu.study import bundle, file

@@ -8,7 +8,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from chassis_fmu import master, pictures, results
+from chassis_fmu.execution import master
+from chassis_fmu.files import results
+from model_pictures import pictures
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -17,9 +17,9 @@ from typing import Literal
 
 import numpy as np
 
-from chassis_fmu import systems
-from chassis_fmu.master import RunError
-from chassis_fmu.results import write_csv
+import exported_system
+from chassis_fmu.execution.master import RunError
+from chassis_fmu.files.results import write_csv
 from chassis_fmu.terminal import escaped
 
 # What libcosim makes its execution from.
@@ -49,25 +49,25 @@ def main() -> int:
     has_choice = arguments.tool in ("fmpy", "container")
     if arguments.order == "sequential" and not has_choice:
         parser.error(f"{arguments.tool} steps all components at once: --order jacobi is the only one")
-    order: systems.Order = arguments.order or ("sequential" if has_choice else "jacobi")
+    order: exported_system.Order = arguments.order or ("sequential" if has_choice else "jacobi")
     # The name of an FMU is an identifier.
     name = f"{folder.name}_container.fmu" if arguments.tool == "container" else f"{folder.name}-{arguments.tool}.csv"
     out: Path = arguments.out or folder.with_name(name)
     try:
         if arguments.tool == "container":
-            systems.container(folder, out, order)
+            exported_system.container(folder, out, order)
             print(f"{order}: {out}")
             return 0
         if arguments.tool == "fmpy":
-            recording = systems.with_fmpy(folder, order)
+            recording = exported_system.with_fmpy(folder, order)
         elif arguments.tool.startswith("ecos"):
-            recording = systems.with_ecos(folder, calls=arguments.tool == "ecos-calls")
+            recording = exported_system.with_ecos(folder, calls=arguments.tool == "ecos-calls")
         else:
-            recording = systems.with_libcosim(folder, LIBCOSIM[arguments.tool])
-    except systems.NotLoadedError as error:
+            recording = exported_system.with_libcosim(folder, LIBCOSIM[arguments.tool])
+    except exported_system.NotLoadedError as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 3
-    except (systems.StructureError, RunError, OSError) as error:
+    except (exported_system.StructureError, RunError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     signals = recording.values

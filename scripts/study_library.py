@@ -11,7 +11,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from chassis_fmu import scenario, tables
+from chassis_fmu import scenario
+from chassis_fmu.report import tables
 from chassis_fmu.shell import ROOT
 from chassis_fmu.study import app, design, execute, file, report, statistics
 from chassis_fmu.study.engines import Nothing

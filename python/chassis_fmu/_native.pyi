@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .plan import Metric
+from .files.plan import Metric
 
 _Array: TypeAlias = NDArray[np.float64]
 

@@ -15,12 +15,16 @@ from typing import Literal
 
 import msgspec
 
-from . import batch, figures, index, junit, lab, metrics, page, page_data, plan, plots, results, shell, tables, texts
-from .numbers import Numbers, Values, Verdict
-from .plan import Metric, Plan, Run
-from .results import Recording
+from . import shell
+from .evaluation import metrics
+from .evaluation.grading import Status
+from .evaluation.results_table import Numbers, Values, Verdict
+from .execution import batch
+from .files import plan, results
+from .files.plan import Metric, Plan, Run
+from .files.results import Recording
+from .report import figures, index, junit, lab, page, page_data, plots, tables, texts
 from .terminal import escaped
-from .verdict import Status
 
 
 class Request(msgspec.Struct, frozen=True):

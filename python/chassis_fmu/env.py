@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native, plan
+from . import _native
+from .files import plan
 from .scenario import RunError, Scenario, ScenarioError, Values, run_error
 
 try:

@@ -14,7 +14,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from . import _native, libpython, names, plan, program
+from . import _native, libpython, names, program
+from .files import plan
 from .program import PACKAGE, ROOT
 
 Value: TypeAlias = "float | int | bool | str"

@@ -24,10 +24,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import index, metrics, page_data, plots, rendering, results, shell, tables
-from .describe import sha256
-from .figures import Axis, Line, Panel
-from .plan import Case, Conversion, Level
+from . import shell
+from .evaluation import metrics
+from .files import results
+from .files.describe import sha256
+from .files.plan import Case, Conversion, Level
+from .report import index, page_data, plots, rendering, tables
+from .report.figures import Axis, Line, Panel
 from .scenario import ScenarioError
 from .terminal import escaped
 

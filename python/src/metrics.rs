@@ -1,4 +1,4 @@
-//! Metrics of arrays, which are not copied. `chassis_fmu.metrics` is the interface for users.
+//! Metrics of arrays, which are not copied. `chassis_fmu.evaluation.metrics` is the interface for users.
 
 use fmu_system::metrics::{self, Columns, Combine, Definition, Expression, Kind};
 use fmu_system::requirements::{self, Rows};
@@ -18,7 +18,7 @@ pub(crate) type Array<'py> = PyReadonlyArray1<'py, f64>;
 /// The columns of a recording, by their index in the plan.
 pub(crate) type Arrays<'py> = BTreeMap<usize, Array<'py>>;
 
-/// `chassis_fmu.plan.Metric`.
+/// `chassis_fmu.files.plan.Metric`.
 #[derive(FromPyObject)]
 pub(crate) struct Metric {
     name: String,
@@ -36,7 +36,7 @@ pub(crate) struct Metric {
     offset: f64,
 }
 
-/// `chassis_fmu.plan.Until`.
+/// `chassis_fmu.files.plan.Until`.
 #[derive(FromPyObject)]
 struct Until {
     column: usize,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from chassis_fmu import plan
+from chassis_fmu.files import plan
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -12,8 +12,9 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from chassis_fmu import app, plan, results
-from chassis_fmu.plan import Plan
+from chassis_fmu import app
+from chassis_fmu.files import plan, results
+from chassis_fmu.files.plan import Plan
 
 HERE = Path(__file__).parent
 

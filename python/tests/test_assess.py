@@ -17,9 +17,9 @@ import pytest
 
 from chassis_fmu.assess import app, charts, report
 from chassis_fmu.assess.assessment import AssessmentError, Folder, Row
-from chassis_fmu.describe import sha256
-from chassis_fmu.plan import Case
-from chassis_fmu.results import read_csv
+from chassis_fmu.files.describe import sha256
+from chassis_fmu.files.plan import Case
+from chassis_fmu.files.results import read_csv
 from tests import commands
 from tests.page_schema import data_of
 

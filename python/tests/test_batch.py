@@ -17,8 +17,9 @@ import fmpy
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import batch, results, temporary
-from chassis_fmu.plan import Component, Plan, Setting, Wire
+from chassis_fmu.execution import batch
+from chassis_fmu.files import results, temporary
+from chassis_fmu.files.plan import Component, Plan, Setting, Wire
 
 SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
 
@@ -214,7 +215,8 @@ PROGRAM = """
 import dataclasses, signal, sys
 from pathlib import Path
 sys.path[:0] = {paths!r}
-from chassis_fmu import batch, plan
+from chassis_fmu.execution import batch
+from chassis_fmu.files import plan
 from test_batch import planned
 if __name__ == "__main__":
     # Whoever runs the tests may have asked to ignore these, as nohup and background jobs of a shell do.

@@ -8,7 +8,7 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from chassis_fmu import demos, pictures
+from model_pictures import demos, pictures
 
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or Path(__file__).parents[2] / "target" / "fmu")
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from lxml import html
 
-from chassis_fmu import index
+from chassis_fmu.report import index
 
 
 def test_all_pages_are_linked_by_name_with_their_badges(tmp_path: Path) -> None:

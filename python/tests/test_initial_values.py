@@ -21,7 +21,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ScalarVariable
 from numpy.typing import NDArray
 
-from chassis_fmu import systems
+import exported_system as systems
 
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")

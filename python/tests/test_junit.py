@@ -4,9 +4,9 @@ import xml.etree.ElementTree as ET
 
 from msgspec.structs import replace
 
-from chassis_fmu import junit
-from chassis_fmu.numbers import Numbers, Values
-from chassis_fmu.plan import Plan
+from chassis_fmu.evaluation.results_table import Numbers, Values
+from chassis_fmu.files.plan import Plan
+from chassis_fmu.report import junit
 
 
 def suite(scenario: Plan, values: Values, failures: dict[str, str] | None = None) -> ET.Element:

@@ -12,9 +12,9 @@ import pytest
 from lxml import html
 from msgspec.structs import replace
 
-from chassis_fmu import lab, page
-from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Case, Plan
+from chassis_fmu.evaluation.results_table import Numbers
+from chassis_fmu.files.plan import Case, Plan
+from chassis_fmu.report import lab, page
 from chassis_fmu.shell import ROOT
 
 HOSTED = "https://example.org/lab/index.html"

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import fmi3, master
-from chassis_fmu.plan import Component, InputSeries, Plan, Run, Setting, Wire
+from chassis_fmu.execution import fmi3, master
+from chassis_fmu.files.plan import Component, InputSeries, Plan, Run, Setting, Wire
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 

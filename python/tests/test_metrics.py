@@ -9,9 +9,10 @@ import scipy.signal
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from chassis_fmu import _native, metrics
-from chassis_fmu.plan import Conversion, Metric, Plan, Until
-from chassis_fmu.results import Recording
+from chassis_fmu import _native
+from chassis_fmu.evaluation import metrics
+from chassis_fmu.files.plan import Conversion, Metric, Plan, Until
+from chassis_fmu.files.results import Recording
 
 STEP = 0.001
 TIMES = np.arange(2001) * STEP

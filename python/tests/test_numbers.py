@@ -5,10 +5,10 @@ import math
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import numbers
-from chassis_fmu.numbers import Numbers, Statistic
-from chassis_fmu.plan import Cell, Check, Expect, Finding, Plan, Point, Requirement
-from chassis_fmu.verdict import Status
+from chassis_fmu.evaluation import results_table as numbers
+from chassis_fmu.evaluation.grading import Status
+from chassis_fmu.evaluation.results_table import Numbers, Statistic
+from chassis_fmu.files.plan import Cell, Check, Expect, Finding, Plan, Point, Requirement
 
 
 def test_statistics() -> None:

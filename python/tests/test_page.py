@@ -7,10 +7,10 @@ import pytest
 from lxml import html
 from msgspec.structs import replace
 
-from chassis_fmu import figures, page, page_data, plots
-from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Plan, Point, Run
-from chassis_fmu.results import Recording
+from chassis_fmu.evaluation.results_table import Numbers
+from chassis_fmu.files.plan import Plan, Point, Run
+from chassis_fmu.files.results import Recording
+from chassis_fmu.report import figures, page, page_data, plots
 
 NO_FIGURES = '{"format":1,"figures":[]}'
 CONTEXT = page.Context("fmpy <1>", "scripts/run scenarios/trial.toml --stop 3", "in & out.csv")

@@ -11,11 +11,11 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from chassis_fmu import figures, page_data
-from chassis_fmu.figures import Axis, Line, Panel, Recordings
-from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Conversion, Plan
-from chassis_fmu.results import Recording
+from chassis_fmu.evaluation.results_table import Numbers
+from chassis_fmu.files.plan import Conversion, Plan
+from chassis_fmu.files.results import Recording
+from chassis_fmu.report import figures, page_data
+from chassis_fmu.report.figures import Axis, Line, Panel, Recordings
 from tests import commands
 from tests.page_schema import SCHEMA, data_of, read
 

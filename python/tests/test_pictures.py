@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from chassis_fmu import demos, pictures
-from chassis_fmu.pictures import Block, Port, Result
+from model_pictures import demos, pictures
+from model_pictures.pictures import Block, Port, Result
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 

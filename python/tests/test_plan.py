@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from chassis_fmu import plan
+from chassis_fmu.files import plan
 from tests.commands import chassis
 
 HERE = Path(__file__).parent

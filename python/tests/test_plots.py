@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import figures, metrics, plots
-from chassis_fmu.figures import Key, Recordings
-from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Figure, Plan, Point, Sweep
-from chassis_fmu.results import Recording
+from chassis_fmu.evaluation import metrics
+from chassis_fmu.evaluation.results_table import Numbers
+from chassis_fmu.files.plan import Figure, Plan, Point, Sweep
+from chassis_fmu.files.results import Recording
+from chassis_fmu.report import figures, plots
+from chassis_fmu.report.figures import Key, Recordings
 
 
 def test_decimation_keeps_ends_and_extremes() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from chassis_fmu import results
+from chassis_fmu.files import results
 
 # The last one lies halfway between two shortest texts.
 NASTY = [0.1 + 0.2, -0.0, 5e-324, 1.7976931348623157e308, 1e-5, 1e16, 123456789.12345679, 1.0, -2.5e-8, 2.0**-25]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chassis_fmu import results
+from chassis_fmu.files import results
 from tests.commands import chassis
 
 PLANTS = ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]

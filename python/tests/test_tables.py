@@ -8,9 +8,9 @@ import re
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import tables
-from chassis_fmu.numbers import Numbers, Row, Statistic
-from chassis_fmu.plan import Plan
+from chassis_fmu.evaluation.results_table import Numbers, Row, Statistic
+from chassis_fmu.files.plan import Plan
+from chassis_fmu.report import tables
 
 
 @pytest.mark.parametrize(

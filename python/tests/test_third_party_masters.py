@@ -34,8 +34,8 @@ import pytest
 from fmpy.ssp import ssd
 from lxml import etree
 
-from chassis_fmu import systems
-from chassis_fmu.results import Recording, read_csv
+import exported_system as systems
+from chassis_fmu.files.results import Recording, read_csv
 
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")

@@ -4,22 +4,22 @@ import math
 
 import pytest
 
-from chassis_fmu import verdict
-from chassis_fmu.verdict import Interval, Status
+from chassis_fmu.evaluation import grading
+from chassis_fmu.evaluation.grading import Interval, Status
 
 
 def test_an_interval_by_hand() -> None:
     # Differences -1, -2, -3, -6: mean -3, sum of squares 14, standard deviation sqrt(14/3), half width 3.1824 times
     # half of that.
-    found = verdict.paired([(1.0, 2.0), (2.0, 4.0), (3.0, 6.0), (1.0, 7.0)])
+    found = grading.paired([(1.0, 2.0), (2.0, 4.0), (3.0, 6.0), (1.0, 7.0)])
     assert found.mean == -3.0
     assert found.half == pytest.approx(3.1824463053 * math.sqrt(14.0 / 3.0) / 2.0, rel=1e-10)
     assert (found.sign, found.is_clear) == (-1, False)
-    assert verdict.paired([(1.0, 2.0)]) == Interval(-1.0, 0.0)
+    assert grading.paired([(1.0, 2.0)]) == Interval(-1.0, 0.0)
     # what rounding leaves is nothing
-    assert verdict.paired([(0.1 + 0.2, 0.3), (0.3, 0.3)]) == Interval(0.0, 0.0)
+    assert grading.paired([(0.1 + 0.2, 0.3), (0.3, 0.3)]) == Interval(0.0, 0.0)
     with pytest.raises(ValueError, match="no differences"):
-        verdict.paired([])
+        grading.paired([])
 
 
 @pytest.mark.parametrize(
@@ -47,13 +47,13 @@ def test_an_interval_by_hand() -> None:
     ],
 )
 def test_changes(mean: float, half: float, percent: float | None, paper: float, status: Status) -> None:
-    assert verdict.of_change(Interval(mean, half), percent, paper) is status
+    assert grading.of_change(Interval(mean, half), percent, paper) is status
 
 
 def test_values_and_the_worst_of_several() -> None:
-    assert verdict.of_value(0.951, 1.0) is Status.REPRODUCED
-    assert verdict.of_value(-1.06, -1.0) is Status.NOT_REPRODUCED
-    assert verdict.worst([Status.REPRODUCED, Status.CALIBRATED]) is Status.CALIBRATED
-    assert verdict.worst([Status.CALIBRATED, Status.PARTLY]) is Status.PARTLY
-    assert verdict.worst([Status.NOT_REPRODUCED, Status.REPRODUCED]) is Status.NOT_REPRODUCED
-    assert verdict.worst([Status.NOT_REPRODUCED, Status.OPEN]) is Status.OPEN
+    assert grading.of_value(0.951, 1.0) is Status.REPRODUCED
+    assert grading.of_value(-1.06, -1.0) is Status.NOT_REPRODUCED
+    assert grading.worst([Status.REPRODUCED, Status.CALIBRATED]) is Status.CALIBRATED
+    assert grading.worst([Status.CALIBRATED, Status.PARTLY]) is Status.PARTLY
+    assert grading.worst([Status.NOT_REPRODUCED, Status.REPRODUCED]) is Status.NOT_REPRODUCED
+    assert grading.worst([Status.NOT_REPRODUCED, Status.OPEN]) is Status.OPEN

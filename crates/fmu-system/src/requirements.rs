@@ -343,7 +343,7 @@ fn attribute(text: &str) -> String {
     content(text).replace('"', "&quot;").replace('\r', "&#13;").replace('\n', "&#10;").replace('\t', "&#09;")
 }
 
-/// Numbers and units as text, as `chassis_fmu.tables` writes them.
+/// Numbers and units as text, as `chassis_fmu.report.tables` writes them.
 mod words {
     /// Numbers below `SMALL` and from `LARGE` on are written with a power of ten.
     const SMALL: f64 = 1e-4;
@@ -489,7 +489,7 @@ mod tests {
         assert_eq!(evaluate(AT_MOST, 0.5, &too_high, 2, Rows::Cut(Some(Kind::Peak))).status, Status::Open);
     }
 
-    /// References: Python's formats `.6g` and `.2f`, and `chassis_fmu.tables`.
+    /// References: Python's formats `.6g` and `.2f`, and `chassis_fmu.report.tables`.
     #[test]
     fn numbers_and_units_are_written_as_on_the_page() {
         for (value, text) in [

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 import msgspec
 
-from ..results import Recording, ResultsError, read_csv
+from ..files.results import Recording, ResultsError, read_csv
 
 SCHEMA = "chassis-fmu-assessment/1"
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import metrics
-from ..charts import Chart, figure
-from ..figures import Array, Axis, Line, Panel, unit_axis
-from ..plan import Case, Conversion, Level, Point
-from ..results import Recording
+from ..evaluation import metrics
+from ..files.plan import Case, Conversion, Level, Point
+from ..files.results import Recording
+from ..report.charts import Chart, figure
+from ..report.figures import Array, Axis, Line, Panel, unit_axis
 from .assessment import Assessment, Folder, Run, Suite
 
 DEGREES = Conversion("°", 180.0 / math.pi)

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import index, lab, page_data, plots, rendering, results, tables
-from ..charts import Chart
-from ..plan import Case
+from ..files import results
+from ..files.plan import Case
+from ..report import index, lab, page_data, plots, rendering, tables
+from ..report.charts import Chart
 from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
 from .charts import CHARTS, Source, Systems
 

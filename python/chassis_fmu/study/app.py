@@ -14,7 +14,8 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from .. import results, scenario, shell
+from .. import scenario, shell
+from ..files import results
 from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
 from . import design, execute, file, report

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import tables
-from ..figures import Axis, Line, Panel, PanelKind, heat_maps, unit_axis
-from ..plan import Case, Conversion, Metric, Run
+from ..files.plan import Case, Conversion, Metric, Run
+from ..report import tables
+from ..report.figures import Axis, Line, Panel, PanelKind, heat_maps, unit_axis
 from . import statistics
 from .job import Limits
 from .statistics import Numbers

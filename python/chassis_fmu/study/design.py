@@ -22,7 +22,7 @@ import scipy.stats
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from .. import results
+from ..files import results
 from . import packages
 from .factors import Factor
 from .file import DESIGNS, SAMPLES, Study, StudyError

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import _native, plan
+from .. import _native
+from ..files import plan
 from ..names import unknown
 from ..scenario import Outcome, Sample, Scenario, ScenarioError, Value, Variable
 from .factors import Factor

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import index, page_data, plots, rendering, results, tables, texts
-from ..charts import Chart, figure
-from ..describe import sha256
-from ..plan import Metric
+from ..files import results
+from ..files.describe import sha256
+from ..files.plan import Metric
+from ..report import index, page_data, plots, rendering, tables, texts
+from ..report.charts import Chart, figure
 from . import charts, design, search, statistics
 from .charts import Recorded
 from .file import Study

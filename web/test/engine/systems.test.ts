@@ -53,7 +53,7 @@ test("every vehicle runs every maneuver that it can drive, with its controllers"
 });
 
 test("the lab has every maneuver that result pages link to", () => {
-  const source = readFileSync(join(ROOT, "python/chassis_fmu/lab.py"), "utf8");
+  const source = readFileSync(join(ROOT, "python/chassis_fmu/report/lab.py"), "utf8");
   const linked = [...(/MANEUVERS = frozenset\(([^)]*)\)/.exec(source)?.[1] ?? "").matchAll(/"(\w+)"/g)].map(([, id]) => id!);
   const known = new Set(client.catalog?.maneuvers.map(({ id }) => id));
   assert.ok(linked.length > 0);

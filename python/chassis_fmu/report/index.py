@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from . import rendering, results
-from .verdict import Status
+from ..evaluation.grading import Status
+from ..files import results
+from . import rendering
 
 NOTE = "page.json"
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from . import metrics, tables
-from .numbers import Numbers, Statistic, Verdict
-from .plan import Cell, Check, Metric, Number, Plan, Requirement, Text
-from .verdict import Status, paired
+from ..evaluation import metrics
+from ..evaluation.grading import Status, paired
+from ..evaluation.results_table import Numbers, Statistic, Verdict
+from ..files.plan import Cell, Check, Metric, Number, Plan, Requirement, Text
+from . import tables
 
 NONE = "–"
 

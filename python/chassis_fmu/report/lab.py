@@ -10,8 +10,8 @@ from urllib.parse import urlencode
 
 import msgspec
 
-from .plan import Plan
-from .shell import ROOT
+from ..files.plan import Plan
+from ..shell import ROOT
 
 # Names the address of a lab that is hosted elsewhere.
 VARIABLE = "CHASSIS_FMU_LAB"

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
-from ._native import MetricError
-from .plan import Metric, Plan
-from .results import Array, Recording
+from .. import _native
+from .._native import MetricError
+from ..files.plan import Metric, Plan
+from ..files.results import Array, Recording
 
 __all__ = [
     "MetricError",

@@ -7,9 +7,10 @@ import statistics
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from . import _native, verdict
-from .plan import Cell, Check, Finding, Metric, Plan
-from .verdict import Status
+from .. import _native
+from ..files.plan import Cell, Check, Finding, Metric, Plan
+from . import grading
+from .grading import Status
 
 # A baseline below this share of the largest value of its metric is next to nothing: no percent is taken of it.
 RESOLUTION = 0.005
@@ -208,40 +209,40 @@ class Numbers:
             paper = self.paper_value(cell)
             if paper is None:
                 return Status.OPEN
-            return Status.CALIBRATED if self.is_calibrated(cell) else verdict.of_value(ours.mean, paper)
+            return Status.CALIBRATED if self.is_calibrated(cell) else grading.of_value(ours.mean, paper)
         if check.expect in ("below", "above"):
             level = check.level or 0.0
-            difference = verdict.paired((value, level) for value in self.by_seed(cell).values())
-            return verdict.of_sign(difference, 1 if check.expect == "above" else -1)
+            difference = grading.paired((value, level) for value in self.by_seed(cell).values())
+            return grading.of_sign(difference, 1 if check.expect == "above" else -1)
         if check.expect == "falls_more" and against is not None:
             mine, other = self.changes(cell), self.changes(against)
             both = [(percent, other[seed]) for seed, percent in mine.items() if seed in other]
             if not both or sum(mine.values()) >= 0.0:
                 return Status.NOT_REPRODUCED
-            return verdict.of_sign(verdict.paired(both), -1)
+            return grading.of_sign(grading.paired(both), -1)
         pairs = [] if against is None else self.pairs(cell, against)
         if against is None or not pairs:
             return Status.NOT_REPRODUCED
-        difference = verdict.paired(pairs)
+        difference = grading.paired(pairs)
         found = self.change(cell, against)
         if check.expect in ("lower", "higher"):
             percent = None if found is None else found.mean
-            return verdict.of_sign(difference, 1 if check.expect == "higher" else -1, percent)
+            return grading.of_sign(difference, 1 if check.expect == "higher" else -1, percent)
         if check.expect == "unchanged":
             if found is None:
                 # In percent of next to nothing nothing can be said: both must be that.
                 return Status.REPRODUCED if self.is_negligible(cell) else Status.NOT_REPRODUCED
-            return verdict.of_no_change(difference, found.mean)
+            return grading.of_no_change(difference, found.mean)
         paper = self.paper_change(cell, against)
         if paper is None:
             return Status.OPEN
         if self.is_calibrated(cell, against):
             return Status.CALIBRATED
-        return verdict.of_change(difference, None if found is None else found.mean, paper)
+        return grading.of_change(difference, None if found is None else found.mean, paper)
 
     def finding(self, finding: Finding) -> Status:
         """Return the badge of a finding: that of its worst check; a claim of one's own holds or does not."""
-        status = verdict.worst(self.status(check) for check in finding.checks)
+        status = grading.worst(self.status(check) for check in finding.checks)
         if not finding.own or status is Status.OPEN:
             return status
         return Status.OWN_RESULT if status is Status.REPRODUCED else Status.REFUTED

@@ -5,10 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
+from ..evaluation.grading import Status
+from ..evaluation.results_table import Numbers
+from ..terminal import escaped
 from . import texts
-from .numbers import Numbers
-from .terminal import escaped
-from .verdict import Status
 
 
 def document(numbers: Numbers, failures: Mapping[str, str]) -> str:

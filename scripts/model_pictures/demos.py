@@ -15,7 +15,8 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from . import master, plan
+from chassis_fmu.execution import master
+from chassis_fmu.files import plan
 
 STEP = 0.001
 

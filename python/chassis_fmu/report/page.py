@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..evaluation.grading import MEANINGS, TITLES, Status
+from ..evaluation.results_table import Numbers, Row
+from ..files.describe import Description, Variable, describe, sha256
+from ..files.plan import Component, Plan, Point, Run, Setting
 from . import page_data, plots, rendering, tables, texts
-from .describe import Description, Variable, describe, sha256
-from .numbers import Numbers, Row
-from .plan import Component, Plan, Point, Run, Setting
-from .verdict import MEANINGS, TITLES, Status
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ import markupsafe
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.plan import Case, Figure, Plan
 from . import plots
 from .figures import Array, Axis, Line, Panel, decimate, rows_of_curve
-from .plan import Case, Figure, Plan
 
 FORMAT = 1
 
@@ -40,7 +40,7 @@ class Interactive:
     @classmethod
     def of(cls, data: str) -> Interactive:
         """Return the parts for a page with this data, of `render`."""
-        folder = Path(__file__).parent / "web"
+        folder = Path(__file__).parents[1] / "web"
         style, code = ((folder / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
         return cls(markupsafe.Markup(data), markupsafe.Markup(style), markupsafe.Markup(code))
 

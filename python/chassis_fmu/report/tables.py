@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 from tabulate import tabulate
 
-from .numbers import Row, Statistic
-from .plan import Plan
-from .verdict import NO_CHANGE
+from ..evaluation.grading import NO_CHANGE
+from ..evaluation.results_table import Row, Statistic
+from ..files.plan import Plan
 
 # Numbers below this are shown with a power of ten.
 SMALL = 1e-4

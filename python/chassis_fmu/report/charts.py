@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..files.plan import Case, Figure
 from .figures import Panel
-from .plan import Case, Figure
 
 
 @dataclass(frozen=True)

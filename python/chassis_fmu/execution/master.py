@@ -30,9 +30,9 @@ from fmpy.fmi2 import (
 from fmpy.fmi3 import FMU3Slave
 from numpy.typing import NDArray
 
+from ..files.plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
 from . import calls, fmi3
 from .calls import Board
-from .plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
 
 OK = 0
 WARNING = 1

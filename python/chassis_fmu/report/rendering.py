@@ -15,11 +15,14 @@ import markupsafe
 
 from . import plots
 
+# The style, which `cargo fmu linearize` uses, too, is in the folder above.
+HERE = Path(__file__).parent
+
 
 def render(template: str, **values: Any) -> str:
     """Return the page of a template."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        loader=jinja2.FileSystemLoader([HERE / "templates", HERE.parent]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

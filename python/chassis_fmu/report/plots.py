@@ -20,9 +20,10 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatter, MaxNLocator
 
-from . import results, tables
+from ..files import results
+from ..files.plan import Case, Figure, Point
+from . import tables
 from .figures import Array, Axis, Line, Panel, decimate
-from .plan import Case, Figure, Point
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")

@@ -28,9 +28,10 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 from PIL import Image
 
-from . import demos, figures, plots
-from .plan import Conversion
-from .tables import SUPERSCRIPTS, pretty_unit
+from chassis_fmu.files.plan import Conversion
+from chassis_fmu.report import figures, plots
+from chassis_fmu.report.tables import SUPERSCRIPTS, pretty_unit
+from model_pictures import demos
 
 WIDTH = 400.0
 SCALE = 2.0

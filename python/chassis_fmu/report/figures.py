@@ -10,10 +10,11 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from . import metrics, tables
-from .numbers import Numbers, Row
-from .plan import Case, Cell, Column, Conversion, Figure, Level, Metric, Plan, Run
-from .results import Recording
+from ..evaluation import metrics
+from ..evaluation.results_table import Numbers, Row
+from ..files.plan import Case, Cell, Column, Conversion, Figure, Level, Metric, Plan, Run
+from ..files.results import Recording
+from . import tables
 
 # A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
 BUCKETS = 600

@@ -24,9 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from . import calls, family, master, results, temporary
+from ..files import results, temporary
+from ..files.plan import Plan, Run, Simulation
+from . import calls, family, master
 from .calls import Board
-from .plan import Plan, Run, Simulation
 
 # Seconds between two messages of a run about its progress.
 REPORT_INTERVAL = 0.2
@@ -256,7 +257,7 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
     methods = multiprocessing.get_all_start_methods()
     context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if "forkserver" in methods:
-        context.set_forkserver_preload(["chassis_fmu.batch"])
+        context.set_forkserver_preload(["chassis_fmu.execution.batch"])
     outcome = Outcome()
     names = tuple(c.name for c in plan.columns)
     _remove(plan, out)

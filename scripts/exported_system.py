@@ -22,9 +22,9 @@ import numpy as np
 from fmpy import extract, read_model_description
 from lxml import etree
 
-from .master import Array, FmpyInstance, simulate
-from .plan import Component, Kind, Run, Setting, Simulation, Wire
-from .results import Recording, replacing
+from chassis_fmu.execution.master import Array, FmpyInstance, simulate
+from chassis_fmu.files.plan import Component, Kind, Run, Setting, Simulation, Wire
+from chassis_fmu.files.results import Recording, replacing
 
 NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",

@@ -1,0 +1,1 @@
+"""Numbers of runs: metrics, the table of results, and its badges."""

@@ -1,0 +1,1 @@
+"""Runs of plans by FMPy, each in a process of its own."""

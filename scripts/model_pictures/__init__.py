@@ -1,0 +1,1 @@
+"""The pictures of the models: block, equations and a demonstration run."""
