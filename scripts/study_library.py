@@ -48,11 +48,7 @@ def numbers(name: str, out: Path) -> Numbers:
 
 def limits(share: Share, of: Numbers) -> str:
     """Write the limits of a requirement."""
-    metric = of.job.plan.metrics[share.limits.metric]
-    unit = "%" if share.limits.of_change else tables.pretty_unit(metric.conversion.unit)
-    ends = [("at least", share.limits.min), ("at most", share.limits.max)]
-    text = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
-    return f"{metric.title}: {'change of ' if share.limits.of_change else ''}{text}"
+    return f"{of.job.plan.metrics[share.limits.metric].title}: {report.limits_text(of, share)}"
 
 
 def change(share: Share, of: Numbers) -> str:

@@ -30,7 +30,7 @@ from .files import results
 from .files.describe import sha256
 from .files.plan import Case, Conversion, Level
 from .report import index, page_data, plots, rendering, tables
-from .report.figures import Axis, Line, Panel
+from .report.panels import Axis, Line, Panel
 from .scenario import ScenarioError
 from .terminal import escaped
 

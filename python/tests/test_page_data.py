@@ -15,7 +15,8 @@ from chassis_fmu.evaluation.results_table import Numbers
 from chassis_fmu.files.plan import Conversion, Plan
 from chassis_fmu.files.results import Recording
 from chassis_fmu.report import figures, page_data
-from chassis_fmu.report.figures import Axis, Line, Panel, Recordings
+from chassis_fmu.report.figures import Recordings
+from chassis_fmu.report.panels import Axis, Line, Panel
 from tests import commands
 from tests.page_schema import SCHEMA, data_of, read
 

@@ -10,6 +10,7 @@ from chassis_fmu.files.plan import Figure, Plan, Point, Sweep
 from chassis_fmu.files.results import Recording
 from chassis_fmu.report import figures, plots
 from chassis_fmu.report.figures import Key, Recordings
+from chassis_fmu.report.panels import Panel, decimate
 
 
 def test_decimation_keeps_ends_and_extremes() -> None:
@@ -17,7 +18,7 @@ def test_decimation_keeps_ends_and_extremes() -> None:
     values = np.sin(times) + np.random.default_rng(1).normal(0.0, 0.1, len(times))
     values[12345] = 9.0
     values[20009] = -9.0
-    t, v = figures.decimate(times, values, 100)
+    t, v = decimate(times, values, 100)
     assert len(t) <= 2 * 101 + 2
     assert np.all(np.diff(t) > 0.0)
     assert (t[0], t[-1]) == (times[0], times[-1])
@@ -27,7 +28,7 @@ def test_decimation_keeps_ends_and_extremes() -> None:
 
 def test_short_lines_stay_whole() -> None:
     times = np.arange(100) * 0.1
-    t, v = figures.decimate(times, times, 50)
+    t, v = decimate(times, times, 50)
     assert t is times
     assert v is times
 
@@ -47,9 +48,7 @@ def recordings() -> dict[Key, Recording]:
     }
 
 
-def panels(
-    plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None
-) -> list[figures.Panel]:
+def panels(plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None) -> list[Panel]:
     """Return the panels of a figure, of runs of the first seed."""
     shown = Recordings(plan)
     shown.first = found
@@ -214,7 +213,7 @@ def test_signals_over_another_signal(scenario: Plan) -> None:
 
 def test_a_curve_keeps_its_extremes_in_both_directions() -> None:
     angle = np.linspace(0.0, 40.0, 9001)
-    x, y = figures.decimate(np.cos(angle) * angle, np.sin(angle) * angle, 100, is_curve=True)
+    x, y = decimate(np.cos(angle) * angle, np.sin(angle) * angle, 100, is_curve=True)
     assert len(x) <= 410
     for kept, all_of in ((x, np.cos(angle) * angle), (y, np.sin(angle) * angle)):
         assert (kept.min(), kept.max()) == (all_of.min(), all_of.max())

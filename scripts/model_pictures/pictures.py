@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from chassis_fmu.files.plan import Conversion
-from chassis_fmu.report import figures, plots
+from chassis_fmu.report import panels, plots
 from chassis_fmu.report.tables import SUPERSCRIPTS, pretty_unit
 from model_pictures import demos
 
@@ -238,7 +238,7 @@ def _result(canvas: Figure, ax: Axes, result: Result, top: float, height: float,
         )
     )
     for values, color in zip(result.lines.values(), colors, strict=False):
-        times, reduced = figures.decimate(result.times, values)
+        times, reduced = panels.decimate(result.times, values)
         inner.plot(times, reduced, color=color, linewidth=0.7 if plots.is_noisy(values) else 1.2)
     inner.set_xlim(float(result.times[0]), float(result.times[-1]))
     inner.locator_params(axis="y", nbins=4)

@@ -13,7 +13,7 @@ from ..evaluation import metrics
 from ..files.plan import Case, Conversion, Level, Point
 from ..files.results import Recording
 from ..report.charts import Chart, figure
-from ..report.figures import Array, Axis, Line, Panel, unit_axis
+from ..report.panels import Array, Axis, Line, Panel, unit_axis
 from .assessment import Assessment, Folder, Run, Suite
 
 DEGREES = Conversion("°", 180.0 / math.pi)
@@ -185,17 +185,29 @@ def _of(runs: Sequence[Run], name: str, metric: str) -> float | None:
     return float(value) if isinstance(value, (int, float)) else None
 
 
-def step_steer(source: Source) -> Chart | None:
-    """Responses to a step of the steering."""
-    signals = (
+def _signals(
+    maneuver: str, title: str, caption: str, signals: Sequence[tuple[str, str, tuple[Conversion, ...]]]
+) -> Make:
+    """Return the figure of signals of a maneuver over time."""
+
+    def make(source: Source) -> Chart | None:
+        text = f"{_speed(source, maneuver)} {caption}"
+        return _chart(source, maneuver, title, "time", text, _over_time(source, maneuver, signals))
+
+    return make
+
+
+step_steer = _signals(
+    "step_steer",
+    "Step steer",
+    "The angle gives both systems the same steady lateral acceleration.",
+    (
         ("vehicle.yaw_rate", "Yaw rate", RATE),
         ("vehicle.lateral_acceleration", "Lateral acceleration", ACCELERATION),
         ("body.roll", "Roll angle", ANGLE),
         ("vehicle.sideslip", "Sideslip angle", ANGLE),
-    )
-    panels = _over_time(source, "step_steer", signals)
-    caption = f"{_speed(source, 'step_steer')} The angle gives both systems the same steady lateral acceleration."
-    return _chart(source, "step_steer", "Step steer", "time", caption, panels)
+    ),
+)
 
 
 def frequency_response(source: Source) -> Chart | None:
@@ -241,20 +253,35 @@ def _path(recording: Recording) -> tuple[Array, Array] | None:
     return x + deviation * np.sin(heading), y - deviation * np.cos(heading)
 
 
+def _tracks(source: Source, run: str) -> list[Line]:
+    """Return the paths of a run in each system."""
+    return [
+        Line("run", case.title, v["vehicle.position_x"], v["vehicle.position_y"], case, t=recording.times)
+        for case, recording in source.recordings(run)
+        for v in (recording.values,)
+    ]
+
+
+def _above_panel(title: str, note: str, lines: Sequence[Line]) -> Panel:
+    return Panel(title, note, Axis("x", METERS), Axis("y", METERS), tuple(lines), kind="curve")
+
+
 def single_lane_change(source: Source) -> Chart | None:
     """Show the lane change from above, and the lateral acceleration."""
-    lines: list[Line] = []
-    for case, recording in source.recordings("single_lane_change"):
-        x, y = (recording.values[f"vehicle.position_{axis}"] for axis in "xy")
-        path = _path(recording)
-        if path is not None and not lines:
-            lines.append(Line("reference", "path", *path))
-        lines.append(Line("run", case.title, x, y, case, t=recording.times))
-    above = Panel("Seen from above", "", Axis("x", METERS), Axis("y", METERS), tuple(lines), kind="curve")
+    lines = _tracks(source, "single_lane_change")
+    paths = (_path(recording) for _, recording in source.recordings("single_lane_change"))
+    if (path := next(paths, None)) is not None:
+        lines.insert(0, Line("reference", "path", *path))
+    above = _above_panel("Seen from above", "", lines)
     signals = (("vehicle.lateral_acceleration", "Lateral acceleration", ACCELERATION),)
     panels = [above, *_over_time(source, "single_lane_change", signals)]
     caption = f"{_speed(source, 'single_lane_change')} The axes have different scales."
     return _chart(source, "single_lane_change", "Single lane change", "xy", caption, panels)
+
+
+def _mirrored(run: Run, values: Array) -> Array:
+    """Return the values of a run as if it went to the left."""
+    return -values if run.name.split(".")[1] == "right" else values
 
 
 def sine_with_dwell(source: Source) -> Chart | None:
@@ -267,8 +294,7 @@ def sine_with_dwell(source: Source) -> Chart | None:
             recording = source.folder.recording(case.name, run.name)
             if recording is None or "vehicle.yaw_rate" not in recording.values:
                 continue
-            sign = -1.0 if run.name.split(".")[1] == "right" else 1.0
-            rate = sign * recording.values["vehicle.yaw_rate"]
+            rate = _mirrored(run, recording.values["vehicle.yaw_rate"])
             lines.append(Line("run", "" if lines else case.title, recording.times, rate, case))
             completed = run.metrics.get("cos")
             if completed is not None:
@@ -282,8 +308,7 @@ def sine_with_dwell(source: Source) -> Chart | None:
         right = None
         if recording is not None and "driver.steering_wheel" in recording.values:
             right = Axis("Steering wheel", ANGLE)
-            sign = -1.0 if last.name.split(".")[1] == "right" else 1.0
-            wheel = sign * recording.values["driver.steering_wheel"]
+            wheel = _mirrored(last, recording.values["driver.steering_wheel"])
             lines.append(Line("reference", "steering wheel of the largest", recording.times, wheel, right=True))
         if marks:
             x, y = (np.concatenate(part) for part in zip(*marks, strict=True))
@@ -369,9 +394,7 @@ def _above(source: Source, maneuver: str, case: Case, run: Run, what: str) -> Pa
         row = np.array([int(np.abs(times - tightest[0]).argmin())])
         lines.append(Line("reference", "tightest place", *_corners(source.assessment, x[row], y[row], yaw[row])))
     speed = float(run.name.split(".", 1)[1])
-    return Panel(
-        f"{what} at {speed:.1f} km/h", case.title, Axis("x", METERS), Axis("y", METERS), tuple(lines), kind="curve"
-    )
+    return _above_panel(f"{what} at {speed:.1f} km/h", case.title, lines)
 
 
 def double_lane_change(maneuver: str, title: str) -> Make:
@@ -466,14 +489,10 @@ def braking(source: Source) -> Chart | None:
 
 def split_friction(source: Source) -> Chart | None:
     """Paths and steering while one side of the road is slippery."""
-    panels = []
-    for side in ("left", "right"):
-        lines = []
-        for case, recording in source.recordings(f"split_friction.{side}"):
-            x, y = (recording.values[f"vehicle.position_{axis}"] for axis in "xy")
-            lines.append(Line("run", case.title, x, y, case, t=recording.times))
-        across, up = Axis("x", METERS), Axis("y", METERS)
-        panels.append(Panel(f"Path, slippery on the {side}", "", across, up, tuple(lines), kind="curve"))
+    panels = [
+        _above_panel(f"Path, slippery on the {side}", "", _tracks(source, f"split_friction.{side}"))
+        for side in ("left", "right")
+    ]
     for side in ("left", "right"):
         signals = (("driver.steering_wheel", f"Steering wheel, slippery on the {side}", ANGLE),)
         panels += _over_time(source, f"split_friction.{side}", signals)
@@ -481,16 +500,16 @@ def split_friction(source: Source) -> Chart | None:
     return _chart(source, "split_friction", "Braking on split friction", "xy", caption, panels)
 
 
-def brake_in_turn(source: Source) -> Chart | None:
-    """Speed, yaw rate and sideslip while braking in a turn."""
-    signals = (
+brake_in_turn = _signals(
+    "brake_in_turn",
+    "Braking in a turn",
+    "The steering is held when braking begins, at 16 s.",
+    (
         ("vehicle.speed", "Speed", KMH),
         ("vehicle.yaw_rate", "Yaw rate", RATE),
         ("vehicle.sideslip", "Sideslip angle", ANGLE),
-    )
-    panels = _over_time(source, "brake_in_turn", signals)
-    caption = f"{_speed(source, 'brake_in_turn')} The steering is held when braking begins, at 16 s."
-    return _chart(source, "brake_in_turn", "Braking in a turn", "time", caption, panels)
+    ),
+)
 
 
 def ride(source: Source) -> Chart | None:

@@ -11,8 +11,8 @@ from typing import Any
 
 from ..files import results
 from ..files.plan import Case
-from ..report import index, lab, page_data, plots, rendering, tables
-from ..report.charts import Chart
+from ..report import index, lab, rendering, tables
+from ..report.charts import Chart, Drawings
 from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
 from .charts import CHARTS, Source, Systems
 
@@ -157,12 +157,8 @@ def limit(row: Row) -> str:
     factor, unit = unit_of(row)
     if row.limit.holds is not None:
         return "yes" if row.limit.holds else "no"
-    text = [
-        f"{word} {tables.scientific(factor * value)} {unit}".rstrip()
-        for word, value in (("at least", row.limit.min), ("at most", row.limit.max))
-        if value is not None
-    ]
-    return " and ".join(text)
+    low, high = (None if value is None else factor * value for value in (row.limit.min, row.limit.max))
+    return tables.limits(low, high, unit)
 
 
 def systems(found: Assessment) -> Systems:
@@ -212,14 +208,7 @@ def _troubles(found: Assessment, cases: Sequence[Case]) -> list[tuple[str, list[
 def render(found: Assessment, folder: Folder, context: Context) -> str:
     """Return the page, and write its figures beside it."""
     source = Source(found, folder, systems(found))
-    drawn: list[tuple[str, Sequence[Any]]] = []
-
-    def drawing(chart: Chart) -> tuple[Chart, Any]:
-        made = plots.draw(source.systems, chart.figure, chart.panels)
-        made.write(folder.path / "figures")
-        drawn.append((chart.figure.name, chart.panels))
-        return chart, rendering.inline_svg(made)
-
+    drawings = Drawings(source.systems, folder.path / "figures")
     sections = []
     for suite, (title, procedures) in SUITES.items():
         rows = [row for row in found.metrics if row.suite == suite]
@@ -232,7 +221,9 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         replays = [(words(name), link) for name in maneuvers if (link := _replay(found, name, folder.path)) is not None]
         loads = list(_loads(found, source.cases)) if suite == "ride" else []
         sections.append(
-            Section(title, procedures, list(maneuvers.items()), [drawing(chart) for chart in charts], loads, replays)
+            Section(
+                title, procedures, list(maneuvers.items()), [drawings.draw(chart) for chart in charts], loads, replays
+            )
         )
     return rendering.render(
         "assess.html.j2",
@@ -244,7 +235,7 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         counts=counts(found),
         changes=changes(found),
         troubles=_troubles(found, source.cases),
-        interactive=page_data.Interactive.of(page_data.render(source.cases, [], drawn)),
+        interactive=drawings.interactive,
         context=context,
         value=value,
         notes=lambda row: notes(row, source.cases),

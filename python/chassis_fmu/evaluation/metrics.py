@@ -11,23 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _native
-from .._native import MetricError
+from .._native import MetricError as MetricError
 from ..files.plan import Metric, Plan
 from ..files.results import Array, Recording
-
-__all__ = [
-    "MetricError",
-    "columns_of",
-    "cross",
-    "formula",
-    "formula_of",
-    "of_metrics",
-    "of_recording",
-    "running",
-    "spectrum",
-    "transfer",
-    "window",
-]
 
 
 def _native_array(values: Array) -> NDArray[np.float64]:

@@ -15,21 +15,9 @@ LOADING_3 = "loading or fmi3InstantiateCoSimulation"
 FUNCTIONS = (
     LOADING,
     LOADING_3,
-    "fmi2SetupExperiment",
-    "fmi2EnterInitializationMode",
-    "fmi2ExitInitializationMode",
-    "fmi2Terminate",
-    "fmi2FreeInstance",
-    "fmi2DoStep",
-    "fmi2GetReal",
-    "fmi2GetInteger",
-    "fmi2GetBoolean",
+    *NAMES,
     "fmi2GetRealStatus",
     "fmi2GetBooleanStatus",
-    "fmi2SetReal",
-    "fmi2SetInteger",
-    "fmi2SetBoolean",
-    "fmi2SetString",
     *sorted(set(NAMES.values())),
 )
 

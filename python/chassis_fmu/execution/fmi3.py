@@ -38,17 +38,11 @@ ERROR = 3
 PLAIN = ("Float64", "Int32", "Boolean", "String")
 
 # Function and C type of the others.
+_INTEGERS = [f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")]
 SPECIAL: Mapping[str, tuple[str, Any]] = {
     "Float32": ("Float32", ctypes.c_float),
     "Float64": ("Float64", ctypes.c_double),
-    "Int8": ("Int8", ctypes.c_int8),
-    "UInt8": ("UInt8", ctypes.c_uint8),
-    "Int16": ("Int16", ctypes.c_int16),
-    "UInt16": ("UInt16", ctypes.c_uint16),
-    "Int32": ("Int32", ctypes.c_int32),
-    "UInt32": ("UInt32", ctypes.c_uint32),
-    "Int64": ("Int64", ctypes.c_int64),
-    "UInt64": ("UInt64", ctypes.c_uint64),
+    **{name: (name, getattr(ctypes, f"c_{name.lower()}")) for name in _INTEGERS},
     "Enumeration": ("Int64", ctypes.c_int64),
 }
 
@@ -89,10 +83,11 @@ class Functions:
         self._special = {reference for reference, name in types.items() if name not in PLAIN}
         self.wide = {reference for reference, name in types.items() if name in WIDE}
         self._experiment: tuple[float, bool, float] = (0.0, False, 0.0)
-        self._get_float64 = _getter(library, "fmi3GetFloat64", ctypes.c_double)
-        self._set_float64 = _getter(library, "fmi3SetFloat64", ctypes.c_double)
-        self._get_int32 = _getter(library, "fmi3GetInt32", ctypes.c_int)
-        self._set_int32 = _getter(library, "fmi3SetInt32", ctypes.c_int)
+        # Float64 and Float32; integers of all types and enumerations, those of 64 bits up to 2^53.
+        self.fmi2GetReal = self._transfer("Get", "Float64", ctypes.c_double)
+        self.fmi2SetReal = self._transfer("Set", "Float64", ctypes.c_double)
+        self.fmi2GetInteger = self._transfer("Get", "Int32", ctypes.c_int)
+        self.fmi2SetInteger = self._transfer("Set", "Int32", ctypes.c_int)
         self._get_boolean = _getter(library, "fmi3GetBoolean", ctypes.c_uint8)
         self._set_boolean = _getter(library, "fmi3SetBoolean", ctypes.c_uint8)
         self._set_string = _getter(library, "fmi3SetString", ctypes.c_char_p)
@@ -151,8 +146,17 @@ class Functions:
         value._obj.value = int(self._outcome[1].value)
         return OK
 
-    def _has_special(self, references: Any, count: int) -> bool:
-        return bool(self._special) and any(references[i] in self._special for i in range(count))
+    def _transfer(self, verb: str, plain: str, kind: Any) -> Callable[..., int]:
+        """Return the function that transfers all variables of a type of FMI 2.0."""
+        at_once = _getter(self._library, f"fmi3{verb}{plain}", kind)
+        one_by_one = self._get if verb == "Get" else self._set
+
+        def transfer(component: Any, references: Any, count: int, values: Any) -> int:
+            if self._special and any(references[i] in self._special for i in range(count)):
+                return one_by_one(component, references, count, values, plain)
+            return at_once(component, references, count, values, count)
+
+        return transfer
 
     def _get(self, component: Any, references: Any, count: int, values: Any, plain: str) -> int:
         least, most = -(2**31), 2**31 - 1
@@ -184,30 +188,6 @@ class Functions:
             if not OK <= status < DISCARD:
                 return status
         return OK
-
-    def fmi2GetReal(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Read Float64 and Float32."""
-        if self._has_special(references, count):
-            return self._get(component, references, count, values, "Float64")
-        return self._get_float64(component, references, count, values, count)
-
-    def fmi2SetReal(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Set Float64 and Float32."""
-        if self._has_special(references, count):
-            return self._set(component, references, count, values, "Float64")
-        return self._set_float64(component, references, count, values, count)
-
-    def fmi2GetInteger(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Read integers of all types and enumerations; values of 64 bits take those up to 2^53."""
-        if self._has_special(references, count):
-            return self._get(component, references, count, values, "Int32")
-        return self._get_int32(component, references, count, values, count)
-
-    def fmi2SetInteger(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Set integers of all types and enumerations."""
-        if self._has_special(references, count):
-            return self._set(component, references, count, values, "Int32")
-        return self._set_int32(component, references, count, values, count)
 
     def fmi2GetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Read Booleans, which have one byte in FMI 3.0."""

@@ -15,7 +15,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 from fmpy import calloc, free, read_model_description
@@ -130,29 +130,10 @@ _callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
 addLoggerProxy(ctypes.byref(_callbacks))
 
 
-class Functions(Protocol):
-    """The FMI functions a run calls: a shared library with the argument types set, or a stand-in in a test."""
-
-    fmi2SetupExperiment: Callable[..., int]
-    fmi2EnterInitializationMode: Callable[..., int]
-    fmi2ExitInitializationMode: Callable[..., int]
-    fmi2Terminate: Callable[..., int]
-    fmi2DoStep: Callable[..., int]
-    fmi2GetRealStatus: Callable[..., int]
-    fmi2GetBooleanStatus: Callable[..., int]
-    fmi2SetReal: Callable[..., int]
-    fmi2SetInteger: Callable[..., int]
-    fmi2SetBoolean: Callable[..., int]
-    fmi2SetString: Callable[..., int]
-    fmi2GetReal: Callable[..., int]
-    fmi2GetInteger: Callable[..., int]
-    fmi2GetBoolean: Callable[..., int]
-
-
 class Instance(Protocol):
-    """A loaded FMU with one instance."""
+    """A loaded FMU with one instance; `functions` are a shared library with the types set, or a stand-in in a test."""
 
-    functions: Functions
+    functions: Any
     component: Any
 
     def free(self) -> None:
@@ -183,7 +164,7 @@ class FmpyInstance:
             function = "fmi3InstantiateCoSimulation" if is_new else "fmi2Instantiate"
             raise RunError(component.name, function, None, str(error), _log.get(component.name, ())) from error
         self.component = self._slave.component
-        self.functions: Functions = self._slave.dll
+        self.functions: Any = self._slave.dll
         if is_new:
             types = {variable.valueReference: str(variable.type) for variable in self._variables()}
             named = [(one.name, one.reference) for one in (*component.starts, *component.constants)]
@@ -193,7 +174,7 @@ class FmpyInstance:
                 text = f"`{elements[0]}` is an element of an array, which `chassis run` connects, but not this master"
                 self.free()
                 raise RunError(component.name, "loading", None, text)
-            self.functions = cast(Functions, fmi3.Functions(self._slave.dll, types))
+            self.functions = fmi3.Functions(self._slave.dll, types)
 
     @staticmethod
     def _logger_of(name: str) -> Callable[..., None]:
@@ -261,16 +242,16 @@ class _WholeGroup(_Group):
     Integers that may have more than 32 bits are a group of their own.
     """
 
-    def __init__(self, wires: Sequence[Wire], bus: Array, boolean: bool, wide: bool = False) -> None:
+    def __init__(self, wires: Sequence[Wire], bus: Array, kind: Kind, wide: bool = False) -> None:
         super().__init__(wires, bus)
-        self.boolean = boolean
+        self.kind = kind
         self.buffer = np.zeros(self.count, dtype=np.int64 if wide else np.int32)
         self.values = _pointer(self.buffer, ctypes.c_int64 if wide else ctypes.c_int)
 
     def load(self) -> bool:
         """Return whether the variables can have the values."""
         values = self.bus[self.slots]
-        if self.boolean:
+        if self.kind == "Boolean":
             self.buffer[:] = values > 0.5
             return True
         with np.errstate(invalid="ignore"):
@@ -278,7 +259,7 @@ class _WholeGroup(_Group):
         return bool((self.buffer == values).all())
 
     def store(self) -> None:
-        self.bus[self.slots] = self.buffer != 0 if self.boolean else self.buffer
+        self.bus[self.slots] = self.buffer != 0 if self.kind == "Boolean" else self.buffer
 
 
 def _of(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
@@ -299,47 +280,26 @@ class Slave:
         self._calls = tuple(calls.code(index, self._named(name)) for name in hot)
         self._functions = instance.functions
         # Value references of integers that may have more than 32 bits.
-        self._wide: set[int] = cast(fmi3.Functions, instance.functions).wide if component.fmi == "3.0" else set()
+        self._wide: set[int] = instance.functions.wide if component.fmi == "3.0" else set()
         self._component = instance.component
         self._do_step = self._functions.fmi2DoStep
         self._set_real = self._functions.fmi2SetReal
         self._get_real = self._functions.fmi2GetReal
         self._inputs = _RealInputs(_of(component.inputs, "Real"), bus)
         self._outputs = _RealOutputs(_of(component.outputs, "Real"), bus)
-        f = self._functions
-        # The rare base types; the name of the function is kept for error messages.
-        self._whole_inputs = [
-            (group, name, call)
-            for group, name, call in zip(
-                self._whole_groups(component.inputs, bus),
-                ("fmi2SetInteger", "fmi2SetBoolean", "fmi2SetInteger"),
-                (f.fmi2SetInteger, f.fmi2SetBoolean, f.fmi2SetInteger),
-                strict=True,
-            )
-            if group.count
-        ]
-        self._whole_outputs = [
-            (group, name, call)
-            for group, name, call in zip(
-                self._whole_groups(component.outputs, bus),
-                ("fmi2GetInteger", "fmi2GetBoolean", "fmi2GetInteger"),
-                (f.fmi2GetInteger, f.fmi2GetBoolean, f.fmi2GetInteger),
-                strict=True,
-            )
-            if group.count
-        ]
-
+        self._whole_inputs = self._whole_groups(component.inputs, bus)
+        self._whole_outputs = self._whole_groups(component.outputs, bus)
         self._restore_rounding("fmi2Instantiate")
 
-    def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> tuple[_WholeGroup, _WholeGroup, _WholeGroup]:
-        """Return the Integers of 32 bits, the Booleans, and the Integers that may have more."""
-        wide = self._wide
+    def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> list[_WholeGroup]:
+        """Return the Integers of 32 bits, the Booleans and the wider Integers, as far as there are any."""
         integers = _of(wires, "Integer")
-        return (
-            _WholeGroup([w for w in integers if w.reference not in wide], bus, False),
-            _WholeGroup(_of(wires, "Boolean"), bus, True),
-            _WholeGroup([w for w in integers if w.reference in wide], bus, False, wide=True),
+        groups = (
+            _WholeGroup([w for w in integers if w.reference not in self._wide], bus, "Integer"),
+            _WholeGroup(_of(wires, "Boolean"), bus, "Boolean"),
+            _WholeGroup([w for w in integers if w.reference in self._wide], bus, "Integer", wide=True),
         )
+        return [group for group in groups if group.count]
 
     def check(self, status: int, function: str, time: float | None, subject: str = "") -> None:
         """Raise RunError if a status is worse than a warning, or none of FMI. The function is named as in FMI 2.0."""
@@ -364,12 +324,16 @@ class Slave:
     def _enter(self, function: str) -> None:
         self._board.call = calls.code(self._index, self._named(function))
 
+    def _call(self, function: str, time: float, *arguments: Any, subject: str = "") -> None:
+        """Call a function, named as in FMI 2.0; raises RunError if its status is worse than a warning."""
+        self._enter(function)
+        status = getattr(self._functions, function)(self._component, *arguments)
+        self._restore_rounding(function)
+        self.check(status, function, time, subject)
+
     def setup(self, simulation: Simulation) -> None:
         """Announce the experiment."""
-        self._enter("fmi2SetupExperiment")
-        status = self._functions.fmi2SetupExperiment(self._component, 0, 0.0, simulation.start, 1, simulation.stop)
-        self._restore_rounding("fmi2SetupExperiment")
-        self.check(status, "fmi2SetupExperiment", simulation.start)
+        self._call("fmi2SetupExperiment", simulation.start, 0, 0.0, simulation.start, 1, simulation.stop)
 
     def _restore_rounding(self, function: str) -> None:
         """Round to the nearest number again, in case that a call has changed it: the FMUs share it with this master."""
@@ -386,40 +350,28 @@ class Slave:
     def apply(self, settings: Iterable[Setting], time: float) -> None:
         """Set parameters or constant inputs, one call each."""
         for s in settings:
-            reference = (ctypes.c_uint * 1)(s.reference)
-            f = self._functions
-            call: Callable[..., int]
             value: Any
             if s.kind == "Real":
-                call, value = f.fmi2SetReal, (ctypes.c_double * 1)(float(s.value))
+                value = (ctypes.c_double * 1)(float(s.value))
             elif s.kind == "Integer":
-                is_wide = s.reference in self._wide
-                call, value = f.fmi2SetInteger, ((ctypes.c_int64 if is_wide else ctypes.c_int) * 1)(int(s.value))
+                value = ((ctypes.c_int64 if s.reference in self._wide else ctypes.c_int) * 1)(int(s.value))
                 if value[0] != s.value:
                     # ctypes wraps integers around.
                     self.check(ERROR, "fmi2SetInteger", time, f"{s.name} = {s.value!r}")
             elif s.kind == "Boolean":
-                call, value = f.fmi2SetBoolean, (ctypes.c_int * 1)(int(bool(s.value)))
+                value = (ctypes.c_int * 1)(int(bool(s.value)))
             else:
-                call, value = f.fmi2SetString, (ctypes.c_char_p * 1)(str(s.value).encode())
-            self._enter(f"fmi2Set{s.kind}")
-            status = call(self._component, reference, 1, value)
-            self._restore_rounding(f"fmi2Set{s.kind}")
-            self.check(status, f"fmi2Set{s.kind}", time, f"{s.name} = {s.value!r}")
+                value = (ctypes.c_char_p * 1)(str(s.value).encode())
+            reference = (ctypes.c_uint * 1)(s.reference)
+            self._call(f"fmi2Set{s.kind}", time, reference, 1, value, subject=f"{s.name} = {s.value!r}")
 
     def enter(self, time: float) -> None:
         """Enter the initialization mode."""
-        self._enter("fmi2EnterInitializationMode")
-        status = self._functions.fmi2EnterInitializationMode(self._component)
-        self._restore_rounding("fmi2EnterInitializationMode")
-        self.check(status, "fmi2EnterInitializationMode", time)
+        self._call("fmi2EnterInitializationMode", time)
 
     def leave(self, time: float) -> None:
         """Leave the initialization mode."""
-        self._enter("fmi2ExitInitializationMode")
-        status = self._functions.fmi2ExitInitializationMode(self._component)
-        self._restore_rounding("fmi2ExitInitializationMode")
-        self.check(status, "fmi2ExitInitializationMode", time)
+        self._call("fmi2ExitInitializationMode", time)
 
     def set(self, time: float) -> None:
         """Set the wired inputs from the bus."""
@@ -431,13 +383,11 @@ class Slave:
             self._restore_rounding("fmi2SetReal")
             if not OK <= status <= WARNING:
                 self.check(status, "fmi2SetReal", time)
-        for whole, name, call in self._whole_inputs:
-            self._enter(name)
+        for whole in self._whole_inputs:
+            name = f"fmi2Set{whole.kind}"
             if not whole.load():
                 self.check(ERROR, name, time, "a value does not fit the type of the variable")
-            status = call(self._component, whole.references, whole.count, whole.values)
-            self._restore_rounding(name)
-            self.check(status, name, time)
+            self._call(name, time, whole.references, whole.count, whole.values)
 
     def step(self, time: float, step: float) -> RunError | None:
         """Advance from `time` by `step`. Returns the end of the simulation if the FMU wants it at the end of the step.
@@ -484,11 +434,8 @@ class Slave:
             if not OK <= status <= WARNING:
                 self.check(status, "fmi2GetReal", time)
             group.store()
-        for whole, name, call in self._whole_outputs:
-            self._enter(name)
-            status = call(self._component, whole.references, whole.count, whole.values)
-            self._restore_rounding(name)
-            self.check(status, name, time)
+        for whole in self._whole_outputs:
+            self._call(f"fmi2Get{whole.kind}", time, whole.references, whole.count, whole.values)
             whole.store()
 
     def terminate(self, time: float) -> None:

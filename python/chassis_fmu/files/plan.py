@@ -479,6 +479,20 @@ class Plan(_Part, frozen=True):
         raise KeyError(f"the plan has no run for case {case}, point {point}, seed {seed}")
 
     @property
+    def case_titles(self) -> dict[str, str]:
+        """Titles of the cases by their names."""
+        return {case.name: case.title for case in self.cases}
+
+    @property
+    def point_titles(self) -> dict[str | None, str]:
+        """Titles of the points by their names; an empty one without a sweep."""
+        return {None: "", **{point.name: point.title for point in self.points}}
+
+    def place(self, case: str, point: str | None) -> str:
+        """Return the title of a case at a point."""
+        return ", ".join(filter(None, (self.case_titles[case], self.point_titles[point])))
+
+    @property
     def point_names(self) -> tuple[str | None, ...]:
         """Names of the points; a single None without a sweep."""
         return tuple(p.name for p in self.points) or (None,)

@@ -1,12 +1,16 @@
-"""Figures that no scenario declares: of studies and assessments."""
+"""Figures that no scenario declares: of studies and assessments, drawn beside their page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+import markupsafe
 
 from ..files.plan import Case, Figure
-from .figures import Panel
+from . import page_data, plots, rendering
+from .panels import Panel
 
 
 @dataclass(frozen=True)
@@ -41,3 +45,24 @@ def figure(name: str, title: str, kind: str, cases: Sequence[Case]) -> Figure:
         offset=0.0,
         caption=None,
     )
+
+
+class Drawings:
+    """The figures of a page: pictures in a folder, and what makes them interactive."""
+
+    def __init__(self, of: plots.Drawn, folder: Path) -> None:
+        self._of = of
+        self._folder = folder
+        self._drawn: list[tuple[str, list[Panel]]] = []
+
+    def draw(self, chart: Chart) -> tuple[Chart, markupsafe.Markup]:
+        """Draw a figure and write its files; returns it with the picture for the page."""
+        made = plots.draw(self._of, chart.figure, chart.panels)
+        made.write(self._folder)
+        self._drawn.append((chart.figure.name, chart.panels))
+        return chart, rendering.inline_svg(made)
+
+    @property
+    def interactive(self) -> page_data.Interactive:
+        """The interactive parts of all figures drawn so far."""
+        return page_data.Interactive.of(page_data.render(self._of.cases, [], self._drawn))

@@ -1,23 +1,19 @@
-"""Panels and lines of the figures of a plan, as arrays. `plots` draws them, `page_data` embeds them in a page."""
+"""The panels of the figures of a plan."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..evaluation import metrics
-from ..evaluation.results_table import Numbers, Row
-from ..files.plan import Case, Cell, Column, Conversion, Figure, Level, Metric, Plan, Run
+from ..evaluation.results_table import Numbers
+from ..files.plan import Case, Cell, Column, Conversion, Figure, Metric, Plan, Run
 from ..files.results import Recording
 from . import tables
-
-# A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
-BUCKETS = 600
+from .panels import Array, Axis, Line, LineKind, Panel, PanelKind, decimate, heat_maps, unit_axis
 
 # Seeds whose runs a page contains one by one; more of them would make it larger than 1 MB. It says so.
 MOST_SEEDS = 48
@@ -34,121 +30,11 @@ MOST_LETTERS = 40
 # Free space above and below lines that share a scale, as a share of its range.
 ROOM = 0.08
 
-Array = NDArray[np.floating[Any]]
 Key = tuple[str, "str | None"]
 """Case and point."""
 
-PanelKind: TypeAlias = Literal["function", "curve", "map", "heat"]
-"""One value for each abscissa, a curve that may go back, a curve with the same scale on both axes, colored cells."""
-
-LineKind: TypeAlias = Literal["run", "mean", "paper", "reference"]
-"""A run, the mean over the seeds, numbers of the paper, what the others are compared with."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """An axis: its title and the units of measure it can be in, the one shown first."""
-
-    title: str
-    units: tuple[Conversion, ...]
-    log: bool = False
-    zero: bool = False
-    """Whether zero is part of the picture, so that differences show in their true proportion."""
-    range: tuple[float, float] | None = None
-
-
-def unit_axis(units: tuple[Conversion, ...], *, zero: bool = False) -> Axis:
-    """Return an axis whose title is that of its panel: its label is the unit, and a lone degree sign would be lost."""
-    return Axis("Angle" if units[0].unit == "°" else "", units, zero=zero)
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line; the units of both coordinates are those that the first unit of the axis converts from."""
-
-    kind: LineKind
-    title: str
-    """Empty: it has no key of its own, as one of many lines that look the same."""
-    x: Array
-    y: Array
-    case: Case | None = None
-    seed: int | None = None
-    spread: Array | None = None
-    """Standard deviation over the seeds."""
-    t: Array | None = None
-    """Times of the points of a curve, s."""
-    z: Array | None = None
-    """Values of the cells of a heat map, whose centers are the points."""
-    marks: bool = False
-    steps: bool = False
-    """Whether a value holds until the next one."""
-    apart: bool = False
-    """Whether the points are not joined; they have marks."""
-    right: bool = False
-    """Whether it belongs to the axis on the right."""
-    run: str | None = None
-    """The run whose file has all samples, and its column."""
-    signal: str | None = None
-    over: str | None = None
-    """The column of the abscissa of a curve."""
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One pair of axes."""
-
-    title: str
-    note: str
-    x: Axis
-    y: Axis
-    lines: tuple[Line, ...]
-    levels: tuple[Level, ...] = ()
-    ticks: tuple[float, ...] = ()
-    """Points of the abscissa that are marked one by one."""
-    kind: PanelKind = "function"
-    right: Axis | None = None
-    """A second vertical axis."""
-    z: Axis | None = None
-    """What the colors of a heat map mean."""
-
-
 # Frequencies (Hz) and densities by figure, column, case and point.
 Spectra = dict[tuple[str, int, str, "str | None"], tuple[Array, Array]]
-
-
-def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: bool = False) -> tuple[Array, Array]:
-    """Reduce a line to the smallest and the largest value of each of `buckets` pieces, and both ends.
-
-    Of a curve the extremes of the abscissa stay, too. The picture stays the same as long as a piece is narrower than
-    the line, peaks included.
-    """
-    if is_curve:
-        rows = rows_of_curve(times, values, buckets)
-        return times[rows], values[rows]
-    if len(values) <= 2 * buckets + 2:
-        return times, values
-    size = -(-len(values) // buckets)
-    whole = len(values) // size * size
-    pieces = values[:whole].reshape(-1, size)
-    first = np.arange(len(pieces)) * size
-    keep = np.concatenate(
-        [
-            [0, len(values) - 1],
-            first + pieces.argmin(axis=1),
-            first + pieces.argmax(axis=1),
-            *([] if whole == len(values) else [[whole + values[whole:].argmin(), whole + values[whole:].argmax()]]),
-        ]
-    )
-    keep = np.unique(keep)
-    return times[keep], values[keep]
-
-
-def rows_of_curve(across: Array, up: Array, buckets: int = BUCKETS) -> NDArray[np.intp]:
-    """Return the rows that keep the picture of a curve: extremes of both coordinates in each piece, and the ends."""
-    numbers = np.arange(len(across), dtype=np.float64)
-    kept = [decimate(numbers, of, buckets // 2)[0] for of in (across, up)]
-    rows: NDArray[np.intp] = np.unique(np.concatenate(kept)).astype(np.intp)
-    return rows
 
 
 @dataclass
@@ -190,10 +76,7 @@ class Recordings:
             self._cross.setdefault((name, column, run.case, run.point), []).append(rows)
         if run.seed is None or len(self._plan.seeds) < 2:
             return
-        for figure in self._plan.figures:
-            if figure.kind != "time" or run.case not in figure.cases:
-                continue
-            of_window = metrics.window(recording.times, figure.window, self._plan.simulation.step)
+        for figure, of_window in _windows(self._plan, "time", run, recording):
             times = recording.times[of_window]
             every = max(1, len(times) // FEW_BUCKETS)
             for index in figure.columns:
@@ -233,6 +116,13 @@ class Recordings:
             stem = self._plan.run(case.name, point, seed).stem
             name = self._plan.columns[column].name
             yield Line("run", f"{case.title}, seed {seed}", times, values, case, seed, run=stem, signal=name)
+
+
+def _windows(plan: Plan, kind: str, run: Run, recording: Recording) -> Iterator[tuple[Figure, slice]]:
+    """Return the figures of a kind that show a run, and the rows of their windows."""
+    for figure in plan.figures:
+        if figure.kind == kind and run.case in figure.cases:
+            yield figure, metrics.window(recording.times, figure.window, plan.simulation.step)
 
 
 def columns_of(plan: Plan, figure: Figure) -> set[int]:
@@ -333,11 +223,6 @@ def _shown_runs(
     return found
 
 
-def _points(plan: Plan) -> dict[str | None, str]:
-    """Return the titles of the points by their names; an empty one without a sweep."""
-    return {None: "", **{p.name: p.title for p in plan.points}}
-
-
 def _title_of(plan: Plan, case: Case) -> str:
     """Return the title of the run of the first seed."""
     return case.title if len(plan.seeds) < 2 else f"{case.title}, seed {plan.seed_values[0]}"
@@ -345,7 +230,7 @@ def _title_of(plan: Plan, case: Case) -> str:
 
 def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     cases = _cases(plan, figure)
-    titles = _points(plan)
+    titles = plan.point_titles
     beside = [
         (plan.columns[index], is_right)
         for index, is_right in ((figure.against, False), (figure.right, True))
@@ -386,7 +271,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
 def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
     if figure.over is None:
         return
-    titles = _points(plan)
+    titles = plan.point_titles
     over = plan.columns[figure.over]
     # On equal axes both are in the same unit.
     x = Axis(brief(over), _units(over, figure) if figure.equal_axes else _own_units(over))
@@ -414,7 +299,7 @@ def _in_sentence(title: str) -> str:
 def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     if figure.over is None:
         return
-    titles = _points(plan)
+    titles = plan.point_titles
     over = plan.columns[figure.over]
     for index in figure.columns:
         column = plan.columns[index]
@@ -448,7 +333,7 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
 
 
 def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Iterator[Panel]:
-    titles = _points(plan)
+    titles = plan.point_titles
     x = Axis("Frequency", (Conversion("Hz"),), log=True, range=figure.band)
     for index in figure.columns:
         column = plan.columns[index]
@@ -472,10 +357,7 @@ def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, in
     Raises MetricError for a recording too short for a spectrum.
     """
     out = {}
-    for figure in plan.figures:
-        if figure.kind != "spectrum" or run.case not in figure.cases:
-            continue
-        rows = metrics.window(recording.times, figure.window, plan.simulation.step)
+    for figure, rows in _windows(plan, "spectrum", run, recording):
         for index in figure.columns:
             column = plan.columns[index]
             if column.name in recording.values:
@@ -490,10 +372,9 @@ def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int]
     Raises MetricError for a recording too short for a spectrum.
     """
     out = {}
-    for figure in plan.figures:
-        if figure.kind != "transfer" or figure.over is None or run.case not in figure.cases:
+    for figure, rows in _windows(plan, "transfer", run, recording):
+        if figure.over is None:
             continue
-        rows = metrics.window(recording.times, figure.window, plan.simulation.step)
         over = plan.columns[figure.over]
         for index in figure.columns:
             column = plan.columns[index]
@@ -510,7 +391,7 @@ def _metric_axis(metric: Metric, title: str = "", *, zero: bool = False) -> Axis
 
 
 def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
-    titles = _points(plan)
+    titles = plan.point_titles
     y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0))
     for index in figure.metrics:
         metric = plan.metrics[index]
@@ -546,9 +427,10 @@ def _scatter(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
             yield Panel(f"{metric.title} over {_in_sentence(over.title)}", "", x, y, tuple(lines))
 
 
-def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
+def _sweep(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
     if plan.sweep is None:
         return
+    cells = numbers.table()
     points = sorted(plan.points, key=lambda p: p.value)
     x = Axis(plan.sweep.title, (Conversion(tables.pretty_unit(plan.sweep.unit)),))
     for index in figure.metrics:
@@ -574,20 +456,6 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
         yield Panel(metric.title, "", x, y, tuple(lines), ticks=tuple(p.value for p in points))
 
 
-def heat_maps(
-    title: str, axes: tuple[Axis, Axis, Axis], found: Sequence[tuple[Case, str, tuple[Array, Array, Array]]]
-) -> Iterator[Panel]:
-    """Return a heat map for each case with its note: axes across, up and of the colors; centers and values of cells."""
-    if not found:
-        return
-    # Colors are there to be compared: those of all cases mean the same.
-    everything = np.concatenate([values for _, _, (_, _, values) in found])
-    colors = replace(axes[2], range=(float(everything.min()), float(everything.max())))
-    for case, note, (across, up, values) in found:
-        line = Line("run", case.title, across, up, case, z=values)
-        yield Panel(title, note, axes[0], axes[1], (line,), kind="heat", z=colors)
-
-
 def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
     if plan.sweep is None or plan.sweep.second is None:
         return
@@ -607,7 +475,7 @@ def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
 
 
 def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
-    titles = _points(plan)
+    titles = plan.point_titles
     for index in figure.metrics:
         metric = plan.metrics[index]
         for point in plan.point_names:
@@ -668,23 +536,15 @@ def _scaled(figure: Figure, found: list[Panel]) -> list[Panel]:
 
 def panels(plan: Plan, figure: Figure, recordings: Recordings, numbers: Numbers) -> list[Panel]:
     """Return the panels of a figure of the plan; none if there is nothing to draw."""
-    found: Iterator[Panel]
-    if figure.kind == "time":
-        found = _time(plan, figure, recordings)
-    elif figure.kind == "spectrum":
-        found = _spectrum(plan, figure, recordings.spectra)
-    elif figure.kind == "running":
-        found = _running(plan, figure, recordings.first)
-    elif figure.kind == "xy":
-        found = _xy(plan, figure, recordings.first)
-    elif figure.kind == "transfer":
-        found = _transfer(plan, figure, recordings)
-    elif figure.kind == "distribution":
-        found = _distribution(plan, figure, numbers)
-    elif figure.kind == "scatter":
-        found = _scatter(plan, figure, numbers)
-    elif figure.kind == "heat_map":
-        found = _heat_map(plan, figure, numbers)
+    of_recordings = {"time": _time, "transfer": _transfer}
+    of_first = {"running": _running, "xy": _xy}
+    of_numbers = {"distribution": _distribution, "scatter": _scatter, "heat_map": _heat_map, "sweep": _sweep}
+    if figure.kind in of_recordings:
+        found = of_recordings[figure.kind](plan, figure, recordings)
+    elif figure.kind in of_first:
+        found = of_first[figure.kind](plan, figure, recordings.first)
+    elif figure.kind in of_numbers:
+        found = of_numbers[figure.kind](plan, figure, numbers)
     else:
-        found = _sweep(plan, figure, numbers.table())
+        found = _spectrum(plan, figure, recordings.spectra)
     return _scaled(figure, list(found))

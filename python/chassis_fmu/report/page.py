@@ -113,7 +113,7 @@ def _bar(percent: float | None, text: str, limit: float) -> Bar | None:
 def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
     """Format the table of metrics, one group per metric."""
     cases = {c.name: c for c in plan.cases}
-    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
+    points = plan.point_titles
     changes = [abs(c.paper_change) for c in cells if c.paper_change is not None]
     changes += [abs(c.change.mean) for c in cells if c.change is not None]
     limit = max([*(min(v, 100.0) for v in changes), 1.0])
@@ -121,7 +121,7 @@ def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
     for metric in plan.metrics:
         rows: list[TableRow] = []
         for cell in (c for c in cells if c.metric is metric):
-            point = points.get(cell.point, "")
+            point = points[cell.point]
             place = next((p for p in plan.points if p.name == cell.point), None)
             rows.append(
                 TableRow(
@@ -188,8 +188,8 @@ def _default(setting: Setting, variable: Variable | None) -> str:
 
 def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
     """Say a value once if it is the same in all runs, else by case or point, whichever it depends on."""
-    cases = {c.name: c.title for c in plan.cases}
-    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
+    cases = plan.case_titles
+    points = plan.point_titles
     if len(set(values.values())) == 1:
         return (("", next(iter(values.values()))),)
     by_case: dict[str, set[str]] = {}
@@ -210,7 +210,7 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
             return tuple((at, v.pop()) for at, v in own.items())
     if all(len(v) == 1 for v in by_point.values()):
         return tuple((points[p], v.pop()) for p, v in by_point.items())
-    return tuple((f"{cases[c]}, {points.get(p, '')}", v) for (c, p), v in values.items())
+    return tuple((plan.place(c, p), v) for (c, p), v in values.items())
 
 
 def order_of(runs: Sequence[Run]) -> list[str]:

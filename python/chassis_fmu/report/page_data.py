@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..files.plan import Case, Figure, Plan
 from . import plots
-from .figures import Array, Axis, Line, Panel, decimate, rows_of_curve
+from .panels import Array, Axis, Line, Panel, decimate, rows_of_curve
 
 FORMAT = 1
 

@@ -23,7 +23,7 @@ from matplotlib.ticker import LogFormatter, MaxNLocator
 from ..files import results
 from ..files.plan import Case, Figure, Point
 from . import tables
-from .figures import Array, Axis, Line, Panel, decimate
+from .panels import Array, Axis, Line, Panel, decimate
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")

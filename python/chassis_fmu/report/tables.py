@@ -74,6 +74,12 @@ def scientific(value: float) -> str:
     return _minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if exponent else "")
 
 
+def limits(least: float | None, most: float | None, unit: str) -> str:
+    """Write limits, of which one may be missing, in a unit as `pretty_unit` gives it."""
+    ends = (("at least", least), ("at most", most))
+    return " and ".join(f"{word} {scientific(limit)} {unit}".rstrip() for word, limit in ends if limit is not None)
+
+
 def significant(value: float, digits: int) -> str:
     """Format a number with so many significant digits, zeros at the end too, as the cells of a map are."""
     rounded = float(f"{value:.{digits}g}")
@@ -181,13 +187,11 @@ NEGLIGIBLE = "A dash instead of a change: the baseline is next to nothing beside
 
 def _text_rows(plan: Plan, cells: Sequence[Row]) -> tuple[list[str], list[list[str]], int]:
     """Return header and rows for people without the columns that would be empty, and how many stand on the left."""
-    cases = {c.name: c.title for c in plan.cases}
-    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
     rows = [
         [
             with_unit(c.metric.title, c.metric.conversion.unit),
-            points.get(c.point, ""),
-            cases[c.case],
+            plan.point_titles[c.point],
+            plan.case_titles[c.case],
             printed(c.paper, c.metric.digits),
             spread(c.ours, c.metric.digits, len(plan.seeds)),
             signed(c.paper_change),

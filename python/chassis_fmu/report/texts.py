@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from ..evaluation import metrics
 from ..evaluation.grading import Status, paired
 from ..evaluation.results_table import Numbers, Statistic, Verdict
-from ..files.plan import Cell, Check, Metric, Number, Plan, Requirement, Text
+from ..files.plan import Cell, Check, Metric, Number, Plan, Text
 from . import tables
 
 NONE = "–"
@@ -107,14 +107,11 @@ def check(item: Check, numbers: Numbers) -> str:
     metric = numbers.metric(item.cell)
     unit = metric.conversion.unit
     plan = numbers.plan
-    titles = {c.name: c.title for c in plan.cases}
-    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
 
     def place(cell: Cell, beside: Cell | None = None) -> str:
         named = [] if beside is not None and beside.metric == cell.metric else [numbers.metric(cell).title]
-        named += [titles[cell.case]]
-        named += [] if cell.point is None or (beside and beside.point == cell.point) else [points[cell.point]]
-        return ", ".join(named)
+        point = None if beside and beside.point == cell.point else cell.point
+        return ", ".join([*named, plan.place(cell.case, point)])
 
     def value(found: Statistic | None) -> str:
         text = tables.spread(found, metric.digits, len(plan.seeds))
@@ -200,24 +197,16 @@ def limits(metric: Metric) -> str:
     required = metric.requirement
     if required is None:
         return ""
-    unit = tables.pretty_unit(metric.conversion.unit)
-    words = [f"{word} {tables.scientific(limit)} {unit}".rstrip() for word, limit in _ends(required)]
+    words = tables.limits(required.min, required.max, tables.pretty_unit(metric.conversion.unit))
     share = "" if required.share == 1.0 else f" in {100.0 * required.share:g} % of the runs"
-    return " and ".join(words) + share + (f" ({required.source})" if required.source else "")
-
-
-def _ends(required: Requirement) -> list[tuple[str, float]]:
-    ends = (("at least", required.min), ("at most", required.max))
-    return [(word, limit) for word, limit in ends if limit is not None]
+    return words + share + (f" ({required.source})" if required.source else "")
 
 
 def requirement(item: Verdict, numbers: Numbers) -> str:
     """Say what a requirement is about and what was found."""
     metric = item.metric
     seeds = len(numbers.plan.seeds)
-    titles = {c.name: c.title for c in numbers.plan.cases}
-    points: dict[str | None, str] = {p.name: p.title for p in numbers.plan.points}
-    place = ", ".join(text for text in (metric.title, titles[item.case], points.get(item.point, "")) if text)
+    place = ", ".join(filter(None, (metric.title, numbers.plan.place(item.case, item.point))))
     unit = tables.pretty_unit(metric.conversion.unit)
     found = [] if item.worst is None else [f"{tables.number(item.worst, metric.digits)} {unit}".rstrip()]
     if seeds > 1 and item.worst is not None:

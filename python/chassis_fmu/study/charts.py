@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..files.plan import Case, Conversion, Metric, Run
 from ..report import tables
-from ..report.figures import Axis, Line, Panel, PanelKind, heat_maps, unit_axis
+from ..report.panels import Axis, Line, Panel, PanelKind, heat_maps, unit_axis
 from . import statistics
 from .job import Limits
 from .statistics import Numbers
@@ -31,10 +31,6 @@ def _axis(metric: Metric, *, title: str | None = None) -> Axis:
 
 def _case(numbers: Numbers, run: Run) -> Case:
     return next(c for c in numbers.job.plan.cases if c.name == run.case)
-
-
-def _note(numbers: Numbers, run: Run) -> str:
-    return next((p.title for p in numbers.job.plan.points if p.name == run.point), "")
 
 
 def _points(numbers: Numbers) -> list[str | None]:
@@ -74,7 +70,7 @@ def _distributions(
         known = {i: np.sort(values[i][np.isfinite(values[i])]) for i, _ in cells}
         if not any(v.size for v in known.values()):
             continue
-        note = _note(numbers, cells[0][1])
+        note = numbers.job.plan.point_titles[point]
         edges = _edges(np.concatenate(list(known.values())))
         cumulative, histogram = [], []
         for i, run in cells:
@@ -150,7 +146,7 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
             if line is not None:
                 lines.append(line)
         if lines:
-            note = next((p.title for p in job.plan.points if p.name == point), "")
+            note = job.plan.point_titles[point]
             kind: PanelKind = "function" if has_means else "curve"
             title = f"{metric.title} over {factor.name}"
             found.append(Panel(title, note, x, _axis(metric), tuple(lines), kind=kind))
@@ -184,7 +180,7 @@ def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
                 centers, at = np.unique(np.stack((x[known], y[known])), axis=1, return_inverse=True)
                 means = np.bincount(at.ravel(), weights=values[known]) / np.bincount(at.ravel())
                 case = _case(numbers, run)
-                notes = (case.title if len(job.plan.cases) > 1 else "", _note(numbers, run))
+                notes = (case.title if len(job.plan.cases) > 1 else "", job.plan.point_titles[run.point])
                 maps.append((case, ", ".join(filter(None, notes)), (centers[0], centers[1], means)))
             found += heat_maps(f"{metric.title} over {names[0]} and {names[1]}", axes, maps)
     return found
@@ -275,7 +271,7 @@ def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
             continue
         front = pareto(np.concatenate(everything), signs)
         lines.append(Line("reference", "Pareto front", front[:, 0], front[:, 1]))
-        note = next((p.title for p in job.plan.points if p.name == point), "")
+        note = job.plan.point_titles[point]
         title = f"{up.title} over {across.title}"
         found.append(Panel(title, note, _axis(across), _axis(up), tuple(lines), kind="curve"))
     return found

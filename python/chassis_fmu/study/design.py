@@ -67,9 +67,7 @@ def samples(study: Study, factors: int) -> Array:
 
 def middles(factor: Factor) -> list[float]:
     """Return a share in the middle of each level of a factor."""
-    values = factor.levels or []
-    weights = np.ones(len(values)) if factor.weights is None else np.array(factor.weights)
-    ends = np.cumsum(weights / weights.sum())
+    ends = factor.ends
     return [float(v) for v in 0.5 * (ends + np.concatenate([[0.0], ends[:-1]]))]
 
 
@@ -119,12 +117,8 @@ def values(study: Study, of: Array) -> list[list[Any]]:
 def _correlated(study: Study, of: Array) -> Array:
     """Give the shares of the normal factors their correlation, by the Cholesky factor of its matrix."""
     names = [factor.name for factor in study.vary]
-    matrix = np.eye(len(names))
-    for correlation in study.correlation:
-        i, j = (names.index(n) for n in correlation.between)
-        matrix[i, j] = matrix[j, i] = correlation.coefficient
     used = sorted({names.index(n) for c in study.correlation for n in c.between})
-    factor = np.linalg.cholesky(matrix[np.ix_(used, used)])
+    factor = np.linalg.cholesky(study.correlations[np.ix_(used, used)])
     normal = scipy.stats.norm.ppf(of[:, used])
     # Row by row and term by term, so that no library of linear algebra decides about the last bit.
     mixed = np.zeros_like(normal)

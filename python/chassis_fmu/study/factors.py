@@ -150,6 +150,12 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
         return None
 
     @property
+    def ends(self) -> Array:
+        """Return the shares at which the levels end."""
+        weights = np.ones(len(self.levels or ())) if self.weights is None else np.array(self.weights)
+        return np.cumsum(weights / weights.sum())
+
+    @property
     def reach(self) -> tuple[float, float]:
         """Return the shares that a search looks at: to the limits, and on a side without one to 1 or 99 %."""
         is_open = self.distribution in ("normal", "lognormal")
@@ -165,10 +171,8 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
         """Return the values at shares of the distribution."""
         levels = self.levels
         if levels is not None:
-            weights = np.ones(len(levels)) if self.weights is None else np.array(self.weights)
-            ends = np.cumsum(weights / weights.sum())
             # The last end may be less than 1 by rounding.
-            rows = np.minimum(np.searchsorted(ends, u, side="right"), len(levels) - 1)
+            rows = np.minimum(np.searchsorted(self.ends, u, side="right"), len(levels) - 1)
             return [levels[row] for row in rows]
         if self.distribution == "seed":
             return [1 + min(int(share * SEEDS), SEEDS - 1) for share in u]

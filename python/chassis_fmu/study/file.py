@@ -11,6 +11,7 @@ from typing import Any, Literal
 import msgspec
 import msgspec.inspect
 import numpy as np
+from numpy.typing import NDArray
 
 from ..names import suggestion
 from .factors import Factor, FactorError
@@ -125,6 +126,16 @@ class Study(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     def is_adaptive(self) -> bool:
         """Tell whether the samples depend on the runs before."""
         return self.method in ("worst_case", "optimize")
+
+    @property
+    def correlations(self) -> NDArray[np.float64]:
+        """Return the matrix of the coefficients of correlation."""
+        names = [factor.name for factor in self.vary]
+        matrix = np.eye(len(names))
+        for correlation in self.correlation:
+            i, j = (names.index(n) for n in correlation.between)
+            matrix[i, j] = matrix[j, i] = correlation.coefficient
+        return matrix
 
     def factor(self, name: str) -> Factor:
         """Return the factor of a name."""
@@ -290,7 +301,6 @@ def _of_method(study: Study) -> list[str]:
 
 def _correlations(study: Study) -> list[str]:
     found = []
-    matrix = np.eye(len(study.vary))
     names = [factor.name for factor in study.vary]
     for correlation in study.correlation:
         place = f"correlation between {' and '.join(correlation.between)}"
@@ -304,10 +314,8 @@ def _correlations(study: Study) -> list[str]:
             factor = study.factor(name)
             if factor.distribution != "normal" or factor.min is not None or factor.max is not None:
                 found.append(f"{place}: `{name}` is not normal without limits")
-        i, j = (names.index(n) for n in correlation.between)
-        matrix[i, j] = matrix[j, i] = correlation.coefficient
     if study.correlation and study.method != "sample":
         found.append("correlations belong to method sample")
-    if not found and study.correlation and np.linalg.eigvalsh(matrix)[0] <= 0.0:
+    if not found and study.correlation and np.linalg.eigvalsh(study.correlations)[0] <= 0.0:
         found.append("the correlations contradict each other: their matrix is not positive definite")
     return found

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import _native
+from ..evaluation.results_table import change
 from ..files import plan
 from ..names import unknown
 from ..scenario import Outcome, Sample, Scenario, ScenarioError, Value, Variable
@@ -124,9 +125,7 @@ class Job:
             ("case", self.study.cases, [c.name for c in self.plan.cases]),
             ("point", self.study.points, [p.name for p in self.plan.points]),
         ):
-            for name in wanted or ():
-                if name not in known:
-                    problems.append(f"{kind}s: {unknown(kind, name, known)}")
+            problems += [f"{kind}s: {unknown(kind, name, known)}" for name in wanted or () if name not in known]
             if wanted == []:
                 problems.append(f"{kind}s is empty; without the key all {kind}s are run")
         seed = self.plan.seed_values[0]
@@ -143,9 +142,7 @@ class Job:
         names = [m.name for m in self.plan.metrics]
         if not names:
             problems.append("scenario: it has no [[metric]], so there is nothing to report")
-        for name in self.study.metrics or ():
-            if name not in names:
-                problems.append(f"metrics: {unknown('metric', name, names)}")
+        problems += [f"metrics: {unknown('metric', m, names)}" for m in self.study.metrics or () if m not in names]
         wanted = {*(self.study.metrics or names), *(r.metric for r in self.study.requirement)}
         if self.study.search is not None:
             wanted.add(self.study.search.metric)
@@ -240,7 +237,7 @@ class Job:
             return value
         baseline = self.baseline(cell)
         base = None if baseline is None else self._number(rows, limits.metric, number, baseline)
-        return None if value is None or not base else 100.0 * (value - base) / abs(base)
+        return None if value is None or base is None else change(value, base)
 
     def _number(self, rows: Mapping[tuple[int, int], Done], metric: int, number: int, cell: int) -> float | None:
         row = rows.get((number, cell))
@@ -262,17 +259,8 @@ class Job:
         """Return the row of an outcome: with the metrics that the study reports."""
         cell = task.sample.runs.index(outcome.run)
         numbers = tuple(outcome.numbers[m] for m in self.metrics) if outcome.numbers else ()
-        return Done(
-            task.number,
-            cell,
-            numbers,
-            outcome.status,
-            outcome.time,
-            outcome.component,
-            outcome.variable,
-            outcome.message,
-            outcome.seconds,
-        )
+        rest = {name: value for name, value in vars(outcome).items() if name not in ("sample", "run", "numbers")}
+        return Done(task.number, cell, numbers, **rest)
 
     def lost(self, task: Task, message: str) -> list[Done]:
         """Return the rows of a task whose processes ended, whatever it was that ended them."""

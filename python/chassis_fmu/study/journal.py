@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import astuple
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -55,9 +56,7 @@ class Journal:
         if (done.number, done.cell) in self.rows:
             return
         self.rows[done.number, done.cell] = done
-        row = [done.number, done.cell, done.numbers, done.status, done.time]
-        row += [done.component, done.variable, done.message, done.seconds]
-        self._file.write(json.dumps(row) + "\n")
+        self._file.write(json.dumps(astuple(done)) + "\n")
         self._file.flush()
 
     def __enter__(self) -> Journal:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ import numpy as np
 from ..files import results
 from ..files.describe import sha256
 from ..files.plan import Metric
-from ..report import index, page_data, plots, rendering, tables, texts
-from ..report.charts import Chart, figure
+from ..report import index, rendering, tables, texts
+from ..report.charts import Chart, Drawings, figure
 from . import charts, design, search, statistics
 from .charts import Recorded
 from .file import Study
@@ -23,8 +23,6 @@ from .statistics import Choice, Compared, Distribution, Effect, Numbers, Sensiti
 
 # A study with more metrics than this shows figures of those with requirements, else of the first ones.
 MOST_METRICS = 4
-
-DESIGN = "design.parquet"
 
 STATUS = {
     "rejected": "values that an FMU does not accept",
@@ -117,7 +115,7 @@ def _groups(numbers: Numbers, metric: int) -> Iterator[tuple[str, np.ndarray[Any
         for choice in dict.fromkeys(choices):
             chosen = [number for number, other in enumerate(choices) if other == choice]
             done = sum((number, cell) in numbers.rows for number in chosen)
-            yield ", ".join((_titles(numbers, run.case, run.point), *choice)), values[chosen], done
+            yield ", ".join((numbers.job.plan.place(run.case, run.point), *choice)), values[chosen], done
 
 
 def _wanted(numbers: Numbers) -> list[int]:
@@ -136,19 +134,12 @@ def shown_metrics(numbers: Numbers) -> list[int]:
     return chosen[:MOST_METRICS] if len(job.metrics) > MOST_METRICS else job.metrics
 
 
-def _titles(numbers: Numbers, case: str, point: str | None) -> str:
-    plan = numbers.job.plan
-    title = next(c.title for c in plan.cases if c.name == case)
-    at = next((p.title for p in plan.points if p.name == point), None)
-    return title if at is None else f"{title}, {at}"
-
-
 def _effect_tables(numbers: Numbers, metric: int) -> list[EffectTable]:
     job = numbers.job
     found = []
     shares = design.shares(job.study) if job.study.method == "sensitivity" else None
     for cell, run in enumerate(job.cells):
-        title = _titles(numbers, run.case, run.point)
+        title = numbers.job.plan.place(run.case, run.point)
         if shares is not None:
             of = statistics.sensitivities(job.study, shares, numbers.of(metric, cell))
             ends = [e.total_interval or e.interval or (0.0, 0.0) for e in of.effects]
@@ -171,7 +162,7 @@ def _left_out(study: Study, of: Sensitivities) -> str:
     return f"{text}." if of.effects else f"{text}; too few are left for indices."
 
 
-def _changes(numbers: Numbers, metric: int, drawing: Callable[[Chart], tuple[Chart, Any]]) -> list[Changes]:
+def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> list[Changes]:
     """Return the changes that requirements of a metric are about."""
     job = numbers.job
     found = []
@@ -183,24 +174,26 @@ def _changes(numbers: Numbers, metric: int, drawing: Callable[[Chart], tuple[Cha
             if run.case in requirement.cases:
                 done = sum((n, cell) in numbers.rows for n in range(numbers.count))
                 of = Distribution.of(numbers.changes(requirement, cell))
-                rows.append((_titles(numbers, run.case, run.point), of, done))
+                rows.append((numbers.job.plan.place(run.case, run.point), of, done))
         of_metric = job.plan.metrics[metric]
         panels = charts.changes(numbers, requirement)
         own = figure(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy", job.plan.cases)
         caption = "Change against the baseline of the case in the same sample. Dashed: the limits of the requirement."
-        found.append(Changes(rows, drawing(Chart(own, caption, panels)) if panels else None))
+        found.append(Changes(rows, drawings.draw(Chart(own, caption, panels)) if panels else None))
     return found
 
 
 def _choices(numbers: Numbers, metric: int) -> list[tuple[str, list[Choice]]]:
     cells = enumerate(numbers.job.cells)
-    found = [(_titles(numbers, r.case, r.point), statistics.choices(numbers, metric, cell)) for cell, r in cells]
+    found = [(numbers.job.plan.place(r.case, r.point), statistics.choices(numbers, metric, cell)) for cell, r in cells]
     return [(title, rows) for title, rows in found if rows]
 
 
 def _tornados(numbers: Numbers, metric: int) -> list[Tornado]:
     cells = enumerate(numbers.job.cells)
-    found = [Tornado(_titles(numbers, r.case, r.point), statistics.swings(numbers, metric, cell)) for cell, r in cells]
+    found = [
+        Tornado(numbers.job.plan.place(r.case, r.point), statistics.swings(numbers, metric, cell)) for cell, r in cells
+    ]
     return [tornado for tornado in found if tornado.swings]
 
 
@@ -264,19 +257,12 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
     """Return the page, and write its figures beside it."""
     job = numbers.job
     shown = shown_metrics(numbers)
-    drawn: list[tuple[str, Sequence[Any]]] = []
-
-    def drawing(chart: Chart) -> tuple[Chart, Any]:
-        made = plots.draw(job.plan, chart.figure, chart.panels)
-        made.write(folder / "figures")
-        drawn.append((chart.figure.name, chart.panels))
-        return chart, rendering.inline_svg(made)
-
+    drawings = Drawings(job.plan, folder / "figures")
     sections = []
     for metric in dict.fromkeys([*_wanted(numbers), *job.metrics]):
         rows = [(title, Distribution.of(values), done) for title, values, done in _groups(numbers, metric)]
         pairs = [
-            (_titles(numbers, c.case, c.point), _titles(numbers, c.against, None), c)
+            (numbers.job.plan.place(c.case, c.point), numbers.job.plan.place(c.against, None), c)
             for c in statistics.compared(numbers, metric)
         ]
         is_shown = metric in shown
@@ -285,11 +271,11 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
                 job.plan.metrics[metric],
                 rows,
                 pairs,
-                _changes(numbers, metric, drawing),
+                _changes(numbers, metric, drawings),
                 _choices(numbers, metric),
                 _tornados(numbers, metric) if is_shown else (),
                 _effect_tables(numbers, metric) if is_shown else (),
-                [drawing(c) for c in _charts(numbers, metric)] if is_shown else (),
+                [drawings.draw(c) for c in _charts(numbers, metric)] if is_shown else (),
             )
         )
     matrix = _scatter_matrix(numbers, shown)
@@ -300,8 +286,8 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         own = figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
         history = Chart(own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels)
-    matrix_drawing = None if matrix is None else drawing(matrix)
-    history_drawing = None if history is None or not history.panels else drawing(history)
+    matrix_drawing = None if matrix is None else drawings.draw(matrix)
+    history_drawing = None if history is None or not history.panels else drawings.draw(history)
     return rendering.render(
         "study.html.j2",
         study=job.study,
@@ -324,18 +310,17 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         percentiles=statistics.PERCENTILES if job.study.has_probability else (),
         percentages=[f">{p:g} %" for p in statistics.PERCENTILES] if job.study.has_probability else [],
         confidence=100 * statistics.CONFIDENCE,
-        interactive=page_data.Interactive.of(page_data.render(job.plan.cases, [], drawn)),
+        interactive=drawings.interactive,
         context=context,
         hashes={path.stem: sha256(path) for path in job.fmu_files()},
-        title_of=lambda case, point: _titles(numbers, case, point),
+        title_of=job.plan.place,
         definition=texts.definition,
-        limit=tables.scientific,
+        limits=lambda share: limits_text(numbers, share),
         unit=tables.pretty_unit,
         percent=percent,
         index=index_text,
         end=lambda value: f"{value:.5g}".replace("-", "−"),
         effect_title=EFFECTS.get,
-        is_search=job.study.is_adaptive,
     )
 
 
@@ -436,7 +421,7 @@ def failure_text(numbers: Numbers, done: Done) -> str:
     """Say which run failed and how."""
     run = numbers.job.cells[done.cell]
     at = "" if done.time is None else f" at {done.time:g} s"
-    return f"{_titles(numbers, run.case, run.point)}: {done.status.replace('_', ' ')}{at}: {done.message}"
+    return f"{numbers.job.plan.place(run.case, run.point)}: {done.status.replace('_', ' ')}{at}: {done.message}"
 
 
 def write(numbers: Numbers, recorded: Recorded, context: Context, folder: Path) -> None:
@@ -530,13 +515,20 @@ def _console_effects(numbers: Numbers) -> Iterator[str]:
                 yield table.note
 
 
+def limits_text(numbers: Numbers, share: Share) -> str:
+    """Write the limits of a requirement."""
+    limits = share.limits
+    if limits.of_change:
+        return f"change of {tables.limits(limits.min, limits.max, '%')}"
+    metric = numbers.job.plan.metrics[limits.metric]
+    return tables.limits(limits.min, limits.max, tables.pretty_unit(metric.conversion.unit))
+
+
 def _verdict(numbers: Numbers, share: Share) -> str:
     metric = numbers.job.plan.metrics[share.limits.metric]
-    ends = [("at least", share.limits.min), ("at most", share.limits.max)]
-    unit = "%" if share.limits.of_change else tables.pretty_unit(metric.conversion.unit)
-    limits = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
-    limits = f"a change of {limits}" if share.limits.of_change else limits
-    place = f"{metric.title}, {_titles(numbers, share.case, share.point)}"
+    limits = limits_text(numbers, share)
+    limits = f"a {limits}" if share.limits.of_change else limits
+    place = f"{metric.title}, {numbers.job.plan.place(share.case, share.point)}"
     # Values that are chosen, not drawn, have an exact share: it needs no confidence interval.
     interval = ""
     if numbers.job.study.has_probability:

@@ -19,57 +19,52 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
     keys = sorted(rows)
     done = [rows[key] for key in keys]
     cells = [job.cells[cell] for _, cell in keys]
-    fields = [pa.field("sample", pa.int64()), pa.field("case", pa.string()), pa.field("point", pa.string())]
-    fields.append(pa.field("seed", pa.int64()))
-    arrays = [
-        pa.array([number for number, _ in keys], pa.int64()),
-        pa.array([cell.case for cell in cells], pa.string()),
-        pa.array([cell.point for cell in cells], pa.string()),
-        pa.array([cell.seed for cell in cells], pa.int64()),
+    columns = [
+        (pa.field("sample", pa.int64()), [number for number, _ in keys]),
+        (pa.field("case", pa.string()), [cell.case for cell in cells]),
+        (pa.field("point", pa.string()), [cell.point for cell in cells]),
+        (pa.field("seed", pa.int64()), [cell.seed for cell in cells]),
     ]
-    for factor, of in zip(job.study.vary, values, strict=True):
-        field, array = design.column(job.study, factor.name, [of[number] for number, _ in keys])
-        fields.append(field)
-        arrays.append(array)
+    columns += [
+        design.column(job.study, factor.name, [of[number] for number, _ in keys])
+        for factor, of in zip(job.study.vary, values, strict=True)
+    ]
     for at, index in enumerate(job.metrics):
         metric = job.plan.metrics[index]
-        fields.append(pa.field(metric.name, pa.float64(), metadata={"unit": metric.unit or "1"}))
-        arrays.append(pa.array([row.numbers[at] if row.numbers else None for row in done], pa.float64()))
+        field = pa.field(metric.name, pa.float64(), metadata={"unit": metric.unit or "1"})
+        columns.append((field, [row.numbers[at] if row.numbers else None for row in done]))
     for limits in job.requirements:
         held = [
             limits.holds(job.judged(limits, rows, *key)) if cell.case in limits.cases else None
             for key, cell in zip(keys, cells, strict=True)
         ]
         name = job.plan.metrics[limits.metric].name
-        fields.append(pa.field(f"meets:{name}:change" if limits.of_change else f"meets:{name}", pa.bool_()))
-        arrays.append(pa.array(held, pa.bool_()))
-    fields += [pa.field("status", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
-    fields += [pa.field(name, pa.string()) for name in ("component", "variable", "message")]
-    arrays += [
-        pa.array([row.status for row in done], pa.string()),
-        pa.array([row.time for row in done], pa.float64()),
-        pa.array([row.component for row in done], pa.string()),
-        pa.array([row.variable for row in done], pa.string()),
-        pa.array([row.message for row in done], pa.string()),
+        columns.append((pa.field(f"meets:{name}:change" if limits.of_change else f"meets:{name}", pa.bool_()), held))
+    columns += [
+        (pa.field("status", pa.string()), [row.status for row in done]),
+        (pa.field("time", pa.float64(), metadata={"unit": "s"}), [row.time for row in done]),
+        (pa.field("component", pa.string()), [row.component for row in done]),
+        (pa.field("variable", pa.string()), [row.variable for row in done]),
+        (pa.field("message", pa.string()), [row.message for row in done]),
     ]
-    return pa.table(arrays, schema=pa.schema(fields))
+    return _table(columns)
 
 
 def timing(job: Job, rows: Rows) -> pa.Table:
     """Return how long each run took (s), which no two executions agree on."""
     keys = sorted(rows)
-    schema = pa.schema(
+    cells = [job.cells[cell] for _, cell in keys]
+    return _table(
         [
-            pa.field("sample", pa.int64()),
-            pa.field("case", pa.string()),
-            pa.field("point", pa.string()),
-            pa.field("seconds", pa.float64(), metadata={"unit": "s"}),
+            (pa.field("sample", pa.int64()), [number for number, _ in keys]),
+            (pa.field("case", pa.string()), [cell.case for cell in cells]),
+            (pa.field("point", pa.string()), [cell.point for cell in cells]),
+            (pa.field("seconds", pa.float64(), metadata={"unit": "s"}), [rows[key].seconds for key in keys]),
         ]
     )
-    columns = [
-        [number for number, _ in keys],
-        [job.cells[cell].case for _, cell in keys],
-        [job.cells[cell].point for _, cell in keys],
-        [rows[key].seconds for key in keys],
-    ]
-    return pa.table([pa.array(c, f.type) for c, f in zip(columns, schema, strict=True)], schema=schema)
+
+
+def _table(columns: Sequence[tuple[pa.Field, Any]]) -> pa.Table:
+    """Return a table of fields and their values."""
+    schema = pa.schema([field for field, _ in columns])
+    return pa.table([pa.array(of, field.type) for field, of in columns], schema=schema)
