@@ -38,10 +38,20 @@ class Datum(msgspec.Struct, frozen=True):
     source: str
 
 
-class Run(msgspec.Struct, frozen=True, rename={"name": "id"}):
-    """A run, and the metrics of its evaluator."""
+class _OfManeuver(msgspec.Struct, frozen=True, rename={"name": "id"}):
+    """What belongs to a maneuver, by its name."""
 
     name: str
+
+    @property
+    def maneuver(self) -> str:
+        """The first part of its name."""
+        return self.name.partition(".")[0]
+
+
+class Run(_OfManeuver, frozen=True):
+    """A run, and the metrics of its evaluator."""
+
     suite: Suite
     system: Name
     parameters: dict[str, float]
@@ -49,11 +59,6 @@ class Run(msgspec.Struct, frozen=True, rename={"name": "id"}):
     stop_reason: str
     error: str | None
     metrics: dict[str, Any]
-
-    @property
-    def maneuver(self) -> str:
-        """The first part of its name."""
-        return self.name.partition(".")[0]
 
 
 class Limit(msgspec.Struct, frozen=True, rename={"holds": "is"}):
@@ -74,10 +79,9 @@ class Compared(msgspec.Struct, frozen=True, rename={"with_": "with"}):
     with_: float
 
 
-class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
+class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
     """A metric of both systems."""
 
-    name: str
     title: str
     definition: str
     unit: str
@@ -96,11 +100,6 @@ class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
     """What is known of a number that is missing, such as `< 30`."""
     compared: Compared | None = None
     incomparable: str | None = None
-
-    @property
-    def maneuver(self) -> str:
-        """The first part of its name."""
-        return self.name.partition(".")[0]
 
 
 class Dropped(msgspec.Struct, frozen=True):

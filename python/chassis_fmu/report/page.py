@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import msgspec
 
 from ..evaluation.grading import MEANINGS, TITLES, Status
 from ..evaluation.results_table import Numbers, Row
@@ -168,20 +171,15 @@ def _value(setting: Setting, variable: Variable | None) -> str:
     return f"{text} {unit}" if unit else text
 
 
+_TYPES: dict[str, Any] = {"Real": float, "Integer": int, "Boolean": bool, "String": str}
+
+
 def _default(setting: Setting, variable: Variable | None) -> str:
     if variable is None or variable.start is None:
         return ""
     try:
-        start: float | bool | str
-        if setting.kind == "Real":
-            start = float(variable.start)
-        elif setting.kind == "Integer":
-            start = int(variable.start)
-        elif setting.kind == "Boolean":
-            start = variable.start in ("true", "1")
-        else:
-            start = variable.start
-    except ValueError:
+        start = msgspec.convert(variable.start, _TYPES[setting.kind], strict=False)
+    except msgspec.ValidationError:
         return variable.start
     return _value(Setting(setting.name, setting.kind, setting.reference, start), variable)
 

@@ -37,6 +37,13 @@ def _points(numbers: Numbers) -> list[str | None]:
     return list(dict.fromkeys(run.point for run in numbers.job.cells))
 
 
+def _cells(numbers: Numbers, point: str | None) -> Iterator[tuple[int, Case]]:
+    """Return the cells at a point, with their cases."""
+    for i, run in enumerate(numbers.job.cells):
+        if run.point == point:
+            yield i, _case(numbers, run)
+
+
 def distributions(numbers: Numbers, index: int) -> list[Panel]:
     """Return the cumulative distribution and histogram of a metric, at each point, with the limits it has to keep."""
     job = numbers.job
@@ -66,18 +73,17 @@ def _distributions(
 ) -> list[Panel]:
     found = []
     for point in _points(numbers):
-        cells = [(i, run) for i, run in enumerate(numbers.job.cells) if run.point == point and i in values]
+        cells = [(i, case) for i, case in _cells(numbers, point) if i in values]
         known = {i: np.sort(values[i][np.isfinite(values[i])]) for i, _ in cells}
         if not any(v.size for v in known.values()):
             continue
         note = numbers.job.plan.point_titles[point]
         edges = _edges(np.concatenate(list(known.values())))
         cumulative, histogram = [], []
-        for i, run in cells:
+        for i, case in cells:
             v = known[i]
             if not v.size:
                 continue
-            case = _case(numbers, run)
             # Runs that failed have no number: the curve ends below 1.
             cumulative.append(Line("run", case.title, *_steps(v, values[i].size), case))
             histogram.append(Line("run", case.title, *_outline(v, edges), case))
@@ -136,15 +142,11 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
     has_means = means and bool(factor.levels)
     found = []
     for point in _points(numbers):
-        lines = []
-        for i, run in enumerate(job.cells):
-            if run.point != point:
-                continue
-            case = _case(numbers, run)
+        lines: list[Line] = []
+        for i, case in _cells(numbers, point):
             line = _means(numbers, index, i, factor.name, case) if has_means else None
             line = line or _cloud(of, numbers.of(index, i), case)
-            if line is not None:
-                lines.append(line)
+            lines += filter(None, [line])
         if lines:
             note = job.plan.point_titles[point]
             kind: PanelKind = "function" if has_means else "curve"
@@ -172,15 +174,14 @@ def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
         axes = (_factor_axis(numbers, first), _factor_axis(numbers, second), _axis(metric))
         for point in _points(numbers):
             maps = []
-            for i, run in enumerate(job.cells):
+            for i, case in _cells(numbers, point):
                 values = numbers.of(index, i)
                 known = np.isfinite(values)
-                if run.point != point or not known.any():
+                if not known.any():
                     continue
                 centers, at = np.unique(np.stack((x[known], y[known])), axis=1, return_inverse=True)
                 means = np.bincount(at.ravel(), weights=values[known]) / np.bincount(at.ravel())
-                case = _case(numbers, run)
-                notes = (case.title if len(job.plan.cases) > 1 else "", job.plan.point_titles[run.point])
+                notes = (case.title if len(job.plan.cases) > 1 else "", job.plan.point_titles[point])
                 maps.append((case, ", ".join(filter(None, notes)), (centers[0], centers[1], means)))
             found += heat_maps(f"{metric.title} over {names[0]} and {names[1]}", axes, maps)
     return found
@@ -256,17 +257,14 @@ def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
     signs = [_better(numbers, i) for i in (first, second)]
     found = []
     for point in _points(numbers):
-        lines, everything = [], []
-        for i, run in enumerate(job.cells):
-            if run.point != point:
-                continue
+        lines: list[Line] = []
+        everything = []
+        for i, case in _cells(numbers, point):
             x, y = numbers.of(first, i), numbers.of(second, i)
             known = np.isfinite(x) & np.isfinite(y)
             if known.any():
                 everything.append(np.stack([x[known], y[known]], axis=1))
-                line = _cloud(x[known], y[known], _case(numbers, run))
-                if line is not None:
-                    lines.append(line)
+                lines += filter(None, [_cloud(x[known], y[known], case)])
         if not lines:
             continue
         front = pareto(np.concatenate(everything), signs)

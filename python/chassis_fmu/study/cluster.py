@@ -133,7 +133,7 @@ class Dask:
     """A Dask cluster: that of a scheduler, or one of this machine."""
 
     def __init__(self, job: Job, address: str | None, jobs: int, timeout: float) -> None:
-        packages.needed("distributed", "--dask")
+        packages.needed("--dask", "distributed")
         import dask
         import distributed
 

@@ -94,7 +94,7 @@ def problem(study: Study) -> dict[str, Any]:
 
 def sensitivity(study: Study) -> Array:
     """Return the shares of a study of sensitivities."""
-    packages.needed("SALib", "method sensitivity")
+    packages.needed("method sensitivity", "SALib")
     import SALib.sample.morris
     import SALib.sample.sobol
 

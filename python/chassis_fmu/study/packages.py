@@ -8,10 +8,11 @@ import sys
 from .file import StudyError
 
 
-def needed(package: str, what: str) -> None:
-    """Raise StudyError if a package is not installed that something needs."""
-    if importlib.util.find_spec(package) is None:
+def needed(what: str, *packages: str, otherwise: str = "") -> None:
+    """Raise StudyError if a package is not installed that something needs; `otherwise` is another way out."""
+    missing = [package for package in packages if importlib.util.find_spec(package) is None]
+    if missing:
         raise StudyError(
-            f"{what} needs the Python package {package}, which is not installed: "
-            f"`{sys.executable} -m pip install {package}`"
+            f"{what} needs the Python package {' and '.join(missing)}, which is not installed: "
+            f"`{sys.executable} -m pip install {' '.join(missing)}`{otherwise}"
         )

@@ -201,31 +201,25 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
     cases = numbers.job.plan.cases
     name = numbers.job.plan.metrics[metric].name
     title = numbers.job.plan.metrics[metric].title
-    found = []
-    if not (numbers.job.study.method == "sweep" and numbers.count < 20):
-        found.append(
-            Chart(
-                figure(f"{name}_distribution", f"{title}: distribution", "xy", cases),
-                "How large it is in how many runs. A curve that ends below 1: the other runs have no number.",
-                charts.distributions(numbers, metric),
-            )
-        )
     has_means = any(f.levels for f in numbers.job.study.vary)
-    found.append(
+    is_short = numbers.job.study.method == "sweep" and numbers.count < 20
+    found = [
+        Chart(
+            figure(f"{name}_distribution", f"{title}: distribution", "xy", cases),
+            "How large it is in how many runs. A curve that ends below 1: the other runs have no number.",
+            [] if is_short else charts.distributions(numbers, metric),
+        ),
         Chart(
             figure(f"{name}_factors", f"{title} over what varies", "scatter", cases),
-            "A point for each run"
-            + ("; where a factor has few values, the means over all others." if has_means else "."),
+            f"A point for each run{'; where a factor has few values, the means over all others' if has_means else ''}.",
             charts.over_factors(numbers, metric),
-        )
-    )
-    found.append(
+        ),
         Chart(
             figure(f"{name}_map", f"{title} over two factors", "heat_map", cases),
             "Means over all other factors. The colors of all cases mean the same.",
             charts.over_two_factors(numbers, metric),
-        )
-    )
+        ),
+    ]
     return [chart for chart in found if chart.panels]
 
 

@@ -7,9 +7,7 @@ study alone, not on engine or number of processes.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import math
-import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -51,12 +49,7 @@ def _sampler(search: Search, seed: int) -> Any:
         raise StudyError(
             f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}{suggestion(name, SAMPLERS)}"
         )
-    missing = [package for package in SAMPLERS[name] if importlib.util.find_spec(package) is None]
-    if missing:
-        raise StudyError(
-            f"search: {name} needs the Python package {' and '.join(missing)}, which is not installed: "
-            f"`{sys.executable} -m pip install {' '.join(missing)}`, or choose another sampler"
-        )
+    packages.needed(f"search: {name}", *SAMPLERS[name], otherwise=", or choose another sampler")
     with _explained(f"{name} cannot be made with the options {dict(search.options)}"):
         return getattr(optuna.samplers, name)(**{"seed": seed, **search.options})
 
@@ -90,7 +83,7 @@ def _suggest(trial: Any, factor: Factor) -> Value:
 
 def run(study: Study, job: Job, evaluate: Evaluate) -> list[list[Any]]:
     """Search; returns the values of all samples, by factor. Raises StudyError if the sampler cannot do it."""
-    packages.needed("optuna", f"method {study.method} with [search]")
+    packages.needed(f"method {study.method} with [search]", "optuna")
     import optuna
 
     search = study.search
