@@ -22,7 +22,8 @@ import numpy as np
 from fmpy import extract, read_model_description
 from lxml import etree
 
-from chassis_fmu.execution.master import Array, FmpyInstance, simulate
+from chassis_fmu.execution.bus import Array
+from chassis_fmu.execution.master import FmpyInstance, simulate
 from chassis_fmu.files.plan import Component, Kind, Run, Setting, Simulation, Wire
 from chassis_fmu.files.results import Recording, replacing
 

@@ -28,10 +28,10 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
 )
 from fmpy.fmi3 import FMU3Slave
-from numpy.typing import NDArray
 
-from ..files.plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
+from ..files.plan import Component, InputSeries, Run, Setting, Simulation, Wire
 from . import calls, fmi3
+from .bus import Array, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
 
 OK = 0
@@ -57,8 +57,6 @@ _ONE = 1.0
 _HALF_ULP = 2.0**-53
 # FE_TONEAREST of <fenv.h>, on all processors that the FMUs are built for.
 _TO_NEAREST = 0
-
-Array = NDArray[np.floating[Any]]
 
 
 class RunError(Exception):
@@ -194,78 +192,6 @@ class FmpyInstance:
         self._slave.freeInstance()
 
 
-def _pointer(array: NDArray[Any], kind: Any) -> Any:
-    return array.ctypes.data_as(ctypes.POINTER(kind))
-
-
-class _Group:
-    """The wired variables of one base type and direction, with the arrays the FMI calls work on."""
-
-    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
-        self.count = len(wires)
-        self.bus = bus
-        self.slots = np.array([w.slot for w in wires], dtype=np.intp)
-        self._references = np.array([w.reference for w in wires], dtype=np.uint32)
-        self.references = _pointer(self._references, ctypes.c_uint)
-
-
-class _RealInputs(_Group):
-    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
-        super().__init__(wires, bus)
-        self.buffer = np.zeros(self.count)
-        self.values = _pointer(self.buffer, ctypes.c_double)
-
-    def load(self) -> None:
-        # mode "clip" writes straight into the buffer; the slots are valid by construction
-        self.bus.take(self.slots, out=self.buffer, mode="clip")
-
-
-class _RealOutputs(_Group):
-    """Outputs in consecutive slots are read straight onto the bus, others through a buffer."""
-
-    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
-        super().__init__(wires, bus)
-        self.direct = self.count > 0 and bool(np.all(np.diff(self.slots) == 1))
-        first = int(self.slots[0]) if self.count else 0
-        self.buffer = bus[first : first + self.count] if self.direct else np.zeros(self.count)
-        self.values = _pointer(self.buffer, ctypes.c_double)
-
-    def store(self) -> None:
-        if not self.direct:
-            self.bus[self.slots] = self.buffer
-
-
-class _WholeGroup(_Group):
-    """Integers and Booleans travel on the bus as doubles.
-
-    A Boolean output is 0 or 1 there, a Boolean input is true above 0.5: so a connection converts Real and Boolean.
-    Integers that may have more than 32 bits are a group of their own.
-    """
-
-    def __init__(self, wires: Sequence[Wire], bus: Array, kind: Kind, wide: bool = False) -> None:
-        super().__init__(wires, bus)
-        self.kind = kind
-        self.buffer = np.zeros(self.count, dtype=np.int64 if wide else np.int32)
-        self.values = _pointer(self.buffer, ctypes.c_int64 if wide else ctypes.c_int)
-
-    def load(self) -> bool:
-        """Return whether the variables can have the values."""
-        values = self.bus[self.slots]
-        if self.kind == "Boolean":
-            self.buffer[:] = values > 0.5
-            return True
-        with np.errstate(invalid="ignore"):
-            self.buffer[:] = values
-        return bool((self.buffer == values).all())
-
-    def store(self) -> None:
-        self.bus[self.slots] = self.buffer != 0 if self.kind == "Boolean" else self.buffer
-
-
-def _of(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
-    return [w for w in wires if w.kind == kind]
-
-
 class Slave:
     """A component in execution: its instance and its connection to the bus."""
 
@@ -285,19 +211,19 @@ class Slave:
         self._do_step = self._functions.fmi2DoStep
         self._set_real = self._functions.fmi2SetReal
         self._get_real = self._functions.fmi2GetReal
-        self._inputs = _RealInputs(_of(component.inputs, "Real"), bus)
-        self._outputs = _RealOutputs(_of(component.outputs, "Real"), bus)
+        self._inputs = RealInputs(of_type(component.inputs, "Real"), bus)
+        self._outputs = RealOutputs(of_type(component.outputs, "Real"), bus)
         self._whole_inputs = self._whole_groups(component.inputs, bus)
         self._whole_outputs = self._whole_groups(component.outputs, bus)
         self._restore_rounding("fmi2Instantiate")
 
-    def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> list[_WholeGroup]:
+    def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> list[WholeGroup]:
         """Return the Integers of 32 bits, the Booleans and the wider Integers, as far as there are any."""
-        integers = _of(wires, "Integer")
+        integers = of_type(wires, "Integer")
         groups = (
-            _WholeGroup([w for w in integers if w.reference not in self._wide], bus, "Integer"),
-            _WholeGroup(_of(wires, "Boolean"), bus, "Boolean"),
-            _WholeGroup([w for w in integers if w.reference in self._wide], bus, "Integer", wide=True),
+            WholeGroup([w for w in integers if w.reference not in self._wide], bus, "Integer"),
+            WholeGroup(of_type(wires, "Boolean"), bus, "Boolean"),
+            WholeGroup([w for w in integers if w.reference in self._wide], bus, "Integer", wide=True),
         )
         return [group for group in groups if group.count]
 

@@ -1,0 +1,92 @@
+"""The bus of a run, an array of doubles, and the variables of a component that are set from it or read onto it."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..files.plan import Kind, Wire
+
+Array = NDArray[np.floating[Any]]
+
+
+def _pointer(array: NDArray[Any], kind: Any) -> Any:
+    return array.ctypes.data_as(ctypes.POINTER(kind))
+
+
+class _Group:
+    """The wired variables of one base type and direction, with the arrays the FMI calls work on."""
+
+    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
+        self.count = len(wires)
+        self.bus = bus
+        self.slots = np.array([w.slot for w in wires], dtype=np.intp)
+        self._references = np.array([w.reference for w in wires], dtype=np.uint32)
+        self.references = _pointer(self._references, ctypes.c_uint)
+
+
+class RealInputs(_Group):
+    """Inputs are set from a buffer."""
+
+    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
+        super().__init__(wires, bus)
+        self.buffer = np.zeros(self.count)
+        self.values = _pointer(self.buffer, ctypes.c_double)
+
+    def load(self) -> None:
+        """Take the values from the bus."""
+        # mode "clip" writes straight into the buffer; the slots are valid by construction
+        self.bus.take(self.slots, out=self.buffer, mode="clip")
+
+
+class RealOutputs(_Group):
+    """Outputs in consecutive slots are read straight onto the bus, others through a buffer."""
+
+    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
+        super().__init__(wires, bus)
+        self.direct = self.count > 0 and bool(np.all(np.diff(self.slots) == 1))
+        first = int(self.slots[0]) if self.count else 0
+        self.buffer = bus[first : first + self.count] if self.direct else np.zeros(self.count)
+        self.values = _pointer(self.buffer, ctypes.c_double)
+
+    def store(self) -> None:
+        """Put the values onto the bus."""
+        if not self.direct:
+            self.bus[self.slots] = self.buffer
+
+
+class WholeGroup(_Group):
+    """Integers and Booleans travel on the bus as doubles.
+
+    A Boolean output is 0 or 1 there, a Boolean input is true above 0.5: so a connection converts Real and Boolean.
+    Integers that may have more than 32 bits are a group of their own.
+    """
+
+    def __init__(self, wires: Sequence[Wire], bus: Array, kind: Kind, wide: bool = False) -> None:
+        super().__init__(wires, bus)
+        self.kind = kind
+        self.buffer = np.zeros(self.count, dtype=np.int64 if wide else np.int32)
+        self.values = _pointer(self.buffer, ctypes.c_int64 if wide else ctypes.c_int)
+
+    def load(self) -> bool:
+        """Return whether the variables can have the values."""
+        values = self.bus[self.slots]
+        if self.kind == "Boolean":
+            self.buffer[:] = values > 0.5
+            return True
+        with np.errstate(invalid="ignore"):
+            self.buffer[:] = values
+        return bool((self.buffer == values).all())
+
+    def store(self) -> None:
+        """Put the values onto the bus."""
+        self.bus[self.slots] = self.buffer != 0 if self.kind == "Boolean" else self.buffer
+
+
+def of_type(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
+    """Return the wires of a type."""
+    return [w for w in wires if w.kind == kind]
