@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -223,6 +224,12 @@ def _shown_runs(
     return found
 
 
+def _at_points(plan: Plan, indices: Sequence[int]) -> Iterator[tuple[int, str | None, str]]:
+    """Return each index at each point, with the title of the point."""
+    for index, point in itertools.product(indices, plan.point_names):
+        yield index, point, plan.point_titles[point]
+
+
 def _title_of(plan: Plan, case: Case) -> str:
     """Return the title of the run of the first seed."""
     return case.title if len(plan.seeds) < 2 else f"{case.title}, seed {plan.seed_values[0]}"
@@ -271,24 +278,22 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
 def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
     if figure.over is None:
         return
-    titles = plan.point_titles
     over = plan.columns[figure.over]
     # On equal axes both are in the same unit.
     x = Axis(brief(over), _units(over, figure) if figure.equal_axes else _own_units(over))
     kind: PanelKind = "map" if figure.equal_axes else "curve"
-    for index in figure.columns:
+    for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
         y = Axis(brief(column), _units(column, figure))
-        for point in plan.point_names:
-            lines = []
-            for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
-                across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
-                times = shown.recording.times[shown.rows]
-                line = Line("run", _title_of(plan, shown.case), across, up, shown.case, t=times)
-                lines.append(replace(line, run=shown.run.stem, signal=column.name, over=over.name))
-            if lines:
-                title = f"{brief(column)} over {_in_sentence(brief(over))}"
-                yield Panel(title, titles[point], x, y, tuple(lines), kind=kind)
+        lines = []
+        for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
+            across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
+            times = shown.recording.times[shown.rows]
+            line = Line("run", _title_of(plan, shown.case), across, up, shown.case, t=times)
+            lines.append(replace(line, run=shown.run.stem, signal=column.name, over=over.name))
+        if lines:
+            title = f"{brief(column)} over {_in_sentence(brief(over))}"
+            yield Panel(title, note, x, y, tuple(lines), kind=kind)
 
 
 def _in_sentence(title: str) -> str:
@@ -299,56 +304,50 @@ def _in_sentence(title: str) -> str:
 def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     if figure.over is None:
         return
-    titles = plan.point_titles
     over = plan.columns[figure.over]
-    for index in figure.columns:
+    for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
         per, unit = (tables.pretty_unit(u.unit) or "1" for u in (over.shown, _shown(column, figure)))
         ratio = f"({unit})/({per})" if "/" in unit + per else f"{unit}/{per}"
         name = f"{brief(column)} per {_in_sentence(brief(over))}"
-        for point in plan.point_names:
-            found = [(c, recordings.transfer((figure.name, index, c.name, point))) for c in _cases(plan, figure)]
-            estimates = [(case, estimate) for case, estimate in found if estimate is not None]
-            if not estimates:
-                continue
-            frequencies = estimates[0][1][0]
-            band = figure.band or (float(frequencies[0]), float(frequencies[-1]))
-            x = Axis("Frequency", (Conversion("Hz"),), log=True, range=band)
-            parts = (
-                ("gain", Axis("", (Conversion("" if ratio == "1/1" else ratio),), log=True)),
-                ("phase", Axis("Phase", (Conversion("°"),))),
-                ("coherence", Axis("", (Conversion(""),), range=(0.0, 1.0))),
-            )
-            for part, (word, y) in enumerate(parts):
-                lines = []
-                for case, estimate in estimates:
-                    kept = (estimate[0] >= band[0]) & (estimate[0] <= band[1])
-                    values = np.degrees(estimate[2]) if word == "phase" else estimate[1 + part]
-                    # Where the input has no power there is no transfer function, and a logarithm needs more than 0.
-                    known = np.isfinite(values) & ((values > 0.0) | (not y.log))
-                    lines.append(
-                        Line("run", case.title, estimate[0][kept], np.where(known, values, np.nan)[kept], case)
-                    )
-                yield Panel(f"{name}: {word}", titles[point], x, y, tuple(lines))
+        found = [(c, recordings.transfer((figure.name, index, c.name, point))) for c in _cases(plan, figure)]
+        estimates = [(case, estimate) for case, estimate in found if estimate is not None]
+        if not estimates:
+            continue
+        frequencies = estimates[0][1][0]
+        band = figure.band or (float(frequencies[0]), float(frequencies[-1]))
+        x = Axis("Frequency", (Conversion("Hz"),), log=True, range=band)
+        parts = (
+            ("gain", Axis("", (Conversion("" if ratio == "1/1" else ratio),), log=True)),
+            ("phase", Axis("Phase", (Conversion("°"),))),
+            ("coherence", Axis("", (Conversion(""),), range=(0.0, 1.0))),
+        )
+        for part, (word, y) in enumerate(parts):
+            lines = []
+            for case, estimate in estimates:
+                kept = (estimate[0] >= band[0]) & (estimate[0] <= band[1])
+                values = np.degrees(estimate[2]) if word == "phase" else estimate[1 + part]
+                # Where the input has no power there is no transfer function, and a logarithm needs more than 0.
+                known = np.isfinite(values) & ((values > 0.0) | (not y.log))
+                lines.append(Line("run", case.title, estimate[0][kept], np.where(known, values, np.nan)[kept], case))
+            yield Panel(f"{name}: {word}", note, x, y, tuple(lines))
 
 
 def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Iterator[Panel]:
-    titles = plan.point_titles
     x = Axis("Frequency", (Conversion("Hz"),), log=True, range=figure.band)
-    for index in figure.columns:
+    for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
         y = Axis("", (Conversion(density_unit(_shown(column, figure).unit)),), log=True)
-        for point in plan.point_names:
-            lines = []
-            for case in _cases(plan, figure):
-                key = (figure.name, index, case.name, point)
-                if key in spectra and np.any(spectra[key][1] > 0.0):
-                    frequencies, densities = spectra[key]
-                    # A logarithmic axis has no place for 0, the density of a constant.
-                    positive = np.where(densities > 0.0, densities, np.nan)
-                    lines.append(Line("run", case.title, frequencies, positive, case))
-            if lines:
-                yield Panel(label(column), titles[point], x, y, tuple(lines))
+        lines = []
+        for case in _cases(plan, figure):
+            key = (figure.name, index, case.name, point)
+            if key in spectra and np.any(spectra[key][1] > 0.0):
+                frequencies, densities = spectra[key]
+                # A logarithmic axis has no place for 0, the density of a constant.
+                positive = np.where(densities > 0.0, densities, np.nan)
+                lines.append(Line("run", case.title, frequencies, positive, case))
+        if lines:
+            yield Panel(label(column), note, x, y, tuple(lines))
 
 
 def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], tuple[Array, Array]]:
@@ -391,19 +390,17 @@ def _metric_axis(metric: Metric, title: str = "", *, zero: bool = False) -> Axis
 
 
 def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
-    titles = plan.point_titles
     y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0))
-    for index in figure.metrics:
+    for index, point, note in _at_points(plan, figure.metrics):
         metric = plan.metrics[index]
-        for point in plan.point_names:
-            lines = []
-            for case in _cases(plan, figure):
-                values = np.sort(np.array(list(numbers.by_seed(Cell(index, case.name, point)).values())))
-                if values.size:
-                    share = np.arange(1, values.size + 1) / values.size
-                    lines.append(Line("run", case.title, values, share, case, marks=True, steps=True))
-            if lines:
-                yield Panel(metric.title, titles[point], _metric_axis(metric, metric.title), y, tuple(lines))
+        lines = []
+        for case in _cases(plan, figure):
+            values = np.sort(np.array(list(numbers.by_seed(Cell(index, case.name, point)).values())))
+            if values.size:
+                share = np.arange(1, values.size + 1) / values.size
+                lines.append(Line("run", case.title, values, share, case, marks=True, steps=True))
+        if lines:
+            yield Panel(metric.title, note, _metric_axis(metric, metric.title), y, tuple(lines))
 
 
 def _scatter(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
@@ -475,20 +472,18 @@ def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
 
 
 def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
-    titles = plan.point_titles
-    for index in figure.metrics:
+    for index, point, note in _at_points(plan, figure.metrics):
         metric = plan.metrics[index]
-        for point in plan.point_names:
-            lines = []
-            for case in _cases(plan, figure):
-                recording = recordings.get((case.name, point))
-                line = None if recording is None else metrics.running(metric, plan, recording)
-                if line is not None:
-                    lines.append(Line("run", case.title, *line, case))
-            if lines:
-                x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
-                y = _metric_axis(metric, zero=True)
-                yield Panel(metric.title, titles[point], x, y, tuple(lines))
+        lines = []
+        for case in _cases(plan, figure):
+            recording = recordings.get((case.name, point))
+            line = None if recording is None else metrics.running(metric, plan, recording)
+            if line is not None:
+                lines.append(Line("run", case.title, *line, case))
+        if lines:
+            x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
+            y = _metric_axis(metric, zero=True)
+            yield Panel(metric.title, note, x, y, tuple(lines))
 
 
 def _limits(panel: Panel, *, of_abscissa: bool) -> tuple[float, float]:
