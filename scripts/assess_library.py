@@ -16,7 +16,7 @@ import numpy as np
 
 from chassis_fmu.assess.assessment import Assessment, Folder, Name, Number, Row
 from chassis_fmu.assess.report import words
-from chassis_fmu.shell import ROOT
+from chassis_fmu.program import ROOT
 from tune_on_bench import TUNINGS
 
 

@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 
 import chassis_fmu as cf
-from chassis_fmu.shell import ROOT
+from chassis_fmu.program import ROOT
 
 OBSERVED = ["vehicle.yaw_rate", "vehicle.sideslip"]
 STEER = np.array([0.01])

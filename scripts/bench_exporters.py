@@ -19,7 +19,7 @@ from typing import NamedTuple
 from fmpy.validation import validate_fmu
 
 from chassis_fmu import libpython
-from chassis_fmu.shell import ROOT
+from chassis_fmu.program import ROOT
 
 SOURCES = ROOT / "crates" / "other-exporters"
 BUILD = ROOT / "target" / "bench" / "exporters"

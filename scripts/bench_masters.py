@@ -13,7 +13,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from chassis_fmu.shell import ROOT, positive
+from chassis_fmu.program import ROOT
+from chassis_fmu.shell import positive
 
 
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:

@@ -26,8 +26,9 @@ import fmpy.fmi2
 import pyarrow.parquet
 
 from chassis_fmu.files import temporary
+from chassis_fmu.program import ROOT
 from chassis_fmu.scenario import Outcome, Scenario, processors
-from chassis_fmu.shell import ROOT, positive
+from chassis_fmu.shell import positive
 from chassis_fmu.study import bundle, file
 from chassis_fmu.study.job import Job
 from chassis_fmu.study.journal import Journal

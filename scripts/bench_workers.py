@@ -18,7 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from chassis_fmu.shell import ROOT, positive
+from chassis_fmu.program import ROOT
+from chassis_fmu.shell import positive
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 STUDY = ROOT / "studies" / "hydro_pneumatic_ride.toml"

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from chassis_fmu import scenario
+from chassis_fmu.program import ROOT
 from chassis_fmu.report import tables
-from chassis_fmu.shell import ROOT
 from chassis_fmu.study import app, design, execute, file, report, statistics
 from chassis_fmu.study.engines import Nothing
 from chassis_fmu.study.execute import WHOLE, Folder

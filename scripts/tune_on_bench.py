@@ -22,8 +22,8 @@ import optuna
 from fmpy import read_model_description
 
 from chassis_fmu.assess.assessment import Assessment, Folder
+from chassis_fmu.program import ROOT
 from chassis_fmu.scenario import worker_program
-from chassis_fmu.shell import ROOT
 
 SEED = 1
 PARAMETERS = ROOT / "modelDescription" / "parameters"

@@ -1,17 +1,14 @@
-"""What the command lines of scenarios and studies share."""
+"""Arguments of commands: reading them, repeating them on pages; versions."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import math
 import os
 import platform
 from collections.abc import Sequence
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-"""The top folder of the repository."""
+from .program import ROOT
 
 
 def positive(text: str) -> int:
@@ -20,46 +17,6 @@ def positive(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
     return value
-
-
-def seconds(text: str) -> float:
-    """Read a time above 0 (s)."""
-    value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
-    return value
-
-
-def add_timeout(parser: argparse.ArgumentParser) -> None:
-    """Add the longest time for a step."""
-    parser.add_argument(
-        "--timeout",
-        type=seconds,
-        default=60.0,
-        metavar="SECONDS",
-        help="time limit for a step, in seconds; an FMU that takes longer is stopped (default: 60)",
-    )
-
-
-RESULTS = ROOT / "results"
-
-
-def add_out(parser: argparse.ArgumentParser) -> None:
-    """Add the folder of the results."""
-    parser.add_argument(
-        "--out", type=Path, default=RESULTS, metavar="DIR", help="folder for results (default: results)"
-    )
-
-
-def add_fmus(parser: argparse.ArgumentParser) -> None:
-    """Add the folders of FMUs."""
-    parser.add_argument(
-        "--fmus",
-        type=Path,
-        action="append",
-        metavar="DIR",
-        help="folder with the FMUs; may be repeated, the first folder that contains an FMU wins (default: target/fmu)",
-    )
 
 
 def set_options(options: argparse.Namespace, names: Sequence[str]) -> list[str]:

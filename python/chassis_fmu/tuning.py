@@ -385,16 +385,6 @@ def draw(found: Convergence) -> tuple[str, bytes]:
     return text.getvalue(), image.getvalue()
 
 
-def _inline(svg: str) -> markupsafe.Markup:
-    """Prepare an SVG for the page: colors that follow the theme, size of the page."""
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
-    themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
-    svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)
-    svg = re.sub(r"<svg[^>]*>", lambda m: re.sub(r'\s(width|height)="[^"]*"', "", m[0]), svg, count=1)
-    return markupsafe.Markup(svg.replace("<svg", '<svg role="img" aria-label="Convergence"', 1))
-
-
 def _breakable(name: str) -> markupsafe.Markup:
     """Let a long name break behind its colon and its dots, nowhere else."""
     return markupsafe.Markup(re.sub(r"([.:])", r"\1<wbr>", str(markupsafe.escape(name))))
@@ -434,7 +424,7 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         several=len(study.groups) < len(study.methods),
         best=min(found, default=math.nan),
         ends=ENDS,
-        figure=None if svg is None else _inline(svg),
+        figure=None if svg is None else rendering.themed_svg(svg, "Convergence"),
         interactive=page_data.Interactive.of(data),
         command=command,
         hashes={path.stem: sha256(path) for path in map(Path, study.raw["fmus"])},

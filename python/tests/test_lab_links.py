@@ -14,8 +14,8 @@ from msgspec.structs import replace
 
 from chassis_fmu.evaluation.results_table import Numbers
 from chassis_fmu.files.plan import Case, Plan
+from chassis_fmu.program import ROOT
 from chassis_fmu.report import lab, page
-from chassis_fmu.shell import ROOT
 
 HOSTED = "https://example.org/lab/index.html"
 

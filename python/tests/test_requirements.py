@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from chassis_fmu import shell
+from chassis_fmu import program
 
 # Requirements of several units, with and without a share, that are met, missed and without a number.
 SCENARIO = """
@@ -85,7 +85,7 @@ min = -1e-7
 
 
 def run(*command: str | Path) -> tuple[int, str]:
-    done = subprocess.run(command, cwd=shell.ROOT, stdout=subprocess.PIPE, encoding="utf-8", check=False)
+    done = subprocess.run(command, cwd=program.ROOT, stdout=subprocess.PIPE, encoding="utf-8", check=False)
     return done.returncode, done.stdout
 
 

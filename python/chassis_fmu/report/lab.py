@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 import msgspec
 
 from ..files.plan import Plan
-from ..shell import ROOT
+from ..program import ROOT
 
 # Names the address of a lab that is hosted elsewhere.
 VARIABLE = "CHASSIS_FMU_LAB"

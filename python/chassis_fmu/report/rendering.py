@@ -37,16 +37,18 @@ def paragraphs(text: str) -> list[str]:
 
 
 def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
-    """Prepare an SVG for the page: identifiers of its own, colors that follow the theme, size of the page."""
+    """Prepare the picture of a figure for the page, with identifiers of its own."""
     name = re.sub(r"[^A-Za-z0-9_-]", "-", drawing.figure.name)
-    svg = drawing.svg[drawing.svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
+    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', drawing.svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
-    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
+    return themed_svg(re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg), drawing.figure.title)
+
+
+def themed_svg(svg: str, label: str) -> markupsafe.Markup:
+    """Prepare an SVG for the page: colors that follow the theme, size of the page."""
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
     themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
     svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)
-    label = markupsafe.escape(drawing.figure.title)
     svg = re.sub(r"<svg[^>]*>", lambda m: re.sub(r'\s(width|height)="[^"]*"', "", m[0]), svg, count=1)
-    return markupsafe.Markup(svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))
+    return markupsafe.Markup(svg.replace("<svg", f'<svg role="img" aria-label="{markupsafe.escape(label)}"', 1))

@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from .. import scenario, shell
 from ..files import results
+from ..program import ROOT
 from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
 from . import design, execute, file, report
@@ -43,40 +44,19 @@ def _shard(text: str) -> Shard:
 
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        prog="chassis study",
-        description=(
-            "Run a study: many runs of a scenario with varying values, and a page with the results. "
-            "Exit code: 0 if all requirements are met, 1 if one is not, 2 if the study could not run."
-        ),
-    )
-    parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
-    parser.add_argument(
-        "--runs", type=shell.positive, metavar="N", help="override the study's number of samples (`runs`)"
-    )
-    parser.add_argument(
-        "--dask",
-        nargs="?",
-        const="",
-        metavar="ADDRESS",
-        help="execute the runs with Dask, by the scheduler at tcp://HOST:8786 or one that is started on this machine",
-    )
-    parser.add_argument(
-        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: number of processors)"
-    )
-    shell.add_timeout(parser)
-    shell.add_out(parser)
-    shell.add_fmus(parser)
-    parser.add_argument("--shard", type=_shard, metavar="I/N", help="run only the I-th of N parts of the samples")
-    parser.add_argument("--no-fail", action="store_true", help="exit with 0 even if a requirement is not met")
-    parser.add_argument("--merge", action="store_true", help="make tables and page from all shards")
-    existing = parser.add_mutually_exclusive_group()
-    existing.add_argument("--resume", action="store_true", help="continue from the existing results")
-    existing.add_argument("--overwrite", action="store_true", help="remove the existing results and start over")
-    existing.add_argument(
-        "--report-only", action="store_true", help="only make the tables and the page from the existing results"
-    )
+    """Read the arguments that `chassis study` passes on, which explains them: `chassis study --help`."""
+    parser = argparse.ArgumentParser(prog="chassis study", add_help=False, allow_abbrev=False)
+    parser.add_argument("study", type=Path)
+    parser.add_argument("--runs", type=shell.positive)
+    # The address of a scheduler; an empty one for a scheduler on this machine.
+    parser.add_argument("--dask", nargs="?", const="")
+    parser.add_argument("--jobs", type=shell.positive)
+    parser.add_argument("--timeout", type=float, default=60.0)
+    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    parser.add_argument("--fmus", type=Path, action="append")
+    parser.add_argument("--shard", type=_shard)
+    for flag in ("--merge", "--no-fail", "--resume", "--overwrite", "--report-only"):
+        parser.add_argument(flag, action="store_true")
     return parser.parse_args(argv)
 
 
@@ -208,7 +188,7 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) 
             result = _execute(options, job, folder, shard, engine)
         if shard != WHOLE:
             given = [str(options.study), *shell.set_options(options, ("runs",))]
-            given += ["--out", str(options.out)] if options.out.resolve() != shell.RESULTS else []
+            given += ["--out", str(options.out)] if options.out.resolve() != ROOT / "results" else []
             given += [word for path in options.fmus or () for word in ("--fmus", str(path))]
             print(
                 f"{folder.journal(shard)}\n"
