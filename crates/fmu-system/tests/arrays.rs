@@ -226,6 +226,38 @@ fn elements_are_wired_like_scalars() {
     }
 }
 
+/// A `*` in both ends stands for the same text; in `to` alone, all inputs read one output.
+#[test]
+fn patterns_connect_several_inputs() {
+    let folder = folder();
+    let scenario = |connections| {
+        let inputs = format!("{M}, \"w[*\" = 1, \"f[*\" = 0.5, \"b[*\" = true");
+        let scenario = Scenario {
+            inputs: &inputs,
+            others: r#""b[*" = true"#,
+            connections,
+            signals: &["b:t[*", "b:v[*", "b:g[*"],
+            ..Scenario::default()
+        };
+        serde_json::to_value(scenario.plan(&folder)).unwrap()
+    };
+    let one_by_one = [
+        ("a:v[1]", "b:w[1]"),
+        ("a:v[2]", "b:w[2]"),
+        ("a:v[3]", "b:w[3]"),
+        ("a:g[1]", "b:f[1]"),
+        ("a:g[2]", "b:f[2]"),
+        ("a:sum", "b:m[1,1]"),
+        ("a:sum", "b:m[1,2]"),
+        ("a:sum", "b:m[1,3]"),
+        ("a:sum", "b:m[2,1]"),
+        ("a:sum", "b:m[2,2]"),
+        ("a:sum", "b:m[2,3]"),
+    ];
+    let patterns = [("a:v*", "b:w*"), ("a:g[*]", "b:f[*]"), ("a:sum", "b:m*")];
+    assert_eq!(scenario(&patterns), scenario(&one_by_one));
+}
+
 #[test]
 fn limits_and_indices_are_those_of_the_elements() {
     let folder = folder();

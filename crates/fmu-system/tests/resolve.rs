@@ -914,6 +914,21 @@ fn mistakes_are_reported_with_their_place() {
             "[[component]]\nname = \"second\"\nfmu = \"Driver\"\n[[case]]\nname = \"passive\"",
             "the input `driver.steer` of `steering` has several writers: `driver` and `second`",
         ),
+        (
+            "to = \"steering:vehicle.speed\"",
+            "to = \"steering:vehicle.sp*\"\n[[connection]]\nfrom = \"driver:driver.*\"\nto = \"vehicle:fuel.*\"",
+            "no input of `vehicle` matches `fuel.*`",
+        ),
+        (
+            "to = \"steering:vehicle.speed\"",
+            "to = \"steering:*.sp*\"",
+            "only one `*` can stand in each end of a connection",
+        ),
+        (
+            "from = \"driver:driver.speed\"",
+            "from = \"driver:driver.*\"",
+            "`driver:driver.*` has a `*`, but `steering:vehicle.speed` has none",
+        ),
         ("without = [\"steering\"]", "without = [\"stearing\"]", "unknown component `stearing`"),
         ("without = [\"steering\"]", "without = [\"steering\", \"driver\", \"vehicle\"]", "leaves all components out"),
         (

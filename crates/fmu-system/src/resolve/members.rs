@@ -12,6 +12,8 @@ impl<'a> Resolver<'a> {
     pub(super) fn systems(&mut self, source: &dyn Descriptions) -> Option<Vec<System<'a>>> {
         let mut systems = Vec::new();
         let mut missing = Vec::new();
+        // The missing FMUs that only a case names, and the case.
+        let mut of_cases = Vec::new();
         for case in &self.scenario.cases {
             let mut members = Vec::new();
             for component in &self.scenario.components {
@@ -22,7 +24,14 @@ impl<'a> Resolver<'a> {
                 self.problems.set_context(Some(context(case, Some(component))));
                 let other = replacement(case, component);
                 let found = match other {
-                    Some(other) => self.find(&other.get_ref().fmu, other.span(), source, &mut missing),
+                    Some(other) => {
+                        let before = missing.len();
+                        let found = self.find(&other.get_ref().fmu, other.span(), source, &mut missing);
+                        if missing.len() > before {
+                            of_cases.push((other.get_ref().fmu.as_str(), case.name.get_ref().as_str()));
+                        }
+                        found
+                    }
                     None => self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing),
                 };
                 let Some(found) = found else { continue };
@@ -46,7 +55,7 @@ impl<'a> Resolver<'a> {
             systems.push(System { case, members, replaced: BTreeMap::new() });
         }
         self.problems.set_context(None);
-        self.report_missing_fmus(&missing, source);
+        self.report_missing_fmus(&missing, &of_cases, source);
         self.problems.is_empty().then_some(systems)
     }
 
@@ -80,17 +89,33 @@ impl<'a> Resolver<'a> {
     }
 
     /// Reports all missing FMUs as one mistake: usually none has been packed.
-    fn report_missing_fmus(&mut self, missing: &[(&str, Range<usize>)], source: &dyn Descriptions) {
+    fn report_missing_fmus(
+        &mut self,
+        missing: &[(&str, Range<usize>)],
+        of_cases: &[(&str, &str)],
+        source: &dyn Descriptions,
+    ) {
         let mut names: Vec<&str> = Vec::new();
         for (name, _) in missing {
             if !names.contains(name) {
                 names.push(name);
             }
         }
+        let in_case = |name: &str| {
+            let cases: Vec<&str> = of_cases.iter().filter(|(fmu, _)| *fmu == name).map(|(_, case)| *case).collect();
+            let is_of_component = missing.iter().filter(|(other, _)| *other == name).count() > cases.len();
+            match cases[..] {
+                [case, ..] if !is_of_component => format!(" (case `{case}`)"),
+                _ => String::new(),
+            }
+        };
         let message = match names[..] {
             [] => return,
-            [name] => format!("there is no {name}.fmu in {}", source.place()),
-            _ => format!("{} FMUs are not in {}: {}", names.len(), source.place(), names.join(", ")),
+            [name] => format!("there is no {name}.fmu in {}{}", source.place(), in_case(name)),
+            _ => {
+                let names: Vec<String> = names.iter().map(|name| format!("{name}{}", in_case(name))).collect();
+                format!("{} FMUs are not in {}: {}", names.len(), source.place(), names.join(", "))
+            }
         };
         let (packed, buildable) = (source.names(), source.buildable());
         let (ours, unknown): (Vec<&str>, Vec<&str>) =

@@ -7,9 +7,11 @@ use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
 use crate::run;
 use crate::run::Wire;
+use crate::scenario::Connection;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
 use fmu_import::names::{similar, suggestion};
 use serde_spanned::Spanned;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
@@ -330,7 +332,7 @@ impl<'a> Resolver<'a> {
     /// Explicit connections of a case.
     fn connections(&mut self, system: &System<'_>) -> Connections {
         let mut connections = Connections::new();
-        for connection in &self.scenario.connections {
+        for connection in self.expanded(system) {
             let from = self.end(system, &connection.from, Causality::Output);
             let to = self.end(system, &connection.to, Causality::Input);
             self.problems.set_context(Some(context(system.case, None)));
@@ -356,6 +358,49 @@ impl<'a> Resolver<'a> {
         }
         self.problems.set_context(None);
         connections
+    }
+
+    /// The connections of a case, one for each input: a `*` in `to` stands for the same text as the `*` in `from`, if there is one.
+    fn expanded(&mut self, system: &System<'_>) -> Vec<Cow<'a, Connection>> {
+        let mut all = Vec::new();
+        let scenario = self.scenario;
+        for connection in &scenario.connections {
+            let (from, to) = (connection.from.get_ref(), connection.to.get_ref());
+            let Some((before, after)) = to.split_once('*') else {
+                if from.contains('*') {
+                    let message = format!("`{from}` has a `*`, but `{to}` has none");
+                    self.problems.add(connection.from.span(), message);
+                } else {
+                    all.push(Cow::Borrowed(connection));
+                }
+                continue;
+            };
+            if after.contains('*') || from.matches('*').count() > 1 {
+                let message = "only one `*` can stand in each end of a connection";
+                self.problems.add(connection.to.span(), message);
+                continue;
+            }
+            let Some((component, name, span)) = self.component_and_name(&connection.to) else { continue };
+            // The case leaves the component out.
+            let Some(m) = system.member(component) else { continue };
+            let member = &system.members[m];
+            let prefix = before.split_once(':').map_or("", |(_, prefix)| prefix);
+            let texts = member.wirable(Causality::Input).filter_map(|(_, input)| {
+                let rest = input.name.strip_prefix(prefix)?;
+                rest.strip_suffix(after)
+            });
+            let texts: Vec<&str> = texts.collect();
+            if texts.is_empty() && member.replaced.is_none() {
+                self.problems.set_context(Some(context(system.case, Some(member.component))));
+                self.problems.add(span, format!("no input of `{component}` matches `{name}`"));
+                self.problems.set_context(None);
+            }
+            all.extend(texts.into_iter().map(|text| {
+                let with = |end: &Spanned<String>| Spanned::new(end.span(), end.get_ref().replace('*', text));
+                Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to) })
+            }));
+        }
+        all
     }
 
     /// One end of a connection.

@@ -103,7 +103,7 @@ pub(crate) enum Start {
     Steady,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Connection {
     pub(crate) from: Spanned<String>,
