@@ -16,6 +16,7 @@ use nalgebra::DMatrix;
 use self::model::{LinearModel, Mode, Signal};
 use crate::files::write_whole;
 use crate::inspect::locate;
+use crate::output;
 use crate::worker;
 use crate::{errln, outln};
 
@@ -74,17 +75,8 @@ impl Arguments {
         }
         let flags = [("--trim", self.trim), ("--matrices", self.matrices), ("--json", self.json)];
         words.extend(flags.into_iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| flag.to_owned()));
-        words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+        words.iter().map(|word| output::quoted(word)).collect::<Vec<_>>().join(" ")
     }
-}
-
-/// A word for a POSIX shell, as Python's `shlex.quote` writes it.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "@%+=:,./-_".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        return word.to_owned();
-    }
-    format!("'{}'", word.replace('\'', "'\"'\"'"))
 }
 
 /// Formats of files.

@@ -132,9 +132,9 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
         .collect();
     let is_free = |input: &&Variable| !written.contains(input.name.as_str());
     let (free, others): (Vec<&Variable>, Vec<&Variable>) = inputs.iter().copied().partition(is_free);
-    let parameters = maneuver.map_or_else(String::new, |name| format!(", parameters = {{ maneuver = \"{name}\" }}"));
+    let parameters = maneuver.map_or_else(String::new, |name| format!("\nparameters = {{ maneuver = \"{name}\" }}"));
     let constants = constants(&free, &others).join(", ");
-    let held = if constants.is_empty() { String::new() } else { format!(", inputs = {{ {constants} }}") };
+    let held = if constants.is_empty() { String::new() } else { format!("\ninputs = {{ {constants} }}") };
     let experiment = description.default_experiment;
     let step = experiment.step_size.unwrap_or(0.001);
     let stop = experiment.stop_time.map_or(10.0, |stop| (stop / step).round().max(1.0) * step);
@@ -145,41 +145,39 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     let title =
         maneuver.map_or_else(|| plant.to_owned(), |maneuver| format!("{plant}: {}", maneuver.replace('_', " ")));
 
-    let mut lines = vec![
+    // Tables of their own: whoever continues the file can add further ones, such as those of the documentation.
+    let mut parts = vec![
         format!("title = \"{title}\""),
-        format!("simulation = {{ stop = {stop:?}, step = {step:?} }}"),
-        format!("record = {{ signals = [{}] }}", signals.join(", ")),
-        "case = [{ name = \"open_loop\", title = \"Without control\" }]".to_owned(),
-        "component = [".to_owned(),
+        format!("[simulation]\nstop = {stop:?}\nstep = {step:?}"),
+        format!("[record]\nsignals = [{}]", signals.join(", ")),
     ];
+    let component =
+        |name: &str, fmu: &str, rest: &str| format!("[[component]]\nname = \"{name}\"\nfmu = \"{fmu}\"{rest}");
     if driver.is_some() {
-        lines.push(format!("    {{ name = \"driver\", fmu = \"{DRIVER}\"{parameters} }},"));
+        parts.push(component("driver", DRIVER, &parameters));
     }
     if road.is_some() {
-        lines.push(format!("    {{ name = \"road\", fmu = \"{ROAD}\" }},"));
+        parts.push(component("road", ROAD, ""));
     }
-    lines.push("    # Controllers go here: what they write is no constant of the plant's inputs.".to_owned());
-    lines.push(format!("    {{ name = \"plant\", fmu = \"{plant}\"{held} }},"));
-    lines.push("]".to_owned());
+    let hint = "# Controllers go before the plant: what they write is no constant of its inputs.";
+    parts.push(format!("{hint}\n{}", component("plant", plant, &held)));
     if let Some((from, to)) = &steering {
-        lines.push(format!("connection = [{{ from = \"driver:{from}\", to = \"plant:{to}\" }}]"));
+        parts.push(format!("[[connection]]\nfrom = \"driver:{from}\"\nto = \"plant:{to}\""));
     }
+    parts.push("[[case]]\nname = \"open_loop\"\ntitle = \"Without control\"".to_owned());
     if let Some(output) = recorded.first() {
         let words = output.name.replace(['.', '_'], " ");
-        let name = &output.name;
-        lines.push("metric = [".to_owned());
-        lines
-            .push("    # With `max = 1.0` or `min = 0.1` it is a requirement. More metrics are more lines.".to_owned());
-        lines.push(format!(
-            "    {{ name = \"peak\", title = \"Peak of {words}\", signal = \"plant:{name}\", kind = \"peak\" }},"
+        parts.push(format!(
+            "# With `max = 1.0` or `min = 0.1` it is a requirement.\n[[metric]]\nname = \"peak\"\ntitle = \"Peak of {words}\"\n\
+             signal = \"plant:{}\"\nkind = \"peak\"",
+            output.name
         ));
-        lines.push("]".to_owned());
-        lines.push(format!(
-            "figure = [{{ name = \"response\", title = \"Response\", kind = \"time\", signals = [{}] }}]",
+        parts.push(format!(
+            "[[figure]]\nname = \"response\"\ntitle = \"Response\"\nkind = \"time\"\nsignals = [{}]",
             signals.join(", ")
         ));
     }
-    Ok(lines.join("\n") + "\n")
+    Ok(parts.join("\n\n") + "\n")
 }
 
 fn check_maneuver(name: &str, driver: &ModelDescription) -> Result<()> {

@@ -4,6 +4,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use cargo_fmu::output::quoted;
 use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
 
 /// Names the Python that has the package; the command of the package sets it.
@@ -95,26 +96,4 @@ pub(crate) fn command_without(options: &[&str]) -> String {
 pub(crate) fn root() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     own.ancestors().find(|folder| folder.join("python/chassis_fmu").is_dir()).map(Path::to_path_buf)
-}
-
-/// An argument as a shell reads it.
-fn quoted(argument: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "@%+=:,./-_".contains(c);
-    if !argument.is_empty() && argument.chars().all(is_plain) {
-        argument.to_owned()
-    } else {
-        format!("'{}'", argument.replace('\'', "'\"'\"'"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn arguments_are_quoted_for_shells() {
-        for (argument, expected) in [("a-b.toml", "a-b.toml"), ("", "''"), ("a b", "'a b'"), ("it's", "'it'\"'\"'s'")] {
-            assert_eq!(quoted(argument), expected);
-        }
-    }
 }

@@ -122,9 +122,13 @@ impl Request {
         let states: Vec<usize> = states(description).collect();
         let speed = description.index(SPEED[0]).filter(|speed| states.contains(speed));
         for (name, text) in settings {
-            let in_setting = |message: String| format!("--set {name}={text}: {message}");
             let known = description.index(name).is_some() || name != SPEED[1];
-            let name = if known { name } else { speed.map_or(name.as_str(), |_| SPEED[0]) };
+            let meant = if known { name } else { speed.map_or(name.as_str(), |_| SPEED[0]) };
+            let in_setting = |message: String| {
+                let means = if meant == name { String::new() } else { format!(" (`{name}` is `{meant}` here)") };
+                format!("--set {name}={text}: {message}{means}")
+            };
+            let name = meant;
             let (index, variable) = find(description, name).map_err(in_setting)?;
             let index = variable.alias_of.unwrap_or(index);
             let variable = &description.variables[index];

@@ -182,7 +182,10 @@ def merge(job: Job, folder: Folder) -> Result:
         raise StudyError(f"{folder.path} has no shards: `--shard 1/20` makes the first of twenty")
     for path in journals:
         if _header(path).get("study") != job.fingerprint():
-            raise StudyError(f"{path} belongs to another version of the study, its scenario or its FMUs")
+            raise StudyError(
+                f"{path} belongs to another version of the study, its scenario or its FMUs, or to another number of "
+                "samples: if its part was run with `--runs N`, `--merge` needs that, too"
+            )
     values, _ = designed(job, folder)
     rows: dict[tuple[int, int], Done] = {}
     for path in journals:
