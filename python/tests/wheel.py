@@ -1,6 +1,7 @@
 """Uses an installed wheel in every way it has, its FMUs and worker program included: `python wheel.py ROOT FOLDER`."""
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -8,7 +9,6 @@ import pyarrow.parquet
 from gymnasium.utils.env_checker import check_env
 
 import chassis_fmu as cf
-from chassis_fmu.study import app
 
 root, folder = (Path(argument) for argument in sys.argv[1:])
 scenario = root / "scenarios" / "esp_car_braking.toml"
@@ -43,9 +43,17 @@ min = 1200.0
 max = 1400.0
 """
 )
-assert app.main([str(study), "--out", str(folder), "--no-fail"]) == 0
+# The command finds the FMUs and this Python by itself.
+chassis = Path(sys.executable).with_name("chassis")
+subprocess.run([chassis, "study", study, "--out", folder, "--no-fail"], cwd="/", check=True)
 rows = pyarrow.parquet.read_table(folder / "study" / "runs.parquet").to_pylist()
 assert len(rows) >= 4
 assert {row["status"] for row in rows} == {"ok"}, rows
 assert (folder / "study" / "index.html").stat().st_size > 10_000
-print(f"{len(cf.fmus())} FMUs in {package.name}: Scenario, workers, linearize, Env and a study of {len(rows)} runs")
+run = [chassis, "run", root / "scenarios" / "rescue_vehicle_step_steer.toml", "--stop", "0.3", "--seeds", "1"]
+for engine in ("native", "fmpy"):
+    subprocess.run([*run, "--engine", engine, "--out", folder / engine], cwd="/", check=True)
+    assert (folder / engine / "rescue_vehicle_step_steer" / "index.html").stat().st_size > 10_000
+print(
+    f"{len(cf.fmus())} FMUs in {package.name}: Scenario, workers, linearize, Env, runs by both masters and a study of {len(rows)} runs"
+)
