@@ -54,6 +54,5 @@ run = [chassis, "run", root / "scenarios" / "rescue_vehicle_step_steer.toml", "-
 for engine in ("native", "fmpy"):
     subprocess.run([*run, "--engine", engine, "--out", folder / engine], cwd="/", check=True)
     assert (folder / engine / "rescue_vehicle_step_steer" / "index.html").stat().st_size > 10_000
-print(
-    f"{len(cf.fmus())} FMUs in {package.name}: Scenario, workers, linearize, Env, runs by both masters and a study of {len(rows)} runs"
-)
+used = f"Scenario, workers, linearize, Env, runs by both masters and a study of {len(rows)} runs"
+print(f"{len(cf.fmus())} FMUs in {package.name}: {used}")
