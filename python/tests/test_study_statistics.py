@@ -166,7 +166,8 @@ def test_a_heat_map_has_the_means_over_the_other_factors() -> None:
     made = numbers(swept, [a, c, b], [u + 10.0 * v + 0.1 * w for u, v, w in zip(a, c, b, strict=True)])
     metric = SimpleNamespace(title="Roll", conversion=SimpleNamespace(unit="deg"))
     case = SimpleNamespace(name="case 0", title="Plain")
-    made.job.plan = SimpleNamespace(metrics=[metric], cases=[case], points=[])  # type: ignore[assignment]
+    plan = SimpleNamespace(metrics=[metric], cases=[case], points=[], point_titles={None: ""})
+    made.job.plan = plan  # type: ignore[assignment]
     made.job.unit = lambda factor: "kg" if factor.name == "a" else ""  # type: ignore[method-assign]
     # `b` has too few values for a map.
     (panel,) = charts.over_two_factors(made, 0)

@@ -90,8 +90,8 @@ def call(*command: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def cargo(*arguments: str) -> None:
-    done = call("cargo", "fmu", *arguments)
+def chassis(*arguments: str) -> None:
+    done = call("cargo", "chassis", *arguments)
     assert done.returncode == 0, done.stdout
 
 
@@ -101,10 +101,10 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     folder = tmp_path_factory.mktemp(loop.scenario)
     scenario = str(ROOT / "scenarios" / f"{loop.scenario}.toml")
     shared = ("--fmus", str(FMUS), "--stop", str(loop.stop))
-    cargo("export", scenario, *loop.options, *shared, "--out", str(folder / "system"))
+    chassis("export", scenario, *loop.options, *shared, "--out", str(folder / "system"))
     native = {}
     for order in ("sequential", "jacobi"):
-        cargo("run", scenario, *shared, "--seeds", "1", "--order", order, "--out", str(folder / order))
+        chassis("run", scenario, "--no-page", *shared, "--seeds", "1", "--order", order, "--out", str(folder / order))
         native[order] = read_csv(folder / order / loop.scenario / "runs" / f"{loop.run}.csv")
     return Written(folder / "system", native)
 

@@ -50,7 +50,15 @@ rows = pyarrow.parquet.read_table(folder / "study" / "runs.parquet").to_pylist()
 assert len(rows) >= 4
 assert {row["status"] for row in rows} == {"ok"}, rows
 assert (folder / "study" / "index.html").stat().st_size > 10_000
-run = [chassis, "run", root / "scenarios" / "rescue_vehicle_step_steer.toml", "--stop", "0.3", "--seeds", "1"]
+run: list[str | Path] = [
+    chassis,
+    "run",
+    root / "scenarios" / "rescue_vehicle_step_steer.toml",
+    "--stop",
+    "0.3",
+    "--seeds",
+    "1",
+]
 for engine in ("native", "fmpy"):
     subprocess.run([*run, "--engine", engine, "--out", folder / engine], cwd="/", check=True)
     assert (folder / engine / "rescue_vehicle_step_steer" / "index.html").stat().st_size > 10_000
