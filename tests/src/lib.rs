@@ -72,7 +72,9 @@ fn program(name: &str) -> PathBuf {
     let messages = String::from_utf8(output.stdout).expect("messages are UTF-8");
     let mut executables = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).expect("messages are JSON");
-        let is_program = message["target"]["kind"] == serde_json::json!(["bin"]);
+        // Those of other packages are built for the test.
+        let target = &message["target"];
+        let is_program = target["kind"] == serde_json::json!(["bin"]) && target["name"] == name;
         message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
     });
     executables.next_back().expect("cargo names the executable")
