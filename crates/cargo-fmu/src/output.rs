@@ -6,7 +6,7 @@ use std::io::{ErrorKind, IsTerminal as _, Write as _};
 
 use fmu_import::terminal::escaped;
 
-/// Prints to the standard output; [`outln`] adds the end of the line.
+/// Prints to the standard output; [`outln`](crate::outln) adds the end of the line.
 #[macro_export]
 macro_rules! out {
     ($($text:tt)*) => { $crate::output::write(format_args!($($text)*)) };
