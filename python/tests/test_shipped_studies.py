@@ -13,6 +13,7 @@ from chassis_fmu.study.engines import Nothing
 from chassis_fmu.study.execute import WHOLE, Folder
 from chassis_fmu.study.job import Job
 from chassis_fmu.study.statistics import Numbers
+from tests import commands
 
 pytestmark = pytest.mark.ci
 
@@ -60,5 +61,5 @@ def test_sensitivity(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", [p for p in sorted(STUDIES.glob("*.toml")) if file.is_tuning(p)], ids=lambda p: p.stem)
 def test_tuning(path: Path, tmp_path: Path) -> None:
-    assert app.main([str(path), "--budget", "3", "--out", str(tmp_path)]) == 0
+    assert commands.chassis("study", path, "--budget", "3", "--out", tmp_path)[0] == 0
     assert (tmp_path / path.stem / "index.html").is_file()
