@@ -59,10 +59,12 @@ enum Cli {
     /// Neither file defines the order of the components within a step: Ecos and libcosim step all components at once
     /// (`--order jacobi` of `chassis run`).
     Export(export::Arguments),
-    /// Optimize parameters of a scenario with PACSA, a genetic algorithm or CMA-ES
+    /// Run a study: a scenario many times with varying values, or a search for the best parameters
     ///
-    /// For studies with method `optimize` and `[[parameter]]`. All other studies, those with `[[vary]]`, need Python: `scripts/study`
-    /// runs sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on this machine or on a cluster.
+    /// Studies with `[[vary]]` are sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on this machine or on a
+    /// cluster; they need the Python package `chassis_fmu`. Studies with `[[parameter]]` search with PACSA, a genetic algorithm or CMA-ES;
+    /// only their page needs it. The exit code is 1 if a requirement is not met or nothing feasible was found, and 2 if the study could
+    /// not run.
     Study(study::Arguments),
     /// Test bench: drive standard maneuvers, or evaluate recorded ones
     #[command(subcommand)]
@@ -85,7 +87,7 @@ enum Cli {
     ///
     /// FMUs that are up to date are left out.
     Pack(pack::Arguments),
-    /// Write a scenario of a plant that runs
+    /// Write a short scenario of a plant that runs
     New(new::Arguments),
     /// Build the lab, a static site that simulates vehicles and controllers in a browser
     Lab(lab::Arguments),

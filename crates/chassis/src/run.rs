@@ -82,7 +82,7 @@ pub(crate) struct Arguments {
 /// A master.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 enum Engine {
-    /// That of this program
+    /// The master of this program
     Native,
     /// FMPy, in Python: the same results, more slowly
     Fmpy,
