@@ -28,7 +28,7 @@ test("all scenarios have the bytes of the native master", async (context) => {
   for (const { id, cases, seeds } of scenarios) {
     await context.test(id, async () => {
       const out = join(folder, id);
-      execFileSync(COMMAND, ["run", `scenarios/${id}.toml`, "--seeds", "1", "--out", out, "--fmus", NATIVE], { cwd: ROOT, stdio: "pipe" });
+      execFileSync(COMMAND, ["run", `scenarios/${id}.toml`, "--no-page", "--seeds", "1", "--out", out, "--fmus", NATIVE], { cwd: ROOT, stdio: "pipe" });
       for (const { id: name } of cases) {
         const seed = seeds[0] ?? 0;
         await client.open({ system: { kind: "scenario", scenario: id, case: name, twin: null, seed }, values: {} });
