@@ -26,7 +26,7 @@ def find() -> Path:
     found = next((place for place in places if place.is_file()), None)
     if found is None:
         raise ProgramError(
-            f"there is no program {name}, which executes FMUs in processes of their own; the wheel contains it, "
-            "`scripts/build` makes it in the repository, and it may be on the PATH"
+            f"cannot find the program {name}, which executes FMUs in separate processes: install the wheel, "
+            "run `scripts/build` in the repository, or put the program on the PATH"
         )
     return found

@@ -27,7 +27,7 @@ pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
 /// The job is none of these, or nobody has started this process for it.
 pub fn run(arguments: &Arguments, jobs: &[Job]) -> Result<()> {
     let job = jobs.iter().find(|(name, _)| *name == arguments.job);
-    let (_, serve) = job.ok_or_else(|| miette::miette!("there is no worker for `{}`", arguments.job))?;
+    let (_, serve) = job.ok_or_else(|| miette::miette!("unknown worker job `{}`", arguments.job))?;
     serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
 }
 

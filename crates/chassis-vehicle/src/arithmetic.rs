@@ -1,5 +1,5 @@
-//! Arithmetic of the equations of motion, which run up to 40,000 times per second of simulated time. The models use the
-//! types here and state physics only; the reasons of speed are said in this module:
+//! Arithmetic of the equations of motion, which run up to 40,000 times per second of simulated time. Model files
+//! contain only physics; optimizations and their reasons are in this module:
 //!
 //! * A division takes several times as long as a multiplication. A [`Divisor`] keeps its reciprocal.
 //! * A call between other operations moves their intermediate results from registers to memory. Create a [`Rotation`], and

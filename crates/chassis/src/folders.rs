@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cargo_fmu::workspace::Workspace;
 use fmu_system::resolve::FmuFolder;
 
-/// Where `cargo fmu pack` writes FMUs, from the top of a workspace.
+/// Output folder of `cargo fmu pack`, relative to the workspace root.
 const PACKED: &str = "target/fmu";
 
 /// FMUs in folders. Of those that are missing, the current workspace, if any, can build its own.

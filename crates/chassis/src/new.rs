@@ -159,7 +159,7 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     if road.is_some() {
         parts.push(component("road", ROAD, ""));
     }
-    let hint = "# Controllers go before the plant: what they write is no constant of its inputs.";
+    let hint = "# Put controllers before the plant, and delete the constants of the inputs that they write.";
     parts.push(format!("{hint}\n{}", component("plant", plant, &held)));
     if let Some((from, to)) = &steering {
         parts.push(format!("[[connection]]\nfrom = \"driver:{from}\"\nto = \"plant:{to}\""));

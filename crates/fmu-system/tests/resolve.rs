@@ -922,7 +922,7 @@ fn mistakes_are_reported_with_their_place() {
         (
             "to = \"steering:vehicle.speed\"",
             "to = \"steering:*.sp*\"",
-            "only one `*` can stand in each end of a connection",
+            "each end of a connection can have only one `*`",
         ),
         (
             "from = \"driver:driver.speed\"",

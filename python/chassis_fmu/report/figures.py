@@ -327,7 +327,7 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
             for case, estimate in estimates:
                 kept = (estimate[0] >= band[0]) & (estimate[0] <= band[1])
                 values = np.degrees(estimate[2]) if word == "phase" else estimate[1 + part]
-                # Where the input has no power there is no transfer function, and a logarithm needs more than 0.
+                # Undefined at frequencies without input power; a logarithmic axis needs positive values.
                 known = np.isfinite(values) & ((values > 0.0) | (not y.log))
                 lines.append(Line("run", case.title, estimate[0][kept], np.where(known, values, np.nan)[kept], case))
             yield Panel(f"{name}: {word}", note, x, y, tuple(lines))

@@ -376,7 +376,7 @@ impl<'a> Resolver<'a> {
                 continue;
             };
             if after.contains('*') || from.matches('*').count() > 1 {
-                let message = "only one `*` can stand in each end of a connection";
+                let message = "each end of a connection can have only one `*`";
                 self.problems.add(connection.to.span(), message);
                 continue;
             }
