@@ -168,8 +168,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         execute(arguments, &plan, python.is_some())?;
     }
     let Some(python) = python else { return Ok(()) };
-    // Other masters do not search for them.
-    find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
+    if arguments.engine == Engine::Fmpy {
+        // The native master finds them itself.
+        find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
+    }
     match python.call("app", &[], Some(&arguments.request(&plan)?))? {
         0 => Ok(()),
         code => python::exit(code),
