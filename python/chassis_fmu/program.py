@@ -14,10 +14,16 @@ class ProgramError(Exception):
     """The program is not there."""
 
 
+def _time(path: Path) -> float:
+    """Return the time of a build; the latest one is that of the sources."""
+    return path.stat().st_mtime if path.is_file() else 0.0
+
+
 def find() -> Path:
     """Return the program of this package, of the repository that it is installed from, or on the PATH."""
     name = "chassis.exe" if sys.platform == "win32" else "chassis"
-    places = [PACKAGE / "bin" / name, ROOT / "target" / "release" / name]
+    builds = (ROOT / "target" / profile / name for profile in ("debug", "release"))
+    places = [PACKAGE / "bin" / name, *sorted(builds, key=_time, reverse=True)]
     # The command of this environment, which calls the program, has its name.
     own = Path(sys.executable).with_name(name)
     on_path = shutil.which(name)

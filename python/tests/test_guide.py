@@ -97,8 +97,8 @@ def test_the_readme_counts_its_lines_as_the_benchmarks_do() -> None:
 
 def built(name: str) -> str:
     """Build a command; returns its path."""
-    subprocess.run(["cargo", "build", "--quiet", "--release", "--locked", "--package", name], cwd=ROOT, check=True)
-    return str(Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target").absolute() / "release" / name)
+    subprocess.run(["cargo", "build", "--quiet", "--locked", "--package", name], cwd=ROOT, check=True)
+    return str(Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target").absolute() / "debug" / name)
 
 
 def test_the_scenario_of_the_guide_runs(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "scripts").mkdir(parents=True)
     for name in ("run", "study", "assess", "build"):
         shutil.copy(ROOT / "scripts" / name, folder / "scripts" / name)
-    programs = (".venv/bin/chassis", "chassis of .venv"), ("bin/cargo", "cargo"), ("target/release/chassis", "chassis")
+    programs = (".venv/bin/chassis", "chassis of .venv"), ("bin/cargo", "cargo"), ("target/debug/chassis", "chassis")
     for path, name in (("scripts/setup", "setup"), *programs):
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { Client, ROOT } from "./lab";
 
-const COMMAND = process.env.CHASSIS ?? join(ROOT, "target/release/chassis");
+const COMMAND = process.env.CHASSIS ?? join(ROOT, "target/debug/chassis");
 const NATIVE = process.env.FMUS ?? join(ROOT, "target/fmu");
 
 const client = new Client();
