@@ -3,7 +3,7 @@
 //! Reference: FMI 2.0.4, sections 2.2 and 4.3. Every defect is made by hand in a good FMU.
 #![cfg(unix)]
 
-use fmu_import::check::{Event, Finding, Options, Severity, check};
+use fmu_check::{Event, Finding, Options, Severity, check};
 use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use fmu_import::check::{Checked, Finding, Severity, Topic};
+use fmu_check::{Checked, Finding, Severity, Topic};
 use fmu_import::terminal::indented;
 use fmu_import::worker::Printed;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -68,7 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         // The FMU is not trusted before it is checked.
         settings.sandbox = (!arguments.workers.is_without_sandbox()).then(Vec::new);
         let (findings, checked) =
-            fmu_import::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;
+            fmu_check::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;
         banner.lock().unwrap_or_else(PoisonError::into_inner).end();
         let all: Vec<&Finding> = findings.iter().collect();
         outln!("{}: {}", path.display(), counted_all(&all));

@@ -42,6 +42,10 @@ const MOVED: [(&str, &str); 11] = [
     ("compat", "chassis fits"),
 ];
 
+/// Jobs of workers.
+const JOBS: [worker::Job; 2] =
+    [(fmu_check::worker::JOB, fmu_check::worker::serve), (fmu_linear::worker::JOB, fmu_linear::worker::serve)];
+
 /// Export models as FMUs, and examine FMUs
 #[derive(Parser, Debug)]
 #[command(name = "cargo fmu", bin_name = "cargo fmu", version)]
@@ -102,7 +106,7 @@ pub fn main() -> miette::Result<()> {
         Cli::Linearize(arguments) => linearize::run(&arguments),
         Cli::Trim(arguments) => trim::run(&arguments),
         Cli::New(arguments) => new::run(&arguments),
-        Cli::Worker(arguments) => worker::run(&arguments, &[(fmu_import::worker::JOB, fmu_import::worker::serve)]),
+        Cli::Worker(arguments) => worker::run(&arguments, &JOBS),
     }
 }
 

@@ -111,12 +111,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = if arguments.trim {
         let free = crate::trim::groups(&arguments.free);
         let steady =
-            fmu_import::worker::trim(&workers, &path, &settings, &free).map_err(|message| miette!("{message}"))?;
+            fmu_linear::worker::trim(&workers, &path, &settings, &free).map_err(|message| miette!("{message}"))?;
         steady.settings()
     } else {
         settings
     };
-    let linear = fmu_import::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
+    let linear = fmu_linear::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
     if linear.by_differences {
         errln!("note: the FMU has no directional derivatives; the matrices are computed by central differences");
     }

@@ -197,7 +197,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
             changed.push(model.name.as_str());
         }
         let binaries: Vec<&Path> = libraries[i].iter().map(|(_, path)| path.as_path()).collect();
-        let findings = fmu_import::check::without_running(&description.xml, &binaries);
+        let findings = fmu_check::without_running(&description.xml, &binaries);
         if !findings.is_empty() {
             let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
             let version = format.version;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use fmu_import::archive::read_description;
 use fmu_import::description::{ModelDescription, Value};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
-use fmu_import::trim::{StateRole, SteadyState};
+use fmu_linear::trim::{StateRole, SteadyState};
 use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::DMatrix;
 
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(miette!("--out {}: the name must end in .ssv", out.display()));
     }
     let workers = arguments.workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;
-    let steady = fmu_import::worker::trim(&workers, &path, &settings, &groups(&arguments.free))
+    let steady = fmu_linear::worker::trim(&workers, &path, &settings, &groups(&arguments.free))
         .map_err(|message| miette!("{message}"))?;
     let description = read_description(&path).into_diagnostic()?;
     let growth = growth(&steady);

@@ -34,7 +34,7 @@ const EXIT_CODES: &str = "Exit codes:
 
 /// Jobs of workers.
 const JOBS: [worker::Job; 2] =
-    [(fmu_import::worker::JOB, fmu_import::worker::serve), (fmu_system::worker::JOB, fmu_system::worker::serve)];
+    [(fmu_linear::worker::JOB, fmu_linear::worker::serve), (fmu_system::worker::JOB, fmu_system::worker::serve)];
 
 /// Run systems of FMUs, studies, and a test bench for vehicles and their controllers
 #[derive(Parser, Debug)]

@@ -5,7 +5,7 @@
 //! ([`loader::calls`](crate::loader::calls)), which outlives it. [`serve_requests`] is its side, [`Process`] that of the
 //! process that starts it, which watches the board and ends a worker whose step takes too long.
 //!
-//! The content of requests is up to the crate that sends them; those of this crate are [`check`], [`linearize`] and [`trim`].
+//! The content of requests is up to the crate that sends them.
 //!
 //! Nothing an FMU prints reaches the connection: its standard output and error are one pipe, read line by line (`output`).
 //! A worker ends when its connection is closed, that is, also when the process that started it is killed. On Linux a process
@@ -15,7 +15,6 @@
 mod connection;
 #[cfg(target_os = "linux")]
 mod family;
-mod jobs;
 mod memory;
 pub mod message;
 mod output;
@@ -27,7 +26,6 @@ mod setup;
 #[cfg(target_os = "linux")]
 mod supervisor;
 
-pub use jobs::{JOB, check, linearize, serve, trim};
 pub use memory::memory_share;
 pub use output::Printed;
 pub use process::{Ended, Launch, Process, Settings, Watch};

@@ -8,7 +8,7 @@ use crate::fmus::{FmusError, Instances};
 use crate::run::{Component, Run, Setting, Simulation};
 use crate::session::{RunError, Session};
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value};
-use fmu_import::trim::{self, Request};
+use fmu_linear::trim::{self, Request};
 
 /// Maximum number of searches until the inputs stay the same.
 const ROUNDS: usize = 20;

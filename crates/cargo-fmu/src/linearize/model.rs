@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use fmu_import::description::ModelDescription;
-use fmu_import::linearize::Linear;
+use fmu_linear::linearize::Linear;
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};

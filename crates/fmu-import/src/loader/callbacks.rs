@@ -29,7 +29,8 @@ thread_local! {
 }
 
 /// Messages of FMUs in this thread with an environment that belongs to no living instance.
-pub(crate) fn stray_messages() -> usize {
+#[must_use]
+pub fn stray_messages() -> usize {
     STRAY_MESSAGES.get()
 }
 
@@ -174,7 +175,8 @@ thread_local! {
 }
 
 /// Calls of `allocateMemory` and `freeMemory` by FMUs in this thread.
-pub(crate) fn memory_callbacks() -> usize {
+#[must_use]
+pub fn memory_callbacks() -> usize {
     MEMORY_CALLBACKS.get()
 }
 

@@ -25,7 +25,7 @@ static RESTORED: Mutex<BTreeSet<(&'static str, &'static str)>> = Mutex::new(BTre
 
 /// Takes the changes of the floating-point environment that calls of FMUs have left since the last call: each a
 /// function, and what it had changed.
-pub(crate) fn take_restored() -> BTreeSet<(&'static str, &'static str)> {
+pub fn take_restored() -> BTreeSet<(&'static str, &'static str)> {
     std::mem::take(&mut *RESTORED.lock().unwrap_or_else(PoisonError::into_inner))
 }
 

@@ -145,12 +145,10 @@ impl Process {
     }
 
     /// As [`Self::start`]. The working directory is a new one of this name in the folder of the worker.
-    pub(super) fn start_in(
-        settings: &Settings,
-        job: &str,
-        with_python: bool,
-        directory: Option<&str>,
-    ) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_in(settings: &Settings, job: &str, with_python: bool, directory: Option<&str>) -> io::Result<Self> {
         let folder = Folder::new()?;
         let path = folder.path().join("calls");
         let board = File::options().read(true).write(true).create_new(true).open(&path)?;
@@ -193,13 +191,14 @@ impl Process {
     }
 
     /// Ends the worker and all processes that it has left behind. Returns the remaining incidents.
-    pub(super) fn finish(&mut self) -> Vec<Incident> {
+    pub fn finish(&mut self) -> Vec<Incident> {
         self.kill();
         self.incidents()
     }
 
     /// The folder of the worker.
-    pub(super) fn folder(&self) -> &Path {
+    #[must_use]
+    pub fn folder(&self) -> &Path {
         self.folder.path()
     }
 

@@ -75,7 +75,8 @@ pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
 pub fn flush_prints() {}
 
 /// A module has no locale.
-pub(crate) fn locale() -> String {
+#[must_use]
+pub fn locale() -> String {
     String::new()
 }
 

@@ -1,0 +1,120 @@
+//! Capabilities: each one that the description promises is tested once.
+
+use super::{Answer, Tell, Trial, derivative_problem, found, words};
+use crate::Finding;
+use fmu_import::description::{BaseType, Causality, Unknown};
+
+impl Trial<'_> {
+    /// Tests the capabilities that the description declares. States have a trial of their own.
+    pub(super) fn capabilities(&self, tell: Tell<'_>) -> Answer<()> {
+        let unit = self.description.co_simulation.clone().unwrap_or_default();
+        let mut promise = |attribute: &str, result: Answer<()>| {
+            if let Err(error) = result {
+                let message = format!("is promised, but {}", words(&error));
+                found(tell, Finding::error(attribute, message));
+            }
+        };
+        if unit.can_handle_variable_communication_step_size {
+            let result = self.started("parts").and_then(|mut instance| {
+                self.go(&mut instance, 0..2, 1)?;
+                self.go(&mut instance, 2..4, 2).map(drop)
+            });
+            promise("canHandleVariableCommunicationStepSize", result);
+        }
+        if unit.can_interpolate_inputs && !self.inputs.is_empty() {
+            let reference = self.references(&self.inputs[..1]);
+            let result = self.started("slope").and_then(|mut i| i.set_real_input_derivatives(&reference, &[1], &[0.0]));
+            promise("canInterpolateInputs", result);
+        }
+        if unit.max_output_derivative_order > 0 && !self.outputs.is_empty() {
+            let reference = self.references(&self.outputs[..1]);
+            let highest = i32::try_from(unit.max_output_derivative_order).unwrap_or(i32::MAX);
+            let result = self.started("slope").and_then(|mut instance| {
+                self.go(&mut instance, 0..2, 1)?;
+                instance.get_real_output_derivatives(&reference, &[1], &mut [0.0])?;
+                instance.get_real_output_derivatives(&reference, &[highest], &mut [0.0])
+            });
+            promise("maxOutputDerivativeOrder", result);
+        }
+        if unit.provides_directional_derivative
+            && let Some(question) = self.question()
+        {
+            match self.slope(&question) {
+                Err(error) => {
+                    let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
+                    found(tell, derivative_problem(attribute, &error));
+                }
+                Ok(slope) if !slope.is_finite() => {
+                    let function = self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative");
+                    found(tell, Finding::error(function, format!("gives {slope}")));
+                }
+                Ok(_) => {}
+            }
+        }
+        if unit.can_not_use_memory_management_functions {
+            let before = fmu_import::loader::memory_callbacks();
+            drop(self.started("memory").and_then(|mut instance| self.go(&mut instance, 0..2, 1)));
+            if fmu_import::loader::memory_callbacks() != before {
+                let message =
+                    "is set, but the FMU calls allocateMemory or freeMemory of the master, which may be missing";
+                found(tell, Finding::error("canNotUseMemoryManagementFunctions", message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the directional derivative of an unknown, in Initialization Mode or after two steps.
+    pub(super) fn slope(&self, question: &Question) -> Answer<f64> {
+        let (unknown, known) = (self.references(&[question.unknown]), self.references(&[question.known]));
+        let mut slope = [f64::NAN];
+        let mut instance = if question.is_initial {
+            self.initializing("derivative")?
+        } else {
+            let mut instance = self.started("derivative")?;
+            self.go(&mut instance, 0..2, 1)?;
+            instance
+        };
+        instance.get_directional_derivative(&unknown, &known, &[1.0], &mut slope)?;
+        Ok(slope[0])
+    }
+
+    /// Returns a directional derivative to request, the likeliest to be nonzero first. One that is 0 by the model structure
+    /// must be provided as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
+    pub(super) fn question(&self) -> Option<Question> {
+        let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real && !self.variable(*i).is_array();
+        let real = |list: &[Unknown]| -> Vec<Unknown> {
+            list.iter().filter(|unknown| is_real(&unknown.variable)).cloned().collect()
+        };
+        let listed = |unknown: &Unknown| {
+            unknown.dependencies.iter().flatten().copied().find(|i| is_real(i) && *i != unknown.variable)
+        };
+        let unknowns = [real(&self.description.outputs), real(&self.description.derivatives)].concat();
+        let between_steps = |unknown: usize, known: usize| Question { unknown, known, is_initial: false };
+        let named = unknowns.iter().find_map(|unknown| Some(between_steps(unknown.variable, listed(unknown)?)));
+        named
+            .or_else(|| {
+                let states =
+                    self.description.derivatives.iter().filter_map(|state| self.variable(state.variable).derivative_of);
+                let known = self.inputs.iter().copied().chain(states.filter(is_real)).collect::<Vec<_>>();
+                unknowns.iter().find_map(|unknown| {
+                    let known = known.iter().find(|known| **known != unknown.variable)?;
+                    Some(between_steps(unknown.variable, *known))
+                })
+            })
+            .or_else(|| {
+                let is_known =
+                    |i: &usize| matches!(self.variable(*i).causality, Causality::Parameter | Causality::Input);
+                real(&self.description.initial_unknowns).iter().find_map(|unknown| {
+                    let known = listed(unknown).filter(is_known)?;
+                    Some(Question { unknown: unknown.variable, known, is_initial: true })
+                })
+            })
+    }
+}
+
+/// An unknown and a known, in Initialization Mode or between two steps.
+pub(super) struct Question {
+    unknown: usize,
+    known: usize,
+    is_initial: bool,
+}

@@ -1,0 +1,311 @@
+//! Dependencies of the model structure: those observed are compared with those declared.
+
+use super::{Answer, Tell, Trial, found, size, values};
+use crate::Finding;
+use fmu_import::description::{BaseType, Causality, Unknown, Value, Variable};
+use fmu_import::loader::Instance;
+use std::collections::{BTreeSet, HashSet};
+
+/// Points at which dependencies between steps are looked for.
+const POINTS: usize = 6;
+/// Largest range of a parameter whose values are all tried.
+const MOST_CHOICES: f64 = 8.0;
+/// Most values that are read in search of the dependencies of one list: some seconds.
+const MOST_READ: usize = 50_000_000;
+
+/// Another value of a parameter.
+#[derive(Clone, Copy)]
+struct Choice {
+    parameter: usize,
+    value: Number,
+}
+
+#[derive(Clone, Copy)]
+enum Number {
+    Real(f64),
+    /// An Integer, or a Boolean (0 or 1).
+    Whole(i32),
+}
+
+impl Trial<'_> {
+    /// Returns an instance in Initialization Mode with another value of one parameter.
+    fn configured(&self, name: &str, choice: Option<Choice>) -> Answer<Instance> {
+        let mut instance = self.instance(name)?;
+        if let Some(Choice { parameter, value }) = choice {
+            let reference = [self.variable(parameter).reference];
+            match (value, self.variable(parameter).base_type) {
+                (Number::Real(value), _) => instance.set_real(&reference, &[value])?,
+                (Number::Whole(value), BaseType::Boolean) => instance.set_boolean(&reference, &[value])?,
+                (Number::Whole(value), _) => instance.set_integer(&reference, &[value])?,
+            }
+        }
+        instance.setup_experiment(self.start, None)?;
+        instance.enter_initialization_mode()?;
+        Ok(instance)
+    }
+
+    /// Other values of the parameters that select between equations: Booleans, and Integers with few values.
+    fn choices(&self) -> Vec<Choice> {
+        let values = |variable: &Variable| match (&variable.start, variable.min, variable.max) {
+            (Some(Value::Boolean(start)), ..) => vec![i32::from(!start)],
+            (Some(Value::Integer(start)), Some(min), Some(max)) if max - min <= MOST_CHOICES => {
+                (min as i32..=max as i32).filter(|value| i64::from(*value) != *start).collect()
+            }
+            _ => Vec::new(),
+        };
+        let parameters = self.description.variables.iter().enumerate();
+        parameters
+            .filter(|(_, variable)| variable.causality == Causality::Parameter)
+            .flat_map(|(parameter, variable)| {
+                values(variable).into_iter().map(move |value| Choice { parameter, value: Number::Whole(value) })
+            })
+            .collect()
+    }
+
+    /// The ends of the ranges of real parameters, where equations may have another structure than at the start value: the
+    /// limits, or without limits a change as large as the value.
+    fn limits(&self) -> Vec<Choice> {
+        let ends = |variable: &Variable| match variable.start {
+            Some(Value::Real(start)) => {
+                let ends = [variable.min.unwrap_or(start - size(start)), variable.max.unwrap_or(start + size(start))];
+                ends.into_iter().filter(|end| *end != start).collect()
+            }
+            _ => Vec::new(),
+        };
+        let parameters = self.filtered(|variable| variable.causality == Causality::Parameter).into_iter();
+        parameters
+            .flat_map(|parameter| {
+                let choice = move |value| Choice { parameter, value: Number::Real(value) };
+                ends(self.variable(parameter)).into_iter().map(choice)
+            })
+            .collect()
+    }
+
+    /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization Mode.
+    pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+        let mut known = self.settable_in_initialization();
+        let unknowns = self.description.initial_unknowns.iter();
+        let unknowns: Vec<&Unknown> = unknowns.filter(|unknown| self.is_scalar(unknown)).collect();
+        let mut search = self.search(self.function("InitialUnknowns", "InitialUnknown"), unknowns);
+        for choice in self.all_choices() {
+            let mut instance = None;
+            known.retain(|&j| {
+                let Some(mut ready) = instance.take().or_else(|| self.readable(choice, &search.variables)) else {
+                    return true;
+                };
+                let is_sound = search.vary(self, j, &mut ready, tell).is_ok();
+                instance = is_sound.then_some(ready);
+                // A value with which nothing can be read, such as the name of a missing file, proves nothing.
+                is_sound
+            });
+        }
+        // At the limits, only states are varied. Inputs are varied between steps, and there are too many pairs of parameters.
+        let states: Vec<usize> = known.into_iter().filter(|&j| self.is_state(j)).collect();
+        for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
+            search.choice = Some(limit);
+            // Inconsistent values prove nothing.
+            let Some(mut instance) = self.readable(Some(limit), &search.variables) else { continue };
+            for &state in &states {
+                if search.vary(self, state, &mut instance, tell).is_err() {
+                    break;
+                }
+            }
+        }
+        search.end(tell);
+        Ok(())
+    }
+
+    /// Returns true for a scalar that is not a wide integer.
+    fn is_scalar(&self, unknown: &Unknown) -> bool {
+        let variable = self.variable(unknown.variable);
+        !variable.is_array() && !values::is_wide(variable)
+    }
+
+    /// True for a continuous state, which a variable in Derivatives refers to.
+    fn is_state(&self, variable: usize) -> bool {
+        let mut derivatives = self.description.derivatives.iter();
+        derivatives.any(|unknown| self.variable(unknown.variable).derivative_of == Some(variable))
+    }
+
+    /// An instance in Initialization Mode whose variables can be read, if there is one with this choice.
+    fn readable(&self, choice: Option<Choice>, variables: &[usize]) -> Option<Instance> {
+        let mut instance = self.configured("dependencies", choice).ok()?;
+        self.values(&mut instance, variables).is_ok().then_some(instance)
+    }
+
+    /// The start values of the parameters, then every choice.
+    fn all_choices(&self) -> impl Iterator<Item = Option<Choice>> {
+        std::iter::once(None).chain(self.choices().into_iter().map(Some))
+    }
+
+    /// Outputs and Derivatives: finds dependencies on inputs between two steps, if the FMU evaluates inputs that were just set.
+    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+        let is_real =
+            |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
+        let lists = [
+            (self.function("Derivatives", "ContinuousStateDerivative"), &self.description.derivatives),
+            (self.function("Outputs", "Output"), &self.description.outputs),
+        ];
+        let mut searches = lists.map(|(list, unknowns)| self.search(list, unknowns.iter().filter(is_real).collect()));
+        if self.inputs.is_empty() || searches.iter().all(|search| search.unknowns.is_empty()) {
+            return Ok(());
+        }
+        let limits = self.limits().into_iter().map(|limit| (Some(limit), 1, 1));
+        for (choice, points, steps) in self.all_choices().map(|choice| (choice, POINTS, 5)).chain(limits) {
+            let started = self.configured("dependencies", choice).and_then(|mut instance| {
+                instance.exit_initialization_mode()?;
+                Ok(instance)
+            });
+            // Inconsistent values prove nothing.
+            let Ok(mut instance) = started else { continue };
+            for point in 0..points {
+                if self.go(&mut instance, point * steps..(point + 1) * steps, 1).is_err() {
+                    break;
+                }
+                for search in searches.iter_mut().filter(|search| !search.unknowns.is_empty()) {
+                    search.choice = choice;
+                    search.look(self, &self.inputs, &mut instance, tell)?;
+                }
+            }
+        }
+        searches.iter().for_each(|search| search.end(tell));
+        let [_, search] = searches;
+        // In an FMU that computes its outputs only in fmi2DoStep, nothing depends on inputs between steps.
+        if search.followed.is_empty() || search.is_cut() {
+            return Ok(());
+        }
+        let inputs: HashSet<usize> = self.inputs.iter().copied().collect();
+        for unknown in search.unknowns.iter().filter(|unknown| !search.followed.contains(&unknown.variable)) {
+            let names_inputs = unknown.dependencies.iter().flatten().any(|i| inputs.contains(i));
+            if names_inputs {
+                let name = &self.variable(unknown.variable).name;
+                let message = format!(
+                    "names inputs among its dependencies in {}, but followed none of them in any trial: masters may solve \
+                     an algebraic loop that is not there",
+                    search.list
+                );
+                found(tell, Finding::warning(format!("variable `{name}`"), message));
+            }
+        }
+        Ok(())
+    }
+
+    fn search<'a>(&'a self, list: &'static str, unknowns: Vec<&'a Unknown>) -> Search<'a> {
+        let named = |unknown: &&Unknown| Some(unknown.dependencies.as_ref()?.iter().copied().collect());
+        Search {
+            list,
+            variables: unknowns.iter().map(|unknown| unknown.variable).collect(),
+            named: unknowns.iter().map(named).collect(),
+            unknowns,
+            followed: BTreeSet::new(),
+            told: HashSet::new(),
+            read: 0,
+            choice: None,
+        }
+    }
+}
+
+/// A search for undeclared dependencies.
+struct Search<'a> {
+    /// List of the model structure.
+    list: &'static str,
+    unknowns: Vec<&'a Unknown>,
+    /// Their variables.
+    variables: Vec<usize>,
+    /// Their dependencies; `None`: all knowns.
+    named: Vec<Option<HashSet<usize>>>,
+    /// Variables with observed dependencies.
+    followed: BTreeSet<usize>,
+    /// Pairs of unknown and known that were reported: several points show the same ones.
+    told: HashSet<(usize, usize)>,
+    /// Values read.
+    read: usize,
+    /// The parameter that has another value than at the start.
+    choice: Option<Choice>,
+}
+
+impl Search<'_> {
+    /// Changes one known after the other and observes which unknowns change. Ends early if the FMU cannot be read:
+    /// between steps a master may not read after setting inputs (FMI 2.0.4, section 4.2.4), so reading may fail.
+    fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+        for &j in known {
+            if self.is_cut() {
+                return Ok(());
+            }
+            let before = trial.reals(instance, &self.variables)?;
+            let kept = trial.reals(instance, &[j])?[0];
+            for sign in [1.0, -1.0] {
+                // Rejected, perhaps because it is outside of the limits: proves nothing.
+                if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
+                    continue;
+                }
+                self.read += before.len();
+                let Ok(after) = trial.reals(instance, &self.variables) else { return Ok(()) };
+                for (i, (a, b)) in before.iter().zip(&after).enumerate() {
+                    if a.to_bits() != b.to_bits() {
+                        self.follows(trial, i, j, tell);
+                    }
+                }
+            }
+            trial.set(instance, &[j], &[kept])?;
+        }
+        Ok(())
+    }
+
+    /// Gives a known of any type other values and observes which unknowns change. After an error the instance is unusable.
+    fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+        if self.is_cut() {
+            return Ok(());
+        }
+        let variable = trial.variable(j);
+        let before = trial.values(instance, &self.variables)?;
+        let kept = values::read(instance, variable)?;
+        for value in values::changes(variable, &kept) {
+            // Rejected, perhaps because it is outside of the limits: proves nothing.
+            if values::write(instance, variable, &value).is_err() {
+                continue;
+            }
+            self.read += before.len();
+            let after = trial.values(instance, &self.variables)?;
+            for (i, (a, b)) in before.iter().zip(&after).enumerate() {
+                if !values::is_same(a, b) {
+                    self.follows(trial, i, j, tell);
+                }
+            }
+        }
+        values::write(instance, variable, &kept)?;
+        trial.values(instance, &self.variables).map(drop)
+    }
+
+    /// Records that an unknown depends on a known, and reports the dependency if it is not declared.
+    fn follows(&mut self, trial: &Trial<'_>, i: usize, j: usize, tell: Tell<'_>) {
+        let unknown = self.variables[i];
+        if unknown == j {
+            return;
+        }
+        self.followed.insert(unknown);
+        let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
+        if is_missing && self.told.insert((unknown, j)) {
+            let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
+            let mut message = format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
+            if let Some(Choice { parameter, value: Number::Real(value) }) = self.choice {
+                let parameter = &trial.variable(parameter).name;
+                message.push_str(&format!("; seen with `{parameter}` = {value}"));
+            }
+            found(tell, Finding::error(format!("variable `{name}`"), message));
+        }
+    }
+
+    /// Returns true if the search ends early.
+    fn is_cut(&self) -> bool {
+        self.read > MOST_READ
+    }
+
+    /// Reports a search that ended early.
+    fn end(&self, tell: Tell<'_>) {
+        if self.is_cut() {
+            let message = format!("were tried in part: they are too many, {MOST_READ} values were read");
+            found(tell, Finding::warning(format!("dependencies in {}", self.list), message));
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The default experiment, and runs that start at another time.
+
+use super::{Answer, Tell, Trial, found, middle, stop_time, words};
+use crate::{Finding, Topic};
+use fmu_import::loader::{CallError, CallProblem, Instance, Status};
+use std::time::Instant;
+
+/// Fraction of a step below which the rest of the experiment is a rounding error.
+const NOTHING: f64 = 1e-9;
+
+/// Name of the trial.
+pub(super) const EXPERIMENT: &str = "the default experiment";
+
+impl Trial<'_> {
+    /// Runs the default experiment once, from its start to its stop, with the start values of the inputs.
+    pub(super) fn experiment(&self, tell: Tell<'_>) -> Answer<()> {
+        let Some(stop) = stop_time(self.description, self.start) else { return Ok(()) };
+        let begin = Instant::now();
+        let mut instance = self.instance("experiment")?;
+        instance.setup_experiment(self.start, Some(stop))?;
+        instance.enter_initialization_mode()?;
+        instance.exit_initialization_mode()?;
+        let unit = self.description.co_simulation.as_ref();
+        let takes_any_step = unit.is_some_and(|unit| unit.can_handle_variable_communication_step_size);
+        let mut outputs = Vec::new();
+        for k in 0.. {
+            progress();
+            let time = self.start + self.step * k as f64;
+            let rest = stop - time;
+            let is_short = rest < (1.0 - NOTHING) * self.step;
+            if rest <= NOTHING * self.step || is_short && !takes_any_step {
+                break;
+            }
+            if begin.elapsed() > self.options.experiment {
+                let limit = self.options.experiment.as_secs_f64();
+                let message = format!("was cut at {time} s of {stop} s after {limit} s (--timeout)");
+                found(tell, Finding::note(EXPERIMENT, message));
+                break;
+            }
+            self.made.set(self.made.get() + 1);
+            // A step that exceeds the declared stop by a rounding error ends at the stop.
+            let step = if time + self.step > stop { rest } else { self.step };
+            if let Err(error) = instance.do_step(time, step) {
+                if ends_simulation(&mut instance, &error) {
+                    let message = format!("the FMU ended the simulation in the step at {time} s, before {stop} s");
+                    found(tell, Finding::note(EXPERIMENT, message));
+                } else {
+                    let message = format!("fails at {time} s of {stop} s: {}", words(&error));
+                    found(tell, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
+                }
+                break;
+            }
+            outputs.clear();
+            self.read_outputs(&mut instance, &mut outputs)?;
+            if let Some(i) = outputs.iter().position(|value| !value.is_finite()) {
+                let (name, end) = (&self.elements[i], time + step);
+                let message = format!("`{name}` is {} at {end} s of {stop} s", outputs[i]);
+                found(tell, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs from the middle of the default experiment. An FMU may reject this, which its users should know.
+    pub(super) fn another_start(&self, tell: Tell<'_>) -> Answer<()> {
+        let run = |trial: &Self| {
+            let mut instance = trial.started("start")?;
+            match trial.go(&mut instance, 0..trial.steps, 1) {
+                Ok(outputs) => Ok(outputs.iter().position(|value| !value.is_finite())),
+                Err(error) if ends_simulation(&mut instance, &error) => Ok(None),
+                Err(error) => Err(error),
+            }
+        };
+        // Failures from the declared start on are found by other trials.
+        if run(self) != Ok(None) {
+            return Ok(());
+        }
+        let later = Self { start: middle(self.description, self.start, self.step), ..self.clone() };
+        let outcome: Result<_, CallError> = run(&later);
+        self.instances.set(later.instances.get());
+        self.made.set(later.made.get());
+        let problem = match outcome {
+            Ok(None) => return Ok(()),
+            Ok(Some(i)) => format!("`{}` is not finite", self.elements[i % self.elements.len()]),
+            Err(error) => words(&error),
+        };
+        let message = format!("fails from {} s on, not from {} s on: {problem}", later.start, self.start);
+        found(tell, Finding::warning("another start time", message).about(Topic::Simulation));
+        Ok(())
+    }
+}
+
+/// Restarts the timeout of a step if another process watches this one: an experiment may take longer.
+pub(super) fn progress() {
+    if let Some(board) = fmu_import::loader::calls::board() {
+        board.pulse();
+    }
+}
+
+/// Returns true if the FMU ends the simulation by this error of a step.
+pub(super) fn ends_simulation(instance: &mut Instance, error: &CallError) -> bool {
+    let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
+    may_end && instance.wants_termination() == Ok(true)
+}

@@ -1,0 +1,151 @@
+//! fmi2Reset and parallel instances: values set before a reset or in one instance must not appear after it or in another.
+
+use super::{Answer, Tell, Trial, found, words};
+use crate::Finding;
+use fmu_import::description::Value;
+use fmu_import::loader::{CallProblem, Instance};
+
+/// Calls before a reset.
+#[derive(Clone, Copy)]
+enum Before {
+    /// Every variable that can be set has another value.
+    Settings,
+    /// The same, then as many steps as the FMU takes with these values.
+    SettingsAndSteps,
+    /// A run with the start values, then other inputs and tunable parameters.
+    StepsAndSettings,
+}
+
+/// Values of an unused instance.
+struct Fresh {
+    variables: Vec<usize>,
+    starts: Vec<Value>,
+    outputs: Vec<f64>,
+}
+
+impl Trial<'_> {
+    /// Checks that a reset before initialization discards all settings.
+    pub(super) fn reset_before_initialization(&self, tell: Tell<'_>) -> Answer<()> {
+        self.resets(&[Before::Settings], "before initialization", tell)
+    }
+
+    /// Checks that a reset after a run discards all settings and the run.
+    pub(super) fn reset_after_run(&self, tell: Tell<'_>) -> Answer<()> {
+        self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", tell)
+    }
+
+    /// Checks that after a reset every start value and the whole run are those of a fresh instance.
+    fn resets(&self, cases: &[Before], when: &str, tell: Tell<'_>) -> Answer<()> {
+        let variables = self.exact();
+        let mut instance = self.initializing("fresh")?;
+        let starts = self.values(&mut instance, &variables)?;
+        instance.exit_initialization_mode()?;
+        let fresh = Fresh { starts, outputs: self.go(&mut instance, 0..self.steps, 1)?, variables };
+        drop(instance);
+        for before in cases {
+            let mut instance = self.used(*before)?;
+            match instance.reset() {
+                // A value was fatal: there is nothing left to reset.
+                Err(error) if error.problem == CallProblem::Dead => continue,
+                reset => reset?,
+            }
+            if !self.is_fresh(&mut instance, &fresh, when, tell) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns a used instance, to be reset. Errors on the way are allowed: the values may be invalid, and fmi2Reset
+    /// clears an error.
+    fn used(&self, before: Before) -> Answer<Instance> {
+        if let Before::StepsAndSettings = before {
+            let mut instance = self.started("reset")?;
+            self.go(&mut instance, 0..self.steps, 1)?;
+            self.change(&mut instance, &self.settable_between_steps());
+            return Ok(instance);
+        }
+        let mut instance = self.instance("reset")?;
+        self.change(&mut instance, &self.settable());
+        if let Before::SettingsAndSteps = before {
+            let started = instance
+                .setup_experiment(self.start, None)
+                .and_then(|()| instance.enter_initialization_mode())
+                .and_then(|()| instance.exit_initialization_mode());
+            drop(started.and_then(|()| self.go(&mut instance, 0..self.steps, 1)));
+        }
+        Ok(instance)
+    }
+
+    /// Returns true if an instance equals a fresh one after its reset; reports the difference.
+    fn is_fresh(&self, instance: &mut Instance, fresh: &Fresh, when: &str, tell: Tell<'_>) -> bool {
+        let starts = instance
+            .setup_experiment(self.start, None)
+            .and_then(|()| instance.enter_initialization_mode())
+            .and_then(|()| self.values(instance, &fresh.variables));
+        let outputs = starts.and_then(|starts| {
+            if let Some(kept) = self.difference(&fresh.variables, &fresh.starts, &starts) {
+                let message = format!(
+                    "{when}, leaves `{}` at {}, its start value is {}{}",
+                    kept.name,
+                    kept.after,
+                    kept.before,
+                    kept.others()
+                );
+                found(tell, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
+                return Ok(None);
+            }
+            instance.exit_initialization_mode()?;
+            self.go(instance, 0..self.steps, 1).map(Some)
+        });
+        match outputs {
+            Ok(None) => false,
+            Ok(Some(outputs)) => {
+                let message = format!("{when}, does not bring back the start: the same run differs after it");
+                self.compare(tell, self.function("fmi2Reset", "fmi3Reset"), &message, &fresh.outputs, &outputs)
+            }
+            Err(error) => {
+                let message = format!("{when}: after it, {}", words(&error));
+                found(tell, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
+                false
+            }
+        }
+    }
+
+    /// Checks that two instances do not share values.
+    pub(super) fn instances(&self, tell: Tell<'_>) -> Answer<()> {
+        if self.is_single() {
+            return Ok(());
+        }
+        let variables = self.exact();
+        let mut first = self.initializing("first")?;
+        let before = self.values(&mut first, &variables)?;
+        let mut second = self.instance("second")?;
+        self.change(&mut second, &self.settable());
+        let after = self.values(&mut first, &variables)?;
+        if let Some(shared) = self.difference(&variables, &before, &after) {
+            let (name, others) = (shared.name, shared.others());
+            let message = format!(
+                "share `{name}`: set in one, it changes from {} to {} in the other{others}",
+                shared.before, shared.after
+            );
+            found(tell, Finding::error("two instances", message));
+            return Ok(());
+        }
+        drop(second);
+        first.exit_initialization_mode()?;
+        let mut alone = self.started("alone")?;
+        let expected = self.go(&mut alone, 0..self.steps, 1)?;
+        drop(alone);
+        // Another one is stepped in between, from another time.
+        let mut other = self.started("other")?;
+        self.go(&mut other, 0..self.steps, 1)?;
+        let mut outputs = Vec::new();
+        for k in 0..self.steps {
+            outputs.extend(self.go(&mut first, k..k + 1, 1)?);
+            self.go(&mut other, self.steps + k..self.steps + k + 1, 1)?;
+        }
+        self.compare(tell, "two instances", "give different results for the same calls", &expected, &outputs);
+        Ok(())
+    }
+}

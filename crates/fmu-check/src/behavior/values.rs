@@ -1,0 +1,205 @@
+//! Values of all types: those of an FMU, and others to set.
+
+use super::{Answer, Trial, is_plain, size};
+use fmu_import::description::{BaseType, Causality, DataType, Initial, Value, Variability, Variable};
+use fmu_import::loader::Instance;
+
+impl Trial<'_> {
+    /// Variables whose value at the start is the start value of the description.
+    pub(super) fn exact(&self) -> Vec<usize> {
+        self.filtered(|variable| {
+            variable.start.is_some()
+                && (matches!(variable.causality, Causality::Parameter | Causality::Input)
+                    || variable.initial == Some(Initial::Exact))
+        })
+    }
+
+    /// Variables that can be set before initialization (FMI 2.0.4, section 4.2.4).
+    pub(super) fn settable(&self) -> Vec<usize> {
+        self.filtered(|variable| {
+            variable.start.is_some()
+                && variable.variability != Variability::Constant
+                && (matches!(variable.causality, Causality::Parameter | Causality::Input)
+                    || matches!(variable.initial, Some(Initial::Exact | Initial::Approx)))
+        })
+    }
+
+    /// Variables that can be set in Initialization Mode (FMI 2.0.4, section 4.2.4): the knowns of InitialUnknowns.
+    pub(super) fn settable_in_initialization(&self) -> Vec<usize> {
+        self.filtered(|variable| {
+            variable.variability != Variability::Constant
+                && (matches!(variable.causality, Causality::Parameter | Causality::Input)
+                    || variable.initial == Some(Initial::Exact))
+        })
+    }
+
+    /// Variables that can be set between two steps.
+    pub(super) fn settable_between_steps(&self) -> Vec<usize> {
+        self.filtered(|variable| match variable.causality {
+            Causality::Parameter => variable.variability == Variability::Tunable,
+            causality => causality == Causality::Input,
+        })
+    }
+
+    /// Parameters and inputs: a master can read what it has set.
+    pub(super) fn given(&self) -> Vec<usize> {
+        self.filtered(|variable| matches!(variable.causality, Causality::Parameter | Causality::Input))
+    }
+
+    pub(super) fn filtered(&self, is_wanted: impl Fn(&Variable) -> bool) -> Vec<usize> {
+        let variables = self.description.variables.iter().enumerate();
+        variables.filter(|(_, variable)| is_plain(variable) && is_wanted(variable)).map(|(i, _)| i).collect()
+    }
+
+    pub(super) fn values(&self, instance: &mut Instance, variables: &[usize]) -> Answer<Vec<Value>> {
+        variables.iter().map(|&i| read(instance, self.variable(i))).collect()
+    }
+
+    /// Sets variables to other values than those of the description. Returns those that the FMU rejected.
+    pub(super) fn change(&self, instance: &mut Instance, variables: &[usize]) -> Vec<usize> {
+        let is_rejected = |i: &usize| {
+            let variable = self.variable(*i);
+            let others = variable.start.as_ref().map_or(Vec::new(), |start| others(variable, start));
+            !others.is_empty() && !others.iter().any(|value| write(instance, variable, value).is_ok())
+        };
+        variables.iter().copied().filter(is_rejected).collect()
+    }
+
+    /// The first variable whose values differ, with both, and the number of them.
+    pub(super) fn difference(&self, variables: &[usize], before: &[Value], after: &[Value]) -> Option<Difference<'_>> {
+        let mut differing = variables.iter().zip(before.iter().zip(after)).filter(|(_, (a, b))| !is_same(a, b));
+        let (&i, (before, after)) = differing.next()?;
+        Some(Difference {
+            name: &self.variable(i).name,
+            before: before.clone(),
+            after: after.clone(),
+            others: differing.count(),
+        })
+    }
+}
+
+/// A variable that has another value than before.
+pub(super) struct Difference<'a> {
+    pub(super) name: &'a str,
+    pub(super) before: Value,
+    pub(super) after: Value,
+    /// Number of further variables.
+    others: usize,
+}
+
+impl Difference<'_> {
+    /// ` (and 3 other variables)`, or nothing.
+    pub(super) fn others(&self) -> String {
+        match self.others {
+            0 => String::new(),
+            1 => " (and 1 other variable)".to_owned(),
+            n => format!(" (and {n} other variables)"),
+        }
+    }
+}
+
+/// Real numbers are compared bit by bit.
+pub(super) fn is_same(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Real(a), Value::Real(b)) => a.to_bits() == b.to_bits(),
+        _ => a == b,
+    }
+}
+
+/// Values near this one, enough to show whether anything depends on the variable. They may be outside the limits.
+pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
+    match value {
+        Value::Real(value) => [1e-3, -1e-3].map(|change| Value::Real(value + change * size(*value))).into(),
+        _ => others(variable, value),
+    }
+}
+
+/// Other values than this one, within the limits; the first that is accepted is used.
+fn others(variable: &Variable, start: &Value) -> Vec<Value> {
+    let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
+    match start {
+        Value::Boolean(start) => vec![Value::Boolean(!start)],
+        Value::String(start) => vec![Value::String(format!("{start}x"))],
+        Value::Real(start) => {
+            let change = 1e-3 * size(*start);
+            let candidates = [start + change, start - change, 0.5 * (start + max), 0.5 * (start + min)];
+            let is_other = |value: &f64| value.is_finite() && (min..=max).contains(value) && value != start;
+            candidates.into_iter().filter(is_other).map(Value::Real).collect()
+        }
+        Value::Integer(start) if variable.items.is_empty() => {
+            let candidates = [start.checked_add(1), start.checked_sub(1)].into_iter().flatten();
+            candidates.filter(|value| (min..=max).contains(&(*value as f64))).map(Value::Integer).collect()
+        }
+        Value::Integer(start) => {
+            let items = variable.items.iter().map(|item| i64::from(item.value)).filter(|value| value != start);
+            items.take(2).map(Value::Integer).collect()
+        }
+    }
+}
+
+/// True for an integer that may have more than 32 bits while the FMU runs.
+pub(super) fn is_wide(variable: &Variable) -> bool {
+    matches!(variable.data_type, DataType::UInt32 | DataType::Int64 | DataType::UInt64)
+}
+
+/// True for an array whose elements the FMU starts with.
+pub(super) fn has_starts(variable: &Variable) -> bool {
+    let is_exact = matches!(variable.causality, Causality::Parameter | Causality::Input)
+        || variable.initial == Some(Initial::Exact);
+    is_exact && !variable.starts.is_empty()
+}
+
+/// The values of all elements.
+pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> Answer<Vec<Value>> {
+    let reference = [variable.reference];
+    Ok(match variable.base_type {
+        BaseType::Real => {
+            let mut values = vec![0.0; variable.size];
+            instance.get_real(&reference, &mut values)?;
+            values.into_iter().map(Value::Real).collect()
+        }
+        BaseType::Integer => {
+            let mut values = vec![0; variable.size];
+            instance.get_integer(&reference, &mut values)?;
+            values.into_iter().map(Value::Integer).collect()
+        }
+        BaseType::Boolean => {
+            let mut values = vec![0; variable.size];
+            instance.get_boolean(&reference, &mut values)?;
+            values.into_iter().map(|value| Value::Boolean(value != 0)).collect()
+        }
+        BaseType::String => instance.get_string(&reference)?.into_iter().map(Value::String).collect(),
+    })
+}
+
+pub(super) fn read(instance: &mut Instance, variable: &Variable) -> Answer<Value> {
+    let reference = [variable.reference];
+    Ok(match variable.base_type {
+        BaseType::Real => {
+            let mut value = [0.0];
+            instance.get_real(&reference, &mut value)?;
+            Value::Real(value[0])
+        }
+        BaseType::Integer => {
+            let mut value = [0];
+            instance.get_integer(&reference, &mut value)?;
+            Value::Integer(value[0])
+        }
+        BaseType::Boolean => {
+            let mut value = [0];
+            instance.get_boolean(&reference, &mut value)?;
+            Value::Boolean(value[0] != 0)
+        }
+        BaseType::String => Value::String(instance.get_string(&reference)?.remove(0)),
+    })
+}
+
+pub(super) fn write(instance: &mut Instance, variable: &Variable, value: &Value) -> Answer<()> {
+    let reference = [variable.reference];
+    match value {
+        Value::Real(value) => instance.set_real(&reference, &[*value]),
+        Value::Integer(value) => instance.set_integer(&reference, &[*value]),
+        Value::Boolean(value) => instance.set_boolean(&reference, &[i32::from(*value)]),
+        Value::String(value) => instance.set_string(&reference, &[value]),
+    }
+}

@@ -1,0 +1,233 @@
+//! `check` on FMUs of both versions with both interfaces, built from C.
+#![cfg(unix)]
+
+#[path = "../../fmu-import/tests/support/decay.rs"]
+mod decay;
+
+use decay::Decay;
+use fmu_check::{Checked, Event, Options, check};
+use fmu_import::description::FmiVersion;
+
+/// The scope of the check, and all findings as lines.
+fn checked(build: &Decay<'_>) -> (Checked, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = build.pack(folder.path());
+    let (mut looked_at, mut lines) = (Checked::default(), Vec::new());
+    check(&path, &Options::default(), &mut |event| match event {
+        Event::Checked(so_far) => looked_at = so_far,
+        Event::Found(finding) => lines.push(finding.to_string()),
+        Event::Trying { .. } => (),
+    });
+    (looked_at, lines)
+}
+
+#[test]
+fn sound_fmus_of_both_versions_have_no_findings() {
+    for fmi in [FmiVersion::V2, FmiVersion::V3] {
+        let (looked_at, lines) = checked(&Decay::new(fmi));
+        assert_eq!(lines, [""; 0], "{fmi}");
+        let text = looked_at.to_string();
+        let exchange = "model exchange: the event at the start, states with derivatives and event indicators, saved states, integration, another start time, \
+                        partial derivatives, the end, stack, state derivatives as in co-simulation";
+        assert!(text.ends_with(exchange), "{text}");
+        assert_eq!(text.contains("adjoint derivatives"), fmi == FmiVersion::V3, "{text}");
+    }
+}
+
+/// Each defect is found, in each version that can have it.
+#[test]
+fn defects_of_model_exchange_are_found() {
+    let [two, three] = [FmiVersion::V2, FmiVersion::V3];
+    for (fmi, defect, expected) in [
+        (
+            two,
+            "FOREVER",
+            "error: fmi2NewDiscreteStates: needs another update after 1000 of them: the event at 0 s does not end",
+        ),
+        (three, "FOREVER", "error: fmi3UpdateDiscreteStates: needs another update after 1000 of them"),
+        (two, "NOT_FINITE", "error: fmi2GetDerivatives: gives NaN for `x` at the start"),
+        (three, "NOT_FINITE", "error: fmi3GetContinuousStateDerivatives: gives NaN for `x` at the start"),
+        (
+            two,
+            "NOT_REPEATABLE",
+            "error: fmi2GetDerivatives: gives -2.0 for `x`, but the variable has the value -1.9999",
+        ),
+        (
+            three,
+            "NOMINAL=0",
+            "error: fmi3GetNominalsOfContinuousStates: gives 0 for `x`; a nominal value must be above 0",
+        ),
+        (
+            two,
+            "NOMINAL=-1",
+            "error: fmi2GetNominalsOfContinuousStates: gives -1 for `x`; a nominal value must be above 0",
+        ),
+        (
+            three,
+            "STATE_NOTHING",
+            "error: fmi3SetFMUState: gives 1.0 for `x`, but when the state was saved it was 1.001",
+        ),
+        (
+            three,
+            "OTHER_IN_EXCHANGE",
+            "error: fmi3GetContinuousStateDerivatives: gives -4.0 for `x` at the start, but in co-simulation the derivative is -2.0",
+        ),
+        (
+            two,
+            "OTHER_IN_EXCHANGE",
+            "error: fmi2GetDerivatives: gives -4.0 for `x` at the start, but in co-simulation the derivative is -2.0",
+        ),
+        (
+            three,
+            "ADJOINT_TWICE",
+            "error: fmi3GetAdjointDerivative: is not the transpose of fmi3GetDirectionalDerivative: d(`der(x)`)/d(`x`) is -4, the directional derivative is -2",
+        ),
+        (
+            three,
+            "UNEXPORTED",
+            "error: fmi3ActivateModelPartition: is not exported by the binary; all functions of FMI 3.0 have to be there",
+        ),
+        (three, "EARLY", "error: runs: fmi3DoStep returned before the end of the step, which was not allowed"),
+        (three, "ENDS=0.02", "warning: fmi3DoStep: ends the simulation within 8 steps of 0.01 s"),
+    ] {
+        let (_, lines) = checked(&Decay { defects: &[defect], ..Decay::new(fmi) });
+        assert!(lines.iter().any(|line| line.starts_with(expected)), "{fmi} {defect}: {lines:#?}");
+    }
+}
+
+/// A function that writes to the first element of an empty array is found.
+#[test]
+fn writes_without_elements_are_found() {
+    let [two, three] = [FmiVersion::V2, FmiVersion::V3];
+    for (fmi, list, derivative, function) in [
+        (
+            two,
+            "<Derivatives><Unknown index=\"3\" dependencies=\"2\"/></Derivatives>",
+            "derivative=\"2\"",
+            "fmi2GetDerivatives",
+        ),
+        (
+            three,
+            "<ContinuousStateDerivative valueReference=\"2\" dependencies=\"1\"/>",
+            "derivative=\"1\"",
+            "fmi3GetContinuousStateDerivatives",
+        ),
+    ] {
+        let edits = [(list, ""), (derivative, "")];
+        let (_, lines) = checked(&Decay { defects: &["LEAST=0"], edits: &edits, ..Decay::new(fmi) });
+        let expected = format!("error: {function}: writes to the first element of an array that has none");
+        assert!(lines.iter().any(|line| line.starts_with(&expected)), "{fmi}: {lines:#?}");
+    }
+}
+
+/// The states of such an FMU have no variables: their derivatives are named instead.
+#[test]
+fn derivatives_without_a_state_of_their_size_are_checked() {
+    let [two, three] = [FmiVersion::V2, FmiVersion::V3];
+    for (fmi, edit, rule, value) in [
+        (
+            two,
+            ("derivative=\"2\"", ""),
+            "error: variable `der(x)`: is listed in Derivatives, but lacks the attribute `derivative`",
+            "error: fmi2GetDerivatives: gives NaN for `der(x)` at the start",
+        ),
+        (
+            three,
+            ("derivative=\"1\"", ""),
+            "error: variable `der(x)`: is listed in ContinuousStateDerivative, but lacks the attribute `derivative`",
+            "error: fmi3GetContinuousStateDerivatives: gives NaN for `der(x)` at the start",
+        ),
+        (
+            three,
+            ("derivative=\"1\"", "derivative=\"18\""),
+            "error: variable `der(x)`: must have as many elements as its state: it has 1, but `v` has 3",
+            "error: fmi3GetContinuousStateDerivatives: gives NaN for `der(x)` at the start",
+        ),
+    ] {
+        let (looked_at, lines) = checked(&Decay { defects: &["NOT_FINITE"], edits: &[edit], ..Decay::new(fmi) });
+        for expected in [rule, value] {
+            assert!(lines.iter().any(|line| line == expected), "{expected}: {lines:#?}");
+        }
+        assert!(looked_at.to_string().contains("state derivatives as in co-simulation"), "{looked_at:?}");
+    }
+}
+
+/// An FMU for model exchange only, in which nothing is stepped, is checked as well.
+#[test]
+fn an_fmu_for_model_exchange_only_is_sound() {
+    for (fmi, text) in [
+        (FmiVersion::V2, include_str!("../../fmu-import/tests/data/decay2.xml")),
+        (FmiVersion::V3, include_str!("../../fmu-import/tests/data/decay3.xml")),
+    ] {
+        let line = text.lines().find(|line| line.contains("<CoSimulation")).unwrap();
+        let (looked_at, lines) = checked(&Decay { edits: &[(line, "")], ..Decay::new(fmi) });
+        assert_eq!(lines, [""; 0], "{fmi}");
+        assert!(looked_at.trials.iter().all(|trial| trial.starts_with("model exchange: ")), "{looked_at:?}");
+    }
+}
+
+/// Rules of FMI 3.0 that differ from those of FMI 2.0.
+#[test]
+fn rules_of_descriptions_of_fmi_3() {
+    for (from, to, expected) in [
+        (
+            "causality=\"independent\" variability=\"continuous\"",
+            "",
+            "error: ModelVariables: has no variable with causality",
+        ),
+        (
+            "<Float64 name=\"time\"",
+            "<Float64 name=\"t\" valueReference=\"90\" causality=\"independent\"/><Float64 name=\"time\"",
+            "error: variable `time`: is a second variable with causality Independent",
+        ),
+        (
+            "reinit=\"true\"",
+            "reinitialize=\"true\"",
+            "error: <Float64>, line 12: FMI 3.0 knows no attribute `reinitialize` here",
+        ),
+        (
+            "<Output valueReference=\"1\" dependencies=\"\"/>",
+            "",
+            "error: variable `x`: is not listed in ModelStructure/Output, where it belongs",
+        ),
+        (
+            "<InitialUnknown valueReference=\"5\" dependencies=\"1 4\"/>",
+            "",
+            "error: variable `y`: is not listed in ModelStructure/InitialUnknown",
+        ),
+        (
+            "<Output valueReference=\"5\" dependencies=\"1 4\"/>",
+            "<Output valueReference=\"5\" dependencies=\"1\"/>",
+            "error: variable `y`: changes with `u`, which its dependencies in Output do not name",
+        ),
+        (
+            "<EventIndicator valueReference=\"7\"",
+            "<EventIndicator valueReference=\"6\"",
+            "error: variable `count`: is listed in EventIndicator, which takes continuous Float64 and Float32 only",
+        ),
+        (
+            "valueReference=\"2\" derivative=\"1\"",
+            "valueReference=\"2\"",
+            "error: variable `der(x)`: is listed in ContinuousStateDerivative, but lacks the attribute `derivative`",
+        ),
+        (
+            "start=\"1 2 3\"",
+            "start=\"1 2 4\"",
+            "error: variable `v[3]`: its start value is 4.0, but the binary starts with 3.0",
+        ),
+        ("start=\"7\"", "start=\"8\"", "error: variable `wide`: its start value is 8, but the binary starts with 7"),
+        (
+            "canGetAndSetFMUState=\"true\" ",
+            "",
+            "error: canSerializeFMUState: is true, which needs canGetAndSetFMUState to be true as well",
+        ),
+        (
+            "<EventIndicator valueReference=\"7\" dependencies=\"1\"/>",
+            "",
+            "error: fmi3GetNumberOfEventIndicators: gives 1, but ModelStructure has 0",
+        ),
+    ] {
+        let (_, lines) = checked(&Decay { edits: &[(from, to)], ..Decay::new(FmiVersion::V3) });
+        assert!(lines.iter().any(|line| line.starts_with(expected)), "{expected}: {lines:#?}");
+    }
+}
