@@ -15,9 +15,9 @@
 //! | n_b, n_r | lateral force and yaw moment that the middle and rear axles have to steer for |
 //! | T | sample time |
 
+use chassis_control::front_steering::{Limits, ReferenceModel, Sample, Vehicle};
 use chassis_control::limit;
 use chassis_control::sliding_mode::{integral_surface, reaching_law};
-use chassis_front_steering::{Limits, ReferenceModel, Sample, Vehicle};
 use chassis_vehicle::positions::{RearAxles, ThreeAxles};
 use fmu::math;
 

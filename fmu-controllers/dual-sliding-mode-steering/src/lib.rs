@@ -7,7 +7,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis_front_steering::{ReferenceModel, Vehicle};
+use chassis_control::front_steering::{ReferenceModel, Vehicle};
 use chassis_vehicle::data::rescue_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;

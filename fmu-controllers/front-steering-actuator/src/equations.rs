@@ -1,6 +1,6 @@
-//! One sample of the front axle; symbols and equations as in the crate `chassis-front-steering`.
+//! One sample of the front axle; symbols and equations as in `chassis_control::front_steering`.
 
-use chassis_front_steering::{Limits, Vehicle};
+use chassis_control::front_steering::{Limits, Vehicle};
 use chassis_vehicle::positions::FrontAxle;
 
 use crate::{D, FrontSteeringActuator, U, X, Y};

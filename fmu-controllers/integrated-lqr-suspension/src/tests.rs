@@ -1,4 +1,4 @@
-//! Gains against the check numbers; the design model and its loops are tested in `chassis-lqr-suspension`.
+//! Gains against the check numbers; the design model and its loops are tested in `chassis_control::lqr_suspension`.
 
 use fmu::variables::{Counts, ValuesMut};
 use fmu::{Derived as _, Variables as _};

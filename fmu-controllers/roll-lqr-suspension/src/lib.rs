@@ -6,7 +6,7 @@
 #[cfg(test)]
 mod tests;
 
-use chassis_lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};
+use chassis_control::lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 

@@ -4,7 +4,7 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis_testing::mirrored;
+use chassis_vehicle::mirror::mirrored;
 use std::array;
 
 use chassis_control::riccati::eigenvalues;

@@ -5,7 +5,7 @@
 
 use approx::assert_abs_diff_eq;
 use chassis_control::riccati::eigenvalues;
-use chassis_testing::mirrored;
+use chassis_vehicle::mirror::mirrored;
 use fmu::{Dual64, Variables};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use proptest::prelude::*;

@@ -4,11 +4,11 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis_testing::mirrored;
+use chassis_vehicle::mirror::mirrored;
 use std::array;
 
+use chassis_control::lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
 use chassis_control::riccati::eigenvalues;
-use chassis_lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
 use fmu::simulation::ContinuousSimulation;
 use fmu::{Dual64, Variables};
 use nalgebra::{Complex, DMatrix};

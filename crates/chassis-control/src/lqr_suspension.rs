@@ -9,7 +9,7 @@ mod model;
 #[cfg(test)]
 mod tests;
 
-use chassis_control::riccati::{Regulator, lqr_output_weighted};
+use crate::riccati::{Regulator, lqr_output_weighted};
 use chassis_vehicle::data::rescue_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;

@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::{Accepted, Weighted};
+use super::{Accepted, Weighted};
 
 /// Number of vertical states.
 pub const STATES: usize = 18;

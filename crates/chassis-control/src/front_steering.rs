@@ -12,7 +12,7 @@
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562: eqs. 14 and 15 for the yaw rate of a steady turn.
 
-use chassis_control::limit;
+use crate::limit;
 use chassis_vehicle::statics;
 use fmu::prelude::*;
 
