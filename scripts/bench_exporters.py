@@ -235,7 +235,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--only", nargs="+", choices=EXPORTERS, default=list(EXPORTERS), help="measure only these")
     options = parser.parse_args(argv)
-    run(["cargo", "build", "--release", "--locked", "--package", "other-exporters"])
+    manifest = SOURCES / "Cargo.toml"
+    run(["cargo", "build", "--release", "--locked", "--manifest-path", manifest, "--target-dir", ROOT / "target"])
     rows: list[Row] = []
     missing: list[str] = []
     for name in options.only:
