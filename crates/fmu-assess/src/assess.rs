@@ -2,6 +2,7 @@
 
 use crate::Trace;
 use crate::bench::Bench;
+use crate::components::{SetupError, Unit};
 use crate::course::{Course, drive};
 use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
@@ -9,8 +10,10 @@ use crate::maneuvers::double_lane_change::{Part, compare_at};
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver, Results};
 use crate::metric::Direction;
 use crate::report::{Assessment, Limit, Measured, Pair, REQUIRED, Row, SCHEMA, Suite, row};
+use crate::subject::Subject;
+use crate::systems::{System, Systems};
 use crate::vehicle::{Datum, Vehicle};
-use crate::wiring::{Driving, STEP, SetupError, Subject, System, Systems, Unit};
+use crate::wiring::{Driving, STEP};
 use fmu_import::description::Value as Start;
 use fmu_import::temporary::Folder;
 use fmu_import::worker::Settings;

@@ -1,8 +1,10 @@
 //! One of the two systems on the bench. It makes runs from the courses of maneuvers.
 
 use crate::course::{Course, Setting};
+use crate::plant::Plant;
+use crate::systems::{Speed, System};
 use crate::vehicle::{Class, Vehicle};
-use crate::wiring::{Driving, Plant, STEP, Speed, System};
+use crate::wiring::{Driving, STEP};
 use fmu_import::description::{BaseType, ModelDescription, Value};
 use fmu_system::failure::Failure;
 use fmu_system::fmus::Fmus;

@@ -10,6 +10,7 @@
 #[cfg(not(target_family = "wasm"))]
 pub mod assess;
 mod bench;
+mod components;
 mod course;
 pub mod evaluators;
 #[cfg(not(target_family = "wasm"))]
@@ -19,15 +20,19 @@ mod maneuvers;
 mod metric;
 mod numerics;
 mod options;
+mod plant;
 pub mod report;
 pub mod signals;
 pub mod single;
+mod subject;
+mod systems;
 mod trace;
 pub mod vehicle;
 mod wiring;
 
+pub use components::SetupError;
 pub use evaluators::{Evaluation, Evaluator};
 pub use metric::{Definition, Direction, Metric, Reason, Value};
 pub use options::{Fallback, Form, OptionError, OptionRule};
+pub use subject::{ACTUATORS, Subject};
 pub use trace::{Reading, Resample, Trace, TraceError};
-pub use wiring::{ACTUATORS, SetupError, Subject};

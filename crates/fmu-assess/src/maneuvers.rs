@@ -19,7 +19,7 @@ use crate::course::Ended;
 use crate::evaluators::{self, Evaluation};
 use crate::metric::{self, Direction};
 use crate::report::{Dropped, Measured, RunRecord, Suite};
-use crate::wiring::Speed;
+use crate::systems::Speed;
 use serde_json::{Value, json};
 
 /// Standard acceleration of gravity, m/s2.

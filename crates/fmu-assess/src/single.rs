@@ -4,13 +4,17 @@
 //! regulations, a largest speed) need the bench.
 
 use crate::bench::{Bench, Runs};
+use crate::components::SetupError;
 use crate::course::{self, Course};
 use crate::evaluators::{self, Evaluation};
 use crate::maneuvers::{
     braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
 };
+use crate::plant::Plant;
+use crate::subject::Subject;
+use crate::systems::{Speed, Systems};
 use crate::vehicle::Vehicle;
-use crate::wiring::{Driving, Road, SetupError, Speed, Subject, Systems};
+use crate::wiring::{Driving, Road};
 use fmu_import::description::ModelDescription;
 use fmu_system::failure::Failure;
 use fmu_system::master::Recording;
@@ -310,7 +314,7 @@ pub fn hindrance(plant: &str, maneuver: &Maneuver, source: &dyn Descriptions) ->
     Ok(None)
 }
 
-fn can_be_rough(plant: &crate::wiring::Plant) -> bool {
+fn can_be_rough(plant: &Plant) -> bool {
     plant.inputs().iter().any(|name| name.starts_with("road_height."))
 }
 

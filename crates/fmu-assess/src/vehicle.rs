@@ -1,6 +1,6 @@
 //! Vehicle data that the bench needs: size, class and steering. They come from the parameters of the plant, or from a file.
 
-use crate::wiring::Plant;
+use crate::plant::Plant;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

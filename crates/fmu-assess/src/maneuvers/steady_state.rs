@@ -5,7 +5,8 @@ use crate::bench::Bench;
 use crate::course::{Course, EndAt, Ended, drive};
 use crate::metric::{self, Direction};
 use crate::report::Suite;
-use crate::wiring::{Driving, Speed};
+use crate::systems::Speed;
+use crate::wiring::Driving;
 use serde_json::{Value, json};
 
 /// Largest lateral acceleration of the slowly increasing steer, m/s2.

@@ -1,0 +1,153 @@
+//! Components of a system: FMUs that were found, with the names that the bench has for their signals.
+
+use crate::signals::{self, conversion};
+use fmu_import::description::{Causality, ModelDescription, Variable};
+use fmu_import::names::suggestion;
+use fmu_system::resolve::{Descriptions, Found};
+use std::collections::BTreeMap;
+
+/// Name of the times of a recording in the file of a vehicle.
+pub(crate) const TIME: &str = "time";
+
+/// Error while setting up the bench.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct SetupError {
+    /// Message, with the place.
+    pub message: String,
+    /// Remedy.
+    pub help: Option<String>,
+}
+
+impl SetupError {
+    pub(crate) fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), help: None }
+    }
+
+    pub(crate) fn with_help(message: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { message: message.into(), help: Some(help.into()) }
+    }
+}
+
+/// A component of a system: an FMU that was found.
+#[derive(Debug, Clone)]
+pub(crate) struct Unit {
+    /// Name of the component.
+    pub(crate) name: String,
+    /// Name of the FMU.
+    pub(crate) fmu: String,
+    pub(crate) found: Found,
+    /// Name of the FMU's variable -> name of the bench's signal, where they differ.
+    renamed: BTreeMap<String, String>,
+    /// Units of signals of the bench that the caller has given.
+    pub(crate) given: BTreeMap<String, String>,
+}
+
+impl Unit {
+    pub(crate) fn description(&self) -> &ModelDescription {
+        &self.found.description
+    }
+
+    pub(crate) fn variables(&self, causality: Causality) -> impl Iterator<Item = &Variable> {
+        self.description().variables.iter().filter(move |variable| variable.causality == causality)
+    }
+
+    /// Inputs or outputs, by the names of the bench.
+    pub(crate) fn signals(&self, causality: Causality) -> impl Iterator<Item = &str> {
+        self.variables(causality).map(|variable| self.signal(&variable.name))
+    }
+
+    /// True if it has an input or output of this name of the bench.
+    pub(crate) fn has(&self, causality: Causality, signal: &str) -> bool {
+        self.signals(causality).any(|name| name == signal)
+    }
+
+    /// The bench's name of a variable.
+    pub(crate) fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
+        self.renamed.get(variable).map_or(variable, String::as_str)
+    }
+
+    /// The FMU's name of a signal.
+    pub(crate) fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
+        self.renamed.iter().find(|(_, of)| *of == signal).map_or(signal, |(variable, _)| variable)
+    }
+
+    /// A value that the bench gives to a variable, in the unit of the variable.
+    ///
+    /// # Errors
+    /// The unit of the variable is another quantity.
+    pub(crate) fn of_si(&self, signal: &str, variable: &Variable, value: f64) -> Result<f64, String> {
+        let Some(needed) = signals::unit(signal) else { return Ok(value) };
+        let found = conversion(needed, self.description(), variable, self.given.get(signal).map(String::as_str));
+        let found = found.map_err(|unit| format!("`{}` is in {unit}, but the bench writes {needed}", variable.name))?;
+        Ok(found.map_or(value, |conversion| conversion.of_si(value)))
+    }
+}
+
+/// Name of the component of an FMU: `AntilockBraking` -> `antilock_braking`.
+pub(crate) fn component_name(fmu: &str) -> String {
+    let mut name = String::new();
+    let letters: Vec<char> = fmu.chars().collect();
+    for (i, letter) in letters.iter().enumerate() {
+        let follows_small = i > 0 && !letters[i - 1].is_uppercase();
+        let begins_word = letters.get(i + 1).is_some_and(|next| next.is_lowercase());
+        if letter.is_uppercase() && i > 0 && (follows_small || begins_word) && !name.ends_with('_') {
+            name.push('_');
+        }
+        match letter {
+            letter if letter.is_alphanumeric() => name.extend(letter.to_lowercase()),
+            _ if name.ends_with('_') => (),
+            _ => name.push('_'),
+        }
+    }
+    name
+}
+
+/// Finds an FMU. `names` has the FMU's names of signals, where they differ from those of the bench.
+pub(crate) fn find(
+    source: &dyn Descriptions,
+    fmu: &str,
+    names: Option<&BTreeMap<String, String>>,
+) -> Result<Unit, SetupError> {
+    let found = source.find(fmu).map_err(SetupError::new)?;
+    let Some(found) = found else {
+        let names = source.names();
+        let similar = suggestion(fmu, names.iter().map(String::as_str));
+        let help = similar.unwrap_or_else(|| {
+            let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            format!("Pack it (`cargo fmu pack {fmu}`), or say where it is by --fmus. There are {known}.")
+        });
+        return Err(SetupError::with_help(format!("there is no FMU {fmu} in {}", source.place()), help));
+    };
+    if found.description.co_simulation.is_none() {
+        return Err(SetupError::new(format!("{} has no co-simulation", found.path)));
+    }
+    let mut renamed = BTreeMap::new();
+    for (signal, variable) in names.into_iter().flatten().filter(|(signal, _)| *signal != TIME) {
+        if found.description.variable(variable).is_none() {
+            return Err(SetupError::new(format!(
+                "the vehicle data name `{signal}` `{variable}`, but {fmu} has no such variable"
+            )));
+        }
+        renamed.insert(variable.clone(), signal.clone());
+    }
+    Ok(Unit { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed, given: BTreeMap::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn components_are_named_like_their_fmus() {
+        for (fmu, name) in [
+            ("EspCar", "esp_car"),
+            ("AntilockBraking", "antilock_braking"),
+            ("RollLQRSuspension", "roll_lqr_suspension"),
+            ("my-plant", "my_plant"),
+            ("Stranger2", "stranger2"),
+        ] {
+            assert_eq!(component_name(fmu), name);
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! The plant of a system, whose signals may have other names and units than those of the bench.
+
+use crate::components::{SetupError, TIME, Unit};
+use crate::signals::{self, Conversion, conversion};
+use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_system::master::Recording;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+/// Outputs of a plant that are recorded if it has them; the last ones are beginnings of names.
+const RECORDED: [&str; 20] = [
+    "vehicle.speed",
+    "vehicle.yaw_rate",
+    "vehicle.lateral_acceleration",
+    "vehicle.sideslip",
+    "vehicle.yaw",
+    "vehicle.position_x",
+    "vehicle.position_y",
+    "vehicle.load_transfer_ratio",
+    "body.roll",
+    "body.roll_rate",
+    "body.heave_acceleration",
+    "body.roll_acceleration",
+    "body.pitch_acceleration",
+    "vehicle.longitudinal_acceleration",
+    "vehicle.lateral_velocity",
+    "body.pitch",
+    "body.heave",
+    "vehicle.yaw_acceleration",
+    "tire_load.",
+    "suspension_deflection.",
+];
+
+/// Outputs of a plant that the driver of paths reads.
+pub(crate) const OF_VEHICLE: [&str; 5] =
+    ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.speed", "body.roll_rate"];
+
+/// Returns true if a signal of the plant is recorded.
+pub(crate) fn is_recorded(signal: &str) -> bool {
+    RECORDED.iter().any(|wanted| *wanted == signal || (wanted.ends_with('.') && signal.starts_with(wanted)))
+}
+
+/// The plant, whose signals may have other names.
+#[derive(Debug, Clone)]
+pub(crate) struct Plant {
+    pub(crate) unit: Unit,
+    /// Parameters that define its size, SI.
+    data: BTreeMap<&'static str, f64>,
+    /// Other Real parameters that the caller has set.
+    set: BTreeMap<String, f64>,
+    /// Conversions of outputs that are not in the unit of the bench.
+    conversions: BTreeMap<String, Conversion>,
+    /// Signals that declare no unit, and the unit that they are taken to be in.
+    pub(crate) assumed: BTreeMap<String, &'static str>,
+}
+
+impl Plant {
+    /// `set` are parameters of the caller, `units` are units of signals, which take precedence over the declared ones.
+    pub(crate) fn new(
+        mut unit: Unit,
+        set: BTreeMap<String, f64>,
+        units: &BTreeMap<String, String>,
+    ) -> Result<Self, SetupError> {
+        // The time is that of recordings.
+        unit.given = units.iter().filter(|(signal, _)| *signal != TIME).map(|(a, b)| (a.clone(), b.clone())).collect();
+        let (conversions, assumed) = (BTreeMap::new(), BTreeMap::new());
+        let mut plant = Self { unit, data: BTreeMap::new(), set, conversions, assumed };
+        check_plant(&plant)?;
+        for signal in plant.unit.given.keys() {
+            if !plant.has_input(signal) && !plant.has_output(signal) {
+                let message = format!("{} has no `{signal}`, whose unit is given", plant.unit.fmu);
+                return Err(SetupError::new(message));
+            }
+            if signals::unit(signal).is_none() {
+                return Err(SetupError::new(format!("the bench does not read `{signal}`, whose unit is given")));
+            }
+        }
+        for variable in &plant.unit.description().variables {
+            let signal = plant.signal(&variable.name).to_owned();
+            let is_read = match variable.causality {
+                Causality::Input => true,
+                Causality::Output => is_recorded(&signal),
+                _ => false,
+            };
+            let Some(needed) = signals::unit(&signal).filter(|_| is_read && variable.base_type == BaseType::Real)
+            else {
+                continue;
+            };
+            let given = plant.unit.given.get(&signal).cloned();
+            let given = given.as_deref();
+            if given.is_none() && variable.unit.is_none() && needed != "1" {
+                plant.assumed.insert(signal.clone(), needed);
+            }
+            let found = conversion(needed, plant.unit.description(), variable, given);
+            let found = found.map_err(|unit| wrong_unit(&plant.unit, variable, &signal, &unit, needed))?;
+            if let Some(conversion) = found {
+                if variable.causality == Causality::Input && !of_bench(&signal) || OF_VEHICLE.contains(&signal.as_str())
+                {
+                    let unit = given.or(variable.unit.as_deref()).unwrap_or_default();
+                    return Err(wired_unit(&plant.unit, variable, unit, needed));
+                }
+                plant.conversions.insert(signal, conversion);
+            }
+        }
+        for (name, needed) in signals::DATA {
+            let (Some(variable), Some(value)) =
+                (plant.unit.description().variable(name), real_parameter(&plant.unit, &plant.set, name))
+            else {
+                continue;
+            };
+            let found = conversion(needed, plant.unit.description(), variable, None);
+            let found = found.map_err(|unit| wrong_unit(&plant.unit, variable, name, &unit, needed))?;
+            plant.data.insert(name, found.map_or(value, |conversion| conversion.to_si(value)));
+        }
+        Ok(plant)
+    }
+
+    pub(crate) fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
+        self.unit.signal(variable)
+    }
+
+    pub(crate) fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
+        self.unit.variable(signal)
+    }
+
+    pub(crate) fn has_input(&self, signal: &str) -> bool {
+        self.unit.has(Causality::Input, signal)
+    }
+
+    pub(crate) fn has_output(&self, signal: &str) -> bool {
+        self.unit.has(Causality::Output, signal)
+    }
+
+    /// Returns true if an input begins with `start`.
+    pub(crate) fn has_inputs(&self, start: &str) -> bool {
+        self.unit.signals(Causality::Input).any(|signal| signal.starts_with(start))
+    }
+
+    /// Rejects a controller that reads a signal that the bench converts: a connection does not convert it.
+    pub(crate) fn check_reader(&self, reader: &Unit, all: &[&Unit]) -> Result<(), SetupError> {
+        let is_raw = |signal: &&str| {
+            self.conversions.contains_key(*signal)
+                && self.has_output(signal)
+                && !all.iter().any(|unit| unit.has(Causality::Output, signal))
+        };
+        let Some(signal) = reader.signals(Causality::Input).find(is_raw) else { return Ok(()) };
+        let name = self.variable(signal);
+        let variable = self.unit.description().variable(name);
+        let declared = variable.and_then(|variable| variable.unit.as_deref());
+        let unit = self.unit.given.get(signal).map(String::as_str).or(declared).unwrap_or_default();
+        let (plant, reader) = (&self.unit.fmu, &reader.fmu);
+        let needed = signals::unit(signal).unwrap_or_default();
+        Err(SetupError::with_help(
+            format!("`{name}` of {plant} is in {unit}, but {reader} reads it in {needed}"),
+            format!(
+                "Export {plant} with `{name}` in {needed}: the bench converts what it records, not what it connects."
+            ),
+        ))
+    }
+
+    /// Value of a Real parameter, in SI if it defines the size of the plant.
+    pub(crate) fn parameter(&self, name: &str) -> Option<f64> {
+        self.data.get(name).copied().or_else(|| real_parameter(&self.unit, &self.set, name))
+    }
+
+    /// A recording of signals of the bench in the units of the bench.
+    pub(crate) fn converted<'a>(&self, signals: &[String], recording: &'a Recording) -> Cow<'a, Recording> {
+        let mut recording = Cow::Borrowed(recording);
+        for (index, signal) in signals.iter().enumerate() {
+            if let Some(conversion) = self.conversions.get(signal)
+                && recording.column(index).is_some()
+                && let Some(Some(column)) = recording.to_mut().columns.get_mut(index)
+            {
+                column.iter_mut().for_each(|value| *value = conversion.to_si(*value));
+            }
+        }
+        recording
+    }
+
+    /// Outputs, by the names of the bench.
+    pub(crate) fn outputs(&self) -> Vec<String> {
+        self.unit.signals(Causality::Output).map(str::to_owned).collect()
+    }
+
+    /// Inputs, by the names of the bench.
+    pub(crate) fn inputs(&self) -> Vec<String> {
+        self.unit.signals(Causality::Input).map(str::to_owned).collect()
+    }
+}
+
+/// Value of a Real parameter in its own unit: that of the caller, or its start value.
+fn real_parameter(unit: &Unit, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
+    if let Some(value) = set.get(name) {
+        return Some(*value);
+    }
+    match unit.description().variable(name)?.start {
+        Some(Value::Real(value)) => Some(value),
+        _ => None,
+    }
+}
+
+/// Returns true for an input that only the bench sets, to a constant.
+fn of_bench(signal: &str) -> bool {
+    ["road_friction.", "target_slip."].iter().any(|start| signal.starts_with(start))
+}
+
+fn wrong_unit(unit: &Unit, variable: &Variable, signal: &str, found: &str, needed: &str) -> SetupError {
+    let name = &variable.name;
+    let declare = format!("Declare the unit of `{name}` with its base units in the FMU");
+    let help = match variable.causality {
+        Causality::Input | Causality::Output => format!(
+            "{declare}, or give it in a file by --vehicle: [signals] \"{signal}\" = {{ variable = \"{name}\", unit = \
+             \"{needed}\" }}."
+        ),
+        _ => format!("{declare}."),
+    };
+    SetupError::with_help(
+        format!("`{name}` of {} is in {found}, but the bench needs {needed}, or a unit that converts to it", unit.fmu),
+        help,
+    )
+}
+
+fn wired_unit(unit: &Unit, variable: &Variable, found: &str, needed: &str) -> SetupError {
+    let name = &variable.name;
+    SetupError::with_help(
+        format!("`{name}` of {} is in {found}, but the other end of its connection is in {needed}", unit.fmu),
+        format!(
+            "Export {} with `{name}` in {needed}: the bench converts what it records, not what it connects.",
+            unit.fmu
+        ),
+    )
+}
+
+fn check_plant(plant: &Plant) -> Result<(), SetupError> {
+    let mut missing = Vec::new();
+    if !plant.has_input("steer.front") {
+        missing.push("input `steer.front`");
+    }
+    for (name, text) in [
+        ("vehicle.yaw_rate", "output `vehicle.yaw_rate`"),
+        ("vehicle.speed", "output `vehicle.speed`"),
+        ("vehicle.lateral_acceleration", "output `vehicle.lateral_acceleration`"),
+    ] {
+        if !plant.has_output(name) {
+            missing.push(text);
+        }
+    }
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(SetupError::with_help(
+        format!("{} cannot be driven: it has no {}", plant.unit.fmu, missing.join(" and no ")),
+        "If it has them by other names, write a file with [signals] \"steer.front\" = \"its name\", and so on, and give it by \
+         --vehicle.",
+    ))
+}

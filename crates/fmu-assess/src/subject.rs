@@ -1,0 +1,139 @@
+//! The subject of an assessment, as the caller describes it, and the values that may be set.
+
+use crate::components::{SetupError, Unit};
+use crate::plant::Plant;
+use crate::vehicle::VehicleFile;
+use fmu_import::description::Causality;
+use fmu_import::names::suggestion;
+
+/// Base component of plants whose brakes and drives are torques.
+pub const ACTUATORS: &str = "BrakeAndDriveActuators";
+
+/// Subject of an assessment.
+#[derive(Debug, Clone, Default)]
+pub struct Subject {
+    /// Name of the plant's FMU.
+    pub plant: String,
+    /// Components that belong to the vehicle; empty for those that the plant needs.
+    pub base: Vec<String>,
+    /// Controllers.
+    pub with: Vec<String>,
+    /// Values for parameters: component, parameter, value as written; a number may be followed by a space and a unit.
+    pub set: Vec<(String, String, String)>,
+    /// FMUs of `with` and `base` in the caller's order; empty: those of `with` first.
+    pub order: Vec<String>,
+    /// Vehicle data and names of signals.
+    pub vehicle: VehicleFile,
+}
+
+/// FMUs of the drivers: steering as a function of time, and along a path.
+pub(crate) const DRIVERS: [&str; 2] = ["Driver", "PathDriver"];
+
+/// Parameters of drivers and plants that the bench sets itself, and what to do instead of setting them.
+const GIVEN: [(&str, &str, &str); 6] = [
+    ("driver", "geometry.wheelbase", "Give `wheelbase` in the table [vehicle] of a file, by --vehicle."),
+    (
+        "driver",
+        "vehicle.understeer_gradient",
+        "Give `understeer_gradient` in the table [vehicle] of a file, by --vehicle.",
+    ),
+    ("driver", "steer.ratio", "Give `steer_ratio` in the table [vehicle] of a file, by --vehicle."),
+    ("driver", "path.vehicle_width", "Give `width` in the table [vehicle] of a file, by --vehicle."),
+    ("driver", "speed.initial", "Use --speed."),
+    ("plant", "vehicle.initial_speed", "Use --speed."),
+];
+
+/// Parameters of drivers and road that the procedures of the maneuvers prescribe.
+const PRESCRIBED: [(&str, &[&str]); 2] = [
+    (
+        "driver",
+        &[
+            "maneuver",
+            "table.file",
+            "path.start",
+            "path.radius",
+            "path.turn_in",
+            "path.arc",
+            "path.overlap",
+            "path.offset",
+            "path.change_distance",
+            "path.run_out",
+            "path.lost_distance",
+            "steer.amplitude",
+            "steer.start",
+            "steer.rise_time",
+            "steer.frequency",
+            "steer.dwell_time",
+            "steer.wheel_amplitude",
+            "steer.wheel_rate",
+            "steer.maximum_dwell",
+            "steer.hold_start",
+            "roll_rate.threshold",
+            "speed.control",
+            "speed.final",
+            "speed.start",
+            "speed.rise_time",
+            "release.distance",
+            "brake.amplitude",
+            "brake.start",
+            "brake.rise_time",
+        ],
+    ),
+    (
+        "road",
+        &[
+            "profile",
+            "tracks",
+            "roughness.start",
+            "roughness.class",
+            "seed",
+            "geometry.axle_offset.middle",
+            "geometry.axle_offset.rear",
+        ],
+    ),
+];
+
+/// The values of the caller, by the components of the scenarios.
+pub(crate) fn settings(
+    subject: &Subject,
+    plant: &Plant,
+    units: &[Unit],
+    drivers: &[Unit],
+) -> Result<Vec<(String, String, String)>, SetupError> {
+    let mut known = vec![plant.unit.name.as_str(), "driver"];
+    if plant.has_inputs("road_height.") {
+        known.push("road");
+    }
+    known.extend(units.iter().map(|unit| unit.name.as_str()));
+    let mut set = Vec::new();
+    for (component, name, value) in &subject.set {
+        if !known.contains(&component.as_str()) {
+            let message = format!("there is no component `{component}` whose `{name}` could be set");
+            return Err(SetupError::with_help(message, format!("There are `{}`.", known.join("`, `"))));
+        }
+        let own = if *component == plant.unit.name { "plant" } else { component.as_str() };
+        let given = GIVEN.iter().find(|(of, parameter, _)| *of == own && parameter == name).map(|(_, _, help)| *help);
+        let is_prescribed = PRESCRIBED.iter().any(|(of, names)| *of == own && names.contains(&name.as_str()));
+        if given.is_some() || is_prescribed {
+            return Err(SetupError::with_help(
+                format!("`{component}:{name}` cannot be set: the bench gives it a value"),
+                given.unwrap_or("The procedures of the maneuvers prescribe it."),
+            ));
+        }
+        let is_known = |driver: &Unit| driver.description().variable(name).is_some();
+        if own == "driver" && !drivers.is_empty() && !drivers.iter().any(is_known) {
+            let names = drivers.iter().flat_map(|driver| driver.variables(Causality::Parameter));
+            let help = suggestion(name, names.map(|variable| variable.name.as_str()));
+            let message = format!("neither Driver nor PathDriver has a parameter `{name}`");
+            return Err(SetupError { message, help });
+        }
+        let unit = std::iter::once(&plant.unit).chain(units).find(|unit| unit.name == *component);
+        if let Some(unit) = unit.filter(|unit| unit.description().variable(name).is_none()) {
+            let names = unit.variables(Causality::Parameter).map(|variable| variable.name.as_str());
+            let message = format!("{} has no parameter `{name}`", unit.fmu);
+            return Err(SetupError { message, help: suggestion(name, names) });
+        }
+        set.push((own.to_owned(), name.clone(), value.clone()));
+    }
+    Ok(set)
+}

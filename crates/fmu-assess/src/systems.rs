@@ -1,0 +1,311 @@
+//! The systems that are compared: a plant with its base components, driven by a driver, without and with controllers.
+
+use crate::components::{SetupError, Unit, find};
+use crate::plant::Plant;
+use crate::subject::{ACTUATORS, DRIVERS, Subject, settings};
+use crate::wiring::{Driving, OF_DRIVER, OF_PATH, Road, Wiring};
+use fmu_import::description::Causality;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{Descriptions, Options, ResolveError, resolve_text};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Control of the speed of a plant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Speed {
+    /// An input prescribes it.
+    Prescribed,
+    /// By the driver's pedals; it coasts without.
+    Pedals,
+    /// Nothing holds it.
+    Own,
+}
+
+/// A plant with its components, wired for each kind of driving.
+#[derive(Debug)]
+pub(crate) struct System {
+    /// `without` or `with`.
+    pub(crate) name: &'static str,
+    pub(crate) speed: Speed,
+    plans: Vec<(Driving, Plan)>,
+    /// Inputs that nothing writes, and the values that they get instead, of all kinds of driving.
+    pub(crate) unwritten: Vec<(String, String)>,
+    /// Components without an effect.
+    pub(crate) idle: Vec<String>,
+    /// Recorded signals: names of the bench, in the order of the columns.
+    columns: Vec<(Driving, Vec<String>)>,
+}
+
+impl System {
+    pub(crate) fn plan(&self, driving: Driving) -> Option<&Plan> {
+        self.plans.iter().find(|(of, _)| *of == driving).map(|(_, plan)| plan)
+    }
+
+    pub(crate) fn columns(&self, driving: Driving) -> &[String] {
+        self.columns.iter().find(|(of, _)| *of == driving).map_or(&[], |(_, columns)| columns)
+    }
+
+    /// All its plans.
+    pub(crate) fn plans(&self) -> impl Iterator<Item = &Plan> {
+        self.plans.iter().map(|(_, plan)| plan)
+    }
+}
+
+/// Plant and systems of an assessment.
+#[derive(Debug)]
+pub(crate) struct Systems {
+    pub(crate) plant: Plant,
+    pub(crate) base: Vec<Unit>,
+    pub(crate) with: Vec<Unit>,
+    /// Controllers and base components, in the caller's order.
+    all: Vec<Unit>,
+    drivers: Vec<Unit>,
+    /// Values of the caller, by the components of the scenarios.
+    set: Vec<(String, String, String)>,
+    /// True if the caller mirrors the paths of the driver.
+    pub(crate) is_mirrored: bool,
+    /// The one without the controllers, and the one with them if there are any.
+    pub(crate) systems: Vec<System>,
+}
+
+impl Systems {
+    /// Values of the caller: component, parameter, value.
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&Unit, &str, &str)> {
+        self.set.iter().filter_map(|(component, name, value)| {
+            let mut units = self.all.iter().chain(&self.drivers);
+            let is_known = |unit: &&Unit| unit.description().variable(name).is_some();
+            let unit = match component.as_str() {
+                "plant" => Some(&self.plant.unit),
+                "driver" => self.drivers.iter().find(is_known),
+                _ => units.find(|unit| unit.name == *component),
+            };
+            unit.map(|unit| (unit, name.as_str(), value.as_str()))
+        })
+    }
+
+    /// Finds the FMUs and wires them.
+    #[cfg(not(target_family = "wasm"))]
+    pub(crate) fn new(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        let mut drivings = vec![(Driving::OpenLoop, Road::Flat), (Driving::Path, Road::Flat)];
+        if found.plant.has_inputs("road_height.") {
+            drivings.push((Driving::Ride, Road::Rough));
+        }
+        found.wire("without", &found.base.clone(), source, &drivings)?;
+        if !found.with.is_empty() {
+            found.wire("with", &found.all.clone(), source, &drivings)?;
+        }
+        Ok(found)
+    }
+
+    /// Wires one system, with all its controllers, for one kind of driving.
+    pub(crate) fn only(
+        subject: &Subject,
+        source: &dyn Descriptions,
+        driving: Driving,
+        road: Road,
+    ) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        found.wire("with", &found.all.clone(), source, &[(driving, road)])?;
+        Ok(found)
+    }
+
+    fn wire(
+        &mut self,
+        name: &'static str,
+        units: &[Unit],
+        source: &dyn Descriptions,
+        drivings: &[(Driving, Road)],
+    ) -> Result<(), SetupError> {
+        let system = system(name, &self.plant, units, &self.drivers, &self.set, source, drivings)?;
+        self.systems.push(system);
+        Ok(())
+    }
+
+    /// Finds the FMUs.
+    pub(crate) fn found(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
+        let unit = find(source, &subject.plant, Some(&subject.vehicle.signals))?;
+        let mut set = BTreeMap::new();
+        for (_, name, value) in subject.set.iter().filter(|(component, _, _)| *component == unit.name) {
+            let (number, given) = value.split_once(' ').map_or((value.as_str(), None), |(n, unit)| (n, Some(unit)));
+            let Ok(number) = number.parse::<f64>() else { continue };
+            let own = unit.description().variable(name).and_then(|variable| variable.unit.as_deref());
+            // The vehicle data come from these numbers, too.
+            if let Some(given) = given.filter(|given| Some(*given) != own) {
+                let own = own.unwrap_or("1");
+                return Err(SetupError::new(format!(
+                    "`{name}` of {} is given in {given}: give it in {own}",
+                    unit.name
+                )));
+            }
+            set.insert(name.clone(), number);
+        }
+        let plant = Plant::new(unit, set, &subject.vehicle.units)?;
+        let of = |fmu: &String| find(source, fmu, subject.vehicle.controllers.get(fmu));
+        let mut base = subject.base.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let needs_torques = plant.has_inputs("brake_torque.") || plant.has_inputs("drive_torque.");
+        if base.is_empty() && needs_torques && source.names().iter().any(|name| name == ACTUATORS) {
+            base.push(of(&ACTUATORS.to_owned())?);
+        }
+        let with = subject.with.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let controllers: Vec<&Unit> = with.iter().chain(&base).collect();
+        controllers.iter().try_for_each(|unit| plant.check_reader(unit, &controllers))?;
+        let mut all: Vec<Unit> = with.iter().chain(&base).cloned().collect();
+        all.sort_by_key(|unit| subject.order.iter().position(|fmu| *fmu == unit.fmu).unwrap_or(usize::MAX));
+        let drivers = DRIVERS.into_iter().filter_map(|fmu| find(source, fmu, None).ok()).collect::<Vec<_>>();
+        let set = settings(subject, &plant, &all, &drivers)?;
+        let is_mirrored = set.iter().any(|(component, name, value)| {
+            let is_true = value == "true" || value.parse::<f64>().is_ok_and(|number| number > 0.5);
+            component == "driver" && name == "path.mirror" && is_true
+        });
+        Ok(Self { plant, base, with, all, drivers, set, is_mirrored, systems: Vec::new() })
+    }
+}
+
+fn system(
+    name: &'static str,
+    plant: &Plant,
+    units: &[Unit],
+    drivers: &[Unit],
+    set: &[(String, String, String)],
+    source: &dyn Descriptions,
+    drivings: &[(Driving, Road)],
+) -> Result<System, SetupError> {
+    let mut written: BTreeMap<&str, &str> = BTreeMap::new();
+    for unit in drivers.iter().rev().chain([&plant.unit]) {
+        written.extend(unit.signals(Causality::Output).map(|output| (output, unit.fmu.as_str())));
+    }
+    for unit in units {
+        for output in unit.signals(Causality::Output) {
+            if let Some(other) = written.insert(output, &unit.fmu) {
+                return Err(SetupError::with_help(
+                    format!("{other} and {} both write `{output}`", unit.fmu),
+                    "Leave one of them out.",
+                ));
+            }
+        }
+    }
+    let reads = |signal: &str| plant.has_input(signal) || units.iter().any(|unit| unit.has(Causality::Input, signal));
+    let acts = |unit: &&Unit| unit.signals(Causality::Output).any(reads);
+    let idle = units.iter().filter(|unit| !acts(unit)).map(|unit| unit.fmu.clone()).collect();
+    let has_pedals = units.iter().any(|unit| {
+        unit.signals(Causality::Output).any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
+    });
+    let speed = if plant.has_input("driver.speed") {
+        Speed::Prescribed
+    } else if has_pedals {
+        Speed::Pedals
+    } else {
+        Speed::Own
+    };
+    let mut plans = Vec::new();
+    let mut columns = Vec::new();
+    let mut unwritten: Vec<(String, String)> = Vec::new();
+    for &(driving, road) in drivings {
+        let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
+        // Each driver has parameters that the other one does not have, and no run has all components.
+        let description = drivers.iter().find(|unit| unit.fmu == driver).map(Unit::description);
+        let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
+            "driver" => description.is_none_or(|description| description.variable(name).is_some()),
+            _ => true,
+        };
+        let set: Vec<_> = set.iter().filter(is_of_system).cloned().collect();
+        let mut wiring = Wiring { plant, units: ordered(units), driving, road, driver, unwritten: Vec::new() };
+        let text = wiring.scenario(&set)?;
+        let options = Options::default();
+        let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
+            .map_err(|error| SetupError::new(explained(&error)))?;
+        columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
+        plans.push((driving, plan));
+        for entry in wiring.unwritten {
+            if !unwritten.iter().any(|(signal, _)| *signal == entry.0) {
+                unwritten.push(entry);
+            }
+        }
+    }
+    Ok(System { name, speed, plans, unwritten, idle, columns })
+}
+
+/// The bench's name of a column. The column has the name of its component in front if a component before it has the signal, too.
+fn signal_of(column: &str, plant: &Plant) -> String {
+    let (component, variable) = column.split_once(':').unwrap_or(("", column));
+    let is_of_driver = OF_DRIVER.contains(&variable) || OF_PATH.contains(&variable);
+    if component == "driver" || (component.is_empty() && is_of_driver) {
+        return variable.to_owned();
+    }
+    plant.signal(variable).to_owned()
+}
+
+fn explained(error: &ResolveError) -> String {
+    match error {
+        // Places in a generated text would not help.
+        ResolveError::Problems(problems) => {
+            let lines = problems.problems.iter().map(ToString::to_string);
+            lines.collect::<Vec<_>>().join("\n")
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Components in the order of a step: the writer of a signal comes before its readers. A cycle is broken at its first component in `units`;
+/// ties keep the order.
+fn ordered(units: &[Unit]) -> Vec<&Unit> {
+    let writes = |unit: &Unit, other: &Unit| {
+        unit.name != other.name && unit.signals(Causality::Output).any(|output| other.has(Causality::Input, output))
+    };
+    let edges: Vec<Vec<bool>> =
+        units.iter().map(|unit| units.iter().map(|other| writes(unit, other)).collect()).collect();
+    order(&edges).into_iter().map(|index| &units[index]).collect()
+}
+
+/// The order of a graph: `edges[i][j]` is true if i comes before j, unless both are in a cycle that is cut there.
+fn order(edges: &[Vec<bool>]) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..edges.len()).collect();
+    let mut order = Vec::new();
+    while !left.is_empty() {
+        // Transitive closure of the edges.
+        let mut reaches = edges.to_vec();
+        for via in &left {
+            for from in &left {
+                for to in &left {
+                    reaches[*from][*to] |= reaches[*from][*via] && reaches[*via][*to];
+                }
+            }
+        }
+        // All that come before it are in its cycle.
+        let is_next = |unit: &usize| left.iter().all(|other| !reaches[*other][*unit] || reaches[*unit][*other]);
+        let next = left.iter().position(is_next).unwrap_or(0);
+        order.push(left.remove(next));
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand. `"ab"`: a writes what b reads.
+    #[test]
+    fn writers_come_before_readers_and_cycles_are_cut_where_they_are_named_first() {
+        let of = |count: usize, edges: &[&str]| {
+            let mut graph = vec![vec![false; count]; count];
+            for edge in edges {
+                let ends: Vec<usize> = edge.bytes().map(|letter| usize::from(letter - b'a')).collect();
+                graph[ends[0]][ends[1]] = true;
+            }
+            order(&graph).into_iter().map(|index| char::from(b'a' + index as u8)).collect::<String>()
+        };
+        assert_eq!(of(3, &[]), "abc");
+        assert_eq!(of(3, &["ca", "cb"]), "cab");
+        assert_eq!(of(4, &["dc", "cb", "ba"]), "dcba");
+        // A cycle of b and c: b was named first.
+        assert_eq!(of(3, &["bc", "cb"]), "abc");
+        // a waits for the cycle of b and c; it is not a place to cut it.
+        assert_eq!(of(3, &["ba", "bc", "cb"]), "bac");
+        assert_eq!(of(3, &["ca", "bc", "cb"]), "bca");
+        // The cycle of a and b waits for that of c and d.
+        assert_eq!(of(4, &["ab", "ba", "cd", "dc", "da"]), "cdab");
+        // All in one cycle a, b, c: after the cut the others keep their direction.
+        assert_eq!(of(3, &["ac", "cb", "ba"]), "acb");
+    }
+}
