@@ -1,15 +1,16 @@
 //! Runs an assessment: all maneuvers of both systems, each in its own thread, which waits for its runs.
 
 use crate::Trace;
-use crate::bench::Bench;
+use crate::bench::{Bench, drive};
 use crate::components::{SetupError, Unit};
-use crate::course::{Course, drive};
+use crate::course::Course;
 use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
 use crate::maneuvers::double_lane_change::{Part, compare_at};
-use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver, Results};
+use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
-use crate::report::{Assessment, Limit, Measured, Pair, REQUIRED, Row, SCHEMA, Suite, row};
+use crate::report::{Assessment, Pair, Row, SCHEMA, row};
+use crate::results::{Limit, Measured, REQUIRED, Results, Suite};
 use crate::subject::Subject;
 use crate::systems::{System, Systems};
 use crate::vehicle::{Datum, Vehicle};

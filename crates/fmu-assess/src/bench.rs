@@ -1,6 +1,6 @@
 //! One of the two systems on the bench. It makes runs from the courses of maneuvers.
 
-use crate::course::{Course, Setting};
+use crate::course::{Course, Ended, Setting, cut};
 use crate::plant::Plant;
 use crate::systems::{Speed, System};
 use crate::vehicle::{Class, Vehicle};
@@ -173,4 +173,38 @@ impl Bench<'_> {
         let found = self.vehicle.wheelbase.as_ref().map(|datum| datum.value);
         found.ok_or_else(|| "the wheelbase is not known; give it in the vehicle data (--vehicle)".to_owned())
     }
+}
+
+/// Executes runs of a system. For a failed run, the rows before the failure count.
+pub(crate) fn drive(bench: &Bench<'_>, courses: Vec<Course>) -> Vec<Ended> {
+    let requests = courses.iter().map(|course| bench.run(course, course.stop)).collect::<Vec<_>>();
+    let wanted = requests.iter().flatten().cloned().collect();
+    let mut outcomes = bench.executor.execute(wanted).into_iter();
+    courses
+        .into_iter()
+        .zip(requests)
+        .map(|(course, request)| match request {
+            Err(message) => Ended::failed(course, message),
+            Ok(_) => match outcomes.next() {
+                Some(Ok(recording)) => ended(bench, course, &recording, None),
+                Some(Err(failure)) => shortened(bench, course, &failure),
+                None => Ended::failed(course, "there is no outcome".to_owned()),
+            },
+        })
+        .collect()
+}
+
+/// The rows before a failure, if there are any after the start.
+fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
+    let message = failure.to_string();
+    match &failure.recorded {
+        Some(recording) if recording.time.len() > 1 => ended(bench, course, recording, Some(message)),
+        _ => Ended::failed(course, message),
+    }
+}
+
+/// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.
+pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
+    let names = bench.system.columns(course.driving);
+    cut(course, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
 }

@@ -1,9 +1,7 @@
 //! A run of a maneuver: its simulation, its end and its recording.
 
 use crate::Trace;
-use crate::bench::Bench;
 use crate::wiring::{Driving, STEP};
-use fmu_system::failure::Failure;
 use fmu_system::master::Recording;
 use std::collections::BTreeMap;
 
@@ -118,6 +116,12 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
+    /// A run that recorded nothing.
+    pub(crate) fn failed(course: Course, message: String) -> Self {
+        let stop_reason = "failed".to_owned();
+        Self { course, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
+    }
+
     pub(crate) fn has(&self, flag: &str) -> bool {
         self.flags.contains(&flag)
     }
@@ -135,50 +139,14 @@ impl Ended {
     }
 }
 
-/// Executes runs of a system. For a failed run, the rows before the failure count.
-pub(crate) fn drive(bench: &Bench<'_>, courses: Vec<Course>) -> Vec<Ended> {
-    let requests = courses.iter().map(|course| bench.run(course, course.stop)).collect::<Vec<_>>();
-    let mut wanted = Vec::new();
-    for request in requests.iter().flatten() {
-        wanted.push(request.clone());
-    }
-    let mut outcomes = bench.executor.execute(wanted).into_iter();
-    courses
-        .into_iter()
-        .zip(requests)
-        .map(|(course, request)| match request {
-            Err(message) => failed(course, message),
-            Ok(_) => match outcomes.next() {
-                Some(Ok(recording)) => ended(bench, course, &recording, None),
-                Some(Err(failure)) => shortened(bench, course, &failure),
-                None => failed(course, "there is no outcome".to_owned()),
-            },
-        })
-        .collect()
-}
-
-fn failed(course: Course, message: String) -> Ended {
-    let stop_reason = "failed".to_owned();
-    Ended { course, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
-}
-
-/// The rows before a failure, if there are any after the start.
-fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
-    let message = failure.to_string();
-    match &failure.recorded {
-        Some(recording) if recording.time.len() > 1 => ended(bench, course, recording, Some(message)),
-        _ => failed(course, message),
-    }
-}
-
-/// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.
-pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
-    let names = bench.system.columns(course.driving);
-    cut(course, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
-}
-
 /// Cuts a recording, whose columns have these names, where the run ends. `failure` is the failure after its last row, if any.
-fn cut(course: Course, names: &[String], recording: &Recording, ratio: f64, failure: Option<String>) -> Ended {
+pub(crate) fn cut(
+    course: Course,
+    names: &[String],
+    recording: &Recording,
+    ratio: f64,
+    failure: Option<String>,
+) -> Ended {
     // No row at the start: the driver signals of a row were held during the step before it.
     let of = |name: &str| {
         let index = names.iter().position(|column| column == name)?;

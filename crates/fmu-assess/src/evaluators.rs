@@ -28,6 +28,8 @@ use crate::numerics::{Rows, largest_magnitude};
 use crate::options::{OptionError, OptionRule, Options};
 use crate::trace::Trace;
 
+pub use crate::trace::Column;
+
 /// All evaluators.
 pub static EVALUATORS: [Evaluator; 11] = [
     slowly_increasing_steer::EVALUATOR,
@@ -59,27 +61,6 @@ pub struct Evaluator {
     /// Its metrics.
     pub metrics: &'static [Definition],
     compute: fn(&Rows<'_>, &Options, &mut Results) -> Result<(), Reason>,
-}
-
-/// A column that an evaluator reads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Column {
-    /// Name. A `*` stands for wheels, axles or sides.
-    pub name: &'static str,
-    /// Unit of measure.
-    pub unit: &'static str,
-    /// Without a needed column the evaluator computes no metric.
-    pub is_needed: bool,
-}
-
-impl Column {
-    const fn needed(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit, is_needed: true }
-    }
-
-    const fn optional(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit, is_needed: false }
-    }
 }
 
 /// The metrics of a recording.

@@ -47,7 +47,7 @@ fn node(value: &Value) -> Node {
 }
 
 /// The double nearest to a number of 9 significant digits. `None`: it is not finite. Zero has no sign.
-fn rounded(number: f64) -> Option<f64> {
+pub(crate) fn rounded(number: f64) -> Option<f64> {
     let rounded: f64 = format!("{number:.8e}").parse().ok()?;
     rounded.is_finite().then_some(rounded + 0.0)
 }

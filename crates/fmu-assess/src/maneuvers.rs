@@ -13,12 +13,11 @@ pub(crate) mod step_steer;
 #[cfg(not(target_family = "wasm"))]
 pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
 
-use crate::Trace;
 use crate::bench::Bench;
 use crate::course::Ended;
 use crate::evaluators::{self, Evaluation};
-use crate::metric::{self, Direction};
-use crate::report::{Dropped, Measured, RunRecord, Suite};
+use crate::metric;
+use crate::results::{Results, Suite};
 use crate::systems::Speed;
 use serde_json::{Value, json};
 
@@ -215,114 +214,10 @@ pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
         Some(Hindrance { missing, reason })
     };
     match hindrance {
-        Some(hindrance) => results.drop_out(hindrance),
+        Some(Hindrance { missing, reason }) => results.drop_out(missing, reason),
         None => (maneuver.carry_out)(bench, &mut results),
     }
     results
-}
-
-/// Results of a maneuver of a system.
-#[derive(Debug)]
-pub(crate) struct Results {
-    pub(crate) maneuver: &'static str,
-    pub(crate) suite: Suite,
-    pub(crate) system: &'static str,
-    pub(crate) metrics: Vec<Measured>,
-    pub(crate) runs: Vec<RunRecord>,
-    pub(crate) dropped: Option<Dropped>,
-    /// Runs whose signals the report shows.
-    pub(crate) shown: Vec<(String, Trace<'static>)>,
-    /// Sections of a coned track, m: begin, end, right and left edge of each.
-    pub(crate) track: Option<[[f64; 4]; 3]>,
-    /// Largest entry speed of a coned track, km/h.
-    pub(crate) entry_speed: Option<f64>,
-}
-
-impl Results {
-    pub(crate) fn new(maneuver: &'static str, suite: Suite, system: &'static str) -> Self {
-        let (metrics, runs, shown) = (Vec::new(), Vec::new(), Vec::new());
-        Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None, entry_speed: None }
-    }
-
-    /// Skips the maneuver. A metric with the name of the maneuver has the verdict.
-    fn drop_out(&mut self, Hindrance { missing, reason }: Hindrance) {
-        self.metrics.push(Measured {
-            id: self.maneuver.to_owned(),
-            ..Measured::new(self.suite, "The maneuver", "", Direction::None, Value::Null)
-        });
-        self.dropped(&reason);
-        self.defined("A maneuver that is left out has no metrics.");
-        self.dropped = Some(Dropped { run: self.maneuver.to_owned(), missing, reason });
-    }
-
-    /// Adds a run with the metrics of its evaluator.
-    pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
-        self.runs.push(RunRecord {
-            id: ended.course.id.clone(),
-            suite: self.suite,
-            system: self.system,
-            parameters: ended.course.shown.clone(),
-            flags: ended.flags.clone(),
-            stop_reason: ended.stop_reason.clone(),
-            rows: ended.trace.times().len(),
-            error: ended.error.clone(),
-            metrics: serde_json::from_str(&metrics.to_json()).unwrap_or_default(),
-        });
-    }
-
-    /// Keeps the signals of a run for figures.
-    pub(crate) fn show(&mut self, ended: &Ended) {
-        self.shown.push((ended.course.id.clone(), ended.trace.clone()));
-    }
-
-    /// Adds a metric of the maneuver.
-    pub(crate) fn metric(&mut self, name: &str, title: &str, unit: &'static str, direction: Direction, value: Value) {
-        self.metrics.push(Measured {
-            id: format!("{}.{name}", self.maneuver),
-            ..Measured::new(self.suite, title, unit, direction, value)
-        });
-    }
-
-    /// Adds a metric without a number, with the reason.
-    pub(crate) fn without(
-        &mut self,
-        name: &str,
-        title: &str,
-        unit: &'static str,
-        direction: Direction,
-        reason: String,
-    ) {
-        self.metric(name, title, unit, direction, Value::Null);
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.reason = Some(reason);
-        }
-    }
-
-    /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
-    pub(crate) fn take(&mut self, run: &Ended, metrics: &Evaluation, wanted: &[&str]) {
-        for name in wanted {
-            let Some(found) = metrics.metrics.iter().find(|metric| metric.name == *name) else { continue };
-            let metric::Definition { title, unit, direction, definition, .. } = *found.definition;
-            match &found.value {
-                metric::Value::Number(number) => self.metric(name, title, unit, direction, json!(number)),
-                metric::Value::Boolean(value) => self.metric(name, title, unit, direction, json!(value)),
-                metric::Value::Numbers(_) => continue,
-                metric::Value::Null(reason) => self.without(name, title, unit, direction, reason.to_string()),
-            }
-            self.defined(definition);
-            self.incomparable(run.cut_short());
-        }
-    }
-
-    /// Adds metrics of an evaluator that have no number, all for the same reason.
-    pub(crate) fn take_none(&mut self, evaluator: &str, wanted: &[&str], reason: &str) {
-        let table = evaluators::find(evaluator).map_or(&[][..], |evaluator| evaluator.metrics);
-        for name in wanted {
-            let Some(found) = table.iter().find(|definition| definition.name == *name) else { continue };
-            self.without(name, found.title, found.unit, found.direction, reason.to_owned());
-            self.defined(found.definition);
-        }
-    }
 }
 
 /// The metrics of an evaluator.

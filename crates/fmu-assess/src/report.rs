@@ -1,8 +1,9 @@
 //! Report on an assessment: metrics of both systems side by side with their verdicts, as JSON and JUnit XML.
 
+use crate::json::rounded;
 use crate::metric::Direction;
+use crate::results::{Bound, Dropped, Limit, Measured, RunRecord, Series, Suite};
 use crate::vehicle::Vehicle;
-use fmu_system::requirements::holds;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -10,280 +11,6 @@ use std::fmt::Write as _;
 
 /// Name and version of the layout of the JSON file.
 pub const SCHEMA: &str = "chassis-fmu-assessment/1";
-
-/// A group of maneuvers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Suite {
-    /// Steady state and response to steering.
-    Handling,
-    /// Sine with dwell and double lane changes.
-    Stability,
-    /// Fishhook and J-turn.
-    Rollover,
-    /// Straight, on split friction, in a turn.
-    Braking,
-    /// On rough roads.
-    Ride,
-}
-
-impl Suite {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Handling, Self::Stability, Self::Rollover, Self::Braking, Self::Ride];
-
-    /// Its name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Handling => "handling",
-            Self::Stability => "stability",
-            Self::Rollover => "rollover",
-            Self::Braking => "braking",
-            Self::Ride => "ride",
-        }
-    }
-}
-
-/// Source of the limits of the caller.
-pub(crate) const REQUIRED: &str = "--require";
-
-/// A limit of a regulation or of the caller.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Limit {
-    kind: Kind,
-    source: String,
-    /// Reason that it does not apply.
-    foreign: Option<String>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
-    Holds,
-    AtLeast(f64),
-    AtMost(f64),
-}
-
-impl Limit {
-    fn new(kind: Kind, source: &str) -> Self {
-        Self { kind, source: source.to_owned(), foreign: None }
-    }
-
-    /// A Boolean that must be true.
-    pub(crate) fn holds(source: &str) -> Self {
-        Self::new(Kind::Holds, source)
-    }
-
-    pub(crate) fn at_least(limit: f64, source: &str) -> Self {
-        Self::new(Kind::AtLeast(limit), source)
-    }
-
-    pub(crate) fn at_most(limit: f64, source: &str) -> Self {
-        Self::new(Kind::AtMost(limit), source)
-    }
-
-    /// True if the caller has set it. It then gives a verdict even without a number.
-    fn is_required(&self) -> bool {
-        self.source == REQUIRED
-    }
-
-    fn is_kept(&self, value: &Value) -> Option<bool> {
-        match (self.kind, value) {
-            (_, Value::Null) if self.is_required() => Some(false),
-            (Kind::Holds, Value::Bool(value)) => Some(*value),
-            (Kind::AtLeast(limit), value) => value.as_f64().map(|value| holds([Some(limit), None], Some(value))),
-            (Kind::AtMost(limit), value) => value.as_f64().map(|value| holds([None, Some(limit)], Some(value))),
-            (Kind::Holds, _) => None,
-        }
-    }
-
-    fn to_json(&self) -> Value {
-        match self.kind {
-            Kind::Holds => json!({ "is": true, "source": self.source }),
-            Kind::AtLeast(limit) => json!({ "min": rounded(limit), "source": self.source }),
-            Kind::AtMost(limit) => json!({ "max": rounded(limit), "source": self.source }),
-        }
-    }
-}
-
-/// A metric of one system.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Measured {
-    pub(crate) id: String,
-    pub(crate) title: String,
-    /// Computation, in words.
-    pub(crate) definition: String,
-    pub(crate) unit: &'static str,
-    pub(crate) suite: Suite,
-    pub(crate) value: Value,
-    pub(crate) direction: Direction,
-    /// Reason for a missing value.
-    pub(crate) reason: Option<String>,
-    pub(crate) limit: Option<Limit>,
-    /// True if the plant lacks a signal that it needs.
-    pub(crate) is_dropped: bool,
-    /// True if a missing number is the best result.
-    pub(crate) is_best_without: bool,
-    /// Bound of a number that is missing.
-    pub(crate) bound: Option<Bound>,
-    /// The values of runs under different conditions, of which the value is the extreme one, or that of the last.
-    pub(crate) series: Option<Series>,
-    /// Reason that the value cannot be compared with that of another system.
-    pub(crate) incomparable: Option<String>,
-    /// Class of the number in a standard.
-    pub(crate) words: Option<&'static str>,
-}
-
-/// Bound of a number that the procedure does not reach.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Bound {
-    Above(f64),
-    Below(f64),
-}
-
-impl Bound {
-    fn text(self) -> String {
-        match self {
-            Self::Above(limit) => format!("> {limit}"),
-            Self::Below(limit) => format!("< {limit}"),
-        }
-    }
-}
-
-/// Values of a metric by the condition of their runs, such as the speed. A system that gets further has other runs, and values under
-/// different conditions are not comparable.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Series {
-    /// Unit of measure of the condition.
-    pub(crate) unit: &'static str,
-    /// Condition and value, of the runs that the vehicle can drive.
-    pub(crate) values: Vec<(f64, f64)>,
-    /// True if the metric depends on these runs only.
-    pub(crate) is_whole: bool,
-}
-
-impl Measured {
-    /// A metric without a name.
-    pub(crate) fn new(suite: Suite, title: &str, unit: &'static str, direction: Direction, value: Value) -> Self {
-        Self {
-            id: String::new(),
-            title: title.to_owned(),
-            definition: String::new(),
-            unit,
-            suite,
-            value,
-            direction,
-            reason: None,
-            limit: None,
-            is_dropped: false,
-            is_best_without: false,
-            bound: None,
-            series: None,
-            incomparable: None,
-            words: None,
-        }
-    }
-}
-
-impl crate::maneuvers::Results {
-    /// Sets the limit of the last metric; `foreign` is the reason that it does not apply, if it does not.
-    pub(crate) fn limit(&mut self, limit: Limit, foreign: Option<&str>) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.limit = Some(Limit { foreign: foreign.map(str::to_owned), ..limit });
-        }
-    }
-
-    /// Sets the definition of the last metric.
-    pub(crate) fn defined(&mut self, definition: &str) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.definition = definition.to_owned();
-        }
-    }
-
-    /// Marks the last metric as without a value because the plant lacks a signal.
-    pub(crate) fn dropped(&mut self, reason: &str) {
-        self.because(reason);
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.is_dropped = true;
-        }
-    }
-
-    /// Marks the last metric as without a value because nothing is wrong.
-    pub(crate) fn best(&mut self, reason: &str) {
-        self.because(reason);
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.is_best_without = true;
-        }
-    }
-
-    /// Sets the bound of the missing number of the last metric.
-    pub(crate) fn bounded(&mut self, bound: Bound) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.bound = Some(bound);
-        }
-    }
-
-    /// Sets the values of the runs from which the last metric is computed.
-    pub(crate) fn series(&mut self, series: Series) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.series = Some(series);
-        }
-    }
-
-    /// Sets the reason that the last metric cannot be compared, if it cannot.
-    pub(crate) fn incomparable(&mut self, reason: Option<String>) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.incomparable = reason;
-        }
-    }
-
-    /// Sets the class of the last metric in a standard.
-    pub(crate) fn called(&mut self, words: &'static str) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.words = Some(words);
-        }
-    }
-
-    /// Sets the reason that the last metric has no value.
-    pub(crate) fn because(&mut self, reason: &str) {
-        if let Some(metric) = self.metrics.last_mut() {
-            metric.reason = Some(reason.to_owned());
-        }
-    }
-}
-
-/// A run that was made.
-#[derive(Debug, Clone, Serialize)]
-pub struct RunRecord {
-    /// Name.
-    pub id: String,
-    /// Group of maneuvers.
-    pub suite: Suite,
-    /// `without` or `with`.
-    pub system: &'static str,
-    /// Inputs of the run, SI; amplitudes in degrees at the steering wheel.
-    pub parameters: BTreeMap<String, f64>,
-    /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
-    pub flags: Vec<&'static str>,
-    /// Reason for its end.
-    pub stop_reason: String,
-    /// Number of rows.
-    pub rows: usize,
-    /// Error, if any.
-    pub error: Option<String>,
-    /// Numbers of its evaluator.
-    pub metrics: Value,
-}
-
-/// A maneuver that was left out.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Dropped {
-    /// Name of the maneuver.
-    pub run: String,
-    /// Signals that are missing.
-    pub missing: Vec<String>,
-    /// Reason.
-    pub reason: String,
-}
 
 /// Verdict on a metric.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -425,18 +152,10 @@ pub struct Assessment {
 /// Minimum relevant change, percent.
 const COUNTS: f64 = 1.0;
 
-/// A number with nine significant digits, which is what the JSON file holds.
-fn rounded(value: f64) -> Value {
-    if !value.is_finite() {
-        return Value::Null;
-    }
-    format!("{value:.8e}").parse::<f64>().map_or(Value::Null, |value| json!(value))
-}
-
 /// All numbers with nine significant digits.
 fn all_rounded(value: &Value) -> Value {
     match value {
-        Value::Number(number) if number.is_f64() => number.as_f64().map_or(Value::Null, rounded),
+        Value::Number(number) if number.is_f64() => json!(number.as_f64().and_then(rounded)),
         Value::Array(values) => values.iter().map(all_rounded).collect(),
         Value::Object(table) => table.iter().map(|(name, value)| (name.clone(), all_rounded(value))).collect(),
         other => other.clone(),
@@ -481,7 +200,7 @@ pub(crate) fn row(of: Pair<'_>) -> Row {
         suite: decisive.suite,
         words: [("without", without), ("with", with)]
             .into_iter()
-            .filter_map(|(system, metric)| Some((system, metric?.words?)))
+            .filter_map(|(system, metric)| Some((system, metric?.label?)))
             .collect(),
         without: old,
         with: new,
@@ -751,6 +470,7 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::results::REQUIRED;
 
     fn measured(value: Value, direction: Direction, limit: Option<Limit>) -> Measured {
         let metric = Measured::new(Suite::Braking, "Deceleration", "m/s2", direction, value);
@@ -873,14 +593,13 @@ mod tests {
             ..measured(Value::Null, Direction::Up, Some(Limit::at_least(1.0, REQUIRED)))
         };
         assert_eq!(verdict(&best), Verdict::Pass);
-        let foreign = Limit { foreign: Some("a truck".to_owned()), ..Limit::holds("R140") };
-        assert_eq!(of(json!(false), foreign), Verdict::Comparison);
+        let mut failed = measured(json!(false), Direction::Up, None);
+        failed.set_limit(Limit::holds("R140"), Some("a truck"));
+        assert_eq!(verdict(&failed), Verdict::Comparison);
     }
 
     #[test]
     fn numbers_have_nine_digits() {
-        assert_eq!(rounded(1.0 / 3.0), json!(0.333333333));
-        assert_eq!(rounded(f64::NAN), Value::Null);
         assert_eq!(
             all_rounded(&json!({ "b": [1.0 / 3.0, true, null], "a": 3 })),
             json!({ "a": 3, "b": [0.333333333, true, null] })

@@ -3,7 +3,7 @@
 //! The runs are those of the bench, with the same wiring, courses and evaluators. Results that need a series of runs (limits of
 //! regulations, a largest speed) need the bench.
 
-use crate::bench::{Bench, Runs};
+use crate::bench::{self, Bench, Runs};
 use crate::components::SetupError;
 use crate::course::{self, Course};
 use crate::evaluators::{self, Evaluation};
@@ -470,7 +470,7 @@ impl Single {
     #[must_use]
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
-        let ended = course::ended(&self.bench(), self.course.clone(), recording, None);
+        let ended = bench::ended(&self.bench(), self.course.clone(), recording, None);
         evaluator.evaluate(&ended.trace, &self.options).ok()
     }
 }

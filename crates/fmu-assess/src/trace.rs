@@ -6,6 +6,27 @@ pub use read::{Reading, Resample};
 
 use std::borrow::Cow;
 
+/// A column that an evaluator reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// Name. A `*` stands for wheels, axles or sides.
+    pub name: &'static str,
+    /// Unit of measure.
+    pub unit: &'static str,
+    /// Without a needed column the evaluator computes no metric.
+    pub is_needed: bool,
+}
+
+impl Column {
+    pub(crate) const fn needed(name: &'static str, unit: &'static str) -> Self {
+        Self { name, unit, is_needed: true }
+    }
+
+    pub(crate) const fn optional(name: &'static str, unit: &'static str) -> Self {
+        Self { name, unit, is_needed: false }
+    }
+}
+
 /// Recorded signals: a column of times and named columns of the same length.
 ///
 /// Signals have the names and units of the library (`vehicle.yaw_rate` in rad/s), times are in s. Rows are evenly spaced. A trace may

@@ -2,9 +2,9 @@
 
 use clap::{Args, ValueEnum};
 use fmu_assess::assess::{Options, Shown, assess};
-use fmu_assess::report::{Assessment, Judgment, Row, Suite, Verdict};
+use fmu_assess::report::{Assessment, Judgment, Row, Verdict};
 use fmu_assess::vehicle::VehicleFile;
-use fmu_assess::{ACTUATORS, SetupError, Subject};
+use fmu_assess::{ACTUATORS, SetupError, Subject, Suite};
 use fmu_import::description::Value;
 use fmu_import::parameter_set::{Parameter, ParameterSet};
 use fmu_system::resolve::FmuFolder;

@@ -1,10 +1,10 @@
 //! Braking: straight ahead and on split friction (UN R13-H), and in a turn (ISO 7975).
 
-use super::{Results, evaluated, number, or_null, reason};
-use crate::bench::Bench;
-use crate::course::{Course, EndAt, drive};
+use super::{evaluated, number, or_null, reason};
+use crate::bench::{Bench, drive};
+use crate::course::{Course, EndAt};
 use crate::metric::Direction;
-use crate::report::Limit;
+use crate::results::{Limit, Results};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -37,10 +37,10 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
     results.show(&run);
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
     results.take(&run, &metrics, &["mfdd"]);
-    results.limit(Limit::at_least(MFDD, "UN R13-H, type 0"), applies);
+    results.last().set_limit(Limit::at_least(MFDD, "UN R13-H, type 0"), applies);
     results.take(&run, &metrics, &["distance"]);
     if let Some(v) = number(&metrics, "initial_speed").map(|speed| 3.6 * speed) {
-        results.limit(Limit::at_most(0.1 * v + 0.006 * v * v, "UN R13-H, type 0"), applies);
+        results.last().set_limit(Limit::at_most(0.1 * v + 0.006 * v * v, "UN R13-H, type 0"), applies);
     }
     results.take(&run, &metrics, &["lateral_peak", "yaw_peak"]);
 }
@@ -82,25 +82,25 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
     }
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
     let held = Value::Bool(!spun && is_finished);
-    results.metric("held", "Stops without spinning", "", Direction::Up, held);
-    results.defined("Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.");
-    results.limit(Limit::holds("UN R13-H, annex on antilock braking"), applies);
+    results
+        .metric("held", "Stops without spinning", "", Direction::Up, held)
+        .set_definition("Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.")
+        .set_limit(Limit::holds("UN R13-H, annex on antilock braking"), applies);
     let [first_wheel, wheel, lateral, yaw] = worst;
     let degrees = |angle: Result<f64, String>| angle.map(f64::to_degrees);
     let mut add = |name: &str, title: &str, unit: &'static str, value: Result<f64, String>, definition: &str| {
-        match value {
+        let metric = match value {
             Ok(value) => results.metric(name, title, unit, Direction::Down, or_null(Some(value))),
-            Err(reason) => results.without(name, title, unit, Direction::Down, reason),
-        }
-        results.defined(definition);
-        results.incomparable(cut.clone());
+            Err(reason) => results.without(name, title, unit, Direction::Down, &reason),
+        };
+        metric.set_definition(definition).incomparable.clone_from(&cut);
         let steering = match name {
             "steering_wheel_peak_2s" => Some(STEERING.0),
             "steering_wheel_peak" => Some(STEERING.1),
             _ => None,
         };
         if let Some(limit) = steering {
-            results.limit(Limit::at_most(limit, "UN R13-H, annex on antilock braking"), applies);
+            metric.set_limit(Limit::at_most(limit, "UN R13-H, annex on antilock braking"), applies);
         }
     };
     add(

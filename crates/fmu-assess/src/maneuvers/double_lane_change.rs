@@ -1,11 +1,11 @@
 //! Double lane changes of ISO 3888-1 and ISO 3888-2: the largest speed at which no cone is touched.
 
-use super::{Results, evaluated, number, or_null, truth};
-use crate::bench::Bench;
-use crate::course::{Course, EndAt, Ended, drive};
+use super::{evaluated, number, or_null, truth};
+use crate::bench::{Bench, drive};
+use crate::course::{Course, EndAt, Ended};
 use crate::evaluators::{Evaluation, cones};
 use crate::metric::Direction;
-use crate::report::{Bound, Series};
+use crate::results::{Bound, Results, Series};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -102,7 +102,8 @@ fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluati
 
 pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
     results.track = cones(part, bench);
-    let (mut speed, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
+    let (slowest, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
+    let mut speed = slowest;
     let mut passed: Vec<(f64, Ended, Evaluation)> = Vec::new();
     let mut failed: Option<(f64, Ended)> = None;
     let mut attempts = |speed: f64, results: &mut Results| {
@@ -140,22 +141,20 @@ pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
         last_passed = Some(low);
         first_failed = Some(high);
     }
-    let title = "Largest entry speed";
+    let value = or_null(last_passed.filter(|_| first_failed.is_some()));
+    let metric = results.metric("max_entry_speed", "Largest entry speed", "km/h", Direction::Up, value);
+    metric.set_definition(
+        "Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.",
+    );
     match (last_passed, first_failed) {
-        (Some(speed), Some(_)) => results.metric("max_entry_speed", title, "km/h", Direction::Up, or_null(Some(speed))),
+        (Some(_), Some(_)) => (),
         (None, _) => {
-            let slowest = if bench.is_car() { 30 } else { 20 };
-            results.without("max_entry_speed", title, "km/h", Direction::Up, format!("it fails at {slowest} km/h"));
-            results.bounded(Bound::Below(f64::from(slowest)));
+            metric.set_reason(&format!("it fails at {slowest} km/h")).bound = Some(Bound::Below(slowest));
         }
         (Some(_), None) => {
-            results.metric("max_entry_speed", title, "km/h", Direction::Up, serde_json::Value::Null);
-            results.best(&format!("it passes up to {limit} km/h"));
-            results.bounded(Bound::Above(limit));
+            metric.set_best(&format!("it passes up to {limit} km/h")).bound = Some(Bound::Above(limit));
         }
     }
-    results
-        .defined("Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.");
     // The runs are in the order in which they were made; the last one that passed is the fastest of them.
     if let Some((speed, run, metrics)) = passed.last() {
         results.show(run);
@@ -164,7 +163,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
             results.take(run, metrics, &[name]);
             let values =
                 passed.iter().filter_map(|(speed, _, metrics)| Some((*speed, number(metrics, name)?))).collect();
-            results.series(Series { unit: "km/h", values, is_whole: true });
+            results.last().set_series(Series { unit: "km/h", values, is_whole: true });
         }
     }
     if let Some((_, run)) = &failed {

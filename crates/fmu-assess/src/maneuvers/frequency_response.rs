@@ -1,8 +1,9 @@
 //! Frequency response (random input of ISO 7401) with a sum of sines that repeats after ten seconds.
 
-use super::{Results, evaluated};
-use crate::bench::Bench;
-use crate::course::{Course, drive};
+use super::evaluated;
+use crate::bench::{Bench, drive};
+use crate::course::Course;
+use crate::results::Results;
 use crate::wiring::{Driving, STEP};
 use fmu_math::sin;
 use serde_json::json;

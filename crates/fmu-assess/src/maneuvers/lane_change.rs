@@ -1,8 +1,9 @@
 //! Single lane change (ISO 14791, SAE J2179): one period of a sine of lateral acceleration.
 
-use super::{Results, evaluated};
-use crate::bench::Bench;
-use crate::course::{Course, EndAt, drive};
+use super::evaluated;
+use crate::bench::{Bench, drive};
+use crate::course::{Course, EndAt};
+use crate::results::Results;
 use crate::wiring::Driving;
 use serde_json::json;
 

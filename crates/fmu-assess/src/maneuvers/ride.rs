@@ -1,10 +1,11 @@
 //! Ride on random roads of ISO 8608, weighted by ISO 2631-1.
 
-use super::{Results, evaluated, number, or_null, reason};
-use crate::bench::Bench;
-use crate::course::{Course, drive};
+use super::{evaluated, number, or_null, reason};
+use crate::bench::{Bench, drive};
+use crate::course::Course;
 use crate::evaluators::{Evaluation, comfort};
 use crate::metric::{Direction, Value};
+use crate::results::Results;
 use crate::wiring::Driving;
 use serde_json::json;
 
@@ -87,13 +88,13 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
         let why = |name: &str| broken.clone().or_else(|| found.iter().find_map(|of| reason(of, name)));
         let mut add = |name: &str, title: &str, unit: &'static str, definition: &str, value: Option<f64>| {
             let (id, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
-            results.metric(&id, &title, unit, Direction::Down, or_null(value));
-            results.defined(definition);
+            let metric = results.metric(&id, &title, unit, Direction::Down, or_null(value));
+            metric.set_definition(definition);
             if let Some(total) = value.filter(|_| name == "vibration_total") {
-                results.called(comfort(total));
+                metric.label = Some(comfort(total));
             }
             if let (None, Some(reason)) = (value, why(name)) {
-                results.because(&reason);
+                metric.set_reason(&reason);
             }
         };
         let of_all = "Root of the sum of the squares of the weighted heave, roll and pitch accelerations, mean of three roads. \

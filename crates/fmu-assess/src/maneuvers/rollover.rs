@@ -1,13 +1,13 @@
 //! Fishhook with roll-rate feedback and J-turn (NHTSA): lowest speed at which two wheels lift.
 
-use super::{Results, SIDES, evaluated, number, or_null, truth};
-use crate::bench::Bench;
-use crate::course::{Course, drive};
+use super::{SIDES, evaluated, number, or_null, truth};
+use crate::bench::{Bench, drive};
+use crate::course::Course;
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
-use crate::report::{Bound, Limit, Series};
+use crate::results::{Bound, Limit, Results, Series};
 use crate::wiring::Driving;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// One mile per hour, m/s.
 const MPH: f64 = 0.447_04;
@@ -42,47 +42,42 @@ fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &m
         }
     }
     let applies = bench.foreign();
-    if is_known {
-        results.metric(
-            "no_lift",
-            "No two-wheel lift up to the highest speed",
-            "",
-            Direction::Up,
-            json!(lifted.is_none()),
-        );
-        results.limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies);
-    } else {
-        let reason = "no run tells the tire loads".to_owned();
-        results.without("no_lift", "No two-wheel lift up to the highest speed", "", Direction::Up, reason);
-        results.limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies);
+    let title = "No two-wheel lift up to the highest speed";
+    let no_lift = if is_known { json!(lifted.is_none()) } else { Value::Null };
+    let metric = results.metric("no_lift", title, "", Direction::Up, no_lift);
+    metric
+        .set_limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies)
+        .set_definition("Whether the tires of one side never lose the road for 20 ms, at any speed of the series.");
+    if !is_known {
+        metric.set_reason("no run tells the tire loads");
     }
-    results.defined("Whether the tires of one side never lose the road for 20 ms, at any speed of the series.");
-    results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));
+    let metric =
+        results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));
+    metric.set_definition("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
     if lifted.is_none() {
-        results.best("no wheels lift");
-        if let Some(highest) = speeds.last().filter(|_| is_known) {
-            results.bounded(Bound::Above(*highest));
-        }
+        metric.set_best("no wheels lift");
+        metric.bound = speeds.last().filter(|_| is_known).map(|highest| Bound::Above(*highest));
     }
-    results.defined("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
-    results.metric(
-        "load_transfer_peak",
-        "Largest load transfer ratio",
-        "1",
-        Direction::Down,
-        or_null(load_transfer.largest),
-    );
-    results.series(load_transfer.series);
+    results
+        .metric(
+            "load_transfer_peak",
+            "Largest load transfer ratio",
+            "1",
+            Direction::Down,
+            or_null(load_transfer.largest),
+        )
+        .set_series(load_transfer.series);
     if load_transfer.largest.is_none() {
         unknown(bench, "vehicle.load_transfer_ratio", results);
     }
-    results.defined("Largest magnitude of the load transfer ratio, of all runs.");
-    results.metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll.largest));
-    results.series(roll.series);
+    results.last().set_definition("Largest magnitude of the load transfer ratio, of all runs.");
+    results
+        .metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll.largest))
+        .set_series(roll.series);
     if roll.largest.is_none() {
         unknown(bench, "body.roll", results);
     }
-    results.defined("Largest magnitude of the roll angle, of all runs.");
+    results.last().set_definition("Largest magnitude of the roll angle, of all runs.");
 }
 
 /// The largest peak of all runs, and those of the speeds that the vehicle can drive.
@@ -136,9 +131,9 @@ pub(crate) fn j_turn_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f6
 /// Sets the reason that the last metric, which needs a signal, has no value.
 fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
     if bench.has_output(signal) {
-        results.because("no run has it");
+        results.last().set_reason("no run has it");
     } else {
-        results.dropped(&format!("the plant has no output `{signal}`"));
+        results.last().set_dropped(&format!("the plant has no output `{signal}`"));
     }
 }
 

@@ -1,11 +1,11 @@
 //! Sine with dwell (FMVSS 126, UN R140): a series of rising amplitudes to both sides, coasting.
 
-use super::{Hindrance, Results, SIDES, evaluated, number, or_null, reason, truth};
-use crate::bench::Bench;
-use crate::course::{Course, drive};
+use super::{Hindrance, SIDES, evaluated, number, or_null, reason, truth};
+use crate::bench::{Bench, drive};
+use crate::course::Course;
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
-use crate::report::{Limit, Series};
+use crate::results::{Limit, Results, Series};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -127,48 +127,53 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let stable = if unknown.is_none() || !is_stable { Value::Bool(is_stable) } else { Value::Null };
     results.metric("stable", "Stable at all amplitudes", "", Direction::Up, stable);
     if let Some(reason) = unknown.as_ref().filter(|_| is_stable) {
-        results.because(reason);
+        results.last().set_reason(reason);
     }
-    results.limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
-    results.defined("Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.");
-    results.metric("unstable_from", "Unstable from an amplitude of", "A", Direction::None, or_null(unstable_from));
-    results.defined("Smallest amplitude at which a run is not stable.");
+    results.last().set_limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
+    results.last().set_definition("Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.");
+    results
+        .metric("unstable_from", "Unstable from an amplitude of", "A", Direction::None, or_null(unstable_from))
+        .set_definition("Smallest amplitude at which a run is not stable.");
     if unstable_from.is_none() {
-        results.best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
+        results.last().set_best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
     }
     let [first, second] = worst;
     let has_displacement = least.value.is_some();
-    results.metric(
-        "yaw_rate_ratio_1s",
-        "Largest yaw rate 1 s after the steering",
-        "1",
-        Direction::Down,
-        or_null(first.value),
-    );
-    results.defined(
-        "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
-    );
-    results.series(first.series());
-    results.metric(
-        "yaw_rate_ratio_1_75s",
-        "Largest yaw rate 1.75 s after the steering",
-        "1",
-        Direction::Down,
-        or_null(second.value),
-    );
-    results.defined("The same 1.75 s after the completion of steer.");
-    results.series(second.series());
-    results.metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, or_null(least.value));
     results
-        .defined("Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.");
-    results.limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies);
-    results.series(least.series());
+        .metric(
+            "yaw_rate_ratio_1s",
+            "Largest yaw rate 1 s after the steering",
+            "1",
+            Direction::Down,
+            or_null(first.value),
+        )
+        .set_definition(
+            "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
+        )
+        .set_series(first.series());
+    results
+        .metric(
+            "yaw_rate_ratio_1_75s",
+            "Largest yaw rate 1.75 s after the steering",
+            "1",
+            Direction::Down,
+            or_null(second.value),
+        )
+        .set_definition("The same 1.75 s after the completion of steer.")
+        .set_series(second.series());
+    results
+        .metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, or_null(least.value))
+        .set_definition(
+            "Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.",
+        )
+        .set_limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies)
+        .set_series(least.series());
     if !has_displacement {
         let largest = amplitudes(a).into_iter().fold(0.0, f64::max);
         if largest < COUNTS_FROM * a {
-            results.because(&format!("the largest amplitude, {largest:.0} deg, is below 5 A"));
+            results.last().set_reason(&format!("the largest amplitude, {largest:.0} deg, is below 5 A"));
         } else {
-            results.because("no run of at least 5 A has a displacement");
+            results.last().set_reason("no run of at least 5 A has a displacement");
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Slowly increasing steer (FMVSS 126 S7.6, ISO 4138 at constant speed) and constant radius (ISO 4138).
 
-use super::{G, Results, SIDES, evaluated, number, or_null, reason};
-use crate::bench::Bench;
-use crate::course::{Course, EndAt, Ended, drive};
+use super::{G, SIDES, evaluated, number, or_null, reason};
+use crate::bench::{Bench, drive};
+use crate::course::{Course, EndAt, Ended};
 use crate::metric::{self, Direction};
-use crate::report::Suite;
+use crate::results::{Results, Suite};
 use crate::systems::Speed;
 use crate::wiring::Driving;
 use serde_json::{Value, json};
@@ -60,9 +60,9 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
     let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
     results.metric("A", "Steering wheel angle at 0.3 g", "deg", Direction::None, or_null(amplitude));
     if let Some(reason) = why("A") {
-        results.because(&reason);
+        results.last().set_reason(&reason);
     }
-    results.defined("A: mean of the magnitudes that both directions give, rounded to 0.1 deg.");
+    results.last().set_definition("A: mean of the magnitudes that both directions give, rounded to 0.1 deg.");
     for (name, title, unit) in [
         ("understeer_gradient", "Understeer gradient", "rad/(m/s2)"),
         ("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)"),
@@ -72,9 +72,11 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
         let value = mean(name);
         results.metric(name, title, unit, Direction::None, or_null(value));
         if let Some(reason) = why(name) {
-            results.because(&reason);
+            results.last().set_reason(&reason);
         }
-        results.defined("Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.");
+        results
+            .last()
+            .set_definition("Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.");
     }
     (results, Increasing { amplitude, understeer_gradient: mean("understeer_gradient") })
 }
@@ -113,7 +115,8 @@ pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     results.show(run);
     results.take(run, &metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
     if run.error.is_some() {
-        results.metric("completed", "Circle driven to the end", "", Direction::None, Value::Bool(false));
-        results.defined("Whether the run gets to its end, 72 s, without breaking down.");
+        results
+            .metric("completed", "Circle driven to the end", "", Direction::None, Value::Bool(false))
+            .set_definition("Whether the run gets to its end, 72 s, without breaking down.");
     }
 }

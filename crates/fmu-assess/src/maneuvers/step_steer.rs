@@ -1,9 +1,10 @@
 //! Step steer (ISO 7401), and the frequency response, which takes half of its steering.
 
-use super::{Results, evaluated, frequency_response, number, reason};
-use crate::bench::Bench;
-use crate::course::{Course, Ended, drive};
+use super::{evaluated, frequency_response, number, reason};
+use crate::bench::{Bench, drive};
+use crate::course::{Course, Ended};
 use crate::evaluators::Evaluation;
+use crate::results::Results;
 use crate::wiring::Driving;
 use serde_json::json;
 

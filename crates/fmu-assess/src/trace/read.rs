@@ -1,7 +1,6 @@
 //! Traces from CSV files.
 
-use super::Trace;
-use crate::evaluators::Column;
+use super::{Column, Trace};
 use fmu_import::names::{similar, suggestion};
 use fmu_system::data::unit::{SAME, Target};
 use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};

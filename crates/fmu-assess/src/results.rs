@@ -1,0 +1,362 @@
+//! Results of the maneuvers of a system: metrics with their limits, runs, and signals for figures.
+
+use crate::Trace;
+use crate::course::Ended;
+use crate::evaluators::{self, Evaluation};
+use crate::json::rounded;
+use crate::metric::{self, Direction};
+use fmu_system::requirements::holds;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// A group of maneuvers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Suite {
+    /// Steady state and response to steering.
+    Handling,
+    /// Sine with dwell and double lane changes.
+    Stability,
+    /// Fishhook and J-turn.
+    Rollover,
+    /// Straight, on split friction, in a turn.
+    Braking,
+    /// On rough roads.
+    Ride,
+}
+
+impl Suite {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Handling, Self::Stability, Self::Rollover, Self::Braking, Self::Ride];
+
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Handling => "handling",
+            Self::Stability => "stability",
+            Self::Rollover => "rollover",
+            Self::Braking => "braking",
+            Self::Ride => "ride",
+        }
+    }
+}
+
+/// Results of a maneuver of a system.
+#[derive(Debug)]
+pub(crate) struct Results {
+    pub(crate) maneuver: &'static str,
+    pub(crate) suite: Suite,
+    pub(crate) system: &'static str,
+    pub(crate) metrics: Vec<Measured>,
+    pub(crate) runs: Vec<RunRecord>,
+    pub(crate) dropped: Option<Dropped>,
+    /// Runs whose signals the report shows.
+    pub(crate) shown: Vec<(String, Trace<'static>)>,
+    /// Sections of a coned track, m: begin, end, right and left edge of each.
+    pub(crate) track: Option<[[f64; 4]; 3]>,
+    /// Largest entry speed of a coned track, km/h.
+    pub(crate) entry_speed: Option<f64>,
+}
+
+impl Results {
+    pub(crate) fn new(maneuver: &'static str, suite: Suite, system: &'static str) -> Self {
+        let (metrics, runs, shown) = (Vec::new(), Vec::new(), Vec::new());
+        Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None, entry_speed: None }
+    }
+
+    /// Skips the maneuver. A metric with the name of the maneuver has the verdict.
+    pub(crate) fn drop_out(&mut self, missing: Vec<String>, reason: String) {
+        let mut metric = Measured::new(self.suite, "The maneuver", "", Direction::None, Value::Null);
+        self.maneuver.clone_into(&mut metric.id);
+        metric.set_dropped(&reason).set_definition("A maneuver that is left out has no metrics.");
+        self.metrics.push(metric);
+        self.dropped = Some(Dropped { run: self.maneuver.to_owned(), missing, reason });
+    }
+
+    /// Adds a run with the metrics of its evaluator.
+    pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
+        self.runs.push(RunRecord {
+            id: ended.course.id.clone(),
+            suite: self.suite,
+            system: self.system,
+            parameters: ended.course.shown.clone(),
+            flags: ended.flags.clone(),
+            stop_reason: ended.stop_reason.clone(),
+            rows: ended.trace.times().len(),
+            error: ended.error.clone(),
+            metrics: serde_json::from_str(&metrics.to_json()).unwrap_or_default(),
+        });
+    }
+
+    /// Keeps the signals of a run for figures.
+    pub(crate) fn show(&mut self, ended: &Ended) {
+        self.shown.push((ended.course.id.clone(), ended.trace.clone()));
+    }
+
+    /// Adds a metric of the maneuver.
+    pub(crate) fn metric(
+        &mut self,
+        name: &str,
+        title: &str,
+        unit: &'static str,
+        direction: Direction,
+        value: Value,
+    ) -> &mut Measured {
+        let id = format!("{}.{name}", self.maneuver);
+        self.metrics.push(Measured { id, ..Measured::new(self.suite, title, unit, direction, value) });
+        self.last()
+    }
+
+    /// The last metric.
+    pub(crate) fn last(&mut self) -> &mut Measured {
+        self.metrics.last_mut().expect("a metric was added")
+    }
+
+    /// Adds a metric without a number, with the reason.
+    pub(crate) fn without(
+        &mut self,
+        name: &str,
+        title: &str,
+        unit: &'static str,
+        direction: Direction,
+        reason: &str,
+    ) -> &mut Measured {
+        self.metric(name, title, unit, direction, Value::Null).set_reason(reason)
+    }
+
+    /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
+    pub(crate) fn take(&mut self, run: &Ended, metrics: &Evaluation, wanted: &[&str]) {
+        for name in wanted {
+            let Some(found) = metrics.metrics.iter().find(|metric| metric.name == *name) else { continue };
+            let metric::Definition { title, unit, direction, definition, .. } = *found.definition;
+            let metric = match &found.value {
+                metric::Value::Number(number) => self.metric(name, title, unit, direction, json!(number)),
+                metric::Value::Boolean(value) => self.metric(name, title, unit, direction, json!(value)),
+                metric::Value::Numbers(_) => continue,
+                metric::Value::Null(reason) => self.without(name, title, unit, direction, &reason.to_string()),
+            };
+            metric.set_definition(definition).incomparable = run.cut_short();
+        }
+    }
+
+    /// Adds metrics of an evaluator that have no number, all for the same reason.
+    pub(crate) fn take_none(&mut self, evaluator: &str, wanted: &[&str], reason: &str) {
+        let table = evaluators::find(evaluator).map_or(&[][..], |evaluator| evaluator.metrics);
+        for name in wanted {
+            let Some(found) = table.iter().find(|definition| definition.name == *name) else { continue };
+            self.without(name, found.title, found.unit, found.direction, reason).set_definition(found.definition);
+        }
+    }
+}
+
+/// A metric of one system.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Measured {
+    pub(crate) id: String,
+    pub(crate) title: String,
+    /// Computation, in words.
+    pub(crate) definition: String,
+    pub(crate) unit: &'static str,
+    pub(crate) suite: Suite,
+    pub(crate) value: Value,
+    pub(crate) direction: Direction,
+    /// Reason for a missing value.
+    pub(crate) reason: Option<String>,
+    pub(crate) limit: Option<Limit>,
+    /// True if the plant lacks a signal that it needs.
+    pub(crate) is_dropped: bool,
+    /// True if a missing number is the best result.
+    pub(crate) is_best_without: bool,
+    /// Bound of a number that is missing.
+    pub(crate) bound: Option<Bound>,
+    /// The values of runs under different conditions, of which the value is the extreme one, or that of the last.
+    pub(crate) series: Option<Series>,
+    /// Reason that the value cannot be compared with that of another system.
+    pub(crate) incomparable: Option<String>,
+    /// Class of the number in a standard.
+    pub(crate) label: Option<&'static str>,
+}
+
+/// Bound of a number that the procedure does not reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Bound {
+    Above(f64),
+    Below(f64),
+}
+
+impl Bound {
+    pub(crate) fn text(self) -> String {
+        match self {
+            Self::Above(limit) => format!("> {limit}"),
+            Self::Below(limit) => format!("< {limit}"),
+        }
+    }
+}
+
+/// Values of a metric by the condition of their runs, such as the speed. A system that gets further has other runs, and values under
+/// different conditions are not comparable.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Series {
+    /// Unit of measure of the condition.
+    pub(crate) unit: &'static str,
+    /// Condition and value, of the runs that the vehicle can drive.
+    pub(crate) values: Vec<(f64, f64)>,
+    /// True if the metric depends on these runs only.
+    pub(crate) is_whole: bool,
+}
+
+impl Measured {
+    /// A metric without a name.
+    pub(crate) fn new(suite: Suite, title: &str, unit: &'static str, direction: Direction, value: Value) -> Self {
+        Self {
+            id: String::new(),
+            title: title.to_owned(),
+            definition: String::new(),
+            unit,
+            suite,
+            value,
+            direction,
+            reason: None,
+            limit: None,
+            is_dropped: false,
+            is_best_without: false,
+            bound: None,
+            series: None,
+            incomparable: None,
+            label: None,
+        }
+    }
+
+    /// Sets the limit; `not_applicable` is the reason that it does not apply, if it does not.
+    pub(crate) fn set_limit(&mut self, limit: Limit, not_applicable: Option<&str>) -> &mut Self {
+        self.limit = Some(Limit { foreign: not_applicable.map(str::to_owned), ..limit });
+        self
+    }
+
+    /// Sets the definition.
+    pub(crate) fn set_definition(&mut self, definition: &str) -> &mut Self {
+        definition.clone_into(&mut self.definition);
+        self
+    }
+
+    /// Sets the reason for no value.
+    pub(crate) fn set_reason(&mut self, reason: &str) -> &mut Self {
+        self.reason = Some(reason.to_owned());
+        self
+    }
+
+    /// Sets the reason for no value: the plant lacks a signal.
+    pub(crate) fn set_dropped(&mut self, reason: &str) -> &mut Self {
+        self.is_dropped = true;
+        self.set_reason(reason)
+    }
+
+    /// Sets the reason for no value, which is the best result.
+    pub(crate) fn set_best(&mut self, reason: &str) -> &mut Self {
+        self.is_best_without = true;
+        self.set_reason(reason)
+    }
+
+    /// Sets the values of the runs from which the metric is computed.
+    pub(crate) fn set_series(&mut self, series: Series) -> &mut Self {
+        self.series = Some(series);
+        self
+    }
+}
+
+/// Source of the limits of the caller.
+pub(crate) const REQUIRED: &str = "--require";
+
+/// A limit of a regulation or of the caller.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Limit {
+    kind: Kind,
+    source: String,
+    /// Reason that it does not apply.
+    pub(crate) foreign: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Holds,
+    AtLeast(f64),
+    AtMost(f64),
+}
+
+impl Limit {
+    fn new(kind: Kind, source: &str) -> Self {
+        Self { kind, source: source.to_owned(), foreign: None }
+    }
+
+    /// A Boolean that must be true.
+    pub(crate) fn holds(source: &str) -> Self {
+        Self::new(Kind::Holds, source)
+    }
+
+    pub(crate) fn at_least(limit: f64, source: &str) -> Self {
+        Self::new(Kind::AtLeast(limit), source)
+    }
+
+    pub(crate) fn at_most(limit: f64, source: &str) -> Self {
+        Self::new(Kind::AtMost(limit), source)
+    }
+
+    /// True if the caller has set it. It then gives a verdict even without a number.
+    pub(crate) fn is_required(&self) -> bool {
+        self.source == REQUIRED
+    }
+
+    pub(crate) fn is_kept(&self, value: &Value) -> Option<bool> {
+        match (self.kind, value) {
+            (_, Value::Null) if self.is_required() => Some(false),
+            (Kind::Holds, Value::Bool(value)) => Some(*value),
+            (Kind::AtLeast(limit), value) => value.as_f64().map(|value| holds([Some(limit), None], Some(value))),
+            (Kind::AtMost(limit), value) => value.as_f64().map(|value| holds([None, Some(limit)], Some(value))),
+            (Kind::Holds, _) => None,
+        }
+    }
+
+    pub(crate) fn to_json(&self) -> Value {
+        match self.kind {
+            Kind::Holds => json!({ "is": true, "source": self.source }),
+            Kind::AtLeast(limit) => json!({ "min": rounded(limit), "source": self.source }),
+            Kind::AtMost(limit) => json!({ "max": rounded(limit), "source": self.source }),
+        }
+    }
+}
+
+/// A run that was made.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunRecord {
+    /// Name.
+    pub id: String,
+    /// Group of maneuvers.
+    pub suite: Suite,
+    /// `without` or `with`.
+    pub system: &'static str,
+    /// Inputs of the run, SI; amplitudes in degrees at the steering wheel.
+    pub parameters: BTreeMap<String, f64>,
+    /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
+    pub flags: Vec<&'static str>,
+    /// Reason for its end.
+    pub stop_reason: String,
+    /// Number of rows.
+    pub rows: usize,
+    /// Error, if any.
+    pub error: Option<String>,
+    /// Numbers of its evaluator.
+    pub metrics: Value,
+}
+
+/// A maneuver that was left out.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Dropped {
+    /// Name of the maneuver.
+    pub run: String,
+    /// Signals that are missing.
+    pub missing: Vec<String>,
+    /// Reason.
+    pub reason: String,
+}
