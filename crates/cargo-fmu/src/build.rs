@@ -10,16 +10,12 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
 use crate::platform::Platform;
+use crate::toolchain::cargo;
 use crate::toolchain::{self, Toolchain};
 use crate::wasm32::{self, Wasm};
 use crate::win64::Mingw;
 use crate::workspace::{Model, Workspace};
 use crate::zigbuild::Zigbuild;
-
-/// A call of the cargo in use.
-pub(crate) fn cargo() -> Command {
-    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-}
 
 /// Options of `cargo fmu pack` that are passed on to cargo.
 #[derive(clap::Args, Clone, Debug, Default)]

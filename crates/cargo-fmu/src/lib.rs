@@ -12,6 +12,7 @@ mod inspect;
 mod licenses;
 pub mod linearize;
 mod new;
+mod operating_point;
 pub mod output;
 pub mod pack;
 mod platform;

@@ -13,9 +13,10 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
-use crate::build::{Builder, Options, cargo, name_and_version};
+use crate::build::{Builder, Options, name_and_version};
 use crate::platform::Platform;
 use crate::toolchain::Toolchain;
+use crate::toolchain::cargo;
 use crate::workspace::{Model, Workspace};
 
 /// Entry point of the folder.

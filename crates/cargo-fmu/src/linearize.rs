@@ -16,6 +16,7 @@ use nalgebra::DMatrix;
 use self::model::{LinearModel, Mode, Signal};
 use crate::files::write_whole;
 use crate::inspect::locate;
+use crate::operating_point::{groups, parse};
 use crate::output;
 use crate::worker;
 use crate::{errln, outln};
@@ -109,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let formats = arguments.out.iter().map(|path| format(path)).collect::<Result<Vec<_>>>()?;
     let workers = arguments.workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;
     let settings = if arguments.trim {
-        let free = crate::trim::groups(&arguments.free);
+        let free = groups(&arguments.free);
         let steady =
             fmu_linear::worker::trim(&workers, &path, &settings, &free).map_err(|message| miette!("{message}"))?;
         steady.settings()
@@ -148,14 +149,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         outln!("\n--matrices prints A, B, C and D; --out FILE writes them as .json, .csv or .mat, or a page as .html.");
     }
     Ok(())
-}
-
-/// Name and value of a `--set`.
-pub(crate) fn parse(setting: &str) -> Result<(String, String)> {
-    let (name, value) = setting
-        .split_once('=')
-        .ok_or_else(|| miette!("--set {setting}: expected NAME=VALUE, as in driver.speed=9.7"))?;
-    Ok((name.trim().to_owned(), value.trim().to_owned()))
 }
 
 fn print_modes(model: &LinearModel, trimmed: bool) {

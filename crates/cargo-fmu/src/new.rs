@@ -5,9 +5,9 @@ use std::process::Command;
 
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
-use crate::build::cargo;
 use crate::files::write_whole;
 use crate::outln;
+use crate::toolchain::cargo;
 use crate::workspace::{Workspace, pascal_case};
 
 /// Arguments of `cargo fmu new`.

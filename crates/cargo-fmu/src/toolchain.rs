@@ -8,6 +8,11 @@ use std::process::Command;
 
 use crate::platform::Platform;
 
+/// A call of the cargo in use.
+pub(crate) fn cargo() -> Command {
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
 /// Sources of the standard library in a toolchain, by rustup and by Debian.
 const SOURCES: &str = "lib/rustlib/src/rust";
 /// Debian's packages of a toolchain with sources.

@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 
 use crate::eigenvalues::eigenvalues;
 use crate::inspect::locate;
-use crate::linearize::parse;
+use crate::operating_point::{groups, parse};
 use crate::outln;
 use crate::worker;
 
@@ -41,11 +41,6 @@ pub struct Arguments {
     json: bool,
     #[command(flatten)]
     workers: worker::Options,
-}
-
-/// Names of groups of inputs that are separated by commas.
-pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
-    free.iter().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()).collect()
 }
 
 /// Prints the steady state, and writes a file.

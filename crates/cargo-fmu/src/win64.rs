@@ -8,8 +8,8 @@ use std::process::Command;
 
 use miette::{Result, miette};
 
-use crate::build::cargo;
 use crate::platform::Platform;
+use crate::toolchain::cargo;
 use crate::toolchain::{self, PACKAGES, Toolchain};
 
 /// The target that rustup has a standard library for.

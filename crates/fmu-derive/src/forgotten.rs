@@ -10,7 +10,6 @@ use syn::{
 };
 
 use crate::errors::Errors;
-use crate::model::Kind;
 
 /// Reports each mistake. Corrects the declarations and empties the functions, so that the compiler reports no follow-up errors.
 pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream, errors: &mut Errors) {
@@ -146,6 +145,14 @@ fn with_paths(signature: &str, root: &TokenStream) -> syn::Result<ImplItemFn> {
 /// Code as the author writes it: `X<T>`, not `X < T >`.
 fn without_blanks(code: &impl ToTokens) -> String {
     code.to_token_stream().to_string().replace(' ', "")
+}
+
+/// Kind of a model trait.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Continuous,
+    Discrete,
+    Stateful,
 }
 
 impl Kind {

@@ -14,7 +14,7 @@ use syn::{
 use crate::attribute::{doc, literal};
 use crate::comparison;
 use crate::errors::Errors;
-use crate::forgotten;
+use crate::forgotten::{self, Kind};
 use crate::reads;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
@@ -101,14 +101,6 @@ fn with_crate(arguments: TokenStream) -> TokenStream {
         }
     }
     all.into_iter().collect()
-}
-
-/// Kind of a model trait.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    Continuous,
-    Discrete,
-    Stateful,
 }
 
 /// Returns the completed implementation and the export. After a mistake the export is left out, so that the mistake is

@@ -6,6 +6,7 @@
 
 #![allow(unsafe_code)]
 
+mod array_values;
 mod callbacks;
 pub mod calls;
 pub mod description_options;

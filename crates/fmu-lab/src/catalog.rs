@@ -1,7 +1,6 @@
 //! Choices that the page offers, from the descriptions of FMUs and the scenarios.
 
 use crate::fmus::{Fmus, name_of};
-use crate::free::ALONE;
 use crate::requests::{Adjustable, Catalog, Choice, Controller, Display, Maneuver, ScenarioEntry, Vehicle};
 use fmu_assess::single::{self, Choosable, MANEUVERS};
 use fmu_import::description::{Causality, ModelDescription, Value};
@@ -10,6 +9,9 @@ use fmu_system::plan::Plan;
 use fmu_system::resolve::{Options, resolve};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+
+/// Id of the maneuver of an FMU that runs without others, and name of its component.
+pub(crate) const ALONE: &str = "alone";
 
 /// FMUs that are part of every system, and those that only explicit connections join to others.
 const OTHERS: [&str; 6] = ["Driver", "PathDriver", "Road", "Sensor", "Actuator", "BrakeAndDriveActuators"];

@@ -1,7 +1,7 @@
 //! Prepares systems to run, by their parts or from scenarios.
 
 use crate::adjust;
-use crate::catalog::{self, Scenario};
+use crate::catalog::{self, ALONE, Scenario};
 use crate::drive::Driver;
 use crate::fmus::{Fmus, name_of};
 use crate::requests::{Failure, Setup, System};
@@ -14,9 +14,6 @@ use fmu_system::resolve::{Options, ResolveError, resolve_text};
 use fmu_system::run::{Run, Simulation};
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// Id of the maneuver of an FMU that runs without others, and name of its component.
-pub(crate) const ALONE: &str = "alone";
 
 /// Source of the metrics of a system.
 pub(crate) enum Source {

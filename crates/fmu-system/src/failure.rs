@@ -1,6 +1,6 @@
 //! Failures of runs, in this process or in a worker.
 
-use crate::master::Recording;
+use crate::recording::Recording;
 use serde::{Deserialize, Serialize};
 
 /// A run that failed, or that an FMU ended before its stop time.

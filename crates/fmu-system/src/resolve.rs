@@ -13,6 +13,7 @@ mod members;
 mod pattern;
 mod report;
 mod runs;
+mod series;
 mod system;
 mod unread;
 mod values;

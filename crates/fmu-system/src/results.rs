@@ -5,7 +5,7 @@ mod status;
 
 pub use status::{RunStatus, RunStatuses, STATUS_FILE};
 
-use crate::master::Recording;
+use crate::recording::Recording;
 use crate::run::Run;
 use serde::{Deserialize, Serialize};
 use std::fs::File;

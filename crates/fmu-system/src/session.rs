@@ -28,8 +28,8 @@
 
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::{FmusError, Instances};
-use crate::master::Recording;
 use crate::parameter::{self, ParameterError};
+use crate::recording::Recording;
 use crate::run::{InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};

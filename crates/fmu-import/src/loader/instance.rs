@@ -1,12 +1,12 @@
 //! An instance: its life cycle, and the calls of its functions.
 
+use super::array_values::{Buffers, Whole};
 use super::callbacks::{OpenLog, allocate_memory, free_memory, log_text, logger};
 use super::calls::{self, Board, Function};
 use super::error::{CallError, CallProblem, Message, Status};
 use super::floats::{self, FloatEnvironment};
 use super::functions::Functions;
 use super::library::Library;
-use super::special::{Buffers, Whole};
 use crate::c_api::{self, CallbackFunctions, Component, RawStatus, v3};
 use crate::description::{FmiVersion, Interface};
 use crate::signature::Signature;

@@ -4,15 +4,15 @@
 //! stack. An element of an array ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is
 //! read and written with its array.
 
+use super::array_values::{Buffered, Kept};
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
 use super::functions::{Functions, v3};
 use super::instance::Instance;
 use crate::c_api::v3::{Get, RawBoolean, Set};
 use crate::c_api::{self, Reference};
-use crate::description::{BaseType, DataType, FmiVersion, Value};
+use crate::description::{BaseType, DataType, FmiVersion};
 use crate::signature::Special;
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Booleans that are converted at once, without memory from the heap.
@@ -20,59 +20,6 @@ const CHUNK: usize = 64;
 const OTHER_NUMBER: CallProblem = CallProblem::Arguments("the number of values is not that of the elements");
 const OTHER_TYPE: CallProblem = CallProblem::Arguments("the variable is of another type");
 pub(super) const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does not fit the type of the variable");
-
-/// Values of arrays whose elements are read or written.
-#[derive(Default)]
-pub(super) struct Whole {
-    reals: Part<f64>,
-    /// Also Booleans, which have this type in FMI 2.0.
-    integers: Part<i32>,
-    wide: Part<i64>,
-}
-
-/// Values of arrays of one type.
-#[derive(Default)]
-pub(super) struct Part<T> {
-    /// Of the array that a call transfers.
-    values: Vec<T>,
-    /// Of arrays that were set before the initialization, when the FMU cannot be asked.
-    given: HashMap<Reference, Vec<T>>,
-}
-
-/// A type of values, with the storage for those of an array.
-pub(super) trait Kept: Copy + Default {
-    fn part(whole: &mut Whole) -> &mut Part<Self>;
-    /// A start value as this type.
-    fn of(start: &Value) -> Option<Self>;
-}
-impl Kept for f64 {
-    fn part(whole: &mut Whole) -> &mut Part<Self> {
-        &mut whole.reals
-    }
-    fn of(start: &Value) -> Option<Self> {
-        if let Value::Real(value) = start { Some(*value) } else { None }
-    }
-}
-impl Kept for i32 {
-    fn part(whole: &mut Whole) -> &mut Part<Self> {
-        &mut whole.integers
-    }
-    fn of(start: &Value) -> Option<Self> {
-        match start {
-            Value::Integer(value) => Self::try_from(*value).ok(),
-            Value::Boolean(value) => Some((*value).into()),
-            _ => None,
-        }
-    }
-}
-impl Kept for i64 {
-    fn part(whole: &mut Whole) -> &mut Part<Self> {
-        &mut whole.wide
-    }
-    fn of(start: &Value) -> Option<Self> {
-        if let Value::Integer(value) = start { Some(*value) } else { None }
-    }
-}
 
 impl Instance {
     /// Tests for an integer type wider than `i32`.
@@ -472,38 +419,6 @@ impl Instance {
         result
     }
 }
-
-/// Values of the types of FMI 3.0 while they are converted, so that only the first transfer of an array allocates.
-#[derive(Debug, Default)]
-pub(super) struct Buffers {
-    bytes: Vec<RawBoolean>,
-    bools: Vec<bool>,
-    f32: Vec<f32>,
-    i8: Vec<i8>,
-    u8: Vec<u8>,
-    i16: Vec<i16>,
-    u16: Vec<u16>,
-    pub(super) i32: Vec<i32>,
-    u32: Vec<u32>,
-    i64: Vec<i64>,
-    u64: Vec<u64>,
-}
-
-/// A type with a buffer.
-trait Buffered: Copy + Default {
-    fn of(buffers: &mut Buffers) -> &mut Vec<Self>;
-}
-
-macro_rules! buffered {
-    ($($name:ident)*) => {$(
-        impl Buffered for $name {
-            fn of(buffers: &mut Buffers) -> &mut Vec<Self> {
-                &mut buffers.$name
-            }
-        }
-    )*};
-}
-buffered!(f32 i8 u8 i16 u16 i32 u32 i64 u64);
 
 /// A type for the values of Integers, which holds each exactly or not at all: `i32`, `i64`, and `f64` up to 2^53.
 #[allow(private_bounds, reason = "the values are kept by the loader only")]

@@ -1,13 +1,10 @@
 //! The file of `--inputs`: signals that its columns write, and their values.
 
-use super::pattern::is_match;
-use super::system::{Member, Resolver, Source, System};
-use super::values::is_implausible;
 use crate::data::unit::Target;
 use crate::data::{Channel, Clock, DataError, Duplicates, Format, Mistake, Signal, Table, TimeColumn};
 use crate::parameter;
 use crate::run::{Interpolation, Simulation};
-use fmu_import::description::{BaseType, Causality, Variability, Variable};
+use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::names::suggestion;
 use std::collections::BTreeSet;
 use std::mem;
@@ -108,7 +105,7 @@ impl Inputs {
     }
 
     /// Converts the column to a signal in a unit. `None`: a mistake was reported.
-    fn feed(&mut self, column: usize, target: &Target, interpolation: Interpolation) -> Option<usize> {
+    pub(super) fn feed(&mut self, column: usize, target: &Target, interpolation: Interpolation) -> Option<usize> {
         self.used.insert(column);
         let is_same =
             |feed: &Feed| feed.column == column && feed.interpolation == interpolation && feed.unit == target.name;
@@ -140,6 +137,11 @@ impl Inputs {
     /// Unit of a column.
     fn unit(&self, column: usize) -> Option<&str> {
         self.table.columns()[column].unit.as_deref()
+    }
+
+    /// Returns true if the column has a unit of measure.
+    pub(super) fn has_unit(&self, column: usize) -> bool {
+        self.unit(column).is_some()
     }
 
     fn note(&mut self, mistake: Mistake) {
@@ -229,11 +231,11 @@ impl Inputs {
         }
     }
 
-    /// Checks that a variable can take the values.
-    fn check_values(&mut self, feed: usize, member: &Member<'_>, variable: &Variable) {
+    /// Checks that a variable of a component can take the values.
+    pub(super) fn check_values(&mut self, feed: usize, of: &str, variable: &Variable) {
         let Feed { column, signal, .. } = &self.feeds[feed];
         let role = if variable.causality == Causality::Output { "output" } else { "input" };
-        let (name, of) = (self.name(*column), member.name());
+        let name = self.name(*column);
         let whole = |value: f64| {
             // From 2^53 on, a number of the file may have been rounded to an integer.
             let is_whole = value.fract() == 0.0 && value.abs() < (1_u64 << f64::MANTISSA_DIGITS) as f64;
@@ -340,82 +342,6 @@ impl Inputs {
 /// Returns a time for a message, without the rounding errors of sums and differences.
 fn plain(time: f64) -> f64 {
     (time * 1e9).round() / 1e9
-}
-
-/// Interpolation of an input between samples.
-fn interpolation(source: &Variable, reader: &Variable) -> Interpolation {
-    let is_continuous = reader.base_type == BaseType::Real && reader.variability == Variability::Continuous;
-    if is_continuous && source.base_type == BaseType::Real { Interpolation::Linear } else { Interpolation::Hold }
-}
-
-impl Resolver<'_> {
-    /// Lets a column write the input `reader` with values of `variable` of `member`: the input, or the output that it replaces.
-    pub(super) fn use_column(
-        &mut self,
-        column: usize,
-        (member, variable): (&Member<'_>, &Variable),
-        reader: &Variable,
-    ) -> Result<Source, ()> {
-        let inputs = self.inputs.as_mut().ok_or(())?;
-        let target = Target::of(&member.found.description, variable);
-        let feed = inputs.feed(column, &target, interpolation(variable, reader)).ok_or(())?;
-        inputs.check_values(feed, member, variable);
-        let has_unit = inputs.table.columns()[column].unit.is_some();
-        let values = &inputs.feeds[feed].signal.values;
-        let implausible = values.iter().copied().find(|value| !has_unit && is_implausible(variable, *value));
-        if let Some(value) = implausible {
-            let message = format!("the input file has the value {value} rad for `{}`", inputs.name(column));
-            let help = format!("that is {:.0} deg; is it in degrees?", value.to_degrees());
-            self.problems.warn(member.component.name.span(), message, Some(help));
-        }
-        Ok(Source::Series(feed))
-    }
-
-    /// Marks the recorded outputs of a case that have the values of the file: those with the name of a used column, and those that have
-    /// lost all readers to one column. `lost` contains the column that replaces each lost wire.
-    pub(super) fn replace_recorded(&mut self, system: &mut System<'_>, lost: &[((usize, usize), usize)]) {
-        let Some(inputs) = &self.inputs else { return };
-        let sources = || system.members.iter().flat_map(|member| &member.inputs).map(|(_, source)| source);
-        let mut replaced = Vec::new();
-        for (m, member) in system.members.iter().enumerate() {
-            for (v, variable) in member.wirable(Causality::Output) {
-                if !self.is_recorded(member.name(), &variable.name) {
-                    continue;
-                }
-                let named =
-                    inputs.column(Some(member.name()), &variable.name).or_else(|| inputs.column(None, &variable.name));
-                let is_read = sources().any(|source| matches!(source, Source::Output(w, o) if (*w, *o) == (m, v)));
-                let mut columns = lost.iter().filter(|(output, _)| *output == (m, v)).map(|(_, column)| *column);
-                let taken = columns.next().filter(|first| !is_read && columns.all(|other| other == *first));
-                let on_wire = |column: usize| {
-                    let feeds = sources().filter_map(|source| match source {
-                        Source::Series(feed) if inputs.feeds[*feed].column == column => Some(*feed),
-                        _ => None,
-                    });
-                    feeds.min_by_key(|feed| inputs.feeds[*feed].interpolation)
-                };
-                if let Some(feed) = named.and_then(on_wire).or_else(|| taken.and_then(on_wire)) {
-                    replaced.push(((m, v), feed));
-                }
-            }
-        }
-        for ((m, v), feed) in replaced {
-            let member = &system.members[m];
-            let target = Target::of(&member.found.description, member.variable(v));
-            let Some(inputs) = &mut self.inputs else { return };
-            let Feed { column, interpolation, .. } = inputs.feeds[feed];
-            // In the unit of the output, which a connection may not share with its reader.
-            if let Some(feed) = inputs.feed(column, &target, interpolation) {
-                system.replaced.insert((m, v), feed);
-            }
-        }
-    }
-
-    /// Returns true if an input that a column writes is recorded: a pattern of `[record]` that no output matches names it.
-    pub(super) fn records_input(&self, member: &Member<'_>, v: usize, source: &Source) -> bool {
-        let Source::Series(_) = source else { return false };
-        self.of_inputs.iter().any(|pattern| is_match(pattern, member.name(), &member.variable(v).name))
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::JOB;
 use super::protocol::{self, Request, Response};
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Fmus;
-use crate::master::Recording;
+use crate::recording::Recording;
 use crate::results::Part;
 use crate::run::{Component, Run, Simulation};
 use fmu_import::fmu::Binary;

@@ -1,7 +1,7 @@
 //! Requests and responses about runs.
 
 use crate::failure::Failure;
-use crate::master::Recording;
+use crate::recording::Recording;
 use crate::results::Part;
 use crate::run::{InputSeries, Interpolation, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;

@@ -1,0 +1,16 @@
+//! Options that define an operating point: `--set` and `--free`.
+
+use miette::{Result, miette};
+
+/// Name and value of a `--set`.
+pub(crate) fn parse(setting: &str) -> Result<(String, String)> {
+    let (name, value) = setting
+        .split_once('=')
+        .ok_or_else(|| miette!("--set {setting}: expected NAME=VALUE, as in driver.speed=9.7"))?;
+    Ok((name.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// Names of groups of inputs that are separated by commas.
+pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
+    free.iter().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()).collect()
+}
