@@ -2,7 +2,7 @@
 
 use crate::Trace;
 use crate::bench::{Bench, drive};
-use crate::components::{SetupError, Unit};
+use crate::components::{Component, SetupError};
 use crate::course::Course;
 use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
@@ -242,18 +242,18 @@ fn assembled(
     let rows = rows(&of("without"), (systems.systems.len() > 1).then(|| of("with")).as_deref());
     let mut dropped: Vec<_> = found.iter().filter_map(|results| results.dropped.clone()).collect();
     dropped.dedup();
-    let unit = |unit: &Unit| {
-        let description = &unit.found.description;
-        let sha256 = std::fs::read(&unit.found.path).ok().map(|bytes| {
+    let described = |component: &Component| {
+        let description = &component.found.description;
+        let sha256 = std::fs::read(&component.found.path).ok().map(|bytes| {
             Sha256::digest(bytes).iter().fold(String::new(), |mut digits, byte| {
                 let _ = write!(digits, "{byte:02x}");
                 digits
             })
         });
-        json!({ "fmu": unit.fmu, "guid": description.guid, "version": description.version, "sha256": sha256 })
+        json!({ "fmu": component.fmu, "guid": description.guid, "version": description.version, "sha256": sha256 })
     };
-    let given = |(unit, parameter, value): (&Unit, &str, &str)| {
-        let variable = unit.description().variable(parameter);
+    let given = |(component, parameter, value): (&Component, &str, &str)| {
+        let variable = component.description().variable(parameter);
         let start = variable.and_then(|variable| variable.start.as_ref()).map(|start| match start {
             Start::Integer(start) => json!(start),
             Start::Real(start) => json!(start),
@@ -261,17 +261,16 @@ fn assembled(
             Start::String(start) => json!(start),
         });
         let unit_of_measure = variable.and_then(|variable| variable.unit.as_deref());
-        let (component, fmu) = (&unit.name, &unit.fmu);
-        json!({ "component": component, "fmu": fmu, "parameter": parameter, "value": value, "unit": unit_of_measure, "start": start })
+        json!({ "component": component.name, "fmu": component.fmu, "parameter": parameter, "value": value, "unit": unit_of_measure, "start": start })
     };
     let unwritten = |system: &System| (system.name, system.unwritten.iter().cloned().collect::<BTreeMap<_, _>>());
     let decisive = systems.systems.last();
     let runs = found.iter().flat_map(|results| results.runs.clone()).collect();
     Ok(Assessment {
         schema: SCHEMA,
-        plant: unit(&systems.plant.unit),
-        base: systems.base.iter().map(unit).collect(),
-        with: systems.with.iter().map(unit).collect(),
+        plant: described(&systems.plant.component),
+        base: systems.base.iter().map(described).collect(),
+        with: systems.with.iter().map(described).collect(),
         set: systems.given().map(given).collect(),
         vehicle,
         driver,

@@ -78,7 +78,7 @@ impl Bench<'_> {
         match self.system.speed {
             _ if !self.is_car() => Some("the limit is that of cars"),
             Speed::Prescribed => Some("the speed is prescribed, the vehicle cannot coast"),
-            Speed::Own if self.plant.unit.found.description.variable("vehicle.initial_speed").is_none() => {
+            Speed::Own if self.plant.component.found.description.variable("vehicle.initial_speed").is_none() => {
                 Some("nothing sets the speed of the vehicle")
             }
             Speed::Pedals | Speed::Own => None,
@@ -123,7 +123,7 @@ impl Bench<'_> {
                 (Setting::Number(number), BaseType::Integer) => Value::Integer(*number as i64),
                 (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),
                 (Setting::Number(number), _) if component == "plant" => {
-                    Value::Real(self.plant.unit.of_si(signal, variable, *number)?)
+                    Value::Real(self.plant.component.of_si(signal, variable, *number)?)
                 }
                 (Setting::Number(number), _) => Value::Real(*number),
             };
@@ -157,7 +157,7 @@ impl Bench<'_> {
     /// would be initialized at a standstill.
     fn start_at_speed(&self, run: &mut Run, speed: f64) {
         let name = self.plant.variable("driver.speed");
-        let Some(variable) = self.plant.unit.found.description.variable(name) else { return };
+        let Some(variable) = self.plant.component.found.description.variable(name) else { return };
         let Some(plant) = run.components.iter_mut().find(|component| component.name == "plant") else { return };
         let is_read = |input: &fmu_system::run::Wire| {
             (input.reference, input.base_type) == (variable.reference, variable.base_type)

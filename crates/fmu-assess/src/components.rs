@@ -31,7 +31,7 @@ impl SetupError {
 
 /// A component of a system: an FMU that was found.
 #[derive(Debug, Clone)]
-pub(crate) struct Unit {
+pub(crate) struct Component {
     /// Name of the component.
     pub(crate) name: String,
     /// Name of the FMU.
@@ -43,7 +43,7 @@ pub(crate) struct Unit {
     pub(crate) given: BTreeMap<String, String>,
 }
 
-impl Unit {
+impl Component {
     pub(crate) fn description(&self) -> &ModelDescription {
         &self.found.description
     }
@@ -108,7 +108,7 @@ pub(crate) fn find(
     source: &dyn Descriptions,
     fmu: &str,
     names: Option<&BTreeMap<String, String>>,
-) -> Result<Unit, SetupError> {
+) -> Result<Component, SetupError> {
     let found = source.find(fmu).map_err(SetupError::new)?;
     let Some(found) = found else {
         let names = source.names();
@@ -131,7 +131,7 @@ pub(crate) fn find(
         }
         renamed.insert(variable.clone(), signal.clone());
     }
-    Ok(Unit { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed, given: BTreeMap::new() })
+    Ok(Component { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed, given: BTreeMap::new() })
 }
 
 #[cfg(test)]

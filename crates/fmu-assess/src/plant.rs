@@ -1,6 +1,6 @@
 //! The plant of a system, whose signals may have other names and units than those of the bench.
 
-use crate::components::{SetupError, TIME, Unit};
+use crate::components::{Component, SetupError, TIME};
 use crate::signals::{self, Conversion, conversion};
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_system::master::Recording;
@@ -43,7 +43,7 @@ pub(crate) fn is_recorded(signal: &str) -> bool {
 /// The plant, whose signals may have other names.
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
-    pub(crate) unit: Unit,
+    pub(crate) component: Component,
     /// Parameters that define its size, SI.
     data: BTreeMap<&'static str, f64>,
     /// Other Real parameters that the caller has set.
@@ -57,25 +57,26 @@ pub(crate) struct Plant {
 impl Plant {
     /// `set` are parameters of the caller, `units` are units of signals, which take precedence over the declared ones.
     pub(crate) fn new(
-        mut unit: Unit,
+        mut component: Component,
         set: BTreeMap<String, f64>,
         units: &BTreeMap<String, String>,
     ) -> Result<Self, SetupError> {
         // The time is that of recordings.
-        unit.given = units.iter().filter(|(signal, _)| *signal != TIME).map(|(a, b)| (a.clone(), b.clone())).collect();
+        component.given =
+            units.iter().filter(|(signal, _)| *signal != TIME).map(|(a, b)| (a.clone(), b.clone())).collect();
         let (conversions, assumed) = (BTreeMap::new(), BTreeMap::new());
-        let mut plant = Self { unit, data: BTreeMap::new(), set, conversions, assumed };
+        let mut plant = Self { component, data: BTreeMap::new(), set, conversions, assumed };
         check_plant(&plant)?;
-        for signal in plant.unit.given.keys() {
+        for signal in plant.component.given.keys() {
             if !plant.has_input(signal) && !plant.has_output(signal) {
-                let message = format!("{} has no `{signal}`, whose unit is given", plant.unit.fmu);
+                let message = format!("{} has no `{signal}`, whose unit is given", plant.component.fmu);
                 return Err(SetupError::new(message));
             }
             if signals::unit(signal).is_none() {
                 return Err(SetupError::new(format!("the bench does not read `{signal}`, whose unit is given")));
             }
         }
-        for variable in &plant.unit.description().variables {
+        for variable in &plant.component.description().variables {
             let signal = plant.signal(&variable.name).to_owned();
             let is_read = match variable.causality {
                 Causality::Input => true,
@@ -86,69 +87,69 @@ impl Plant {
             else {
                 continue;
             };
-            let given = plant.unit.given.get(&signal).cloned();
+            let given = plant.component.given.get(&signal).cloned();
             let given = given.as_deref();
             if given.is_none() && variable.unit.is_none() && needed != "1" {
                 plant.assumed.insert(signal.clone(), needed);
             }
-            let found = conversion(needed, plant.unit.description(), variable, given);
-            let found = found.map_err(|unit| wrong_unit(&plant.unit, variable, &signal, &unit, needed))?;
+            let found = conversion(needed, plant.component.description(), variable, given);
+            let found = found.map_err(|unit| wrong_unit(&plant.component, variable, &signal, &unit, needed))?;
             if let Some(conversion) = found {
                 if variable.causality == Causality::Input && !of_bench(&signal) || OF_VEHICLE.contains(&signal.as_str())
                 {
                     let unit = given.or(variable.unit.as_deref()).unwrap_or_default();
-                    return Err(wired_unit(&plant.unit, variable, unit, needed));
+                    return Err(wired_unit(&plant.component, variable, unit, needed));
                 }
                 plant.conversions.insert(signal, conversion);
             }
         }
         for (name, needed) in signals::DATA {
             let (Some(variable), Some(value)) =
-                (plant.unit.description().variable(name), real_parameter(&plant.unit, &plant.set, name))
+                (plant.component.description().variable(name), real_parameter(&plant.component, &plant.set, name))
             else {
                 continue;
             };
-            let found = conversion(needed, plant.unit.description(), variable, None);
-            let found = found.map_err(|unit| wrong_unit(&plant.unit, variable, name, &unit, needed))?;
+            let found = conversion(needed, plant.component.description(), variable, None);
+            let found = found.map_err(|unit| wrong_unit(&plant.component, variable, name, &unit, needed))?;
             plant.data.insert(name, found.map_or(value, |conversion| conversion.to_si(value)));
         }
         Ok(plant)
     }
 
     pub(crate) fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
-        self.unit.signal(variable)
+        self.component.signal(variable)
     }
 
     pub(crate) fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
-        self.unit.variable(signal)
+        self.component.variable(signal)
     }
 
     pub(crate) fn has_input(&self, signal: &str) -> bool {
-        self.unit.has(Causality::Input, signal)
+        self.component.has(Causality::Input, signal)
     }
 
     pub(crate) fn has_output(&self, signal: &str) -> bool {
-        self.unit.has(Causality::Output, signal)
+        self.component.has(Causality::Output, signal)
     }
 
     /// Returns true if an input begins with `start`.
     pub(crate) fn has_inputs(&self, start: &str) -> bool {
-        self.unit.signals(Causality::Input).any(|signal| signal.starts_with(start))
+        self.component.signals(Causality::Input).any(|signal| signal.starts_with(start))
     }
 
     /// Rejects a controller that reads a signal that the bench converts: a connection does not convert it.
-    pub(crate) fn check_reader(&self, reader: &Unit, all: &[&Unit]) -> Result<(), SetupError> {
+    pub(crate) fn check_reader(&self, reader: &Component, all: &[&Component]) -> Result<(), SetupError> {
         let is_raw = |signal: &&str| {
             self.conversions.contains_key(*signal)
                 && self.has_output(signal)
-                && !all.iter().any(|unit| unit.has(Causality::Output, signal))
+                && !all.iter().any(|component| component.has(Causality::Output, signal))
         };
         let Some(signal) = reader.signals(Causality::Input).find(is_raw) else { return Ok(()) };
         let name = self.variable(signal);
-        let variable = self.unit.description().variable(name);
+        let variable = self.component.description().variable(name);
         let declared = variable.and_then(|variable| variable.unit.as_deref());
-        let unit = self.unit.given.get(signal).map(String::as_str).or(declared).unwrap_or_default();
-        let (plant, reader) = (&self.unit.fmu, &reader.fmu);
+        let unit = self.component.given.get(signal).map(String::as_str).or(declared).unwrap_or_default();
+        let (plant, reader) = (&self.component.fmu, &reader.fmu);
         let needed = signals::unit(signal).unwrap_or_default();
         Err(SetupError::with_help(
             format!("`{name}` of {plant} is in {unit}, but {reader} reads it in {needed}"),
@@ -160,7 +161,7 @@ impl Plant {
 
     /// Value of a Real parameter, in SI if it defines the size of the plant.
     pub(crate) fn parameter(&self, name: &str) -> Option<f64> {
-        self.data.get(name).copied().or_else(|| real_parameter(&self.unit, &self.set, name))
+        self.data.get(name).copied().or_else(|| real_parameter(&self.component, &self.set, name))
     }
 
     /// A recording of signals of the bench in the units of the bench.
@@ -179,21 +180,21 @@ impl Plant {
 
     /// Outputs, by the names of the bench.
     pub(crate) fn outputs(&self) -> Vec<String> {
-        self.unit.signals(Causality::Output).map(str::to_owned).collect()
+        self.component.signals(Causality::Output).map(str::to_owned).collect()
     }
 
     /// Inputs, by the names of the bench.
     pub(crate) fn inputs(&self) -> Vec<String> {
-        self.unit.signals(Causality::Input).map(str::to_owned).collect()
+        self.component.signals(Causality::Input).map(str::to_owned).collect()
     }
 }
 
 /// Value of a Real parameter in its own unit: that of the caller, or its start value.
-fn real_parameter(unit: &Unit, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
+fn real_parameter(component: &Component, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
     if let Some(value) = set.get(name) {
         return Some(*value);
     }
-    match unit.description().variable(name)?.start {
+    match component.description().variable(name)?.start {
         Some(Value::Real(value)) => Some(value),
         _ => None,
     }
@@ -204,7 +205,7 @@ fn of_bench(signal: &str) -> bool {
     ["road_friction.", "target_slip."].iter().any(|start| signal.starts_with(start))
 }
 
-fn wrong_unit(unit: &Unit, variable: &Variable, signal: &str, found: &str, needed: &str) -> SetupError {
+fn wrong_unit(component: &Component, variable: &Variable, signal: &str, found: &str, needed: &str) -> SetupError {
     let name = &variable.name;
     let declare = format!("Declare the unit of `{name}` with its base units in the FMU");
     let help = match variable.causality {
@@ -215,18 +216,21 @@ fn wrong_unit(unit: &Unit, variable: &Variable, signal: &str, found: &str, neede
         _ => format!("{declare}."),
     };
     SetupError::with_help(
-        format!("`{name}` of {} is in {found}, but the bench needs {needed}, or a unit that converts to it", unit.fmu),
+        format!(
+            "`{name}` of {} is in {found}, but the bench needs {needed}, or a unit that converts to it",
+            component.fmu
+        ),
         help,
     )
 }
 
-fn wired_unit(unit: &Unit, variable: &Variable, found: &str, needed: &str) -> SetupError {
+fn wired_unit(component: &Component, variable: &Variable, found: &str, needed: &str) -> SetupError {
     let name = &variable.name;
     SetupError::with_help(
-        format!("`{name}` of {} is in {found}, but the other end of its connection is in {needed}", unit.fmu),
+        format!("`{name}` of {} is in {found}, but the other end of its connection is in {needed}", component.fmu),
         format!(
             "Export {} with `{name}` in {needed}: the bench converts what it records, not what it connects.",
-            unit.fmu
+            component.fmu
         ),
     )
 }
@@ -249,7 +253,7 @@ fn check_plant(plant: &Plant) -> Result<(), SetupError> {
         return Ok(());
     }
     Err(SetupError::with_help(
-        format!("{} cannot be driven: it has no {}", plant.unit.fmu, missing.join(" and no ")),
+        format!("{} cannot be driven: it has no {}", plant.component.fmu, missing.join(" and no ")),
         "If it has them by other names, write a file with [signals] \"steer.front\" = \"its name\", and so on, and give it by \
          --vehicle.",
     ))

@@ -324,7 +324,7 @@ fn can_be_rough(plant: &Plant) -> bool {
 /// The FMU does not exist or is not a plant that can be driven.
 pub fn base(plant: &str, source: &dyn Descriptions) -> Result<Vec<String>, SetupError> {
     let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
-    Ok(Systems::found(&subject, source)?.base.into_iter().map(|unit| unit.fmu).collect())
+    Ok(Systems::found(&subject, source)?.base.into_iter().map(|component| component.fmu).collect())
 }
 
 /// A run that was made.

@@ -1,6 +1,6 @@
 //! The subject of an assessment, as the caller describes it, and the values that may be set.
 
-use crate::components::{SetupError, Unit};
+use crate::components::{Component, SetupError};
 use crate::plant::Plant;
 use crate::vehicle::VehicleFile;
 use fmu_import::description::Causality;
@@ -97,40 +97,40 @@ const PRESCRIBED: [(&str, &[&str]); 2] = [
 pub(crate) fn settings(
     subject: &Subject,
     plant: &Plant,
-    units: &[Unit],
-    drivers: &[Unit],
+    components: &[Component],
+    drivers: &[Component],
 ) -> Result<Vec<(String, String, String)>, SetupError> {
-    let mut known = vec![plant.unit.name.as_str(), "driver"];
+    let mut known = vec![plant.component.name.as_str(), "driver"];
     if plant.has_inputs("road_height.") {
         known.push("road");
     }
-    known.extend(units.iter().map(|unit| unit.name.as_str()));
+    known.extend(components.iter().map(|component| component.name.as_str()));
     let mut set = Vec::new();
-    for (component, name, value) in &subject.set {
-        if !known.contains(&component.as_str()) {
-            let message = format!("there is no component `{component}` whose `{name}` could be set");
+    for (owner, name, value) in &subject.set {
+        if !known.contains(&owner.as_str()) {
+            let message = format!("there is no component `{owner}` whose `{name}` could be set");
             return Err(SetupError::with_help(message, format!("There are `{}`.", known.join("`, `"))));
         }
-        let own = if *component == plant.unit.name { "plant" } else { component.as_str() };
+        let own = if *owner == plant.component.name { "plant" } else { owner.as_str() };
         let given = GIVEN.iter().find(|(of, parameter, _)| *of == own && parameter == name).map(|(_, _, help)| *help);
         let is_prescribed = PRESCRIBED.iter().any(|(of, names)| *of == own && names.contains(&name.as_str()));
         if given.is_some() || is_prescribed {
             return Err(SetupError::with_help(
-                format!("`{component}:{name}` cannot be set: the bench gives it a value"),
+                format!("`{owner}:{name}` cannot be set: the bench gives it a value"),
                 given.unwrap_or("The procedures of the maneuvers prescribe it."),
             ));
         }
-        let is_known = |driver: &Unit| driver.description().variable(name).is_some();
+        let is_known = |driver: &Component| driver.description().variable(name).is_some();
         if own == "driver" && !drivers.is_empty() && !drivers.iter().any(is_known) {
             let names = drivers.iter().flat_map(|driver| driver.variables(Causality::Parameter));
             let help = suggestion(name, names.map(|variable| variable.name.as_str()));
             let message = format!("neither Driver nor PathDriver has a parameter `{name}`");
             return Err(SetupError { message, help });
         }
-        let unit = std::iter::once(&plant.unit).chain(units).find(|unit| unit.name == *component);
-        if let Some(unit) = unit.filter(|unit| unit.description().variable(name).is_none()) {
-            let names = unit.variables(Causality::Parameter).map(|variable| variable.name.as_str());
-            let message = format!("{} has no parameter `{name}`", unit.fmu);
+        let component = std::iter::once(&plant.component).chain(components).find(|component| component.name == *owner);
+        if let Some(component) = component.filter(|component| component.description().variable(name).is_none()) {
+            let names = component.variables(Causality::Parameter).map(|variable| variable.name.as_str());
+            let message = format!("{} has no parameter `{name}`", component.fmu);
             return Err(SetupError { message, help: suggestion(name, names) });
         }
         set.push((own.to_owned(), name.clone(), value.clone()));

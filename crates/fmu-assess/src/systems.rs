@@ -1,6 +1,6 @@
 //! The systems that are compared: a plant with its base components, driven by a driver, without and with controllers.
 
-use crate::components::{SetupError, Unit, find};
+use crate::components::{Component, SetupError, find};
 use crate::plant::Plant;
 use crate::subject::{ACTUATORS, DRIVERS, Subject, settings};
 use crate::wiring::{Driving, OF_DRIVER, OF_PATH, Road, Wiring};
@@ -55,11 +55,11 @@ impl System {
 #[derive(Debug)]
 pub(crate) struct Systems {
     pub(crate) plant: Plant,
-    pub(crate) base: Vec<Unit>,
-    pub(crate) with: Vec<Unit>,
+    pub(crate) base: Vec<Component>,
+    pub(crate) with: Vec<Component>,
     /// Controllers and base components, in the caller's order.
-    all: Vec<Unit>,
-    drivers: Vec<Unit>,
+    all: Vec<Component>,
+    drivers: Vec<Component>,
     /// Values of the caller, by the components of the scenarios.
     set: Vec<(String, String, String)>,
     /// True if the caller mirrors the paths of the driver.
@@ -70,16 +70,16 @@ pub(crate) struct Systems {
 
 impl Systems {
     /// Values of the caller: component, parameter, value.
-    pub(crate) fn given(&self) -> impl Iterator<Item = (&Unit, &str, &str)> {
-        self.set.iter().filter_map(|(component, name, value)| {
-            let mut units = self.all.iter().chain(&self.drivers);
-            let is_known = |unit: &&Unit| unit.description().variable(name).is_some();
-            let unit = match component.as_str() {
-                "plant" => Some(&self.plant.unit),
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&Component, &str, &str)> {
+        self.set.iter().filter_map(|(owner, name, value)| {
+            let mut components = self.all.iter().chain(&self.drivers);
+            let is_known = |component: &&Component| component.description().variable(name).is_some();
+            let component = match owner.as_str() {
+                "plant" => Some(&self.plant.component),
                 "driver" => self.drivers.iter().find(is_known),
-                _ => units.find(|unit| unit.name == *component),
+                _ => components.find(|component| component.name == *owner),
             };
-            unit.map(|unit| (unit, name.as_str(), value.as_str()))
+            component.map(|component| (component, name.as_str(), value.as_str()))
         })
     }
 
@@ -113,34 +113,34 @@ impl Systems {
     fn wire(
         &mut self,
         name: &'static str,
-        units: &[Unit],
+        components: &[Component],
         source: &dyn Descriptions,
         drivings: &[(Driving, Road)],
     ) -> Result<(), SetupError> {
-        let system = system(name, &self.plant, units, &self.drivers, &self.set, source, drivings)?;
+        let system = system(name, &self.plant, components, &self.drivers, &self.set, source, drivings)?;
         self.systems.push(system);
         Ok(())
     }
 
     /// Finds the FMUs.
     pub(crate) fn found(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
-        let unit = find(source, &subject.plant, Some(&subject.vehicle.signals))?;
+        let component = find(source, &subject.plant, Some(&subject.vehicle.signals))?;
         let mut set = BTreeMap::new();
-        for (_, name, value) in subject.set.iter().filter(|(component, _, _)| *component == unit.name) {
+        for (_, name, value) in subject.set.iter().filter(|(owner, _, _)| *owner == component.name) {
             let (number, given) = value.split_once(' ').map_or((value.as_str(), None), |(n, unit)| (n, Some(unit)));
             let Ok(number) = number.parse::<f64>() else { continue };
-            let own = unit.description().variable(name).and_then(|variable| variable.unit.as_deref());
+            let own = component.description().variable(name).and_then(|variable| variable.unit.as_deref());
             // The vehicle data come from these numbers, too.
             if let Some(given) = given.filter(|given| Some(*given) != own) {
                 let own = own.unwrap_or("1");
                 return Err(SetupError::new(format!(
                     "`{name}` of {} is given in {given}: give it in {own}",
-                    unit.name
+                    component.name
                 )));
             }
             set.insert(name.clone(), number);
         }
-        let plant = Plant::new(unit, set, &subject.vehicle.units)?;
+        let plant = Plant::new(component, set, &subject.vehicle.units)?;
         let of = |fmu: &String| find(source, fmu, subject.vehicle.controllers.get(fmu));
         let mut base = subject.base.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         let needs_torques = plant.has_inputs("brake_torque.") || plant.has_inputs("drive_torque.");
@@ -148,10 +148,10 @@ impl Systems {
             base.push(of(&ACTUATORS.to_owned())?);
         }
         let with = subject.with.iter().map(of).collect::<Result<Vec<_>, _>>()?;
-        let controllers: Vec<&Unit> = with.iter().chain(&base).collect();
-        controllers.iter().try_for_each(|unit| plant.check_reader(unit, &controllers))?;
-        let mut all: Vec<Unit> = with.iter().chain(&base).cloned().collect();
-        all.sort_by_key(|unit| subject.order.iter().position(|fmu| *fmu == unit.fmu).unwrap_or(usize::MAX));
+        let controllers: Vec<&Component> = with.iter().chain(&base).collect();
+        controllers.iter().try_for_each(|component| plant.check_reader(component, &controllers))?;
+        let mut all: Vec<Component> = with.iter().chain(&base).cloned().collect();
+        all.sort_by_key(|component| subject.order.iter().position(|fmu| *fmu == component.fmu).unwrap_or(usize::MAX));
         let drivers = DRIVERS.into_iter().filter_map(|fmu| find(source, fmu, None).ok()).collect::<Vec<_>>();
         let set = settings(subject, &plant, &all, &drivers)?;
         let is_mirrored = set.iter().any(|(component, name, value)| {
@@ -165,31 +165,33 @@ impl Systems {
 fn system(
     name: &'static str,
     plant: &Plant,
-    units: &[Unit],
-    drivers: &[Unit],
+    components: &[Component],
+    drivers: &[Component],
     set: &[(String, String, String)],
     source: &dyn Descriptions,
     drivings: &[(Driving, Road)],
 ) -> Result<System, SetupError> {
     let mut written: BTreeMap<&str, &str> = BTreeMap::new();
-    for unit in drivers.iter().rev().chain([&plant.unit]) {
-        written.extend(unit.signals(Causality::Output).map(|output| (output, unit.fmu.as_str())));
+    for component in drivers.iter().rev().chain([&plant.component]) {
+        written.extend(component.signals(Causality::Output).map(|output| (output, component.fmu.as_str())));
     }
-    for unit in units {
-        for output in unit.signals(Causality::Output) {
-            if let Some(other) = written.insert(output, &unit.fmu) {
+    for component in components {
+        for output in component.signals(Causality::Output) {
+            if let Some(other) = written.insert(output, &component.fmu) {
                 return Err(SetupError::with_help(
-                    format!("{other} and {} both write `{output}`", unit.fmu),
+                    format!("{other} and {} both write `{output}`", component.fmu),
                     "Leave one of them out.",
                 ));
             }
         }
     }
-    let reads = |signal: &str| plant.has_input(signal) || units.iter().any(|unit| unit.has(Causality::Input, signal));
-    let acts = |unit: &&Unit| unit.signals(Causality::Output).any(reads);
-    let idle = units.iter().filter(|unit| !acts(unit)).map(|unit| unit.fmu.clone()).collect();
-    let has_pedals = units.iter().any(|unit| {
-        unit.signals(Causality::Output).any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
+    let reads = |signal: &str| {
+        plant.has_input(signal) || components.iter().any(|component| component.has(Causality::Input, signal))
+    };
+    let acts = |component: &&Component| component.signals(Causality::Output).any(reads);
+    let idle = components.iter().filter(|component| !acts(component)).map(|component| component.fmu.clone()).collect();
+    let has_pedals = components.iter().any(|component| {
+        component.signals(Causality::Output).any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
     });
     let speed = if plant.has_input("driver.speed") {
         Speed::Prescribed
@@ -204,13 +206,14 @@ fn system(
     for &(driving, road) in drivings {
         let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
         // Each driver has parameters that the other one does not have, and no run has all components.
-        let description = drivers.iter().find(|unit| unit.fmu == driver).map(Unit::description);
+        let description = drivers.iter().find(|component| component.fmu == driver).map(Component::description);
         let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
             "driver" => description.is_none_or(|description| description.variable(name).is_some()),
             _ => true,
         };
         let set: Vec<_> = set.iter().filter(is_of_system).cloned().collect();
-        let mut wiring = Wiring { plant, units: ordered(units), driving, road, driver, unwritten: Vec::new() };
+        let mut wiring =
+            Wiring { plant, components: ordered(components), driving, road, driver, unwritten: Vec::new() };
         let text = wiring.scenario(&set)?;
         let options = Options::default();
         let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
@@ -249,13 +252,14 @@ fn explained(error: &ResolveError) -> String {
 
 /// Components in the order of a step: the writer of a signal comes before its readers. A cycle is broken at its first component in `units`;
 /// ties keep the order.
-fn ordered(units: &[Unit]) -> Vec<&Unit> {
-    let writes = |unit: &Unit, other: &Unit| {
-        unit.name != other.name && unit.signals(Causality::Output).any(|output| other.has(Causality::Input, output))
+fn ordered(components: &[Component]) -> Vec<&Component> {
+    let writes = |component: &Component, other: &Component| {
+        component.name != other.name
+            && component.signals(Causality::Output).any(|output| other.has(Causality::Input, output))
     };
     let edges: Vec<Vec<bool>> =
-        units.iter().map(|unit| units.iter().map(|other| writes(unit, other)).collect()).collect();
-    order(&edges).into_iter().map(|index| &units[index]).collect()
+        components.iter().map(|component| components.iter().map(|other| writes(component, other)).collect()).collect();
+    order(&edges).into_iter().map(|index| &components[index]).collect()
 }
 
 /// The order of a graph: `edges[i][j]` is true if i comes before j, unless both are in a cycle that is cut there.
@@ -273,7 +277,8 @@ fn order(edges: &[Vec<bool>]) -> Vec<usize> {
             }
         }
         // All that come before it are in its cycle.
-        let is_next = |unit: &usize| left.iter().all(|other| !reaches[*other][*unit] || reaches[*unit][*other]);
+        let is_next =
+            |component: &usize| left.iter().all(|other| !reaches[*other][*component] || reaches[*component][*other]);
         let next = left.iter().position(is_next).unwrap_or(0);
         order.push(left.remove(next));
     }

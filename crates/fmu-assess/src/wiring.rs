@@ -3,7 +3,7 @@
 //! All signals are wired by name. A system becomes a scenario, so that all rules and messages of scenarios hold, and each of its
 //! runs can be repeated by `chassis run`.
 
-use crate::components::{SetupError, Unit};
+use crate::components::{Component, SetupError};
 use crate::plant::{OF_VEHICLE, Plant, is_recorded};
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use std::fmt::Write as _;
@@ -38,7 +38,7 @@ pub(crate) const OF_PATH: [&str; 5] =
 /// A system in the making.
 pub(crate) struct Wiring<'a> {
     pub(crate) plant: &'a Plant,
-    pub(crate) units: Vec<&'a Unit>,
+    pub(crate) components: Vec<&'a Component>,
     pub(crate) driving: Driving,
     pub(crate) road: Road,
     pub(crate) driver: &'static str,
@@ -51,9 +51,9 @@ impl Wiring<'_> {
         if OF_DRIVER.contains(&signal) || (self.driving != Driving::OpenLoop && OF_PATH.contains(&signal)) {
             return Some(("driver", signal.to_owned()));
         }
-        let unit = self.units.iter().find(|unit| unit.has(Causality::Output, signal));
-        if let Some(unit) = unit {
-            return Some((&unit.name, unit.variable(signal).to_owned()));
+        let component = self.components.iter().find(|component| component.has(Causality::Output, signal));
+        if let Some(component) = component {
+            return Some((&component.name, component.variable(signal).to_owned()));
         }
         let of_road = signal.starts_with("road_height.") || signal.starts_with("road_friction.");
         (self.road == Road::Rough && of_road).then(|| ("road", signal.to_owned()))
@@ -65,13 +65,13 @@ impl Wiring<'_> {
     /// The constant does not fit the unit of the input.
     fn source(
         &mut self,
-        unit: &Unit,
-        component: &str,
+        component: &Component,
+        of: &str,
         variable: &Variable,
         signal: &str,
     ) -> Result<Source, SetupError> {
-        let is_plant = component == "plant";
-        if let Some((writer, name)) = self.writer(signal).filter(|(writer, _)| *writer != component) {
+        let is_plant = of == "plant";
+        if let Some((writer, name)) = self.writer(signal).filter(|(writer, _)| *writer != of) {
             return Ok(Source::Signal(writer.to_owned(), name));
         }
         if !is_plant && self.plant.has_output(signal) {
@@ -82,11 +82,11 @@ impl Wiring<'_> {
             self.unwritten.push((signal.to_owned(), "driver.steer".to_owned()));
             return Ok(Source::Signal("driver".to_owned(), "driver.steer".to_owned()));
         } else if begins(&["brake_pressure_command."]) {
-            match self.units.iter().find(|unit| unit.has(Causality::Output, "brake.master_pressure")) {
-                Some(unit) => {
+            match self.components.iter().find(|component| component.has(Causality::Output, "brake.master_pressure")) {
+                Some(component) => {
                     self.unwritten.push((signal.to_owned(), "brake.master_pressure".to_owned()));
-                    let variable = unit.variable("brake.master_pressure").to_owned();
-                    return Ok(Source::Signal(unit.name.clone(), variable));
+                    let variable = component.variable("brake.master_pressure").to_owned();
+                    return Ok(Source::Signal(component.name.clone(), variable));
                 }
                 None => None,
             }
@@ -103,7 +103,9 @@ impl Wiring<'_> {
         let value = match (fallback, variable.base_type, &variable.start) {
             (Some(number), BaseType::Boolean, _) => (number > 0.5).to_string(),
             (Some(number), BaseType::Integer, _) => (number as i64).to_string(),
-            (Some(number), _, _) => format!("{:?}", unit.of_si(signal, variable, number).map_err(SetupError::new)?),
+            (Some(number), _, _) => {
+                format!("{:?}", component.of_si(signal, variable, number).map_err(SetupError::new)?)
+            }
             (None, _, Some(Value::Real(start))) => format!("{start:?}"),
             (None, _, Some(Value::Integer(start))) => start.to_string(),
             (None, _, Some(Value::Boolean(start))) => start.to_string(),
@@ -122,7 +124,7 @@ impl Wiring<'_> {
         let mut text = String::from("title = \"Assessment\"\n[simulation]\nstop = 1.0\n");
         let _ = writeln!(text, "step = {STEP:?}");
         let mut connections = String::new();
-        let component = |text: &mut String, name: &str, fmu: &str, constants: &[(String, String)]| {
+        let add = |text: &mut String, name: &str, fmu: &str, constants: &[(String, String)]| {
             let _ = writeln!(text, "[[component]]\nname = {}\nfmu = {}", quoted(name), quoted(fmu));
             let values: Vec<_> = set.iter().filter(|(of, _, _)| of == name).collect();
             if !values.is_empty() {
@@ -147,24 +149,24 @@ impl Wiring<'_> {
                 }
             }
         }
-        component(&mut text, "driver", self.driver, &missing);
+        add(&mut text, "driver", self.driver, &missing);
         if self.road == Road::Rough {
-            component(&mut text, "road", "Road", &[]);
+            add(&mut text, "road", "Road", &[]);
             connect(&mut connections, "plant", self.plant.variable("vehicle.speed"), "road", "vehicle.speed");
         }
-        let all: Vec<&Unit> = self.units.iter().copied().chain([&self.plant.unit]).collect();
-        for unit in all {
-            let is_plant = std::ptr::eq(unit, &raw const self.plant.unit);
-            let name = if is_plant { "plant" } else { unit.name.as_str() };
+        let all: Vec<&Component> = self.components.iter().copied().chain([&self.plant.component]).collect();
+        for component in all {
+            let is_plant = std::ptr::eq(component, &raw const self.plant.component);
+            let name = if is_plant { "plant" } else { component.name.as_str() };
             let mut constants = Vec::new();
-            for variable in unit.variables(Causality::Input) {
-                let signal = unit.signal(&variable.name).to_owned();
-                match self.source(unit, name, variable, &signal)? {
+            for variable in component.variables(Causality::Input) {
+                let signal = component.signal(&variable.name).to_owned();
+                match self.source(component, name, variable, &signal)? {
                     Source::Signal(from, output) => connect(&mut connections, &from, &output, name, &variable.name),
                     Source::Constant(value) => constants.push((variable.name.clone(), value)),
                 }
             }
-            component(&mut text, name, &unit.fmu, &constants);
+            add(&mut text, name, &component.fmu, &constants);
         }
         let signals: Vec<_> = self.recorded().iter().map(|signal| quoted(signal)).collect();
         let _ = writeln!(text, "{connections}[[case]]\nname = \"assessed\"\ntitle = \"Assessed\"");
