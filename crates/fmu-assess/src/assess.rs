@@ -3,7 +3,6 @@
 use crate::Trace;
 use crate::bench::{Bench, drive};
 use crate::components::{Component, SetupError};
-use crate::course::Course;
 use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
 use crate::maneuvers::double_lane_change::{Part, compare_at};
@@ -11,6 +10,7 @@ use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
 use crate::report::{Assessment, Pair, Row, SCHEMA, row};
 use crate::results::{Limit, Measured, REQUIRED, Results, Suite};
+use crate::run_spec::RunSpec;
 use crate::subject::Subject;
 use crate::systems::{System, Systems};
 use crate::vehicle::{Datum, Vehicle};
@@ -202,8 +202,8 @@ impl<'a> Place<'a> {
 impl Bench<'_> {
     /// Mass by the tire loads of the first row, kg.
     fn weighed(&self) -> Option<f64> {
-        let course = Course::new("weighing", Driving::OpenLoop, self.speed(), STEP);
-        let run = drive(self, vec![course]).pop()?;
+        let spec = RunSpec::new("weighing", Driving::OpenLoop, self.speed(), STEP);
+        let run = drive(self, vec![spec]).pop()?;
         let names = run.trace.names().filter(|name| name.starts_with("tire_load."));
         let loads: Vec<f64> = names.filter_map(|name| run.trace.column(name)?.first().copied()).collect();
         (!loads.is_empty()).then(|| loads.iter().sum::<f64>() / maneuvers::G)

@@ -1,7 +1,8 @@
-//! One of the two systems on the bench. It makes runs from the courses of maneuvers.
+//! One of the two systems on the bench. It makes runs from the specifications of maneuvers.
 
-use crate::course::{Course, Ended, Setting, cut};
 use crate::plant::Plant;
+use crate::run_result::{Ended, cut};
+use crate::run_spec::{RunSpec, Setting};
 use crate::systems::{Speed, System};
 use crate::vehicle::{Class, Vehicle};
 use crate::wiring::{Driving, STEP};
@@ -100,16 +101,16 @@ impl Bench<'_> {
         self.plant.inputs().into_iter().filter(|name| name.starts_with(start)).collect()
     }
 
-    /// The run of a course up to a time.
+    /// The run of a spec up to a time.
     ///
     /// # Errors
     /// A value does not fit.
-    pub(crate) fn run(&self, course: &Course, stop: f64) -> Result<(Simulation, Run), String> {
-        let plan = self.system.plan(course.driving).ok_or("the plant cannot follow a path: it has no position")?;
+    pub(crate) fn run(&self, spec: &RunSpec, stop: f64) -> Result<(Simulation, Run), String> {
+        let plan = self.system.plan(spec.driving).ok_or("the plant cannot follow a path: it has no position")?;
         let steps = (stop / STEP).round();
         let simulation = Simulation { stop: steps * STEP, steps: steps as u64, ..plan.simulation };
         let mut run = plan.runs.first().ok_or("the system has no run")?.clone();
-        run.id.clone_from(&course.id);
+        run.id.clone_from(&spec.id);
         let mut set = |component: &str, name: &str, setting: &Setting, is_optional: bool| -> Result<(), String> {
             let signal = name;
             let name = if component == "plant" { self.plant.variable(name) } else { name };
@@ -131,9 +132,9 @@ impl Bench<'_> {
                 .map_err(|error| error.to_string())
         };
         let number = Setting::Number;
-        set("plant", "vehicle.initial_speed", &number(course.speed), true)?;
-        set("driver", "speed.initial", &number(course.speed), false)?;
-        if course.driving != Driving::OpenLoop {
+        set("plant", "vehicle.initial_speed", &number(spec.speed), true)?;
+        set("driver", "speed.initial", &number(spec.speed), false)?;
+        if spec.driving != Driving::OpenLoop {
             // Without one no path is followed, and the driver does not need it.
             if let Some(wheelbase) = &self.vehicle.wheelbase {
                 set("driver", "geometry.wheelbase", &number(wheelbase.value), false)?;
@@ -144,11 +145,11 @@ impl Bench<'_> {
                 set("driver", "path.vehicle_width", &number(width.value), false)?;
             }
         }
-        for (component, name, setting) in &course.values {
+        for (component, name, setting) in &spec.values {
             set(component, name, setting, false)?;
         }
-        if course.driving != Driving::OpenLoop && course.values.iter().all(|(_, name, _)| name != "speed.final") {
-            self.start_at_speed(&mut run, course.speed);
+        if spec.driving != Driving::OpenLoop && spec.values.iter().all(|(_, name, _)| name != "speed.final") {
+            self.start_at_speed(&mut run, spec.speed);
         }
         Ok((simulation, run))
     }
@@ -176,35 +177,35 @@ impl Bench<'_> {
 }
 
 /// Executes runs of a system. For a failed run, the rows before the failure count.
-pub(crate) fn drive(bench: &Bench<'_>, courses: Vec<Course>) -> Vec<Ended> {
-    let requests = courses.iter().map(|course| bench.run(course, course.stop)).collect::<Vec<_>>();
+pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<Ended> {
+    let requests = specs.iter().map(|spec| bench.run(spec, spec.stop)).collect::<Vec<_>>();
     let wanted = requests.iter().flatten().cloned().collect();
     let mut outcomes = bench.executor.execute(wanted).into_iter();
-    courses
+    specs
         .into_iter()
         .zip(requests)
-        .map(|(course, request)| match request {
-            Err(message) => Ended::failed(course, message),
+        .map(|(spec, request)| match request {
+            Err(message) => Ended::failed(spec, message),
             Ok(_) => match outcomes.next() {
-                Some(Ok(recording)) => ended(bench, course, &recording, None),
-                Some(Err(failure)) => shortened(bench, course, &failure),
-                None => Ended::failed(course, "there is no outcome".to_owned()),
+                Some(Ok(recording)) => ended(bench, spec, &recording, None),
+                Some(Err(failure)) => shortened(bench, spec, &failure),
+                None => Ended::failed(spec, "there is no outcome".to_owned()),
             },
         })
         .collect()
 }
 
 /// The rows before a failure, if there are any after the start.
-fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
+fn shortened(bench: &Bench<'_>, spec: RunSpec, failure: &Failure) -> Ended {
     let message = failure.to_string();
     match &failure.recorded {
-        Some(recording) if recording.time.len() > 1 => ended(bench, course, recording, Some(message)),
-        _ => Ended::failed(course, message),
+        Some(recording) if recording.time.len() > 1 => ended(bench, spec, recording, Some(message)),
+        _ => Ended::failed(spec, message),
     }
 }
 
 /// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.
-pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
-    let names = bench.system.columns(course.driving);
-    cut(course, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
+pub(crate) fn ended(bench: &Bench<'_>, spec: RunSpec, recording: &Recording, failure: Option<String>) -> Ended {
+    let names = bench.system.columns(spec.driving);
+    cut(spec, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
 }

@@ -11,7 +11,6 @@
 pub mod assess;
 mod bench;
 mod components;
-mod course;
 pub mod evaluators;
 #[cfg(not(target_family = "wasm"))]
 mod executor;
@@ -23,6 +22,8 @@ mod options;
 mod plant;
 pub mod report;
 mod results;
+mod run_result;
+mod run_spec;
 pub mod signals;
 pub mod single;
 mod subject;

@@ -14,10 +14,10 @@ pub(crate) mod step_steer;
 pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
 
 use crate::bench::Bench;
-use crate::course::Ended;
 use crate::evaluators::{self, Evaluation};
 use crate::metric;
 use crate::results::{Results, Suite};
+use crate::run_result::Ended;
 use crate::systems::Speed;
 use serde_json::{Value, json};
 

@@ -1,10 +1,10 @@
 //! Results of the maneuvers of a system: metrics with their limits, runs, and signals for figures.
 
 use crate::Trace;
-use crate::course::Ended;
 use crate::evaluators::{self, Evaluation};
 use crate::json::rounded;
 use crate::metric::{self, Direction};
+use crate::run_result::Ended;
 use fmu_system::requirements::holds;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -78,10 +78,10 @@ impl Results {
     /// Adds a run with the metrics of its evaluator.
     pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
         self.runs.push(RunRecord {
-            id: ended.course.id.clone(),
+            id: ended.spec.id.clone(),
             suite: self.suite,
             system: self.system,
-            parameters: ended.course.shown.clone(),
+            parameters: ended.spec.shown.clone(),
             flags: ended.flags.clone(),
             stop_reason: ended.stop_reason.clone(),
             rows: ended.trace.times().len(),
@@ -92,7 +92,7 @@ impl Results {
 
     /// Keeps the signals of a run for figures.
     pub(crate) fn show(&mut self, ended: &Ended) {
-        self.shown.push((ended.course.id.clone(), ended.trace.clone()));
+        self.shown.push((ended.spec.id.clone(), ended.trace.clone()));
     }
 
     /// Adds a metric of the maneuver.

@@ -1,16 +1,16 @@
 //! One run of a maneuver at chosen values, for programs that make its steps themselves: the lab.
 //!
-//! The runs are those of the bench, with the same wiring, courses and evaluators. Results that need a series of runs (limits of
+//! The runs are those of the bench, with the same wiring, runs and evaluators. Results that need a series of runs (limits of
 //! regulations, a largest speed) need the bench.
 
 use crate::bench::{self, Bench, Runs};
 use crate::components::SetupError;
-use crate::course::{self, Course};
 use crate::evaluators::{self, Evaluation};
 use crate::maneuvers::{
     braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
 };
 use crate::plant::Plant;
+use crate::run_spec::RunSpec;
 use crate::subject::Subject;
 use crate::systems::{Speed, Systems};
 use crate::vehicle::Vehicle;
@@ -86,7 +86,7 @@ pub struct Maneuver {
     outputs: &'static [&'static str],
     needs_pedals: bool,
     evaluator: &'static str,
-    make: fn(&Bench<'_>, &Chosen<'_>) -> Option<(Course, Value)>,
+    make: fn(&Bench<'_>, &Chosen<'_>) -> Option<(RunSpec, Value)>,
 }
 
 const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
@@ -103,8 +103,8 @@ pub static MANEUVERS: [Maneuver; 13] = [
         needs_pedals: false,
         evaluator: "",
         make: |_, chosen| {
-            let course = Course::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
-            Some((course.drivers(&[("maneuver", 1.0), ("steer.amplitude", 0.0)]), json!({})))
+            let spec = RunSpec::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
+            Some((spec.drivers(&[("maneuver", 1.0), ("steer.amplitude", 0.0)]), json!({})))
         },
     },
     Maneuver {
@@ -138,7 +138,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: POSITION,
         needs_pedals: false,
         evaluator: "single_lane_change",
-        make: |bench, chosen| Some((lane_change::course(bench, chosen.value("speed")), json!({}))),
+        make: |bench, chosen| Some((lane_change::spec(bench, chosen.value("speed")), json!({}))),
     },
     Maneuver {
         id: "sine_with_dwell",
@@ -151,8 +151,8 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "sine_with_dwell",
         make: |bench, chosen| {
             let steer = chosen.value("steering_wheel") / bench.ratio();
-            let course = sine_with_dwell::course("sine_with_dwell".to_owned(), chosen.value("speed"), steer);
-            Some((course, json!({ "steer.ratio": bench.ratio() })))
+            let spec = sine_with_dwell::spec("sine_with_dwell".to_owned(), chosen.value("speed"), steer);
+            Some((spec, json!({ "steer.ratio": bench.ratio() })))
         },
     },
     Maneuver {
@@ -166,7 +166,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "step_steer",
         make: |bench, chosen| {
             let steer = chosen.value("steering_wheel") / bench.ratio();
-            Some((step_steer::course("step_steer".to_owned(), chosen.value("speed"), steer), json!({})))
+            Some((step_steer::spec("step_steer".to_owned(), chosen.value("speed"), steer), json!({})))
         },
     },
     Maneuver {
@@ -181,7 +181,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         make: |bench, chosen| {
             let wheel = chosen.value("steering_wheel").to_degrees();
             let id = "fishhook".to_owned();
-            Some((rollover::fishhook_course(bench, id, chosen.value("speed"), wheel), json!({})))
+            Some((rollover::fishhook_spec(bench, id, chosen.value("speed"), wheel), json!({})))
         },
     },
     Maneuver {
@@ -196,7 +196,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         make: |bench, chosen| {
             let wheel = chosen.value("steering_wheel").to_degrees();
             let id = "j_turn".to_owned();
-            Some((rollover::j_turn_course(bench, id, chosen.value("speed"), wheel), json!({})))
+            Some((rollover::j_turn_spec(bench, id, chosen.value("speed"), wheel), json!({})))
         },
     },
     Maneuver {
@@ -219,7 +219,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: POSITION,
         needs_pedals: true,
         evaluator: "braking",
-        make: |_, chosen| Some((braking::course("braking".to_owned(), chosen.value("speed")), json!({}))),
+        make: |_, chosen| Some((braking::spec("braking".to_owned(), chosen.value("speed")), json!({}))),
     },
     Maneuver {
         id: "split_friction",
@@ -232,7 +232,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "braking",
         make: |bench, chosen| {
             let id = "split_friction".to_owned();
-            Some((braking::split_course(bench, id, chosen.value("speed"), true), json!({})))
+            Some((braking::split_spec(bench, id, chosen.value("speed"), true), json!({})))
         },
     },
     Maneuver {
@@ -244,7 +244,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
         needs_pedals: true,
         evaluator: "brake_in_turn",
-        make: |_, _| Some((braking::turn_course(), json!({}))),
+        make: |_, _| Some((braking::turn_spec(), json!({}))),
     },
     Maneuver {
         id: "ride",
@@ -256,8 +256,8 @@ pub static MANEUVERS: [Maneuver; 13] = [
         needs_pedals: false,
         evaluator: "ride",
         make: |bench, chosen| {
-            let course = ride::course(bench, "road", f64::from(chosen.class.unwrap_or(3)), f64::from(chosen.seed));
-            Some((Course { speed: chosen.value("speed"), ..course }, json!({ "begin": ride::BEGIN })))
+            let spec = ride::spec(bench, "road", f64::from(chosen.class.unwrap_or(3)), f64::from(chosen.seed));
+            Some((RunSpec { speed: chosen.value("speed"), ..spec }, json!({ "begin": ride::BEGIN })))
         },
     },
 ];
@@ -266,8 +266,8 @@ fn double_lane_change(
     bench: &Bench<'_>,
     part: double_lane_change::Part,
     chosen: &Chosen<'_>,
-) -> Option<(Course, Value)> {
-    double_lane_change::course(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
+) -> Option<(RunSpec, Value)> {
+    double_lane_change::spec(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
 }
 
 /// The choice of the visitor.
@@ -345,7 +345,7 @@ pub struct Single {
     descriptions: BTreeMap<String, Arc<ModelDescription>>,
     systems: Systems,
     vehicle: Vehicle,
-    course: Course,
+    spec: RunSpec,
     evaluator: &'static str,
     options: Value,
 }
@@ -355,7 +355,7 @@ pub const DRIVER: &str = "driver";
 /// Name of the plant in all these runs.
 pub const PLANT: &str = "plant";
 /// Roll angle from which a vehicle has rolled over, rad: the bench ends a run there.
-pub const ROLLED_OVER: f64 = course::ROLLED_OVER;
+pub const ROLLED_OVER: f64 = crate::run_result::ROLLED_OVER;
 
 /// Executes no runs.
 struct Nobody;
@@ -413,18 +413,18 @@ pub fn single(
         descriptions,
         systems,
         vehicle,
-        course: Course::new("", maneuver.driving, 0.0, 0.0),
+        spec: RunSpec::new("", maneuver.driving, 0.0, 0.0),
         evaluator: maneuver.evaluator,
         options: json!({}),
     };
     let bench = made.bench();
-    let made_course = (maneuver.make)(&bench, &chosen);
-    let (mut course, options) =
-        made_course.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
+    let made_spec = (maneuver.make)(&bench, &chosen);
+    let (mut spec, options) =
+        made_spec.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
     if is_rough && maneuver.driving != Driving::Ride {
-        course = ride::on_road(&bench, course, f64::from(road.class.unwrap_or(3)), f64::from(chosen.seed));
+        spec = ride::on_road(&bench, spec, f64::from(road.class.unwrap_or(3)), f64::from(chosen.seed));
     }
-    let (simulation, run) = bench.run(&course, course.stop).map_err(SetupError::new)?;
+    let (simulation, run) = bench.run(&spec, spec.stop).map_err(SetupError::new)?;
     let part = match maneuver.id {
         "iso3888_1" => Some(double_lane_change::Part::One),
         "iso3888_2" => Some(double_lane_change::Part::Two),
@@ -436,9 +436,9 @@ pub fn single(
     let every = if maneuver.is_free { 10 } else { simulation.every };
     made.simulation = Simulation { every, ..simulation };
     made.run = run;
-    made.speed = course.speed;
+    made.speed = spec.speed;
     made.cones = cones;
-    made.course = course;
+    made.spec = spec;
     made.options = options;
     Ok(made)
 }
@@ -470,7 +470,7 @@ impl Single {
     #[must_use]
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
-        let ended = bench::ended(&self.bench(), self.course.clone(), recording, None);
+        let ended = bench::ended(&self.bench(), self.spec.clone(), recording, None);
         evaluator.evaluate(&ended.trace, &self.options).ok()
     }
 }

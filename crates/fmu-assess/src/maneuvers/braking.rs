@@ -2,9 +2,9 @@
 
 use super::{evaluated, number, or_null, reason};
 use crate::bench::{Bench, drive};
-use crate::course::{Course, EndAt};
 use crate::metric::Direction;
 use crate::results::{Limit, Results};
+use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -16,8 +16,8 @@ const STEERING: (f64, f64) = (120.0, 240.0);
 const SLIPPERY: f64 = 0.5;
 
 /// Braking on a straight line from a speed, m/s.
-pub(crate) fn course(id: String, speed: f64) -> Course {
-    Course::new(id, Driving::Path, speed, 20.0)
+pub(crate) fn spec(id: String, speed: f64) -> RunSpec {
+    RunSpec::new(id, Driving::Path, speed, 20.0)
         .drivers(&[
             ("maneuver", 0.0),
             ("speed.control", 1.0),
@@ -31,7 +31,7 @@ pub(crate) fn course(id: String, speed: f64) -> Course {
 }
 
 pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
-    let Some(run) = drive(bench, vec![course("braking".to_owned(), 100.0 / 3.6)]).pop() else { return };
+    let Some(run) = drive(bench, vec![spec("braking".to_owned(), 100.0 / 3.6)]).pop() else { return };
     let metrics = evaluated("braking", &run, &json!({}));
     results.note(&run, &metrics);
     results.show(&run);
@@ -46,23 +46,23 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
 }
 
 /// Braking on split friction.
-pub(crate) fn split_course(bench: &Bench<'_>, id: String, speed: f64, slippery_left: bool) -> Course {
+pub(crate) fn split_spec(bench: &Bench<'_>, id: String, speed: f64, slippery_left: bool) -> RunSpec {
     let is_left = |name: &str| name.rsplit('.').next().is_some_and(|place| place.ends_with('l'));
-    bench.inputs("road_friction.").iter().fold(course(id, speed), |course, input| {
+    bench.inputs("road_friction.").iter().fold(spec(id, speed), |spec, input| {
         let friction = if is_left(input) == slippery_left { SLIPPERY } else { 1.0 };
-        course.value("plant", input, friction)
+        spec.value("plant", input, friction)
     })
 }
 
 pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
-    let courses = [("left", true), ("right", false)]
-        .map(|(side, slippery_left)| split_course(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left));
+    let specs = [("left", true), ("right", false)]
+        .map(|(side, slippery_left)| split_spec(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left));
     let mut spun = false;
     let mut is_finished = true;
     let mut worst: [Result<f64, String>; 4] = [const { Ok(0.0) }; 4];
     let mut cut = None;
     const NAMES: [&str; 4] = ["steering_wheel_peak_2s", "steering_wheel_peak", "lateral_peak", "yaw_peak"];
-    for run in drive(bench, courses.into()) {
+    for run in drive(bench, specs.into()) {
         let metrics = evaluated("braking", &run, &json!({}));
         results.note(&run, &metrics);
         results.show(&run);
@@ -72,7 +72,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         // If the number of one side is missing, the larger one is unknown.
         for (worst, name) in worst.iter_mut().zip(NAMES) {
             let value = number(&metrics, name);
-            let missing = || format!("{}: {}", run.course.id, reason(&metrics, name).unwrap_or_default());
+            let missing = || format!("{}: {}", run.spec.id, reason(&metrics, name).unwrap_or_default());
             match (worst.as_mut(), value) {
                 (Ok(worst), Some(value)) => *worst = worst.max(value),
                 (Ok(_), None) => *worst = Err(missing()),
@@ -134,10 +134,10 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
 }
 
 /// Braking on a circle.
-pub(crate) fn turn_course() -> Course {
+pub(crate) fn turn_spec() -> RunSpec {
     const RADIUS: f64 = 100.0;
     let speed = (5.0 * RADIUS).sqrt();
-    Course::new("brake_in_turn", Driving::Path, speed, 20.0)
+    RunSpec::new("brake_in_turn", Driving::Path, speed, 20.0)
         .drivers(&[
             ("maneuver", 1.0),
             ("path.radius", RADIUS),
@@ -154,7 +154,7 @@ pub(crate) fn turn_course() -> Course {
 }
 
 pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
-    let Some(run) = drive(bench, vec![turn_course()]).pop() else { return };
+    let Some(run) = drive(bench, vec![turn_spec()]).pop() else { return };
     let metrics = evaluated("brake_in_turn", &run, &json!({}));
     results.note(&run, &metrics);
     results.show(&run);

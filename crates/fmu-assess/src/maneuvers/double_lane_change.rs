@@ -2,10 +2,11 @@
 
 use super::{evaluated, number, or_null, truth};
 use crate::bench::{Bench, drive};
-use crate::course::{Course, EndAt, Ended};
 use crate::evaluators::{Evaluation, cones};
 use crate::metric::Direction;
 use crate::results::{Bound, Results, Series};
+use crate::run_result::Ended;
+use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -49,11 +50,11 @@ impl Part {
 }
 
 /// The run at a speed, m/s, and the options of its evaluator.
-pub(crate) fn course(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<(Course, Value)> {
+pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<(RunSpec, Value)> {
     let (front, rear) = (bench.vehicle.front.as_ref()?.value, bench.vehicle.rear.as_ref()?.value);
     let width = bench.vehicle.width.as_ref()?.value;
     let end = part.end() + rear + 1.0;
-    let mut course = Course::new(id, Driving::Path, v, 1.6 * end / v + 2.0)
+    let mut spec = RunSpec::new(id, Driving::Path, v, 1.6 * end / v + 2.0)
         .drivers(&[
             ("maneuver", part.maneuver()),
             ("path.start", START),
@@ -65,7 +66,7 @@ pub(crate) fn course(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Optio
         .end(EndAt::Speed(1.0))
         .with_end();
     if part == Part::Two && bench.has_pedals() {
-        course = course.driver("release.distance", START + 2.0);
+        spec = spec.driver("release.distance", START + 2.0);
     }
     let options = json!({
         "maneuver": part.maneuver(),
@@ -75,7 +76,7 @@ pub(crate) fn course(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Optio
         "footprint.front": front,
         "footprint.rear": rear,
     });
-    Some((course, options))
+    Some((spec, options))
 }
 
 /// Cones of a track for a vehicle.
@@ -92,8 +93,8 @@ pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
 }
 
 fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluation, bool)> {
-    let (course, options) = course(bench, part, format!("{}.{speed:.4}", part.name()), speed / 3.6)?;
-    let run = drive(bench, vec![course]).pop()?;
+    let (spec, options) = spec(bench, part, format!("{}.{speed:.4}", part.name()), speed / 3.6)?;
+    let run = drive(bench, vec![spec]).pop()?;
     let metrics = evaluated("cones", &run, &options);
     let passed =
         truth(&metrics, "passed") == Some(true) && !run.has("lost") && !run.has("rolled_over") && run.error.is_none();

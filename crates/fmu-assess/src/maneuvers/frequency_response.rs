@@ -2,8 +2,8 @@
 
 use super::evaluated;
 use crate::bench::{Bench, drive};
-use crate::course::Course;
 use crate::results::Results;
+use crate::run_spec::RunSpec;
 use crate::wiring::{Driving, STEP};
 use fmu_math::sin;
 use serde_json::json;
@@ -60,11 +60,11 @@ pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Res
     };
     let path = bench.folder.join(format!("frequency_response_{}.csv", bench.system.name));
     let written = std::fs::write(&path, table(0.5 * steer));
-    let course = Course::new("frequency_response", Driving::OpenLoop, bench.speed(), STOP)
+    let spec = RunSpec::new("frequency_response", Driving::OpenLoop, bench.speed(), STOP)
         .driver("maneuver", 7.0)
         .text("table.file", &path.to_string_lossy())
         .show("steer", 0.5 * steer);
-    if let (Ok(()), Some(run)) = (written, drive(bench, vec![course]).pop()) {
+    if let (Ok(()), Some(run)) = (written, drive(bench, vec![spec]).pop()) {
         let metrics = evaluated("frequency_response", &run, &json!({}));
         results.note(&run, &metrics);
         results.show(&run);

@@ -2,8 +2,8 @@
 
 use super::evaluated;
 use crate::bench::{Bench, drive};
-use crate::course::{Course, EndAt};
 use crate::results::Results;
+use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::json;
 
@@ -15,10 +15,10 @@ const OFFSET: f64 = 1.4637;
 const BEHIND: f64 = 60.0;
 
 /// The run at a speed, m/s.
-pub(crate) fn course(bench: &Bench<'_>, speed: f64) -> Course {
+pub(crate) fn spec(bench: &Bench<'_>, speed: f64) -> RunSpec {
     let distance = speed / FREQUENCY;
     let end = START + distance + BEHIND;
-    Course::new("single_lane_change", Driving::Path, speed, 1.6 * end / speed + 2.0)
+    RunSpec::new("single_lane_change", Driving::Path, speed, 1.6 * end / speed + 2.0)
         .drivers(&[
             ("maneuver", 4.0),
             ("path.start", START),
@@ -34,7 +34,7 @@ pub(crate) fn course(bench: &Bench<'_>, speed: f64) -> Course {
 
 pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let speed = bench.other_speed.unwrap_or(if bench.is_car() { 88.0 } else { 80.0 } / 3.6);
-    let Some(run) = drive(bench, vec![course(bench, speed)]).pop() else { return };
+    let Some(run) = drive(bench, vec![spec(bench, speed)]).pop() else { return };
     let metrics = evaluated("single_lane_change", &run, &json!({}));
     results.note(&run, &metrics);
     results.show(&run);

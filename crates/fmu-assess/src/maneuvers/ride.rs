@@ -2,10 +2,10 @@
 
 use super::{evaluated, number, or_null, reason};
 use crate::bench::{Bench, drive};
-use crate::course::Course;
 use crate::evaluators::{Evaluation, comfort};
 use crate::metric::{Direction, Value};
 use crate::results::Results;
+use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
 
@@ -17,9 +17,9 @@ pub(crate) const BEGIN: f64 = 2.0;
 const STOP: f64 = 22.0;
 
 /// The run on a road of a class, from 1 for A on.
-pub(crate) fn course(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> Course {
+pub(crate) fn spec(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> RunSpec {
     let id = format!("ride.{class}.{seed}");
-    let course = Course::new(id, Driving::Ride, bench.speed(), STOP)
+    let spec = RunSpec::new(id, Driving::Ride, bench.speed(), STOP)
         .drivers(&[
             ("maneuver", 0.0),
             ("path.start", 2000.0),
@@ -27,12 +27,12 @@ pub(crate) fn course(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) 
         ])
         .show("seed", seed)
         .show("class", roughness);
-    on_road(bench, course, roughness, seed)
+    on_road(bench, spec, roughness, seed)
 }
 
 /// Sets the road of a run.
-pub(crate) fn on_road(bench: &Bench<'_>, course: Course, roughness: f64, seed: f64) -> Course {
-    let mut course = course
+pub(crate) fn on_road(bench: &Bench<'_>, spec: RunSpec, roughness: f64, seed: f64) -> RunSpec {
+    let mut spec = spec
         .value("road", "profile", 1.0)
         .value("road", "tracks", 1.0)
         .value("road", "roughness.start", 2.0)
@@ -40,12 +40,12 @@ pub(crate) fn on_road(bench: &Bench<'_>, course: Course, roughness: f64, seed: f
         .value("road", "seed", seed);
     let offsets = &bench.vehicle.axle_offsets;
     if let Some(rear) = offsets.last() {
-        course = course.value("road", "geometry.axle_offset.rear", *rear);
+        spec = spec.value("road", "geometry.axle_offset.rear", *rear);
     }
     if let [middle, _] = offsets[..] {
-        course = course.value("road", "geometry.axle_offset.middle", middle);
+        spec = spec.value("road", "geometry.axle_offset.middle", middle);
     }
-    course
+    spec
 }
 
 /// Mean of a metric over the seeds.
@@ -68,16 +68,16 @@ fn largest(found: &[Evaluation], name: &str) -> Option<f64> {
 
 pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     for (class, roughness) in CLASSES {
-        let courses = SEEDS.map(|seed| course(bench, class, roughness, seed));
+        let specs = SEEDS.map(|seed| spec(bench, class, roughness, seed));
         let mut found = Vec::new();
         let mut broken = None;
-        for (index, run) in drive(bench, courses.into()).into_iter().enumerate() {
+        for (index, run) in drive(bench, specs.into()).into_iter().enumerate() {
             let metrics = evaluated("ride", &run, &json!({ "begin": BEGIN }));
             results.note(&run, &metrics);
             if index == 0 && class == "c" {
                 results.show(&run);
             }
-            broken = broken.or_else(|| run.cut_short().map(|reason| format!("{}: {reason}", run.course.id)));
+            broken = broken.or_else(|| run.cut_short().map(|reason| format!("{}: {reason}", run.spec.id)));
             found.push(metrics);
         }
         let of_class = class.to_uppercase();

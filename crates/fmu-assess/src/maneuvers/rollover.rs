@@ -2,10 +2,10 @@
 
 use super::{SIDES, evaluated, number, or_null, truth};
 use crate::bench::{Bench, drive};
-use crate::course::Course;
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
 use crate::results::{Bound, Limit, Results, Series};
+use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -13,17 +13,17 @@ use serde_json::{Value, json};
 const MPH: f64 = 0.447_04;
 
 /// The run of a maneuver at a speed, m/s, to a side.
-type MakeCourse<'a> = &'a dyn Fn(&str, f64, f64, f64) -> Course;
+type MakeSpec<'a> = &'a dyn Fn(&str, f64, f64, f64) -> RunSpec;
 
-fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &mut Results) {
+fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut Results) {
     let mut lifted = None;
     let mut load_transfer = Peaks::new("load_transfer_peak");
     let mut roll = Peaks::new("roll_peak");
     let mut is_known = false;
     for mph in speeds {
-        let courses = SIDES.map(|(side, sign)| course(side, sign, *mph, mph * MPH));
+        let specs = SIDES.map(|(side, sign)| spec(side, sign, *mph, mph * MPH));
         let mut found = Vec::new();
-        for run in drive(bench, courses.into()) {
+        for run in drive(bench, specs.into()) {
             let metrics = evaluated("rollover", &run, &json!({}));
             results.note(&run, &metrics);
             results.show(&run);
@@ -106,21 +106,21 @@ impl Peaks {
 }
 
 /// A fishhook at a speed, m/s, with an angle of the steering wheel, deg.
-pub(crate) fn fishhook_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> Course {
-    let course = Course::new(id, Driving::Path, speed, 9.0).drivers(&[
+pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {
+    let spec = RunSpec::new(id, Driving::Path, speed, 9.0).drivers(&[
         ("maneuver", 7.0),
         ("steer.wheel_amplitude", wheel.to_radians()),
         ("steer.wheel_rate", 720.0_f64.to_radians()),
     ]);
     if bench.has_output("body.roll_rate") {
-        return course;
+        return spec;
     }
-    course.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)])
+    spec.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)])
 }
 
 /// A J-turn at a speed, m/s, with an angle of the steering wheel, deg.
-pub(crate) fn j_turn_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> Course {
-    Course::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
+pub(crate) fn j_turn_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {
+    RunSpec::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
         ("maneuver", 1.0),
         ("steer.amplitude", wheel.to_radians() / bench.ratio()),
         ("steer.start", 1.0),
@@ -140,19 +140,19 @@ fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
 /// Steers to one side, waits until the roll rate is back at zero, and steers to the other side.
 pub(crate) fn fishhook(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
-    let course = |side: &str, sign: f64, mph: f64, speed: f64| {
+    let spec = |side: &str, sign: f64, mph: f64, speed: f64| {
         let wheel = 6.5 * a;
-        fishhook_course(bench, format!("fishhook.{side}.{mph}"), speed, sign * wheel).show("amplitude", wheel)
+        fishhook_spec(bench, format!("fishhook.{side}.{mph}"), speed, sign * wheel).show("amplitude", wheel)
     };
-    series(bench, &[35.0, 40.0, 45.0, 47.5, 50.0], &course, results);
+    series(bench, &[35.0, 40.0, 45.0, 47.5, 50.0], &spec, results);
 }
 
 /// Steers to one side and holds.
 pub(crate) fn j_turn(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
-    let course = |side: &str, sign: f64, mph: f64, speed: f64| {
+    let spec = |side: &str, sign: f64, mph: f64, speed: f64| {
         let wheel = 8.0 * a;
-        j_turn_course(bench, format!("j_turn.{side}.{mph}"), speed, sign * wheel).show("amplitude", wheel)
+        j_turn_spec(bench, format!("j_turn.{side}.{mph}"), speed, sign * wheel).show("amplitude", wheel)
     };
-    series(bench, &[35.0, 40.0, 45.0, 50.0, 55.0, 60.0], &course, results);
+    series(bench, &[35.0, 40.0, 45.0, 50.0, 55.0, 60.0], &spec, results);
 }

@@ -2,10 +2,10 @@
 
 use super::{Hindrance, SIDES, evaluated, number, or_null, reason, truth};
 use crate::bench::{Bench, drive};
-use crate::course::Course;
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
 use crate::results::{Limit, Results, Series};
+use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -23,8 +23,8 @@ fn amplitudes(a: f64) -> Vec<f64> {
 }
 
 /// The run with an amplitude, rad at the front wheels, coasting from a speed, m/s.
-pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
-    Course::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
+pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
+    RunSpec::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
         ("maneuver", 5.0),
         ("steer.amplitude", steer),
         ("steer.start", 1.0),
@@ -84,12 +84,12 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let mut unstable_from = None;
     let mut unknown = None;
     for amplitude in amplitudes(a) {
-        let courses = SIDES.map(|(side, sign)| {
+        let specs = SIDES.map(|(side, sign)| {
             let steer = sign * amplitude.to_radians() / bench.ratio();
-            course(format!("sine_with_dwell.{side}.{amplitude:.1}"), SPEED, steer).show("amplitude", amplitude)
+            spec(format!("sine_with_dwell.{side}.{amplitude:.1}"), SPEED, steer).show("amplitude", amplitude)
         });
         let mut is_pair_stable = true;
-        for run in drive(bench, courses.into()) {
+        for run in drive(bench, specs.into()) {
             let metrics = evaluated("sine_with_dwell", &run, &json!({ "steer.ratio": bench.ratio() }));
             results.note(&run, &metrics);
             results.show(&run);
@@ -106,7 +106,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
                 None if run.has("spun") || run.has("rolled_over") || run.error.is_some() => is_pair_stable = false,
                 None => {
                     let why = reason(&metrics, "stable").unwrap_or_default();
-                    unknown = unknown.or(Some(format!("{}: {why}", run.course.id)));
+                    unknown = unknown.or(Some(format!("{}: {why}", run.spec.id)));
                 }
             }
         }

@@ -2,9 +2,10 @@
 
 use super::{G, SIDES, evaluated, number, or_null, reason};
 use crate::bench::{Bench, drive};
-use crate::course::{Course, EndAt, Ended};
 use crate::metric::{self, Direction};
 use crate::results::{Results, Suite};
+use crate::run_result::Ended;
+use crate::run_spec::{EndAt, RunSpec};
 use crate::systems::Speed;
 use crate::wiring::Driving;
 use serde_json::{Value, json};
@@ -25,8 +26,8 @@ pub(crate) struct Increasing {
 pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Results, Increasing) {
     let mut results = Results::new("slowly_increasing_steer", suite, bench.system.name);
     let holds_speed = if bench.system.speed == Speed::Pedals { 1.0 } else { 0.0 };
-    let courses = SIDES.map(|(side, sign)| {
-        Course::new(format!("slowly_increasing_steer.{side}"), Driving::Path, bench.speed(), 40.0)
+    let specs = SIDES.map(|(side, sign)| {
+        RunSpec::new(format!("slowly_increasing_steer.{side}"), Driving::Path, bench.speed(), 40.0)
             .drivers(&[
                 ("maneuver", 6.0),
                 ("speed.control", holds_speed),
@@ -36,7 +37,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
             .end(EndAt::LateralAcceleration(HIGHEST))
             .end(EndAt::Finished(1.0))
     });
-    let ended = drive(bench, courses.into());
+    let ended = drive(bench, specs.into());
     // Remove an understeer gradient that needs an unknown wheelbase.
     let wheelbase = bench.wheelbase();
     let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": wheelbase.as_ref().unwrap_or(&1.0) });
@@ -82,11 +83,11 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
 }
 
 /// A circle with rising speed, and the options of its evaluator.
-pub(crate) fn circle(bench: &Bench<'_>) -> Option<(Course, Value)> {
+pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
     const RADIUS: f64 = 100.0;
     const BEGIN: f64 = 60.0;
     let highest: f64 = if bench.is_car() { 4.0 } else { 2.0 };
-    let course = Course::new("constant_radius", Driving::Path, 5.0, 72.0)
+    let spec = RunSpec::new("constant_radius", Driving::Path, 5.0, 72.0)
         .drivers(&[
             ("maneuver", 1.0),
             ("path.radius", RADIUS),
@@ -102,13 +103,13 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(Course, Value)> {
         .show("radius", RADIUS);
     let class = if bench.is_car() { "car" } else { "truck" };
     let options = json!({ "geometry.wheelbase": bench.wheelbase().ok()?, "begin": BEGIN, "vehicle.class": class });
-    Some((course, options))
+    Some((spec, options))
 }
 
 /// Drives on a circle with rising speed.
 pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
-    let Some((course, options)) = circle(bench) else { return };
-    let ended: Vec<Ended> = drive(bench, vec![course]);
+    let Some((spec, options)) = circle(bench) else { return };
+    let ended: Vec<Ended> = drive(bench, vec![spec]);
     let Some(run) = ended.first() else { return };
     let metrics = evaluated("constant_radius", run, &options);
     results.note(run, &metrics);

@@ -2,9 +2,10 @@
 
 use super::{evaluated, frequency_response, number, reason};
 use crate::bench::{Bench, drive};
-use crate::course::{Course, Ended};
 use crate::evaluators::Evaluation;
 use crate::results::Results;
+use crate::run_result::Ended;
+use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
 
@@ -20,8 +21,8 @@ const OF_AMPLITUDE: f64 = 0.3 * super::G;
 const SETTLED: f64 = 0.2;
 
 /// The run with a steering angle of the front wheels, rad, at a speed, m/s.
-pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
-    Course::new(id, Driving::OpenLoop, speed, 6.0)
+pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
+    RunSpec::new(id, Driving::OpenLoop, speed, 6.0)
         .drivers(&[("maneuver", 1.0), ("steer.amplitude", steer), ("steer.start", 1.0), ("steer.rise_time", 0.1)])
         .show("steer", steer)
 }
@@ -76,8 +77,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let mut nearest: Option<f64> = None;
     let mut why = None;
     for index in 1..=MOST_RUNS.1 {
-        let Some(mut run) = drive(bench, vec![course(format!("step_steer.{index}"), bench.speed(), steer)]).pop()
-        else {
+        let Some(mut run) = drive(bench, vec![spec(format!("step_steer.{index}"), bench.speed(), steer)]).pop() else {
             return;
         };
         let metrics = evaluated("step_steer", &run, &json!({}));

@@ -1,9 +1,9 @@
-//! A run of a maneuver: its simulation, its end and its recording.
+//! A run that was made: its end and its recording.
 
 use crate::Trace;
-use crate::wiring::{Driving, STEP};
+use crate::run_spec::{EndAt, RunSpec};
+use crate::wiring::STEP;
 use fmu_system::master::Recording;
-use std::collections::BTreeMap;
 
 /// Yaw rate beyond which a simulation has diverged, rad/s.
 const DIVERGED: f64 = 50.0;
@@ -12,100 +12,10 @@ pub(crate) const ROLLED_OVER: f64 = 0.8;
 /// Sideslip angle, rad, at a speed over ground, m/s, that a vehicle has only when it spins.
 const SPUN: (f64, f64) = (0.7, 3.0);
 
-/// A value for a variable of any base type.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Setting {
-    Number(f64),
-    Text(String),
-}
-
-/// A planned run.
-#[derive(Debug, Clone)]
-pub(crate) struct Course {
-    /// Name, unique in a system.
-    pub(crate) id: String,
-    pub(crate) driving: Driving,
-    /// Speed at the start, m/s.
-    pub(crate) speed: f64,
-    /// Values: component (`driver`, `road`, `plant`), variable, value.
-    pub(crate) values: Vec<(&'static str, String, Setting)>,
-    /// Longest time, s.
-    pub(crate) stop: f64,
-    pub(crate) ends: Vec<EndAt>,
-    /// True if the driver should reach the end of a path.
-    pub(crate) has_end: bool,
-    /// Numbers shown in the report.
-    pub(crate) shown: BTreeMap<String, f64>,
-}
-
-impl Course {
-    pub(crate) fn new(id: impl Into<String>, driving: Driving, speed: f64, stop: f64) -> Self {
-        let shown = BTreeMap::from([("speed".to_owned(), speed)]);
-        Self { id: id.into(), driving, speed, values: Vec::new(), stop, ends: Vec::new(), has_end: false, shown }
-    }
-
-    /// Sets a variable of the driver.
-    pub(crate) fn driver(self, name: &str, value: f64) -> Self {
-        self.value("driver", name, value)
-    }
-
-    /// Sets variables of the driver.
-    pub(crate) fn drivers(self, values: &[(&str, f64)]) -> Self {
-        values.iter().fold(self, |course, (name, value)| course.driver(name, *value))
-    }
-
-    /// Sets a variable.
-    pub(crate) fn value(mut self, component: &'static str, name: &str, value: f64) -> Self {
-        self.values.push((component, name.to_owned(), Setting::Number(value)));
-        self
-    }
-
-    /// Sets a String variable of the driver.
-    pub(crate) fn text(mut self, name: &str, value: &str) -> Self {
-        self.values.push(("driver", name.to_owned(), Setting::Text(value.to_owned())));
-        self
-    }
-
-    /// Ends the run early.
-    pub(crate) fn end(mut self, end: EndAt) -> Self {
-        self.ends.push(end);
-        self
-    }
-
-    /// Requires the driver to reach the end of its path.
-    pub(crate) fn with_end(mut self) -> Self {
-        self.has_end = true;
-        self
-    }
-
-    /// Shows a number in the report.
-    pub(crate) fn show(mut self, name: &str, value: f64) -> Self {
-        self.shown.insert(name.to_owned(), value);
-        self
-    }
-}
-
-/// Condition that ends a run before its longest time. The row in which it holds is the last one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum EndAt {
-    /// Magnitude of the lateral acceleration above this, m/s2.
-    LateralAcceleration(f64),
-    /// Time after the end of the path, s.
-    Finished(f64),
-    /// The driver has lost the path.
-    Lost,
-    /// Position along x beyond this, m.
-    Position(f64),
-    /// Speed below this, m/s.
-    Speed(f64),
-    /// Speed over ground below this, m/s.
-    GroundSpeed(f64),
-}
-
 /// Result of a run.
 #[derive(Debug)]
 pub(crate) struct Ended {
-    pub(crate) course: Course,
+    pub(crate) spec: RunSpec,
     pub(crate) trace: Trace<'static>,
     /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
     pub(crate) flags: Vec<&'static str>,
@@ -117,9 +27,9 @@ pub(crate) struct Ended {
 
 impl Ended {
     /// A run that recorded nothing.
-    pub(crate) fn failed(course: Course, message: String) -> Self {
+    pub(crate) fn failed(spec: RunSpec, message: String) -> Self {
         let stop_reason = "failed".to_owned();
-        Self { course, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
+        Self { spec, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
     }
 
     pub(crate) fn has(&self, flag: &str) -> bool {
@@ -141,7 +51,7 @@ impl Ended {
 
 /// Cuts a recording, whose columns have these names, where the run ends. `failure` is the failure after its last row, if any.
 pub(crate) fn cut(
-    course: Course,
+    spec: RunSpec,
     names: &[String],
     recording: &Recording,
     ratio: f64,
@@ -187,7 +97,7 @@ pub(crate) fn cut(
             flags.push("rolled_over");
             Some("rolled over")
         } else {
-            course.ends.iter().find_map(|end| {
+            spec.ends.iter().find_map(|end| {
                 let (holds, reason) = match *end {
                     EndAt::LateralAcceleration(limit) => (at(lateral, row).abs() > limit, "lateral acceleration"),
                     EndAt::Finished(after) => {
@@ -212,7 +122,7 @@ pub(crate) fn cut(
         flags.push("lost");
     }
     let is_finished = at_last(finished, rows) > 0.5;
-    if course.has_end && !is_finished {
+    if spec.has_end && !is_finished {
         flags.push("not_finished");
     }
     if error.is_some() {
@@ -227,7 +137,7 @@ pub(crate) fn cut(
         }
         trace = trace.with(name.clone(), values.to_vec()).expect("a column of the recording has its rows");
     }
-    Ended { course, trace, flags, stop_reason, error }
+    Ended { spec, trace, flags, stop_reason, error }
 }
 
 fn at_last(column: Option<&[f64]>, rows: usize) -> f64 {
@@ -254,13 +164,14 @@ fn shown_time(time: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wiring::Driving;
 
     /// A signal: its name, its value, and from which row on another value.
     type Signal = (&'static str, f64, Option<(usize, f64)>);
 
     /// A recording of 1 s, cut: a signal has its value in all rows, or from a row on another one. Its rows begin at 0 s, those of
     /// a run one step later.
-    fn run(course: Course, signals: &[Signal], failure: Option<&str>) -> Ended {
+    fn run(spec: RunSpec, signals: &[Signal], failure: Option<&str>) -> Ended {
         let rows = 1001;
         let column = |before: f64, change: Option<(usize, f64)>| {
             let of = |row| change.filter(|(from, _)| row >= *from).map_or(before, |(_, after)| after);
@@ -273,18 +184,18 @@ mod tests {
             seconds: 0.0,
         };
         let names: Vec<String> = signals.iter().map(|(name, _, _)| (*name).to_owned()).collect();
-        cut(course, &names, &recording, 16.0, failure.map(str::to_owned))
+        cut(spec, &names, &recording, 16.0, failure.map(str::to_owned))
     }
 
-    fn course() -> Course {
-        Course::new("run", Driving::Path, 20.0, 1.0)
+    fn spec() -> RunSpec {
+        RunSpec::new("run", Driving::Path, 20.0, 1.0)
     }
 
     const CALM: Signal = ("vehicle.speed", 20.0, None);
 
     #[test]
     fn a_calm_run_lasts_to_its_end() {
-        let ended = run(course(), &[CALM, ("driver.steer", 0.5, None)], None);
+        let ended = run(spec(), &[CALM, ("driver.steer", 0.5, None)], None);
         assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "time"));
         assert_eq!((ended.flags.len(), ended.error), (0, None));
         assert_eq!(ended.trace.column("driver.steering_wheel").unwrap()[0], 8.0);
@@ -294,24 +205,24 @@ mod tests {
     #[test]
     fn a_value_that_is_not_finite_ends_the_run() {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let ended = run(course(), &[CALM, ("body.roll", 0.0, Some((500, value)))], None);
+            let ended = run(spec(), &[CALM, ("body.roll", 0.0, Some((500, value)))], None);
             assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (499, "diverged"));
             assert_eq!(ended.flags, ["diverged"]);
             assert_eq!(ended.error.as_deref(), Some("`body.roll` is not finite at 0.5 s"));
         }
         // From the first row on: nothing is left, and nothing breaks.
-        let ended = run(course(), &[("vehicle.speed", f64::NAN, None)], None);
+        let ended = run(spec(), &[("vehicle.speed", f64::NAN, None)], None);
         assert_eq!((ended.trace.times().len(), ended.flags), (0, vec!["diverged"]));
     }
 
     #[test]
     fn a_yaw_rate_that_no_vehicle_has_ends_the_run() {
-        let of = |rate: f64| run(course(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((500, rate)))], None);
+        let of = |rate: f64| run(spec(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((500, rate)))], None);
         for sign in [1.0, -1.0] {
             let ended = of(sign * 50.1);
             assert_eq!(ended.flags, ["diverged"]);
             assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.5 s"));
-            let ended = run(course(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((3, sign * 51.0)))], None);
+            let ended = run(spec(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((3, sign * 51.0)))], None);
             assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.003 s"));
             assert_eq!(of(sign * 50.0).flags.len(), 0);
         }
@@ -321,11 +232,11 @@ mod tests {
     #[test]
     fn a_call_that_fails_ends_the_run() {
         let message = "plant: fmi2DoStep returned fmi2Error";
-        let ended = run(course(), &[CALM], Some(message));
+        let ended = run(spec(), &[CALM], Some(message));
         assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "failed"));
         assert_eq!((ended.flags, ended.error.as_deref()), (vec!["diverged"], Some(message)));
         let position = ("vehicle.position_x", 0.0, Some((500, 60.0)));
-        let ended = run(course().end(EndAt::Position(50.0)), &[CALM, position], Some(message));
+        let ended = run(spec().end(EndAt::Position(50.0)), &[CALM, position], Some(message));
         assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "finished"));
         assert_eq!((ended.flags.len(), ended.error), (0, None));
     }
@@ -333,10 +244,10 @@ mod tests {
     #[test]
     fn a_driver_off_the_path_ends_the_run_where_the_maneuver_asks_for_it() {
         let lost = ("path.lost", 0.0, Some((500, 1.0)));
-        let ended = run(course().end(EndAt::Lost).with_end(), &[CALM, lost, ("path.finished", 0.0, None)], None);
+        let ended = run(spec().end(EndAt::Lost).with_end(), &[CALM, lost, ("path.finished", 0.0, None)], None);
         assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "lost"));
         assert_eq!((ended.flags, ended.error), (vec!["lost", "not_finished"], None));
-        let ended = run(course(), &[CALM, lost], None);
+        let ended = run(spec(), &[CALM, lost], None);
         assert_eq!((ended.trace.times().len(), ended.flags), (1000, vec!["lost"]));
     }
 
@@ -345,7 +256,7 @@ mod tests {
     fn a_spin_is_a_flag() {
         let of = |speed: f64, sideslip: f64| {
             let sideslip = ("vehicle.sideslip", 0.0, Some((500, sideslip)));
-            run(course(), &[("vehicle.speed", speed, None), sideslip], None)
+            run(spec(), &[("vehicle.speed", speed, None), sideslip], None)
         };
         let ended = of(20.0, -0.71);
         assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "time"));
@@ -363,12 +274,12 @@ mod tests {
         };
         let names =
             ["vehicle.speed", "vehicle.sideslip", "vehicle.position_y", "vehicle.position_x"].map(str::to_owned);
-        assert_eq!(cut(course(), &names, &recording, 16.0, None).flags, ["spun"]);
+        assert_eq!(cut(spec(), &names, &recording, 16.0, None).flags, ["spun"]);
     }
 
     #[test]
     fn a_vehicle_that_tips_over_ends_the_run() {
-        let ended = run(course(), &[CALM, ("body.roll", 0.0, Some((500, -0.81)))], None);
+        let ended = run(spec(), &[CALM, ("body.roll", 0.0, Some((500, -0.81)))], None);
         assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "rolled over"));
         assert_eq!((ended.flags, ended.error), (vec!["rolled_over"], None));
     }

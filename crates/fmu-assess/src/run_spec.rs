@@ -1,0 +1,94 @@
+//! A planned run of a maneuver.
+
+use crate::wiring::Driving;
+use std::collections::BTreeMap;
+
+/// A value for a variable of any base type.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Setting {
+    Number(f64),
+    Text(String),
+}
+
+/// A planned run.
+#[derive(Debug, Clone)]
+pub(crate) struct RunSpec {
+    /// Name, unique in a system.
+    pub(crate) id: String,
+    pub(crate) driving: Driving,
+    /// Speed at the start, m/s.
+    pub(crate) speed: f64,
+    /// Values: component (`driver`, `road`, `plant`), variable, value.
+    pub(crate) values: Vec<(&'static str, String, Setting)>,
+    /// Longest time, s.
+    pub(crate) stop: f64,
+    pub(crate) ends: Vec<EndAt>,
+    /// True if the driver should reach the end of a path.
+    pub(crate) has_end: bool,
+    /// Numbers shown in the report.
+    pub(crate) shown: BTreeMap<String, f64>,
+}
+
+impl RunSpec {
+    pub(crate) fn new(id: impl Into<String>, driving: Driving, speed: f64, stop: f64) -> Self {
+        let shown = BTreeMap::from([("speed".to_owned(), speed)]);
+        Self { id: id.into(), driving, speed, values: Vec::new(), stop, ends: Vec::new(), has_end: false, shown }
+    }
+
+    /// Sets a variable of the driver.
+    pub(crate) fn driver(self, name: &str, value: f64) -> Self {
+        self.value("driver", name, value)
+    }
+
+    /// Sets variables of the driver.
+    pub(crate) fn drivers(self, values: &[(&str, f64)]) -> Self {
+        values.iter().fold(self, |spec, (name, value)| spec.driver(name, *value))
+    }
+
+    /// Sets a variable.
+    pub(crate) fn value(mut self, component: &'static str, name: &str, value: f64) -> Self {
+        self.values.push((component, name.to_owned(), Setting::Number(value)));
+        self
+    }
+
+    /// Sets a String variable of the driver.
+    pub(crate) fn text(mut self, name: &str, value: &str) -> Self {
+        self.values.push(("driver", name.to_owned(), Setting::Text(value.to_owned())));
+        self
+    }
+
+    /// Ends the run early.
+    pub(crate) fn end(mut self, end: EndAt) -> Self {
+        self.ends.push(end);
+        self
+    }
+
+    /// Requires the driver to reach the end of its path.
+    pub(crate) fn with_end(mut self) -> Self {
+        self.has_end = true;
+        self
+    }
+
+    /// Shows a number in the report.
+    pub(crate) fn show(mut self, name: &str, value: f64) -> Self {
+        self.shown.insert(name.to_owned(), value);
+        self
+    }
+}
+
+/// Condition that ends a run before its longest time. The row in which it holds is the last one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum EndAt {
+    /// Magnitude of the lateral acceleration above this, m/s2.
+    LateralAcceleration(f64),
+    /// Time after the end of the path, s.
+    Finished(f64),
+    /// The driver has lost the path.
+    Lost,
+    /// Position along x beyond this, m.
+    Position(f64),
+    /// Speed below this, m/s.
+    Speed(f64),
+    /// Speed over ground below this, m/s.
+    GroundSpeed(f64),
+}
