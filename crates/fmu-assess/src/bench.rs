@@ -1,7 +1,7 @@
 //! One of the two systems on the bench. It makes runs from the specifications of maneuvers.
 
 use crate::plant::Plant;
-use crate::run_result::{Ended, cut};
+use crate::run_result::{RunResult, cut};
 use crate::run_spec::{RunSpec, Setting};
 use crate::systems::{Speed, System};
 use crate::vehicle::{Class, Vehicle};
@@ -101,7 +101,7 @@ impl Bench<'_> {
         self.plant.inputs().into_iter().filter(|name| name.starts_with(start)).collect()
     }
 
-    /// The run of a spec up to a time.
+    /// The run of a planned run up to a time.
     ///
     /// # Errors
     /// A value does not fit.
@@ -177,7 +177,7 @@ impl Bench<'_> {
 }
 
 /// Executes runs of a system. For a failed run, the rows before the failure count.
-pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<Ended> {
+pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
     let requests = specs.iter().map(|spec| bench.run(spec, spec.stop)).collect::<Vec<_>>();
     let wanted = requests.iter().flatten().cloned().collect();
     let mut outcomes = bench.executor.execute(wanted).into_iter();
@@ -185,27 +185,27 @@ pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<Ended> {
         .into_iter()
         .zip(requests)
         .map(|(spec, request)| match request {
-            Err(message) => Ended::failed(spec, message),
+            Err(message) => RunResult::failed(spec, message),
             Ok(_) => match outcomes.next() {
-                Some(Ok(recording)) => ended(bench, spec, &recording, None),
+                Some(Ok(recording)) => result(bench, spec, &recording, None),
                 Some(Err(failure)) => shortened(bench, spec, &failure),
-                None => Ended::failed(spec, "there is no outcome".to_owned()),
+                None => RunResult::failed(spec, "there is no outcome".to_owned()),
             },
         })
         .collect()
 }
 
 /// The rows before a failure, if there are any after the start.
-fn shortened(bench: &Bench<'_>, spec: RunSpec, failure: &Failure) -> Ended {
+fn shortened(bench: &Bench<'_>, spec: RunSpec, failure: &Failure) -> RunResult {
     let message = failure.to_string();
     match &failure.recorded {
-        Some(recording) if recording.time.len() > 1 => ended(bench, spec, recording, Some(message)),
-        _ => Ended::failed(spec, message),
+        Some(recording) if recording.time.len() > 1 => result(bench, spec, recording, Some(message)),
+        _ => RunResult::failed(spec, message),
     }
 }
 
 /// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.
-pub(crate) fn ended(bench: &Bench<'_>, spec: RunSpec, recording: &Recording, failure: Option<String>) -> Ended {
+pub(crate) fn result(bench: &Bench<'_>, spec: RunSpec, recording: &Recording, failure: Option<String>) -> RunResult {
     let names = bench.system.columns(spec.driving);
     cut(spec, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
 }

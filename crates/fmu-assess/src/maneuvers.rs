@@ -17,7 +17,7 @@ use crate::bench::Bench;
 use crate::evaluators::{self, Evaluation};
 use crate::metric;
 use crate::results::{Results, Suite};
-use crate::run_result::Ended;
+use crate::run_result::RunResult;
 use crate::systems::Speed;
 use serde_json::{Value, json};
 
@@ -221,9 +221,9 @@ pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
 }
 
 /// The metrics of an evaluator.
-pub(crate) fn evaluated(name: &str, ended: &Ended, options: &Value) -> Evaluation {
+pub(crate) fn evaluated(name: &str, result: &RunResult, options: &Value) -> Evaluation {
     let evaluator = evaluators::find(name).expect("the bench names an evaluator");
-    evaluator.evaluate(&ended.trace, options).expect("the bench gives the options of the evaluator")
+    evaluator.evaluate(&result.trace, options).expect("the bench gives the options of the evaluator")
 }
 
 /// A number of an evaluator.

@@ -4,7 +4,7 @@ use crate::Trace;
 use crate::evaluators::{self, Evaluation};
 use crate::json::rounded;
 use crate::metric::{self, Direction};
-use crate::run_result::Ended;
+use crate::run_result::RunResult;
 use fmu_system::requirements::holds;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -76,23 +76,23 @@ impl Results {
     }
 
     /// Adds a run with the metrics of its evaluator.
-    pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
+    pub(crate) fn note(&mut self, result: &RunResult, metrics: &Evaluation) {
         self.runs.push(RunRecord {
-            id: ended.spec.id.clone(),
+            id: result.spec.id.clone(),
             suite: self.suite,
             system: self.system,
-            parameters: ended.spec.shown.clone(),
-            flags: ended.flags.clone(),
-            stop_reason: ended.stop_reason.clone(),
-            rows: ended.trace.times().len(),
-            error: ended.error.clone(),
+            parameters: result.spec.shown.clone(),
+            flags: result.flags.clone(),
+            stop_reason: result.stop_reason.clone(),
+            rows: result.trace.times().len(),
+            error: result.error.clone(),
             metrics: serde_json::from_str(&metrics.to_json()).unwrap_or_default(),
         });
     }
 
     /// Keeps the signals of a run for figures.
-    pub(crate) fn show(&mut self, ended: &Ended) {
-        self.shown.push((ended.spec.id.clone(), ended.trace.clone()));
+    pub(crate) fn show(&mut self, result: &RunResult) {
+        self.shown.push((result.spec.id.clone(), result.trace.clone()));
     }
 
     /// Adds a metric of the maneuver.
@@ -127,7 +127,7 @@ impl Results {
     }
 
     /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
-    pub(crate) fn take(&mut self, run: &Ended, metrics: &Evaluation, wanted: &[&str]) {
+    pub(crate) fn take(&mut self, run: &RunResult, metrics: &Evaluation, wanted: &[&str]) {
         for name in wanted {
             let Some(found) = metrics.metrics.iter().find(|metric| metric.name == *name) else { continue };
             let metric::Definition { title, unit, direction, definition, .. } = *found.definition;

@@ -14,7 +14,7 @@ const SPUN: (f64, f64) = (0.7, 3.0);
 
 /// Result of a run.
 #[derive(Debug)]
-pub(crate) struct Ended {
+pub(crate) struct RunResult {
     pub(crate) spec: RunSpec,
     pub(crate) trace: Trace<'static>,
     /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
@@ -25,7 +25,7 @@ pub(crate) struct Ended {
     pub(crate) error: Option<String>,
 }
 
-impl Ended {
+impl RunResult {
     /// A run that recorded nothing.
     pub(crate) fn failed(spec: RunSpec, message: String) -> Self {
         let stop_reason = "failed".to_owned();
@@ -56,7 +56,7 @@ pub(crate) fn cut(
     recording: &Recording,
     ratio: f64,
     failure: Option<String>,
-) -> Ended {
+) -> RunResult {
     // No row at the start: the driver signals of a row were held during the step before it.
     let of = |name: &str| {
         let index = names.iter().position(|column| column == name)?;
@@ -137,7 +137,7 @@ pub(crate) fn cut(
         }
         trace = trace.with(name.clone(), values.to_vec()).expect("a column of the recording has its rows");
     }
-    Ended { spec, trace, flags, stop_reason, error }
+    RunResult { spec, trace, flags, stop_reason, error }
 }
 
 fn at_last(column: Option<&[f64]>, rows: usize) -> f64 {
@@ -171,7 +171,7 @@ mod tests {
 
     /// A recording of 1 s, cut: a signal has its value in all rows, or from a row on another one. Its rows begin at 0 s, those of
     /// a run one step later.
-    fn run(spec: RunSpec, signals: &[Signal], failure: Option<&str>) -> Ended {
+    fn run(spec: RunSpec, signals: &[Signal], failure: Option<&str>) -> RunResult {
         let rows = 1001;
         let column = |before: f64, change: Option<(usize, f64)>| {
             let of = |row| change.filter(|(from, _)| row >= *from).map_or(before, |(_, after)| after);
@@ -195,35 +195,35 @@ mod tests {
 
     #[test]
     fn a_calm_run_lasts_to_its_end() {
-        let ended = run(spec(), &[CALM, ("driver.steer", 0.5, None)], None);
-        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "time"));
-        assert_eq!((ended.flags.len(), ended.error), (0, None));
-        assert_eq!(ended.trace.column("driver.steering_wheel").unwrap()[0], 8.0);
+        let result = run(spec(), &[CALM, ("driver.steer", 0.5, None)], None);
+        assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (1000, "time"));
+        assert_eq!((result.flags.len(), result.error), (0, None));
+        assert_eq!(result.trace.column("driver.steering_wheel").unwrap()[0], 8.0);
     }
 
     /// The rows before the first value that is not finite are kept.
     #[test]
     fn a_value_that_is_not_finite_ends_the_run() {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let ended = run(spec(), &[CALM, ("body.roll", 0.0, Some((500, value)))], None);
-            assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (499, "diverged"));
-            assert_eq!(ended.flags, ["diverged"]);
-            assert_eq!(ended.error.as_deref(), Some("`body.roll` is not finite at 0.5 s"));
+            let result = run(spec(), &[CALM, ("body.roll", 0.0, Some((500, value)))], None);
+            assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (499, "diverged"));
+            assert_eq!(result.flags, ["diverged"]);
+            assert_eq!(result.error.as_deref(), Some("`body.roll` is not finite at 0.5 s"));
         }
         // From the first row on: nothing is left, and nothing breaks.
-        let ended = run(spec(), &[("vehicle.speed", f64::NAN, None)], None);
-        assert_eq!((ended.trace.times().len(), ended.flags), (0, vec!["diverged"]));
+        let result = run(spec(), &[("vehicle.speed", f64::NAN, None)], None);
+        assert_eq!((result.trace.times().len(), result.flags), (0, vec!["diverged"]));
     }
 
     #[test]
     fn a_yaw_rate_that_no_vehicle_has_ends_the_run() {
         let of = |rate: f64| run(spec(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((500, rate)))], None);
         for sign in [1.0, -1.0] {
-            let ended = of(sign * 50.1);
-            assert_eq!(ended.flags, ["diverged"]);
-            assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.5 s"));
-            let ended = run(spec(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((3, sign * 51.0)))], None);
-            assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.003 s"));
+            let result = of(sign * 50.1);
+            assert_eq!(result.flags, ["diverged"]);
+            assert_eq!(result.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.5 s"));
+            let result = run(spec(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((3, sign * 51.0)))], None);
+            assert_eq!(result.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.003 s"));
             assert_eq!(of(sign * 50.0).flags.len(), 0);
         }
     }
@@ -232,23 +232,23 @@ mod tests {
     #[test]
     fn a_call_that_fails_ends_the_run() {
         let message = "plant: fmi2DoStep returned fmi2Error";
-        let ended = run(spec(), &[CALM], Some(message));
-        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "failed"));
-        assert_eq!((ended.flags, ended.error.as_deref()), (vec!["diverged"], Some(message)));
+        let result = run(spec(), &[CALM], Some(message));
+        assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (1000, "failed"));
+        assert_eq!((result.flags, result.error.as_deref()), (vec!["diverged"], Some(message)));
         let position = ("vehicle.position_x", 0.0, Some((500, 60.0)));
-        let ended = run(spec().end(EndAt::Position(50.0)), &[CALM, position], Some(message));
-        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "finished"));
-        assert_eq!((ended.flags.len(), ended.error), (0, None));
+        let result = run(spec().end(EndAt::Position(50.0)), &[CALM, position], Some(message));
+        assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (500, "finished"));
+        assert_eq!((result.flags.len(), result.error), (0, None));
     }
 
     #[test]
     fn a_driver_off_the_path_ends_the_run_where_the_maneuver_asks_for_it() {
         let lost = ("path.lost", 0.0, Some((500, 1.0)));
-        let ended = run(spec().end(EndAt::Lost).with_end(), &[CALM, lost, ("path.finished", 0.0, None)], None);
-        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "lost"));
-        assert_eq!((ended.flags, ended.error), (vec!["lost", "not_finished"], None));
-        let ended = run(spec(), &[CALM, lost], None);
-        assert_eq!((ended.trace.times().len(), ended.flags), (1000, vec!["lost"]));
+        let result = run(spec().end(EndAt::Lost).with_end(), &[CALM, lost, ("path.finished", 0.0, None)], None);
+        assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (500, "lost"));
+        assert_eq!((result.flags, result.error), (vec!["lost", "not_finished"], None));
+        let result = run(spec(), &[CALM, lost], None);
+        assert_eq!((result.trace.times().len(), result.flags), (1000, vec!["lost"]));
     }
 
     /// A spin is a flag; the run continues. Below 3 m/s over ground a large sideslip angle is not a spin.
@@ -258,9 +258,9 @@ mod tests {
             let sideslip = ("vehicle.sideslip", 0.0, Some((500, sideslip)));
             run(spec(), &[("vehicle.speed", speed, None), sideslip], None)
         };
-        let ended = of(20.0, -0.71);
-        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "time"));
-        assert_eq!((ended.flags, ended.error), (vec!["spun"], None));
+        let result = of(20.0, -0.71);
+        assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (1000, "time"));
+        assert_eq!((result.flags, result.error), (vec!["spun"], None));
         assert_eq!(of(20.0, 0.7).flags.len(), 0);
         assert_eq!(of(2.9, 2.0).flags.len(), 0);
         // Sideways the forward speed is small, that over ground is not.
@@ -279,8 +279,8 @@ mod tests {
 
     #[test]
     fn a_vehicle_that_tips_over_ends_the_run() {
-        let ended = run(spec(), &[CALM, ("body.roll", 0.0, Some((500, -0.81)))], None);
-        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "rolled over"));
-        assert_eq!((ended.flags, ended.error), (vec!["rolled_over"], None));
+        let result = run(spec(), &[CALM, ("body.roll", 0.0, Some((500, -0.81)))], None);
+        assert_eq!((result.trace.times().len(), result.stop_reason.as_str()), (500, "rolled over"));
+        assert_eq!((result.flags, result.error), (vec!["rolled_over"], None));
     }
 }

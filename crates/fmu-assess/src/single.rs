@@ -470,7 +470,7 @@ impl Single {
     #[must_use]
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
-        let ended = bench::ended(&self.bench(), self.spec.clone(), recording, None);
-        evaluator.evaluate(&ended.trace, &self.options).ok()
+        let result = bench::result(&self.bench(), self.spec.clone(), recording, None);
+        evaluator.evaluate(&result.trace, &self.options).ok()
     }
 }

@@ -5,7 +5,7 @@ use crate::bench::{Bench, drive};
 use crate::evaluators::{Evaluation, cones};
 use crate::metric::Direction;
 use crate::results::{Bound, Results, Series};
-use crate::run_result::Ended;
+use crate::run_result::RunResult;
 use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
@@ -92,7 +92,7 @@ pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
     })
 }
 
-fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluation, bool)> {
+fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(RunResult, Evaluation, bool)> {
     let (spec, options) = spec(bench, part, format!("{}.{speed:.4}", part.name()), speed / 3.6)?;
     let run = drive(bench, vec![spec]).pop()?;
     let metrics = evaluated("cones", &run, &options);
@@ -105,8 +105,8 @@ pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
     results.track = cones(part, bench);
     let (slowest, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
     let mut speed = slowest;
-    let mut passed: Vec<(f64, Ended, Evaluation)> = Vec::new();
-    let mut failed: Option<(f64, Ended)> = None;
+    let mut passed: Vec<(f64, RunResult, Evaluation)> = Vec::new();
+    let mut failed: Option<(f64, RunResult)> = None;
     let mut attempts = |speed: f64, results: &mut Results| {
         let (run, metrics, has_passed) = attempt(bench, part, speed)?;
         results.note(&run, &metrics);

@@ -4,7 +4,7 @@ use super::{G, SIDES, evaluated, number, or_null, reason};
 use crate::bench::{Bench, drive};
 use crate::metric::{self, Direction};
 use crate::results::{Results, Suite};
-use crate::run_result::Ended;
+use crate::run_result::RunResult;
 use crate::run_spec::{EndAt, RunSpec};
 use crate::systems::Speed;
 use crate::wiring::Driving;
@@ -37,18 +37,18 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
             .end(EndAt::LateralAcceleration(HIGHEST))
             .end(EndAt::Finished(1.0))
     });
-    let ended = drive(bench, specs.into());
+    let result = drive(bench, specs.into());
     // Remove an understeer gradient that needs an unknown wheelbase.
     let wheelbase = bench.wheelbase();
     let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": wheelbase.as_ref().unwrap_or(&1.0) });
-    let mut found: Vec<_> = ended.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
+    let mut found: Vec<_> = result.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
     if let Err(reason) = &wheelbase {
         let gradients = found.iter_mut().flat_map(|metrics| &mut metrics.metrics);
         for gradient in gradients.filter(|metric| metric.name == "understeer_gradient") {
             gradient.value = metric::Value::Null(metric::Reason::new(reason.clone()));
         }
     }
-    for (run, metrics) in ended.iter().zip(&found) {
+    for (run, metrics) in result.iter().zip(&found) {
         results.note(run, metrics);
         results.show(run);
     }
@@ -109,8 +109,8 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
 /// Drives on a circle with rising speed.
 pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     let Some((spec, options)) = circle(bench) else { return };
-    let ended: Vec<Ended> = drive(bench, vec![spec]);
-    let Some(run) = ended.first() else { return };
+    let result: Vec<RunResult> = drive(bench, vec![spec]);
+    let Some(run) = result.first() else { return };
     let metrics = evaluated("constant_radius", run, &options);
     results.note(run, &metrics);
     results.show(run);

@@ -4,7 +4,7 @@ use super::{evaluated, frequency_response, number, reason};
 use crate::bench::{Bench, drive};
 use crate::evaluators::Evaluation;
 use crate::results::Results;
-use crate::run_result::Ended;
+use crate::run_result::RunResult;
 use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
@@ -28,7 +28,7 @@ pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
 }
 
 /// Returns the reason that a run does not end in a steady state, if it does not.
-fn unsteady(run: &Ended) -> Option<String> {
+fn unsteady(run: &RunResult) -> Option<String> {
     if let Some(reason) = run.cut_short() {
         return Some(reason);
     }
@@ -70,7 +70,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let of_amplitude = bench.amplitude.map(|amplitude| amplitude.to_radians() / bench.ratio());
     let neutral = bench.wheelbase().map(|wheelbase| wheelbase * OF_AMPLITUDE / bench.speed().powi(2)).unwrap_or(0.02);
     let mut steer = of_amplitude.unwrap_or(neutral) * target / OF_AMPLITUDE;
-    let mut last: Option<(Ended, Evaluation)> = None;
+    let mut last: Option<(RunResult, Evaluation)> = None;
     let mut is_reached = false;
     // The largest angle that gives less than the target, and the smallest that gives more.
     let mut between = [None, None];
