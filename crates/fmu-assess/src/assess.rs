@@ -105,7 +105,7 @@ pub fn assess(
         let mut found: Vec<Results> = in_threads(tasks, |(index, maneuver)| {
             let own = increasing.get(index).map(|(_, known)| *known);
             let bench = place.bench(&systems.systems[index], &vehicle, of_first, own);
-            let result = maneuvers::carry_out(maneuver, &bench);
+            let result = maneuvers::run(maneuver, &bench);
             finished.fetch_add(1, Ordering::Relaxed);
             tell();
             result

@@ -33,7 +33,7 @@ pub(crate) struct Maneuver {
     pub(crate) outputs: &'static [&'static str],
     /// Returns the reason that a plant with these outputs cannot be driven like this; `None` if it can.
     pub(crate) hindrance: fn(&Bench<'_>) -> Option<Hindrance>,
-    pub(crate) carry_out: fn(&Bench<'_>, &mut Results),
+    pub(crate) run: fn(&Bench<'_>, &mut Results),
 }
 
 /// Reason that a plant cannot be driven in a maneuver.
@@ -65,84 +65,78 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         suite: Suite::Handling,
         outputs: POSITION,
         hindrance: needs_path,
-        carry_out: steady_state::constant_radius,
+        run: steady_state::constant_radius,
     },
-    Maneuver {
-        name: "step_steer",
-        suite: Suite::Handling,
-        outputs: &[],
-        hindrance: |_| None,
-        carry_out: step_steer::carry_out,
-    },
+    Maneuver { name: "step_steer", suite: Suite::Handling, outputs: &[], hindrance: |_| None, run: step_steer::run },
     Maneuver {
         name: "single_lane_change",
         suite: Suite::Handling,
         outputs: POSITION,
         hindrance: needs_path,
-        carry_out: lane_change::carry_out,
+        run: lane_change::run,
     },
     Maneuver {
         name: "sine_with_dwell",
         suite: Suite::Stability,
         outputs: &[],
         hindrance: |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::hindrance(bench)),
-        carry_out: sine_with_dwell::carry_out,
+        run: sine_with_dwell::run,
     },
     Maneuver {
         name: "iso3888_1",
         suite: Suite::Stability,
         outputs: POSITION,
         hindrance: needs_footprint,
-        carry_out: |bench, results| double_lane_change::carry_out(bench, double_lane_change::Part::One, results),
+        run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::One, results),
     },
     Maneuver {
         name: "iso3888_2",
         suite: Suite::Stability,
         outputs: POSITION,
         hindrance: needs_footprint,
-        carry_out: |bench, results| double_lane_change::carry_out(bench, double_lane_change::Part::Two, results),
+        run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::Two, results),
     },
     Maneuver {
         name: "fishhook",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
         hindrance: needs_both_sides,
-        carry_out: rollover::fishhook,
+        run: rollover::fishhook,
     },
     Maneuver {
         name: "j_turn",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
         hindrance: needs_both_sides,
-        carry_out: rollover::j_turn,
+        run: rollover::j_turn,
     },
     Maneuver {
         name: "braking",
         suite: Suite::Braking,
         outputs: POSITION,
         hindrance: needs_pedals,
-        carry_out: braking::straight,
+        run: braking::straight,
     },
     Maneuver {
         name: "split_friction",
         suite: Suite::Braking,
         outputs: POSITION,
         hindrance: |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
-        carry_out: braking::split_friction,
+        run: braking::split_friction,
     },
     Maneuver {
         name: "brake_in_turn",
         suite: Suite::Braking,
         outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
         hindrance: needs_pedals,
-        carry_out: braking::in_a_turn,
+        run: braking::in_a_turn,
     },
     Maneuver {
         name: "ride",
         suite: Suite::Ride,
         outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
         hindrance: |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
-        carry_out: ride::carry_out,
+        run: ride::run,
     },
 ];
 
@@ -198,7 +192,7 @@ fn needs_footprint(bench: &Bench<'_>) -> Option<Hindrance> {
 }
 
 /// Runs a maneuver, or reports the reason that it does not apply.
-pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
+pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     let mut results = Results::new(maneuver.name, maneuver.suite, bench.system.name);
     let missing: Vec<String> = (maneuver.outputs.iter())
         .filter(|name| {
@@ -215,7 +209,7 @@ pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     };
     match hindrance {
         Some(Hindrance { missing, reason }) => results.drop_out(missing, reason),
-        None => (maneuver.carry_out)(bench, &mut results),
+        None => (maneuver.run)(bench, &mut results),
     }
     results
 }

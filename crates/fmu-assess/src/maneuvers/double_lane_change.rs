@@ -101,7 +101,7 @@ fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(RunResult, Eval
     Some((run, metrics, passed))
 }
 
-pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
+pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
     results.track = cones(part, bench);
     let (slowest, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
     let mut speed = slowest;

@@ -42,7 +42,7 @@ fn table(peak: f64) -> String {
 }
 
 /// Steers with all frequencies; `steer` is that of the step, rad.
-pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) {
+pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) {
     let wanted = [
         "yaw_rate.bandwidth",
         "yaw_rate.phase_45_frequency",

@@ -32,7 +32,7 @@ pub(crate) fn spec(bench: &Bench<'_>, speed: f64) -> RunSpec {
         .with_end()
 }
 
-pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let speed = bench.other_speed.unwrap_or(if bench.is_car() { 88.0 } else { 80.0 } / 3.6);
     let Some(run) = drive(bench, vec![spec(bench, speed)]).pop() else { return };
     let metrics = evaluated("single_lane_change", &run, &json!({}));

@@ -66,7 +66,7 @@ fn largest(found: &[Evaluation], name: &str) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     for (class, roughness) in CLASSES {
         let specs = SEEDS.map(|seed| spec(bench, class, roughness, seed));
         let mut found = Vec::new();

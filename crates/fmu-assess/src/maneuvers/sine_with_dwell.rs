@@ -76,7 +76,7 @@ impl Extreme {
     }
 }
 
-pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
     let mut worst = ["yaw_rate_ratio_1s", "yaw_rate_ratio_1_75s"].map(|name| Extreme::new(name, f64::max));
     let mut least = Extreme::new("lateral_displacement", f64::min);

@@ -64,7 +64,7 @@ fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]:
 }
 
 /// Finds the steering angle, then evaluates the response to it.
-pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let target = if bench.is_car() { 4.0 } else { 2.0 };
     // Without an amplitude of the slowly increasing steer: that of a neutral vehicle.
     let of_amplitude = bench.amplitude.map(|amplitude| amplitude.to_radians() / bench.ratio());
@@ -127,7 +127,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
         results.take_none("step_steer", &wanted, &reason);
     }
     let steer = number(&metrics, "steer").filter(|_| is_reached);
-    frequency_response::carry_out(bench, steer, results);
+    frequency_response::run(bench, steer, results);
 }
 
 #[cfg(test)]
