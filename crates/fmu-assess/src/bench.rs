@@ -75,7 +75,7 @@ impl Bench<'_> {
     }
 
     /// Returns the reason that limits for coasting cars do not apply; `None` if they do.
-    pub(crate) fn foreign(&self) -> Option<&'static str> {
+    pub(crate) fn not_applicable(&self) -> Option<&'static str> {
         match self.system.speed {
             _ if !self.is_car() => Some("the limit is that of cars"),
             Speed::Prescribed => Some("the speed is prescribed, the vehicle cannot coast"),

@@ -32,19 +32,19 @@ pub(crate) struct Maneuver {
     /// Outputs that the plant needs for it.
     pub(crate) outputs: &'static [&'static str],
     /// Returns the reason that a plant with these outputs cannot be driven like this; `None` if it can.
-    pub(crate) hindrance: fn(&Bench<'_>) -> Option<Hindrance>,
+    pub(crate) not_applicable: fn(&Bench<'_>) -> Option<NotApplicable>,
     pub(crate) run: fn(&Bench<'_>, &mut Results),
 }
 
 /// Reason that a plant cannot be driven in a maneuver.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Hindrance {
+pub(crate) struct NotApplicable {
     /// Signals that are missing, if signals are.
     missing: Vec<String>,
     reason: String,
 }
 
-impl Hindrance {
+impl NotApplicable {
     fn new(reason: impl Into<String>) -> Self {
         Self { missing: Vec::new(), reason: reason.into() }
     }
@@ -64,97 +64,103 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         name: "constant_radius",
         suite: Suite::Handling,
         outputs: POSITION,
-        hindrance: needs_path,
+        not_applicable: needs_path,
         run: steady_state::constant_radius,
     },
-    Maneuver { name: "step_steer", suite: Suite::Handling, outputs: &[], hindrance: |_| None, run: step_steer::run },
+    Maneuver {
+        name: "step_steer",
+        suite: Suite::Handling,
+        outputs: &[],
+        not_applicable: |_| None,
+        run: step_steer::run,
+    },
     Maneuver {
         name: "single_lane_change",
         suite: Suite::Handling,
         outputs: POSITION,
-        hindrance: needs_path,
+        not_applicable: needs_path,
         run: lane_change::run,
     },
     Maneuver {
         name: "sine_with_dwell",
         suite: Suite::Stability,
         outputs: &[],
-        hindrance: |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::hindrance(bench)),
+        not_applicable: |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::not_applicable(bench)),
         run: sine_with_dwell::run,
     },
     Maneuver {
         name: "iso3888_1",
         suite: Suite::Stability,
         outputs: POSITION,
-        hindrance: needs_footprint,
+        not_applicable: needs_footprint,
         run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::One, results),
     },
     Maneuver {
         name: "iso3888_2",
         suite: Suite::Stability,
         outputs: POSITION,
-        hindrance: needs_footprint,
+        not_applicable: needs_footprint,
         run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::Two, results),
     },
     Maneuver {
         name: "fishhook",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
-        hindrance: needs_both_sides,
+        not_applicable: needs_both_sides,
         run: rollover::fishhook,
     },
     Maneuver {
         name: "j_turn",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
-        hindrance: needs_both_sides,
+        not_applicable: needs_both_sides,
         run: rollover::j_turn,
     },
     Maneuver {
         name: "braking",
         suite: Suite::Braking,
         outputs: POSITION,
-        hindrance: needs_pedals,
+        not_applicable: needs_pedals,
         run: braking::straight,
     },
     Maneuver {
         name: "split_friction",
         suite: Suite::Braking,
         outputs: POSITION,
-        hindrance: |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
+        not_applicable: |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
         run: braking::split_friction,
     },
     Maneuver {
         name: "brake_in_turn",
         suite: Suite::Braking,
         outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
-        hindrance: needs_pedals,
+        not_applicable: needs_pedals,
         run: braking::in_a_turn,
     },
     Maneuver {
         name: "ride",
         suite: Suite::Ride,
         outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
-        hindrance: |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
+        not_applicable: |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
         run: ride::run,
     },
 ];
 
 const ROLLOVER: &[&str] = &["tire_load."];
 
-fn needs_speed(bench: &Bench<'_>) -> Option<Hindrance> {
+fn needs_speed(bench: &Bench<'_>) -> Option<NotApplicable> {
     let reason = "nothing holds the speed: neither `driver.speed` nor pedals";
-    (bench.system.speed == Speed::Own).then(|| Hindrance::without(&["driver.speed"], reason))
+    (bench.system.speed == Speed::Own).then(|| NotApplicable::without(&["driver.speed"], reason))
 }
 
 /// To follow a path, the driver needs the wheelbase.
-fn needs_path(bench: &Bench<'_>) -> Option<Hindrance> {
-    needs_speed(bench).or_else(|| bench.wheelbase().err().map(Hindrance::new))
+fn needs_path(bench: &Bench<'_>) -> Option<NotApplicable> {
+    needs_speed(bench).or_else(|| bench.wheelbase().err().map(NotApplicable::new))
 }
 
-fn needs_pedals(bench: &Bench<'_>) -> Option<Hindrance> {
+fn needs_pedals(bench: &Bench<'_>) -> Option<NotApplicable> {
     if !bench.has_pedals() {
-        return Some(Hindrance::without(
+        return Some(NotApplicable::without(
             &["drive_torque.*", "brake_torque.*"],
             "there are no pedals: nothing writes `drive_torque.*` or `brake_torque.*`",
         ));
@@ -162,32 +168,32 @@ fn needs_pedals(bench: &Bench<'_>) -> Option<Hindrance> {
     needs_path(bench)
 }
 
-fn needs_inputs(bench: &Bench<'_>, start: &str) -> Option<Hindrance> {
+fn needs_inputs(bench: &Bench<'_>, start: &str) -> Option<NotApplicable> {
     let name = format!("{start}*");
     let reason = format!("the plant has no input `{name}`");
-    bench.inputs(start).is_empty().then(|| Hindrance::without(&[&name], &reason))
+    bench.inputs(start).is_empty().then(|| NotApplicable::without(&[&name], &reason))
 }
 
-fn needs_amplitude(bench: &Bench<'_>) -> Option<Hindrance> {
-    bench.amplitude.is_none().then(|| Hindrance::new("the slowly increasing steer gave no amplitude"))
+fn needs_amplitude(bench: &Bench<'_>) -> Option<NotApplicable> {
+    bench.amplitude.is_none().then(|| NotApplicable::new("the slowly increasing steer gave no amplitude"))
 }
 
-fn needs_both_sides(bench: &Bench<'_>) -> Option<Hindrance> {
+fn needs_both_sides(bench: &Bench<'_>) -> Option<NotApplicable> {
     let outputs = bench.plant.outputs();
     let has = |side: char| outputs.iter().any(|name| name.starts_with("tire_load.") && name.ends_with(side));
     let missing = ['l', 'r'].into_iter().find(|side| !has(*side));
     let reason = |side| format!("the plant has no output `tire_load.*` of the side `{side}`");
-    let sides = missing.map(|side| Hindrance::without(&["tire_load.*"], &reason(side)));
+    let sides = missing.map(|side| NotApplicable::without(&["tire_load.*"], &reason(side)));
     sides.or_else(|| needs_amplitude(bench))
 }
 
-fn needs_footprint(bench: &Bench<'_>) -> Option<Hindrance> {
+fn needs_footprint(bench: &Bench<'_>) -> Option<NotApplicable> {
     let vehicle = bench.vehicle;
     let data = [("width", &vehicle.width), ("front", &vehicle.front), ("rear", &vehicle.rear)];
     let unknown: Vec<&str> = data.into_iter().filter(|(_, datum)| datum.is_none()).map(|(name, _)| name).collect();
     needs_path(bench).or_else(|| {
         let reason = format!("of the vehicle data {} is not known; give it by --vehicle", unknown.join(", "));
-        (!unknown.is_empty()).then(|| Hindrance::new(reason))
+        (!unknown.is_empty()).then(|| NotApplicable::new(reason))
     })
 }
 
@@ -201,14 +207,14 @@ pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
         })
         .map(|name| if name.ends_with('.') { format!("{name}*") } else { (*name).to_owned() })
         .collect();
-    let hindrance = if missing.is_empty() {
-        (maneuver.hindrance)(bench)
+    let not_applicable = if missing.is_empty() {
+        (maneuver.not_applicable)(bench)
     } else {
         let reason = format!("the plant has no output `{}`", missing.join("`, `"));
-        Some(Hindrance { missing, reason })
+        Some(NotApplicable { missing, reason })
     };
-    match hindrance {
-        Some(Hindrance { missing, reason }) => results.drop_out(missing, reason),
+    match not_applicable {
+        Some(NotApplicable { missing, reason }) => results.drop_out(missing, reason),
         None => (maneuver.run)(bench, &mut results),
     }
     results

@@ -190,7 +190,7 @@ pub(crate) fn row(of: Pair<'_>) -> Row {
         _ => None,
     };
     let reason = |metric: &Measured| {
-        metric.reason.clone().or_else(|| metric.limit.as_ref().and_then(|limit| limit.foreign.clone()))
+        metric.reason.clone().or_else(|| metric.limit.as_ref().and_then(|limit| limit.not_applicable.clone()))
     };
     let mut row = Row {
         id: decisive.id.clone(),
@@ -360,7 +360,7 @@ fn verdict(metric: &Measured) -> Verdict {
         }
         _ if metric.value.is_null() && is_missing => Verdict::Dropped,
         None => Verdict::Info,
-        Some(limit) if limit.foreign.is_some() => Verdict::Comparison,
+        Some(limit) if limit.not_applicable.is_some() => Verdict::Comparison,
         Some(limit) => match limit.is_kept(&metric.value) {
             Some(true) => Verdict::Pass,
             Some(false) => Verdict::Fail,

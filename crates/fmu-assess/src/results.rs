@@ -231,7 +231,7 @@ impl Measured {
 
     /// Sets the limit; `not_applicable` is the reason that it does not apply, if it does not.
     pub(crate) fn set_limit(&mut self, limit: Limit, not_applicable: Option<&str>) -> &mut Self {
-        self.limit = Some(Limit { foreign: not_applicable.map(str::to_owned), ..limit });
+        self.limit = Some(Limit { not_applicable: not_applicable.map(str::to_owned), ..limit });
         self
     }
 
@@ -275,7 +275,7 @@ pub(crate) struct Limit {
     kind: Kind,
     source: String,
     /// Reason that it does not apply.
-    pub(crate) foreign: Option<String>,
+    pub(crate) not_applicable: Option<String>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -287,7 +287,7 @@ enum Kind {
 
 impl Limit {
     fn new(kind: Kind, source: &str) -> Self {
-        Self { kind, source: source.to_owned(), foreign: None }
+        Self { kind, source: source.to_owned(), not_applicable: None }
     }
 
     /// A Boolean that must be true.

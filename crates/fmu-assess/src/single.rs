@@ -294,7 +294,11 @@ impl Chosen<'_> {
 ///
 /// # Errors
 /// The FMU does not exist or is not a plant that can be driven.
-pub fn hindrance(plant: &str, maneuver: &Maneuver, source: &dyn Descriptions) -> Result<Option<String>, SetupError> {
+pub fn not_applicable(
+    plant: &str,
+    maneuver: &Maneuver,
+    source: &dyn Descriptions,
+) -> Result<Option<String>, SetupError> {
     let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
     let found = Systems::found(&subject, source)?;
     let plant = &found.plant;

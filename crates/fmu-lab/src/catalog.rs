@@ -177,7 +177,7 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
         Some(Value::Real(value)) if variable.causality == Causality::Parameter => Some((variable.name.clone(), value)),
         _ => None,
     });
-    let hindrance = |maneuver: &single::Maneuver| single::hindrance(name, maneuver, &fmus.descriptions);
+    let not_applicable = |maneuver: &single::Maneuver| single::not_applicable(name, maneuver, &fmus.descriptions);
     Some(Vehicle {
         fmu: name.clone(),
         title: title(name),
@@ -195,7 +195,7 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
         outputs: names(description, Causality::Output).into_iter().map(str::to_owned).collect(),
         maneuvers: MANEUVERS
             .iter()
-            .filter(|maneuver| hindrance(maneuver).is_ok_and(|reason| reason.is_none()))
+            .filter(|maneuver| not_applicable(maneuver).is_ok_and(|reason| reason.is_none()))
             .map(|maneuver| maneuver.id.to_owned())
             .collect(),
         base,

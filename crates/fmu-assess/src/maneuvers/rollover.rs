@@ -41,7 +41,7 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
             break;
         }
     }
-    let applies = bench.foreign();
+    let applies = bench.not_applicable();
     let title = "No two-wheel lift up to the highest speed";
     let no_lift = if is_known { json!(lifted.is_none()) } else { Value::Null };
     let metric = results.metric("no_lift", title, "", Direction::Up, no_lift);

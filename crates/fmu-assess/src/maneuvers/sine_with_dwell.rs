@@ -1,6 +1,6 @@
 //! Sine with dwell (FMVSS 126, UN R140): a series of rising amplitudes to both sides, coasting.
 
-use super::{Hindrance, SIDES, evaluated, number, or_null, reason, truth};
+use super::{NotApplicable, SIDES, evaluated, number, or_null, reason, truth};
 use crate::bench::{Bench, drive};
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
@@ -37,9 +37,9 @@ pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
 const LEAST: f64 = 0.1;
 
 /// Returns the reason that no series is run, if there is one.
-pub(crate) fn hindrance(bench: &Bench<'_>) -> Option<Hindrance> {
+pub(crate) fn not_applicable(bench: &Bench<'_>) -> Option<NotApplicable> {
     let small = bench.amplitude.filter(|a| *a <= LEAST)?;
-    Some(Hindrance::new(format!("A is {small} deg, the series needs more than {LEAST} deg")))
+    Some(NotApplicable::new(format!("A is {small} deg, the series needs more than {LEAST} deg")))
 }
 
 /// The extreme value of a metric of all runs, and that of each amplitude.
@@ -123,7 +123,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     } else {
         DISPLACEMENT.1
     };
-    let applies = bench.foreign();
+    let applies = bench.not_applicable();
     let stable = if unknown.is_none() || !is_stable { Value::Bool(is_stable) } else { Value::Null };
     results.metric("stable", "Stable at all amplitudes", "", Direction::Up, stable);
     if let Some(reason) = unknown.as_ref().filter(|_| is_stable) {
