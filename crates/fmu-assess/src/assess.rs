@@ -240,8 +240,8 @@ fn assembled(
         found.iter().filter(|results| results.system == system).flat_map(|results| &results.metrics).collect()
     };
     let rows = rows(&of("without"), (systems.systems.len() > 1).then(|| of("with")).as_deref());
-    let mut dropped: Vec<_> = found.iter().filter_map(|results| results.dropped.clone()).collect();
-    dropped.dedup();
+    let mut skipped: Vec<_> = found.iter().filter_map(|results| results.skipped.clone()).collect();
+    skipped.dedup();
     let described = |component: &Component| {
         let description = &component.found.description;
         let sha256 = std::fs::read(&component.found.path).ok().map(|bytes| {
@@ -280,7 +280,7 @@ fn assembled(
         assumed: systems.plant.assumed.clone(),
         runs,
         metrics: rows,
-        dropped: unique(dropped),
+        dropped: unique(skipped),
         tracks: found.iter().filter_map(|results| Some((results.maneuver, results.track?))).collect(),
         weighting: options.wants(Suite::Ride).then(weighting),
     })

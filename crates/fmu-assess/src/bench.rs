@@ -101,7 +101,7 @@ impl Bench<'_> {
         self.plant.inputs().into_iter().filter(|name| name.starts_with(start)).collect()
     }
 
-    /// The run of a planned run up to a time.
+    /// The run of a specification, up to a time.
     ///
     /// # Errors
     /// A value does not fit.

@@ -36,6 +36,6 @@ pub use components::SetupError;
 pub use evaluators::{Evaluation, Evaluator};
 pub use metric::{Definition, Direction, Metric, Reason, Value};
 pub use options::{Fallback, Form, OptionError, OptionRule};
-pub use results::{Dropped, RunRecord, Suite};
+pub use results::{RunRecord, Skipped, Suite};
 pub use subject::{ACTUATORS, Subject};
 pub use trace::{Reading, Resample, Trace, TraceError};

@@ -214,7 +214,7 @@ pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
         Some(NotApplicable { missing, reason })
     };
     match not_applicable {
-        Some(NotApplicable { missing, reason }) => results.drop_out(missing, reason),
+        Some(NotApplicable { missing, reason }) => results.skip(missing, reason),
         None => (maneuver.run)(bench, &mut results),
     }
     results

@@ -2,7 +2,7 @@
 
 use crate::json::rounded;
 use crate::metric::Direction;
-use crate::results::{Bound, Dropped, Limit, Measured, RunRecord, Series, Suite};
+use crate::results::{Bound, Limit, Measured, RunRecord, Series, Skipped, Suite};
 use crate::vehicle::Vehicle;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -142,7 +142,7 @@ pub struct Assessment {
     /// All metrics.
     pub metrics: Vec<Row>,
     /// Skipped maneuvers.
-    pub dropped: Vec<Dropped>,
+    pub dropped: Vec<Skipped>,
     /// Sections of the coned tracks, by maneuver, m: begin, end, right and left edge of each.
     pub tracks: BTreeMap<&'static str, [[f64; 4]; 3]>,
     /// Frequencies, Hz, and gains of W_k, by which ISO 2631-1 weights vertical vibrations; of the suite `ride`.

@@ -51,7 +51,7 @@ pub(crate) struct Results {
     pub(crate) system: &'static str,
     pub(crate) metrics: Vec<Measured>,
     pub(crate) runs: Vec<RunRecord>,
-    pub(crate) dropped: Option<Dropped>,
+    pub(crate) skipped: Option<Skipped>,
     /// Runs whose signals the report shows.
     pub(crate) shown: Vec<(String, Trace<'static>)>,
     /// Sections of a coned track, m: begin, end, right and left edge of each.
@@ -63,16 +63,16 @@ pub(crate) struct Results {
 impl Results {
     pub(crate) fn new(maneuver: &'static str, suite: Suite, system: &'static str) -> Self {
         let (metrics, runs, shown) = (Vec::new(), Vec::new(), Vec::new());
-        Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None, entry_speed: None }
+        Self { maneuver, suite, system, metrics, runs, skipped: None, shown, track: None, entry_speed: None }
     }
 
     /// Skips the maneuver. A metric with the name of the maneuver has the verdict.
-    pub(crate) fn drop_out(&mut self, missing: Vec<String>, reason: String) {
+    pub(crate) fn skip(&mut self, missing: Vec<String>, reason: String) {
         let mut metric = Measured::new(self.suite, "The maneuver", "", Direction::None, Value::Null);
         self.maneuver.clone_into(&mut metric.id);
         metric.set_dropped(&reason).set_definition("A maneuver that is left out has no metrics.");
         self.metrics.push(metric);
-        self.dropped = Some(Dropped { run: self.maneuver.to_owned(), missing, reason });
+        self.skipped = Some(Skipped { run: self.maneuver.to_owned(), missing, reason });
     }
 
     /// Adds a run with the metrics of its evaluator.
@@ -352,7 +352,7 @@ pub struct RunRecord {
 
 /// A maneuver that was left out.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Dropped {
+pub struct Skipped {
     /// Name of the maneuver.
     pub run: String,
     /// Signals that are missing.
