@@ -27,7 +27,7 @@ pub(crate) const G: f64 = 9.81;
 /// A maneuver of the bench.
 pub(crate) struct Maneuver {
     /// Name, also the beginning of the names of its metrics.
-    pub(crate) name: &'static str,
+    pub(crate) id: &'static str,
     pub(crate) suite: Suite,
     /// Outputs that the plant needs for it.
     pub(crate) outputs: &'static [&'static str],
@@ -61,84 +61,78 @@ const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle
 /// All maneuvers but the slowly increasing steer, which the others need.
 pub(crate) const MANEUVERS: [Maneuver; 12] = [
     Maneuver {
-        name: "constant_radius",
+        id: "constant_radius",
         suite: Suite::Handling,
         outputs: POSITION,
         not_applicable: needs_path,
         run: steady_state::constant_radius,
     },
+    Maneuver { id: "step_steer", suite: Suite::Handling, outputs: &[], not_applicable: |_| None, run: step_steer::run },
     Maneuver {
-        name: "step_steer",
-        suite: Suite::Handling,
-        outputs: &[],
-        not_applicable: |_| None,
-        run: step_steer::run,
-    },
-    Maneuver {
-        name: "single_lane_change",
+        id: "single_lane_change",
         suite: Suite::Handling,
         outputs: POSITION,
         not_applicable: needs_path,
         run: lane_change::run,
     },
     Maneuver {
-        name: "sine_with_dwell",
+        id: "sine_with_dwell",
         suite: Suite::Stability,
         outputs: &[],
         not_applicable: |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::not_applicable(bench)),
         run: sine_with_dwell::run,
     },
     Maneuver {
-        name: "iso3888_1",
+        id: "iso3888_1",
         suite: Suite::Stability,
         outputs: POSITION,
         not_applicable: needs_footprint,
         run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::One, results),
     },
     Maneuver {
-        name: "iso3888_2",
+        id: "iso3888_2",
         suite: Suite::Stability,
         outputs: POSITION,
         not_applicable: needs_footprint,
         run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::Two, results),
     },
     Maneuver {
-        name: "fishhook",
+        id: "fishhook",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
         not_applicable: needs_both_sides,
         run: rollover::fishhook,
     },
     Maneuver {
-        name: "j_turn",
+        id: "j_turn",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
         not_applicable: needs_both_sides,
         run: rollover::j_turn,
     },
     Maneuver {
-        name: "braking",
+        id: "braking",
         suite: Suite::Braking,
         outputs: POSITION,
         not_applicable: needs_pedals,
         run: braking::straight,
     },
     Maneuver {
-        name: "split_friction",
+        id: "split_friction",
         suite: Suite::Braking,
         outputs: POSITION,
         not_applicable: |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
         run: braking::split_friction,
     },
     Maneuver {
-        name: "brake_in_turn",
+        id: "brake_in_turn",
         suite: Suite::Braking,
         outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
         not_applicable: needs_pedals,
         run: braking::in_a_turn,
     },
     Maneuver {
-        name: "ride",
+        id: "ride",
         suite: Suite::Ride,
         outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
         not_applicable: |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
@@ -199,7 +193,7 @@ fn needs_footprint(bench: &Bench<'_>) -> Option<NotApplicable> {
 
 /// Runs a maneuver, or reports the reason that it does not apply.
 pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
-    let mut results = Results::new(maneuver.name, maneuver.suite, bench.system.name);
+    let mut results = Results::new(maneuver.id, maneuver.suite, bench.system.name);
     let missing: Vec<String> = (maneuver.outputs.iter())
         .filter(|name| {
             let is_group = name.ends_with('.');
