@@ -3,9 +3,10 @@
 use crate::Trace;
 use crate::bench::{Bench, drive};
 use crate::components::{Component, SetupError};
+use crate::evaluators::cones::Part;
 use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
-use crate::maneuvers::double_lane_change::{Part, compare_at};
+use crate::maneuvers::double_lane_change::compare_at;
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
 use crate::report::{Assessment, Pair, Row, SCHEMA, row};

@@ -120,6 +120,12 @@ impl Bench<'_> {
                 return if is_optional { Ok(()) } else { Err(format!("`{component}` has no `{name}`")) };
             };
             let value = match (setting, variable.base_type) {
+                (Setting::Text(text), BaseType::Integer) => {
+                    let values = variable.named_values();
+                    let named = values.iter().find(|(_, item)| item == text);
+                    let (value, _) = named.ok_or_else(|| format!("`{name}` of `{component}` has no value `{text}`"))?;
+                    Value::Integer(i64::from(*value))
+                }
                 (Setting::Text(text), _) => Value::String(text.clone()),
                 (Setting::Number(number), BaseType::Integer) => Value::Integer(*number as i64),
                 (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),

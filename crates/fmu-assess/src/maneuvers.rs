@@ -14,6 +14,7 @@ pub(crate) mod step_steer;
 pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
 
 use crate::bench::Bench;
+use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
 use crate::metric;
 use crate::results::{Results, Suite};
@@ -87,14 +88,14 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         suite: Suite::Stability,
         outputs: POSITION,
         not_applicable: needs_footprint,
-        run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::One, results),
+        run: |bench, results| double_lane_change::run(bench, Part::One, results),
     },
     Maneuver {
         id: "iso3888_2",
         suite: Suite::Stability,
         outputs: POSITION,
         not_applicable: needs_footprint,
-        run: |bench, results| double_lane_change::run(bench, double_lane_change::Part::Two, results),
+        run: |bench, results| double_lane_change::run(bench, Part::Two, results),
     },
     Maneuver {
         id: "fishhook",

@@ -35,6 +35,11 @@ impl RunSpec {
         Self { id: id.into(), driving, speed, values: Vec::new(), stop, ends: Vec::new(), has_end: false, shown }
     }
 
+    /// Chooses the maneuver of the driver, by its name.
+    pub(crate) fn maneuver(self, name: &str) -> Self {
+        self.text("maneuver", name)
+    }
+
     /// Sets a variable of the driver.
     pub(crate) fn driver(self, name: &str, value: f64) -> Self {
         self.value("driver", name, value)
@@ -51,7 +56,7 @@ impl RunSpec {
         self
     }
 
-    /// Sets a String variable of the driver.
+    /// Sets a String of the driver, or an enumeration by the name of its value.
     pub(crate) fn text(mut self, name: &str, value: &str) -> Self {
         self.values.push(("driver", name.to_owned(), Setting::Text(value.to_owned())));
         self

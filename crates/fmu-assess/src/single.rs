@@ -5,6 +5,7 @@
 
 use crate::bench::{self, Bench, Runs};
 use crate::components::SetupError;
+use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
 use crate::maneuvers::{
     braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
@@ -104,7 +105,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "",
         make: |_, chosen| {
             let spec = RunSpec::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
-            Some((spec.drivers(&[("maneuver", 1.0), ("steer.amplitude", 0.0)]), json!({})))
+            Some((spec.maneuver("ramp_step").drivers(&[("steer.amplitude", 0.0)]), json!({})))
         },
     },
     Maneuver {
@@ -116,7 +117,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: POSITION,
         needs_pedals: false,
         evaluator: "cones",
-        make: |bench, chosen| double_lane_change(bench, double_lane_change::Part::One, chosen),
+        make: |bench, chosen| double_lane_change(bench, Part::One, chosen),
     },
     Maneuver {
         id: "iso3888_2",
@@ -127,7 +128,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: POSITION,
         needs_pedals: false,
         evaluator: "cones",
-        make: |bench, chosen| double_lane_change(bench, double_lane_change::Part::Two, chosen),
+        make: |bench, chosen| double_lane_change(bench, Part::Two, chosen),
     },
     Maneuver {
         id: "single_lane_change",
@@ -262,11 +263,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
     },
 ];
 
-fn double_lane_change(
-    bench: &Bench<'_>,
-    part: double_lane_change::Part,
-    chosen: &Chosen<'_>,
-) -> Option<(RunSpec, Value)> {
+fn double_lane_change(bench: &Bench<'_>, part: Part, chosen: &Chosen<'_>) -> Option<(RunSpec, Value)> {
     double_lane_change::spec(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
 }
 
@@ -430,8 +427,8 @@ pub fn single(
     }
     let (simulation, run) = bench.run(&spec, spec.stop).map_err(SetupError::new)?;
     let part = match maneuver.id {
-        "iso3888_1" => Some(double_lane_change::Part::One),
-        "iso3888_2" => Some(double_lane_change::Part::Two),
+        "iso3888_1" => Some(Part::One),
+        "iso3888_2" => Some(Part::Two),
         _ => None,
     };
     let cones =

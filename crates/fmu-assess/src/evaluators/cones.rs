@@ -220,12 +220,50 @@ fn lanes(options: &Options) -> Vec<Lane> {
         let (right, left) = if is_mirrored { (-left, -right) } else { (right, left) };
         Lane { begin, end, right, left }
     };
-    track(options.number("maneuver"), options.number("path.start"), options.number("vehicle.width")).map(lane).to_vec()
+    let part = if options.number("maneuver") == f64::from(Part::Two.option()) { Part::Two } else { Part::One };
+    track(part, options.number("path.start"), options.number("vehicle.width")).map(lane).to_vec()
 }
 
-/// The sections of a track (3 is ISO 3888-2, any other number ISO 3888-1), m: begin, end, right and left edge of each.
-pub(crate) fn track(maneuver: f64, start: f64, width: f64) -> [[f64; 4]; 3] {
-    let sections = if maneuver == 3.0 { severe(width) } else { moderate(width) };
+/// Parts of ISO 3888.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    One,
+    Two,
+}
+
+impl Part {
+    pub(crate) const ALL: [Self; 2] = [Self::One, Self::Two];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::One => "iso3888_1",
+            Self::Two => "iso3888_2",
+        }
+    }
+
+    /// Name of the driver's maneuver.
+    pub(crate) fn maneuver(self) -> &'static str {
+        match self {
+            Self::One => "double_lane_change",
+            Self::Two => "obstacle_avoidance",
+        }
+    }
+
+    /// Value of the evaluator's option `maneuver`.
+    pub(crate) fn option(self) -> u8 {
+        match self {
+            Self::One => 2,
+            Self::Two => 3,
+        }
+    }
+}
+
+/// The sections of a track, m: begin, end, right and left edge of each.
+pub(crate) fn track(part: Part, start: f64, width: f64) -> [[f64; 4]; 3] {
+    let sections = match part {
+        Part::One => moderate(width),
+        Part::Two => severe(width),
+    };
     sections.map(|[begin, end, right, left]| [start + begin, start + end, right, left])
 }
 

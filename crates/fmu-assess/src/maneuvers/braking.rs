@@ -18,8 +18,8 @@ const SLIPPERY: f64 = 0.5;
 /// Braking on a straight line from a speed, m/s.
 pub(crate) fn spec(id: String, speed: f64) -> RunSpec {
     RunSpec::new(id, Driving::Path, speed, 20.0)
+        .maneuver("straight")
         .drivers(&[
-            ("maneuver", 0.0),
             ("speed.control", 1.0),
             ("path.start", 400.0),
             ("path.lost_distance", 50.0),
@@ -138,8 +138,8 @@ pub(crate) fn turn_spec() -> RunSpec {
     const RADIUS: f64 = 100.0;
     let speed = (5.0 * RADIUS).sqrt();
     RunSpec::new("brake_in_turn", Driving::Path, speed, 20.0)
+        .maneuver("circle")
         .drivers(&[
-            ("maneuver", 1.0),
             ("path.radius", RADIUS),
             ("path.turn_in", 60.0),
             ("path.arc", 900.0),

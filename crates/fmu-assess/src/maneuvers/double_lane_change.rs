@@ -2,7 +2,8 @@
 
 use super::{evaluated, number, or_null, truth};
 use crate::bench::{Bench, drive};
-use crate::evaluators::{Evaluation, cones};
+use crate::evaluators::Evaluation;
+use crate::evaluators::cones::{self, Part};
 use crate::metric::Direction;
 use crate::results::{Bound, Results, Series};
 use crate::run_result::RunResult;
@@ -16,47 +17,18 @@ const START: f64 = 50.0;
 const STEP: f64 = 5.0;
 const NEAR: f64 = 0.5;
 
-/// Parts of the standard.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Part {
-    One,
-    Two,
-}
-
-impl Part {
-    pub(crate) const ALL: [Self; 2] = [Self::One, Self::Two];
-
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::One => "iso3888_1",
-            Self::Two => "iso3888_2",
-        }
-    }
-
-    fn maneuver(self) -> f64 {
-        match self {
-            Self::One => 2.0,
-            Self::Two => 3.0,
-        }
-    }
-
-    /// End of the cones, m.
-    fn end(self) -> f64 {
-        match self {
-            Self::One => START + 125.0,
-            Self::Two => START + 61.0,
-        }
-    }
-}
-
 /// The run at a speed, m/s, and the options of its evaluator.
 pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<(RunSpec, Value)> {
     let (front, rear) = (bench.vehicle.front.as_ref()?.value, bench.vehicle.rear.as_ref()?.value);
     let width = bench.vehicle.width.as_ref()?.value;
-    let end = part.end() + rear + 1.0;
+    let length = match part {
+        Part::One => 125.0,
+        Part::Two => 61.0,
+    };
+    let end = START + length + rear + 1.0;
     let mut spec = RunSpec::new(id, Driving::Path, v, 1.6 * end / v + 2.0)
+        .maneuver(part.maneuver())
         .drivers(&[
-            ("maneuver", part.maneuver()),
             ("path.start", START),
             ("path.overlap", if part == Part::One { 6.0 } else { 2.5 }),
             ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
@@ -69,7 +41,7 @@ pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<
         spec = spec.driver("release.distance", START + 2.0);
     }
     let options = json!({
-        "maneuver": part.maneuver(),
+        "maneuver": part.option(),
         "path.mirror": u8::from(bench.is_mirrored),
         "path.start": START,
         "vehicle.width": width,
@@ -82,7 +54,7 @@ pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<
 /// Cones of a track for a vehicle.
 pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
     bench.vehicle.width.as_ref().map(|width| {
-        let track = cones::track(part.maneuver(), START, width.value);
+        let track = cones::track(part, START, width.value);
         // Mirrored, the left edge becomes the right one.
         track.map(
             |[begin, end, right, left]| {

@@ -61,7 +61,7 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
     let path = bench.folder.join(format!("frequency_response_{}.csv", bench.system.name));
     let written = std::fs::write(&path, table(0.5 * steer));
     let spec = RunSpec::new("frequency_response", Driving::OpenLoop, bench.speed(), STOP)
-        .driver("maneuver", 7.0)
+        .maneuver("table")
         .text("table.file", &path.to_string_lossy())
         .show("steer", 0.5 * steer);
     if let (Ok(()), Some(run)) = (written, drive(bench, vec![spec]).pop()) {

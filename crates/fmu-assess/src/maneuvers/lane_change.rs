@@ -19,8 +19,8 @@ pub(crate) fn spec(bench: &Bench<'_>, speed: f64) -> RunSpec {
     let distance = speed / FREQUENCY;
     let end = START + distance + BEHIND;
     RunSpec::new("single_lane_change", Driving::Path, speed, 1.6 * end / speed + 2.0)
+        .maneuver("single_lane_change")
         .drivers(&[
-            ("maneuver", 4.0),
             ("path.start", START),
             ("path.offset", OFFSET),
             ("path.change_distance", distance),

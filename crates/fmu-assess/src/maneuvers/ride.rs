@@ -20,11 +20,8 @@ const STOP: f64 = 22.0;
 pub(crate) fn spec(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> RunSpec {
     let id = format!("ride.{class}.{seed}");
     let spec = RunSpec::new(id, Driving::Ride, bench.speed(), STOP)
-        .drivers(&[
-            ("maneuver", 0.0),
-            ("path.start", 2000.0),
-            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
-        ])
+        .maneuver("straight")
+        .drivers(&[("path.start", 2000.0), ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 })])
         .show("seed", seed)
         .show("class", roughness);
     on_road(bench, spec, roughness, seed)

@@ -107,11 +107,9 @@ impl Peaks {
 
 /// A fishhook at a speed, m/s, with an angle of the steering wheel, deg.
 pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {
-    let spec = RunSpec::new(id, Driving::Path, speed, 9.0).drivers(&[
-        ("maneuver", 7.0),
-        ("steer.wheel_amplitude", wheel.to_radians()),
-        ("steer.wheel_rate", 720.0_f64.to_radians()),
-    ]);
+    let spec = RunSpec::new(id, Driving::Path, speed, 9.0)
+        .maneuver("fishhook")
+        .drivers(&[("steer.wheel_amplitude", wheel.to_radians()), ("steer.wheel_rate", 720.0_f64.to_radians())]);
     if bench.has_output("body.roll_rate") {
         return spec;
     }
@@ -120,8 +118,7 @@ pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f6
 
 /// A J-turn at a speed, m/s, with an angle of the steering wheel, deg.
 pub(crate) fn j_turn_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {
-    RunSpec::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
-        ("maneuver", 1.0),
+    RunSpec::new(id, Driving::OpenLoop, speed, 6.0).maneuver("ramp_step").drivers(&[
         ("steer.amplitude", wheel.to_radians() / bench.ratio()),
         ("steer.start", 1.0),
         ("steer.rise_time", wheel.abs() / 1000.0),

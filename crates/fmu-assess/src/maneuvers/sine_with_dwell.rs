@@ -24,8 +24,7 @@ fn amplitudes(a: f64) -> Vec<f64> {
 
 /// The run with an amplitude, rad at the front wheels, coasting from a speed, m/s.
 pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
-    RunSpec::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
-        ("maneuver", 5.0),
+    RunSpec::new(id, Driving::OpenLoop, speed, 6.0).maneuver("sine_with_dwell").drivers(&[
         ("steer.amplitude", steer),
         ("steer.start", 1.0),
         ("steer.frequency", 0.7),

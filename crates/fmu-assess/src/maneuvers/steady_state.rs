@@ -28,8 +28,8 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
     let holds_speed = if bench.system.speed == Speed::Pedals { 1.0 } else { 0.0 };
     let specs = SIDES.map(|(side, sign)| {
         RunSpec::new(format!("slowly_increasing_steer.{side}"), Driving::Path, bench.speed(), 40.0)
+            .maneuver("slowly_increasing_steer")
             .drivers(&[
-                ("maneuver", 6.0),
                 ("speed.control", holds_speed),
                 ("steer.wheel_rate", 13.5_f64.to_radians()),
                 ("steer.wheel_amplitude", sign * 400.0_f64.to_radians()),
@@ -88,8 +88,8 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
     const BEGIN: f64 = 60.0;
     let highest: f64 = if bench.is_car() { 4.0 } else { 2.0 };
     let spec = RunSpec::new("constant_radius", Driving::Path, 5.0, 72.0)
+        .maneuver("circle")
         .drivers(&[
-            ("maneuver", 1.0),
             ("path.radius", RADIUS),
             ("path.start", 20.0),
             ("path.arc", 2000.0),

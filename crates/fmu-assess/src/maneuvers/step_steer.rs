@@ -23,7 +23,8 @@ const SETTLED: f64 = 0.2;
 /// The run with a steering angle of the front wheels, rad, at a speed, m/s.
 pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
     RunSpec::new(id, Driving::OpenLoop, speed, 6.0)
-        .drivers(&[("maneuver", 1.0), ("steer.amplitude", steer), ("steer.start", 1.0), ("steer.rise_time", 0.1)])
+        .maneuver("ramp_step")
+        .drivers(&[("steer.amplitude", steer), ("steer.start", 1.0), ("steer.rise_time", 0.1)])
         .show("steer", steer)
 }
 
