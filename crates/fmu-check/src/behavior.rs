@@ -62,8 +62,8 @@ struct Trial<'a> {
     made: Cell<usize>,
 }
 
-type Answer<T> = Result<T, CallError>;
-type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> Answer<()>;
+type CheckResult<T> = Result<T, CallError>;
+type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> CheckResult<()>;
 
 /// Tests everything that the description promises, and counts it in `checked`.
 pub(super) fn check(
@@ -182,13 +182,13 @@ impl Trial<'_> {
         self.run_all(checked, tell);
     }
 
-    fn instance(&self, name: &str) -> Answer<Instance> {
+    fn instance(&self, name: &str) -> CheckResult<Instance> {
         self.instances.set(self.instances.get() + 1);
         Instance::instantiate(self.library, name, &self.description.guid, false)
     }
 
     /// An instance in Initialization Mode.
-    fn initializing(&self, name: &str) -> Answer<Instance> {
+    fn initializing(&self, name: &str) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         instance.setup_experiment(self.start, None)?;
         instance.enter_initialization_mode()?;
@@ -196,7 +196,7 @@ impl Trial<'_> {
     }
 
     /// An instance that can be stepped.
-    fn started(&self, name: &str) -> Answer<Instance> {
+    fn started(&self, name: &str) -> CheckResult<Instance> {
         let mut instance = self.initializing(name)?;
         instance.exit_initialization_mode()?;
         Ok(instance)
@@ -284,7 +284,7 @@ impl Trial<'_> {
         variables.iter().map(|&i| self.variable(i).reference).collect()
     }
 
-    fn reals(&self, instance: &mut Instance, variables: &[usize]) -> Answer<Vec<f64>> {
+    fn reals(&self, instance: &mut Instance, variables: &[usize]) -> CheckResult<Vec<f64>> {
         let mut values = vec![0.0; variables.len()];
         if !variables.is_empty() {
             instance.get_real(&self.references(variables), &mut values)?;
@@ -292,7 +292,7 @@ impl Trial<'_> {
         Ok(values)
     }
 
-    fn set(&self, instance: &mut Instance, variables: &[usize], values: &[f64]) -> Answer<()> {
+    fn set(&self, instance: &mut Instance, variables: &[usize], values: &[f64]) -> CheckResult<()> {
         if variables.is_empty() {
             return Ok(());
         }
@@ -300,7 +300,7 @@ impl Trial<'_> {
     }
 
     /// Checks that variables have their start values.
-    fn start_values(&self, tell: Tell<'_>) -> Answer<()> {
+    fn start_values(&self, tell: Tell<'_>) -> CheckResult<()> {
         let mut instance = self.initializing("start")?;
         for i in self.exact() {
             let variable = self.variable(i);
@@ -339,7 +339,7 @@ impl Trial<'_> {
     }
 
     /// Runs some steps and returns all observed outputs after each, as numbers.
-    fn go(&self, instance: &mut Instance, steps: std::ops::Range<usize>, parts: usize) -> Answer<Vec<f64>> {
+    fn go(&self, instance: &mut Instance, steps: std::ops::Range<usize>, parts: usize) -> CheckResult<Vec<f64>> {
         let mut outputs = Vec::new();
         for k in steps {
             self.set(instance, &self.inputs, &self.input(k))?;
@@ -354,7 +354,7 @@ impl Trial<'_> {
     }
 
     /// Appends the values of all observed outputs, as numbers.
-    fn read_outputs(&self, instance: &mut Instance, outputs: &mut Vec<f64>) -> Answer<()> {
+    fn read_outputs(&self, instance: &mut Instance, outputs: &mut Vec<f64>) -> CheckResult<()> {
         for &i in &self.observed {
             for value in values::read_all(instance, self.variable(i))? {
                 outputs.push(match value {
@@ -369,7 +369,7 @@ impl Trial<'_> {
     }
 
     /// Checks that a run is finite and the same in another instance.
-    fn runs(&self, tell: Tell<'_>) -> Answer<()> {
+    fn runs(&self, tell: Tell<'_>) -> CheckResult<()> {
         let mut first = self.started("first")?;
         let expected = self.go(&mut first, 0..self.steps, 1)?;
         drop(first);
@@ -422,7 +422,7 @@ impl Trial<'_> {
         Some(Finding { severity, ..Finding::error(subject, message + &explanation) })
     }
 
-    fn end(&self, _: Tell<'_>) -> Answer<()> {
+    fn end(&self, _: Tell<'_>) -> CheckResult<()> {
         let mut instance = self.started("end")?;
         self.go(&mut instance, 0..2, 1)?;
         instance.terminate()

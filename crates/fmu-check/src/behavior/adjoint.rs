@@ -1,6 +1,6 @@
 //! Adjoint derivatives (FMI 3.0): the transpose of the directional ones.
 
-use super::{Answer, Tell, Trial, derivative_problem, found, is_same_derivative};
+use super::{CheckResult, Tell, Trial, derivative_problem, found, is_same_derivative};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use fmu_import::loader::Instance;
@@ -10,7 +10,7 @@ const MOST: usize = 100;
 
 impl Trial<'_> {
     /// Adjoint derivatives between steps.
-    pub(super) fn adjoint(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn adjoint(&self, tell: Tell<'_>) -> CheckResult<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.provides_adjoint_derivatives)
         else {
             return Ok(());

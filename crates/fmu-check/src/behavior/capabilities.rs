@@ -1,14 +1,14 @@
 //! Capabilities: each one that the description promises is tested once.
 
-use super::{Answer, Tell, Trial, derivative_problem, found, words};
+use super::{CheckResult, Tell, Trial, derivative_problem, found, words};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Unknown};
 
 impl Trial<'_> {
     /// Tests the capabilities that the description declares. States have a trial of their own.
-    pub(super) fn capabilities(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn capabilities(&self, tell: Tell<'_>) -> CheckResult<()> {
         let unit = self.description.co_simulation.clone().unwrap_or_default();
-        let mut promise = |attribute: &str, result: Answer<()>| {
+        let mut promise = |attribute: &str, result: CheckResult<()>| {
             if let Err(error) = result {
                 let message = format!("is promised, but {}", words(&error));
                 found(tell, Finding::error(attribute, message));
@@ -64,7 +64,7 @@ impl Trial<'_> {
     }
 
     /// Returns the directional derivative of an unknown, in Initialization Mode or after two steps.
-    pub(super) fn slope(&self, question: &Question) -> Answer<f64> {
+    pub(super) fn slope(&self, question: &Question) -> CheckResult<f64> {
         let (unknown, known) = (self.references(&[question.unknown]), self.references(&[question.known]));
         let mut slope = [f64::NAN];
         let mut instance = if question.is_initial {

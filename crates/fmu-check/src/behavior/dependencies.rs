@@ -1,6 +1,6 @@
 //! Dependencies of the model structure: those observed are compared with those declared.
 
-use super::{Answer, Tell, Trial, found, size, values};
+use super::{CheckResult, Tell, Trial, found, size, values};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Unknown, Value, Variable};
 use fmu_import::loader::Instance;
@@ -29,7 +29,7 @@ enum Number {
 
 impl Trial<'_> {
     /// Returns an instance in Initialization Mode with another value of one parameter.
-    fn configured(&self, name: &str, choice: Option<Choice>) -> Answer<Instance> {
+    fn configured(&self, name: &str, choice: Option<Choice>) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         if let Some(Choice { parameter, value }) = choice {
             let reference = [self.variable(parameter).reference];
@@ -82,7 +82,7 @@ impl Trial<'_> {
     }
 
     /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization Mode.
-    pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> CheckResult<()> {
         let mut known = self.settable_in_initialization();
         let unknowns = self.description.initial_unknowns.iter();
         let unknowns: Vec<&Unknown> = unknowns.filter(|unknown| self.is_scalar(unknown)).collect();
@@ -139,7 +139,7 @@ impl Trial<'_> {
     }
 
     /// Outputs and Derivatives: finds dependencies on inputs between two steps, if the FMU evaluates inputs that were just set.
-    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> CheckResult<()> {
         let is_real =
             |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
         let lists = [
@@ -227,7 +227,7 @@ struct Search<'a> {
 impl Search<'_> {
     /// Changes one known after the other and observes which unknowns change. Ends early if the FMU cannot be read:
     /// between steps a master may not read after setting inputs (FMI 2.0.4, section 4.2.4), so reading may fail.
-    fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+    fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> CheckResult<()> {
         for &j in known {
             if self.is_cut() {
                 return Ok(());
@@ -253,7 +253,7 @@ impl Search<'_> {
     }
 
     /// Gives a known of any type other values and observes which unknowns change. After an error the instance is unusable.
-    fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+    fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, tell: Tell<'_>) -> CheckResult<()> {
         if self.is_cut() {
             return Ok(());
         }

@@ -4,7 +4,7 @@ mod integration;
 
 use super::experiment::EXPERIMENT;
 use super::stack::{STACK, taken, warn_above_limit};
-use super::{Answer, Tell, adjoint, derivative_problem, found, instantiation, is_same_derivative, words};
+use super::{CheckResult, Tell, adjoint, derivative_problem, found, instantiation, is_same_derivative, words};
 use crate::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
 use fmu_import::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value, Variable};
 use fmu_import::loader::{CallError, Instance, Library};
@@ -154,7 +154,7 @@ impl Exchange<'_> {
         }
     }
 
-    fn instance(&self, name: &str) -> Answer<Instance> {
+    fn instance(&self, name: &str) -> CheckResult<Instance> {
         self.instances.set(self.instances.get() + 1);
         Instance::instantiate(self.library, name, &self.description.guid, false)
     }
@@ -204,19 +204,19 @@ impl Exchange<'_> {
         self.started("event").map(drop)
     }
 
-    fn states(&self, instance: &mut Instance) -> Answer<Vec<f64>> {
+    fn states(&self, instance: &mut Instance) -> CheckResult<Vec<f64>> {
         let mut states = vec![0.0; instance.number_of_states()];
         instance.get_continuous_states(&mut states)?;
         Ok(states)
     }
 
-    fn derivatives(&self, instance: &mut Instance) -> Answer<Vec<f64>> {
+    fn derivatives(&self, instance: &mut Instance) -> CheckResult<Vec<f64>> {
         let mut derivatives = vec![0.0; instance.number_of_states()];
         instance.get_derivatives(&mut derivatives)?;
         Ok(derivatives)
     }
 
-    fn indicators(&self, instance: &mut Instance) -> Answer<Vec<f64>> {
+    fn indicators(&self, instance: &mut Instance) -> CheckResult<Vec<f64>> {
         let mut indicators = vec![0.0; instance.number_of_event_indicators()];
         if !indicators.is_empty() {
             instance.get_event_indicators(&mut indicators)?;
@@ -292,7 +292,7 @@ impl Exchange<'_> {
     }
 
     /// Checks that the numbers of states and event indicators are those of the description.
-    fn numbers(&self, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+    fn numbers(&self, instance: &mut Instance, tell: Tell<'_>) -> CheckResult<()> {
         for (function, number, expected) in [
             ("fmi3GetNumberOfContinuousStates", instance.get_number_of_states()?, instance.number_of_states()),
             (
@@ -354,7 +354,7 @@ impl Exchange<'_> {
         instance: &mut Instance,
         states: &[f64],
         derivatives: &[f64],
-    ) -> Answer<bool> {
+    ) -> CheckResult<bool> {
         let now = self.states(instance)?;
         if self.differs(tell, function, "when the state was saved it was", &now, states) {
             return Ok(true);

@@ -1,6 +1,6 @@
 //! The default experiment, and runs that start at another time.
 
-use super::{Answer, Tell, Trial, found, middle, stop_time, words};
+use super::{CheckResult, Tell, Trial, found, middle, stop_time, words};
 use crate::{Finding, Topic};
 use fmu_import::loader::{CallError, CallProblem, Instance, Status};
 use std::time::Instant;
@@ -13,7 +13,7 @@ pub(super) const EXPERIMENT: &str = "the default experiment";
 
 impl Trial<'_> {
     /// Runs the default experiment once, from its start to its stop, with the start values of the inputs.
-    pub(super) fn experiment(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn experiment(&self, tell: Tell<'_>) -> CheckResult<()> {
         let Some(stop) = stop_time(self.description, self.start) else { return Ok(()) };
         let begin = Instant::now();
         let mut instance = self.instance("experiment")?;
@@ -63,7 +63,7 @@ impl Trial<'_> {
     }
 
     /// Runs from the middle of the default experiment. An FMU may reject this, which its users should know.
-    pub(super) fn another_start(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn another_start(&self, tell: Tell<'_>) -> CheckResult<()> {
         let run = |trial: &Self| {
             let mut instance = trial.started("start")?;
             match trial.go(&mut instance, 0..trial.steps, 1) {

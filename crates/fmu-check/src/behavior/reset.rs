@@ -1,6 +1,6 @@
 //! fmi2Reset and parallel instances: values set before a reset or in one instance must not appear after it or in another.
 
-use super::{Answer, Tell, Trial, found, words};
+use super::{CheckResult, Tell, Trial, found, words};
 use crate::Finding;
 use fmu_import::description::Value;
 use fmu_import::loader::{CallProblem, Instance};
@@ -25,17 +25,17 @@ struct Fresh {
 
 impl Trial<'_> {
     /// Checks that a reset before initialization discards all settings.
-    pub(super) fn reset_before_initialization(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn reset_before_initialization(&self, tell: Tell<'_>) -> CheckResult<()> {
         self.resets(&[Before::Settings], "before initialization", tell)
     }
 
     /// Checks that a reset after a run discards all settings and the run.
-    pub(super) fn reset_after_run(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn reset_after_run(&self, tell: Tell<'_>) -> CheckResult<()> {
         self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", tell)
     }
 
     /// Checks that after a reset every start value and the whole run are those of a fresh instance.
-    fn resets(&self, cases: &[Before], when: &str, tell: Tell<'_>) -> Answer<()> {
+    fn resets(&self, cases: &[Before], when: &str, tell: Tell<'_>) -> CheckResult<()> {
         let variables = self.exact();
         let mut instance = self.initializing("fresh")?;
         let starts = self.values(&mut instance, &variables)?;
@@ -58,7 +58,7 @@ impl Trial<'_> {
 
     /// Returns a used instance, to be reset. Errors on the way are allowed: the values may be invalid, and fmi2Reset
     /// clears an error.
-    fn used(&self, before: Before) -> Answer<Instance> {
+    fn used(&self, before: Before) -> CheckResult<Instance> {
         if let Before::StepsAndSettings = before {
             let mut instance = self.started("reset")?;
             self.go(&mut instance, 0..self.steps, 1)?;
@@ -113,7 +113,7 @@ impl Trial<'_> {
     }
 
     /// Checks that two instances do not share values.
-    pub(super) fn instances(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn instances(&self, tell: Tell<'_>) -> CheckResult<()> {
         if self.is_single() {
             return Ok(());
         }

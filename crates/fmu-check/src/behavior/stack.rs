@@ -1,6 +1,6 @@
 //! The stack that a run needs: other programs call FMUs on threads with less stack than the main thread.
 
-use super::{Answer, Tell, Trial, found};
+use super::{CheckResult, Tell, Trial, found};
 use crate::{Finding, Topic};
 use fmu_import::loader::CallError;
 
@@ -12,7 +12,7 @@ const MOST: usize = 256;
 
 impl Trial<'_> {
     /// Checks that a run and a directional derivative do not need much stack.
-    pub(super) fn stack(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn stack(&self, tell: Tell<'_>) -> CheckResult<()> {
         let trial = self.clone();
         let run = move || -> Result<(), CallError> {
             let mut instance = trial.started(STACK)?;

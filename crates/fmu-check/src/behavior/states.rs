@@ -1,13 +1,13 @@
 //! FMU states: saved, restored, as bytes.
 
-use super::{Answer, Tell, Trial, found};
+use super::{CheckResult, Tell, Trial, found};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_import::loader::{Instance, SavedState};
 
 impl Trial<'_> {
     /// Checks that a restored state continues as before, also from bytes in a new instance.
-    pub(super) fn states(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn states(&self, tell: Tell<'_>) -> CheckResult<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
             return Ok(());
         };
@@ -48,7 +48,7 @@ impl Trial<'_> {
         expected: &[f64],
         function: &str,
         tell: Tell<'_>,
-    ) -> Answer<bool> {
+    ) -> CheckResult<bool> {
         instance.restore_state(saved)?;
         if let Some(then) = then {
             let variables = self.given();
@@ -91,7 +91,7 @@ impl Trial<'_> {
     }
 
     /// An instance that can be stepped, with other values of these parameters.
-    fn configured_by(&self, parameters: &[usize], name: &str) -> Answer<Instance> {
+    fn configured_by(&self, parameters: &[usize], name: &str) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         self.change(&mut instance, parameters);
         instance.setup_experiment(self.start, None)?;

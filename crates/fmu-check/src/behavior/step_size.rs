@@ -1,6 +1,6 @@
 //! The error of a solver of fixed step size, measured from outside: results with half of `max_step` against those with all of it.
 
-use super::{Answer, Tell, Trial, found, words};
+use super::{CheckResult, Tell, Trial, found, words};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 
@@ -13,7 +13,7 @@ const TOLERABLE: f64 = 1e-3;
 
 impl Trial<'_> {
     /// Checks that the default experiment gives the same results with half of the integration step.
-    pub(super) fn step_size(&self, tell: Tell<'_>) -> Answer<()> {
+    pub(super) fn step_size(&self, tell: Tell<'_>) -> CheckResult<()> {
         let is_parameter = |variable: &&Variable| {
             variable.name == PARAMETER
                 && variable.causality == Causality::Parameter
@@ -23,7 +23,7 @@ impl Trial<'_> {
         let Some(Value::Real(max_step)) = parameter.start else { return Ok(()) };
         let stop = self.description.default_experiment.stop_time.unwrap_or(self.start + self.step * 1000.0);
         let steps = ((stop - self.start) / self.step).clamp(1.0, MOST_STEPS) as usize;
-        let run = |max_step: f64| -> Answer<Vec<Vec<f64>>> {
+        let run = |max_step: f64| -> CheckResult<Vec<Vec<f64>>> {
             let mut instance = self.initializing("step size")?;
             instance.set_real(&[parameter.reference], &[max_step])?;
             instance.exit_initialization_mode()?;

@@ -1,6 +1,6 @@
 //! Values of all types: those of an FMU, and others to set.
 
-use super::{Answer, Trial, is_plain, size};
+use super::{CheckResult, Trial, is_plain, size};
 use fmu_import::description::{BaseType, Causality, DataType, Initial, Value, Variability, Variable};
 use fmu_import::loader::Instance;
 
@@ -51,7 +51,7 @@ impl Trial<'_> {
         variables.filter(|(_, variable)| is_plain(variable) && is_wanted(variable)).map(|(i, _)| i).collect()
     }
 
-    pub(super) fn values(&self, instance: &mut Instance, variables: &[usize]) -> Answer<Vec<Value>> {
+    pub(super) fn values(&self, instance: &mut Instance, variables: &[usize]) -> CheckResult<Vec<Value>> {
         variables.iter().map(|&i| read(instance, self.variable(i))).collect()
     }
 
@@ -150,7 +150,7 @@ pub(super) fn has_starts(variable: &Variable) -> bool {
 }
 
 /// The values of all elements.
-pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> Answer<Vec<Value>> {
+pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> CheckResult<Vec<Value>> {
     let reference = [variable.reference];
     Ok(match variable.base_type {
         BaseType::Real => {
@@ -172,7 +172,7 @@ pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> Answer<V
     })
 }
 
-pub(super) fn read(instance: &mut Instance, variable: &Variable) -> Answer<Value> {
+pub(super) fn read(instance: &mut Instance, variable: &Variable) -> CheckResult<Value> {
     let reference = [variable.reference];
     Ok(match variable.base_type {
         BaseType::Real => {
@@ -194,7 +194,7 @@ pub(super) fn read(instance: &mut Instance, variable: &Variable) -> Answer<Value
     })
 }
 
-pub(super) fn write(instance: &mut Instance, variable: &Variable, value: &Value) -> Answer<()> {
+pub(super) fn write(instance: &mut Instance, variable: &Variable, value: &Value) -> CheckResult<()> {
     let reference = [variable.reference];
     match value {
         Value::Real(value) => instance.set_real(&reference, &[*value]),

@@ -1,7 +1,7 @@
 //! Integration of the states by the classical Runge-Kutta method.
 
 use super::super::experiment::{EXPERIMENT, progress};
-use super::super::{Answer, Tell, found, middle, stop_time, words};
+use super::super::{CheckResult, Tell, found, middle, stop_time, words};
 use super::{Exchange, Failure, Outcome};
 use crate::{Finding, MODEL_EXCHANGE, Topic};
 use fmu_import::loader::{CallProblem, Instance, Status};
@@ -171,7 +171,7 @@ impl Exchange<'_> {
     }
 
     /// Takes a step of the classical Runge-Kutta method.
-    fn advance(&self, instance: &mut Instance, time: f64, states: &[f64], h: f64) -> Answer<Vec<f64>> {
+    fn advance(&self, instance: &mut Instance, time: f64, states: &[f64], h: f64) -> CheckResult<Vec<f64>> {
         let moved = |slope: &[f64], h: f64| -> Vec<f64> { states.iter().zip(slope).map(|(x, k)| x + h * k).collect() };
         let mut slope = |time: f64, states: &[f64]| {
             instance.set_time(time)?;
