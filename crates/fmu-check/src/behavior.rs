@@ -34,7 +34,7 @@ const TOLERANCE: f64 = 1e-4;
 /// Least peak that differences are relative to.
 const SMALL: f64 = 1e-9;
 
-type Tell<'a> = &'a mut dyn FnMut(Event);
+type Report<'a> = &'a mut dyn FnMut(Event);
 
 /// A trial of one binary.
 #[derive(Clone)]
@@ -63,7 +63,7 @@ struct Trial<'a> {
 }
 
 type CheckResult<T> = Result<T, CallError>;
-type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> CheckResult<()>;
+type Part<'t> = fn(&Trial<'t>, Report<'_>) -> CheckResult<()>;
 
 /// Tests everything that the description promises, and counts it in `checked`.
 pub(super) fn check(
@@ -71,7 +71,7 @@ pub(super) fn check(
     description: &ModelDescription,
     options: &Options,
     checked: &mut Checked,
-    tell: Tell<'_>,
+    report: Report<'_>,
 ) {
     let (start, step) = start_and_step(description);
     let filtered = |is_wanted: &dyn Fn(&Variable) -> bool| -> Vec<usize> {
@@ -104,7 +104,7 @@ pub(super) fn check(
         instances: Cell::new(0),
         made: Cell::new(0),
     };
-    trial.all(checked, tell);
+    trial.all(checked, report);
 }
 
 /// Start and communication step of the trials, s: those of the default experiment, as far as it has them.
@@ -156,30 +156,30 @@ fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
     }
 }
 
-fn found(tell: Tell<'_>, finding: Finding) {
-    tell(Event::Found(finding));
+fn found(report: Report<'_>, finding: Finding) {
+    report(Event::Found(finding));
 }
 
 impl Trial<'_> {
     /// Runs all trials.
-    fn all(&mut self, checked: &mut Checked, tell: Tell<'_>) {
-        if !self.instantiation(tell) {
+    fn all(&mut self, checked: &mut Checked, report: Report<'_>) {
+        if !self.instantiation(report) {
             return;
         }
-        tell(Event::trying("runs", Topic::Simulation));
+        report(Event::trying("runs", Topic::Simulation));
         if self.is_asynchronous() {
             let message =
                 "is set, and fmi2DoStep returns fmi2Pending: only FMUs that finish their steps are tried further";
-            return found(tell, Finding::warning("canRunAsynchronuously", message).about(Topic::Simulation));
+            return found(report, Finding::warning("canRunAsynchronuously", message).about(Topic::Simulation));
         }
         self.steps = self.length();
         if self.steps < FEWEST_STEPS {
             let (steps, step) = (2 * FEWEST_STEPS, self.step);
             let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
             let function = self.function("fmi2DoStep", "fmi3DoStep");
-            return found(tell, Finding::warning(function, message).about(Topic::Simulation));
+            return found(report, Finding::warning(function, message).about(Topic::Simulation));
         }
-        self.run_all(checked, tell);
+        self.run_all(checked, report);
     }
 
     fn instance(&self, name: &str) -> CheckResult<Instance> {
@@ -223,11 +223,11 @@ impl Trial<'_> {
     }
 
     /// Checks that instantiation succeeds with the GUID of the description and fails with another one.
-    fn instantiation(&self, tell: Tell<'_>) -> bool {
-        instantiation(self.library, self.description, Interface::CoSimulation, self.options, tell)
+    fn instantiation(&self, report: Report<'_>) -> bool {
+        instantiation(self.library, self.description, Interface::CoSimulation, self.options, report)
     }
 
-    fn run_all(&self, checked: &mut Checked, tell: Tell<'_>) {
+    fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
         let parts: [(&str, Topic, Part<'_>); 15] = [
             ("start values", Standard, Self::start_values),
@@ -250,17 +250,17 @@ impl Trial<'_> {
             if self.options.skip.contains(name) {
                 continue;
             }
-            tell(Event::trying(name, topic));
+            report(Event::trying(name, topic));
             let before = self.instances.get();
-            if let Err(error) = part(self, tell) {
-                found(tell, Finding::error(name, words(&error)).about(topic));
+            if let Err(error) = part(self, report) {
+                found(report, Finding::error(name, words(&error)).about(topic));
             }
             // A trial that made no instance has tested nothing.
             if self.instances.get() > before {
                 checked.trials.push(name.to_owned());
             }
             (checked.instances, checked.steps) = (self.instances.get(), self.made.get());
-            tell(Event::Checked(checked.clone()));
+            report(Event::Checked(checked.clone()));
         }
     }
 
@@ -300,14 +300,14 @@ impl Trial<'_> {
     }
 
     /// Checks that variables have their start values.
-    fn start_values(&self, tell: Tell<'_>) -> CheckResult<()> {
+    fn start_values(&self, report: Report<'_>) -> CheckResult<()> {
         let mut instance = self.initializing("start")?;
         for i in self.exact() {
             let variable = self.variable(i);
             let value = values::read(&mut instance, variable)?;
             if let Some(start) = variable.start.as_ref().filter(|start| **start != value) {
                 let message = format!("its start value is {start}, but the binary starts with {value}");
-                found(tell, Finding::error(format!("variable `{}`", variable.name), message));
+                found(report, Finding::error(format!("variable `{}`", variable.name), message));
             }
         }
         for variable in self.description.variables.iter().filter(|variable| values::has_starts(variable)) {
@@ -315,7 +315,7 @@ impl Trial<'_> {
             let mut elements = variable.elements().into_iter().zip(variable.starts.iter().zip(&now));
             if let Some((name, (start, value))) = elements.find(|(_, (start, value))| start != value) {
                 let message = format!("its start value is {start}, but the binary starts with {value}");
-                found(tell, Finding::error(format!("variable `{name}`"), message));
+                found(report, Finding::error(format!("variable `{name}`"), message));
             }
         }
         Ok(())
@@ -369,29 +369,29 @@ impl Trial<'_> {
     }
 
     /// Checks that a run is finite and the same in another instance.
-    fn runs(&self, tell: Tell<'_>) -> CheckResult<()> {
+    fn runs(&self, report: Report<'_>) -> CheckResult<()> {
         let mut first = self.started("first")?;
         let expected = self.go(&mut first, 0..self.steps, 1)?;
         drop(first);
         if let Some(at) = expected.iter().position(|value| !value.is_finite()) {
             let name = &self.elements[at % self.elements.len()];
             let message = format!("is {} after step {}", expected[at], at / self.elements.len() + 1);
-            found(tell, Finding::error(format!("variable `{name}`"), message).about(Topic::Simulation));
+            found(report, Finding::error(format!("variable `{name}`"), message).about(Topic::Simulation));
         }
         let outputs = self.go(&mut self.started("again")?, 0..self.steps, 1)?;
         let finding = self.comparison("runs", "give different results for the same calls", &expected, &outputs);
         if let Some(finding) = finding {
-            found(tell, finding.about(Topic::Simulation));
+            found(report, finding.about(Topic::Simulation));
         }
         Ok(())
     }
 
     /// Returns true if two runs are equal; reports a difference.
-    fn compare(&self, tell: Tell<'_>, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> bool {
+    fn compare(&self, report: Report<'_>, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> bool {
         let finding = self.comparison(subject, message, expected, values);
         let is_equal = finding.is_none();
         if let Some(finding) = finding {
-            found(tell, finding);
+            found(report, finding);
         }
         is_equal
     }
@@ -422,7 +422,7 @@ impl Trial<'_> {
         Some(Finding { severity, ..Finding::error(subject, message + &explanation) })
     }
 
-    fn end(&self, _: Tell<'_>) -> CheckResult<()> {
+    fn end(&self, _: Report<'_>) -> CheckResult<()> {
         let mut instance = self.started("end")?;
         self.go(&mut instance, 0..2, 1)?;
         instance.terminate()
@@ -435,27 +435,27 @@ fn instantiation(
     description: &ModelDescription,
     interface: Interface,
     options: &Options,
-    tell: Tell<'_>,
+    report: Report<'_>,
 ) -> bool {
     let (function, token) = match (description.fmi, interface) {
         (FmiVersion::V2, _) => ("fmi2Instantiate", "GUID"),
         (FmiVersion::V3, Interface::CoSimulation) => ("fmi3InstantiateCoSimulation", "instantiation token"),
         (FmiVersion::V3, Interface::ModelExchange) => ("fmi3InstantiateModelExchange", "instantiation token"),
     };
-    tell(Event::trying(format!("instantiating for {interface}"), Topic::Simulation));
+    report(Event::trying(format!("instantiating for {interface}"), Topic::Simulation));
     if let Err(error) = Instance::instantiate(library, "check", &description.guid, false) {
         let message = format!("{}; the binary may belong to another description", words(&error));
-        found(tell, Finding::error(function, message).about(Topic::Simulation));
+        found(report, Finding::error(function, message).about(Topic::Simulation));
         return false;
     }
     let trial = format!("instantiating for {interface} with a wrong {token}");
     if options.skip.contains(&trial) {
         return true;
     }
-    tell(Event::trying(trial, Topic::Standard));
+    report(Event::trying(trial, Topic::Standard));
     if Instance::instantiate(library, "check", "{not the GUID}", false).is_ok() {
         let message = format!("a wrong {token} is accepted, so a description of another binary goes unnoticed");
-        found(tell, Finding::warning(function, message));
+        found(report, Finding::warning(function, message));
     }
     true
 }

@@ -223,11 +223,11 @@ const MAX_FINDINGS: usize = 1000;
 /// Checks a `.fmu` file.
 ///
 /// The binary is loaded and runs in this process, so call it in a process of its own where a crash matters.
-pub fn check(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
-    let (mut told, mut errors, mut warnings) = (0, 0, 0);
-    let mut tell_some = |event| {
+pub fn check(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
+    let (mut reported, mut errors, mut warnings) = (0, 0, 0);
+    let mut report_some = |event| {
         if let Event::Found(finding) = &event {
-            if told == MAX_FINDINGS {
+            if reported == MAX_FINDINGS {
                 match finding.severity {
                     Severity::Note => (),
                     Severity::Error => errors += 1,
@@ -235,18 +235,18 @@ pub fn check(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
                 }
                 return;
             }
-            told += 1;
+            reported += 1;
         }
-        tell(event);
+        report(event);
     };
     let mut process = process::Process::new();
-    examine(path, options, &mut |event| process.watch(event, &mut tell_some));
-    process.changes("").into_iter().for_each(|finding| tell_some(Event::Found(finding)));
+    examine(path, options, &mut |event| process.watch(event, &mut report_some));
+    process.changes("").into_iter().for_each(|finding| report_some(Event::Found(finding)));
     let message = format!("{errors} further errors and {warnings} further warnings are left out");
     if errors > 0 {
-        tell(Event::Found(Finding::error("findings", message)));
+        report(Event::Found(Finding::error("findings", message)));
     } else if warnings > 0 {
-        tell(Event::Found(Finding::warning("findings", message)));
+        report(Event::Found(Finding::warning("findings", message)));
     }
 }
 
@@ -284,12 +284,12 @@ fn imports(module: &Path) -> Option<Finding> {
     (!names.imports.is_empty()).then(|| Finding::error("binary", message()))
 }
 
-fn examine(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
+fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
     let stray = loader::stray_messages();
     let is_first = options.skip.is_empty();
     let mut found = |finding| {
         if is_first {
-            tell(Event::Found(finding));
+            report(Event::Found(finding));
         }
     };
     let opened = Archive::open(path).and_then(|mut archive| Ok((archive.description_text()?, archive)));
@@ -326,7 +326,7 @@ fn examine(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
         .sum(),
         ..Checked::default()
     };
-    tell(Event::Checked(checked.clone()));
+    report(Event::Checked(checked.clone()));
     let interfaces = description.interfaces();
     if interfaces.is_empty() {
         let subject = "CoSimulation and ModelExchange";
@@ -338,11 +338,11 @@ fn examine(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
         } else {
             Finding::error(subject, "are missing: the FMU must have one of these interfaces")
         };
-        return tell(Event::Found(finding.about(Topic::Simulation)));
+        return report(Event::Found(finding.about(Topic::Simulation)));
     }
     let (mut libraries, mut problems) = (Vec::new(), Vec::new());
     for &interface in &interfaces {
-        tell(Event::trying(format!("loading the binary for {interface}"), Topic::Simulation));
+        report(Event::trying(format!("loading the binary for {interface}"), Topic::Simulation));
         let binary = |error: &dyn fmt::Display| Finding::error("binary", error.to_string()).about(Topic::Simulation);
         let loaded = archive.unpack(&description, interface).map_err(|error| binary(&error)).and_then(|unpacked| {
             Library::load(unpacked).map_err(|error| match error {
@@ -356,30 +356,30 @@ fn examine(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
             Err(problem) if problems.contains(&problem) => (),
             Err(problem) => {
                 if is_first {
-                    tell(Event::Found(problem.clone()));
+                    report(Event::Found(problem.clone()));
                 }
                 problems.push(problem);
             }
         }
     }
-    let mut told = HashSet::new();
+    let mut reported = HashSet::new();
     for (interface, library) in &libraries {
         let own = description.model_identifier(*interface);
         let of_file = |other: &&Interface| description.model_identifier(**other) == own;
         let its_interfaces: Vec<Interface> = interfaces.iter().filter(of_file).copied().collect();
-        for function in library.missing_functions(&its_interfaces).into_iter().filter(|name| told.insert(*name)) {
+        for function in library.missing_functions(&its_interfaces).into_iter().filter(|name| reported.insert(*name)) {
             if is_first {
-                tell(Event::Found(missing(function, description.fmi)));
+                report(Event::Found(missing(function, description.fmi)));
             }
         }
     }
     let library = |wanted| libraries.iter().find(|(interface, _)| *interface == wanted).map(|(_, library)| library);
     let co_simulation = library(Interface::CoSimulation);
     if let Some(library) = co_simulation {
-        behavior::check(library, &description, options, &mut checked, tell);
+        behavior::check(library, &description, options, &mut checked, report);
     }
     if let Some(library) = library(Interface::ModelExchange) {
-        behavior::exchange::check(library, co_simulation, &description, options, &mut checked, tell);
+        behavior::exchange::check(library, co_simulation, &description, options, &mut checked, report);
     }
     let stray = loader::stray_messages() - stray;
     if stray > 0 {
@@ -387,7 +387,7 @@ fn examine(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
             "was called with another environment than the one that the importer passed, for {stray} of its messages; importers that \
              use it crash: pass `componentEnvironment` (FMI 3.0: `instanceEnvironment`) of the instance"
         );
-        tell(Event::Found(Finding::error("logger", message)));
+        report(Event::Found(Finding::error("logger", message)));
     }
 }
 

@@ -66,11 +66,11 @@ impl Process {
     }
 
     /// Passes an event on; before a new trial, reports the changes that the previous one has made.
-    pub(super) fn watch(&mut self, event: Event, tell: &mut dyn FnMut(Event)) {
+    pub(super) fn watch(&mut self, event: Event, report: &mut dyn FnMut(Event)) {
         if let Event::Trying { trial, .. } = &event {
-            self.changes(trial).into_iter().for_each(|finding| tell(Event::Found(finding)));
+            self.changes(trial).into_iter().for_each(|finding| report(Event::Found(finding)));
         }
-        tell(event);
+        report(event);
     }
 }
 

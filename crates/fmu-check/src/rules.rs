@@ -10,8 +10,8 @@ use fmu_import::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// Reports all findings about a parsed description. Returns the number of elements compared with the schema.
-pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn FnMut(Finding)) -> usize {
-    let mut findings = Findings(tell);
+pub(super) fn check(text: &str, description: &ModelDescription, report: &mut dyn FnMut(Finding)) -> usize {
+    let mut findings = Findings(report);
     let mut elements = 0;
     if let Ok(root) = xml::parse(text) {
         elements = schema::schema(&root, description.fmi, &mut findings);

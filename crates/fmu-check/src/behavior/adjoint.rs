@@ -1,6 +1,6 @@
 //! Adjoint derivatives (FMI 3.0): the transpose of the directional ones.
 
-use super::{CheckResult, Tell, Trial, derivative_problem, found, is_same_derivative};
+use super::{CheckResult, Report, Trial, derivative_problem, found, is_same_derivative};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use fmu_import::loader::Instance;
@@ -10,20 +10,25 @@ const MOST: usize = 100;
 
 impl Trial<'_> {
     /// Adjoint derivatives between steps.
-    pub(super) fn adjoint(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn adjoint(&self, report: Report<'_>) -> CheckResult<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.provides_adjoint_derivatives)
         else {
             return Ok(());
         };
         let mut instance = self.started("adjoint")?;
         self.go(&mut instance, 0..2, 1)?;
-        compare(self.description, &mut instance, unit.provides_directional_derivative, tell);
+        compare(self.description, &mut instance, unit.provides_directional_derivative, report);
         Ok(())
     }
 }
 
 /// Compares the derivatives of state derivatives and outputs with respect to states and inputs.
-pub(super) fn compare(description: &ModelDescription, instance: &mut Instance, has_directional: bool, tell: Tell<'_>) {
+pub(super) fn compare(
+    description: &ModelDescription,
+    instance: &mut Instance,
+    has_directional: bool,
+    report: Report<'_>,
+) {
     let of = |variables: Vec<usize>| -> Vec<&Variable> {
         let mut total = 0;
         let variables = variables.into_iter().map(|i| &description.variables[i]);
@@ -59,7 +64,7 @@ pub(super) fn compare(description: &ModelDescription, instance: &mut Instance, h
         seed.fill(0.0);
         seed[i] = 1.0;
         if let Err(error) = instance.get_adjoint_derivative(&unknown, &known, &seed[..m], row) {
-            return found(tell, derivative_problem("providesAdjointDerivatives", &error));
+            return found(report, derivative_problem("providesAdjointDerivatives", &error));
         }
     }
     for j in (0..n).filter(|_| has_directional) {
@@ -77,7 +82,7 @@ pub(super) fn compare(description: &ModelDescription, instance: &mut Instance, h
                     "is not the transpose of fmi3GetDirectionalDerivative: d(`{}`)/d(`{}`) is {b}, the directional derivative is {a}",
                     rows[i], columns[j]
                 );
-                return found(tell, Finding::error("fmi3GetAdjointDerivative", message));
+                return found(report, Finding::error("fmi3GetAdjointDerivative", message));
             }
         }
     }

@@ -1,17 +1,17 @@
 //! Capabilities: each one that the description promises is tested once.
 
-use super::{CheckResult, Tell, Trial, derivative_problem, found, words};
+use super::{CheckResult, Report, Trial, derivative_problem, found, words};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Unknown};
 
 impl Trial<'_> {
     /// Tests the capabilities that the description declares. States have a trial of their own.
-    pub(super) fn capabilities(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn capabilities(&self, report: Report<'_>) -> CheckResult<()> {
         let unit = self.description.co_simulation.clone().unwrap_or_default();
         let mut promise = |attribute: &str, result: CheckResult<()>| {
             if let Err(error) = result {
                 let message = format!("is promised, but {}", words(&error));
-                found(tell, Finding::error(attribute, message));
+                found(report, Finding::error(attribute, message));
             }
         };
         if unit.can_handle_variable_communication_step_size {
@@ -42,11 +42,11 @@ impl Trial<'_> {
             match self.slope(&question) {
                 Err(error) => {
                     let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
-                    found(tell, derivative_problem(attribute, &error));
+                    found(report, derivative_problem(attribute, &error));
                 }
                 Ok(slope) if !slope.is_finite() => {
                     let function = self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative");
-                    found(tell, Finding::error(function, format!("gives {slope}")));
+                    found(report, Finding::error(function, format!("gives {slope}")));
                 }
                 Ok(_) => {}
             }
@@ -57,7 +57,7 @@ impl Trial<'_> {
             if fmu_import::loader::memory_callbacks() != before {
                 let message =
                     "is set, but the FMU calls allocateMemory or freeMemory of the master, which may be missing";
-                found(tell, Finding::error("canNotUseMemoryManagementFunctions", message));
+                found(report, Finding::error("canNotUseMemoryManagementFunctions", message));
             }
         }
         Ok(())

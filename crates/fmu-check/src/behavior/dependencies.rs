@@ -1,6 +1,6 @@
 //! Dependencies of the model structure: those observed are compared with those declared.
 
-use super::{CheckResult, Tell, Trial, found, size, values};
+use super::{CheckResult, Report, Trial, found, size, values};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Unknown, Value, Variable};
 use fmu_import::loader::Instance;
@@ -82,7 +82,7 @@ impl Trial<'_> {
     }
 
     /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization Mode.
-    pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn initial_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
         let mut known = self.settable_in_initialization();
         let unknowns = self.description.initial_unknowns.iter();
         let unknowns: Vec<&Unknown> = unknowns.filter(|unknown| self.is_scalar(unknown)).collect();
@@ -93,7 +93,7 @@ impl Trial<'_> {
                 let Some(mut ready) = instance.take().or_else(|| self.readable(choice, &search.variables)) else {
                     return true;
                 };
-                let is_sound = search.vary(self, j, &mut ready, tell).is_ok();
+                let is_sound = search.vary(self, j, &mut ready, report).is_ok();
                 instance = is_sound.then_some(ready);
                 // A value with which nothing can be read, such as the name of a missing file, proves nothing.
                 is_sound
@@ -106,12 +106,12 @@ impl Trial<'_> {
             // Inconsistent values prove nothing.
             let Some(mut instance) = self.readable(Some(limit), &search.variables) else { continue };
             for &state in &states {
-                if search.vary(self, state, &mut instance, tell).is_err() {
+                if search.vary(self, state, &mut instance, report).is_err() {
                     break;
                 }
             }
         }
-        search.end(tell);
+        search.end(report);
         Ok(())
     }
 
@@ -139,7 +139,7 @@ impl Trial<'_> {
     }
 
     /// Outputs and Derivatives: finds dependencies on inputs between two steps, if the FMU evaluates inputs that were just set.
-    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn step_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
         let is_real =
             |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
         let lists = [
@@ -164,11 +164,11 @@ impl Trial<'_> {
                 }
                 for search in searches.iter_mut().filter(|search| !search.unknowns.is_empty()) {
                     search.choice = choice;
-                    search.look(self, &self.inputs, &mut instance, tell)?;
+                    search.look(self, &self.inputs, &mut instance, report)?;
                 }
             }
         }
-        searches.iter().for_each(|search| search.end(tell));
+        searches.iter().for_each(|search| search.end(report));
         let [_, search] = searches;
         // In an FMU that computes its outputs only in fmi2DoStep, nothing depends on inputs between steps.
         if search.followed.is_empty() || search.is_cut() {
@@ -184,7 +184,7 @@ impl Trial<'_> {
                      an algebraic loop that is not there",
                     search.list
                 );
-                found(tell, Finding::warning(format!("variable `{name}`"), message));
+                found(report, Finding::warning(format!("variable `{name}`"), message));
             }
         }
         Ok(())
@@ -198,7 +198,7 @@ impl Trial<'_> {
             named: unknowns.iter().map(named).collect(),
             unknowns,
             followed: BTreeSet::new(),
-            told: HashSet::new(),
+            reported: HashSet::new(),
             read: 0,
             choice: None,
         }
@@ -217,7 +217,7 @@ struct Search<'a> {
     /// Variables with observed dependencies.
     followed: BTreeSet<usize>,
     /// Pairs of unknown and known that were reported: several points show the same ones.
-    told: HashSet<(usize, usize)>,
+    reported: HashSet<(usize, usize)>,
     /// Values read.
     read: usize,
     /// The parameter that has another value than at the start.
@@ -227,7 +227,13 @@ struct Search<'a> {
 impl Search<'_> {
     /// Changes one known after the other and observes which unknowns change. Ends early if the FMU cannot be read:
     /// between steps a master may not read after setting inputs (FMI 2.0.4, section 4.2.4), so reading may fail.
-    fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> CheckResult<()> {
+    fn look(
+        &mut self,
+        trial: &Trial<'_>,
+        known: &[usize],
+        instance: &mut Instance,
+        report: Report<'_>,
+    ) -> CheckResult<()> {
         for &j in known {
             if self.is_cut() {
                 return Ok(());
@@ -243,7 +249,7 @@ impl Search<'_> {
                 let Ok(after) = trial.reals(instance, &self.variables) else { return Ok(()) };
                 for (i, (a, b)) in before.iter().zip(&after).enumerate() {
                     if a.to_bits() != b.to_bits() {
-                        self.follows(trial, i, j, tell);
+                        self.follows(trial, i, j, report);
                     }
                 }
             }
@@ -253,7 +259,7 @@ impl Search<'_> {
     }
 
     /// Gives a known of any type other values and observes which unknowns change. After an error the instance is unusable.
-    fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, tell: Tell<'_>) -> CheckResult<()> {
+    fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, report: Report<'_>) -> CheckResult<()> {
         if self.is_cut() {
             return Ok(());
         }
@@ -269,7 +275,7 @@ impl Search<'_> {
             let after = trial.values(instance, &self.variables)?;
             for (i, (a, b)) in before.iter().zip(&after).enumerate() {
                 if !values::is_same(a, b) {
-                    self.follows(trial, i, j, tell);
+                    self.follows(trial, i, j, report);
                 }
             }
         }
@@ -278,21 +284,21 @@ impl Search<'_> {
     }
 
     /// Records that an unknown depends on a known, and reports the dependency if it is not declared.
-    fn follows(&mut self, trial: &Trial<'_>, i: usize, j: usize, tell: Tell<'_>) {
+    fn follows(&mut self, trial: &Trial<'_>, i: usize, j: usize, report: Report<'_>) {
         let unknown = self.variables[i];
         if unknown == j {
             return;
         }
         self.followed.insert(unknown);
         let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
-        if is_missing && self.told.insert((unknown, j)) {
+        if is_missing && self.reported.insert((unknown, j)) {
             let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
             let mut message = format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
             if let Some(Choice { parameter, value: Number::Real(value) }) = self.choice {
                 let parameter = &trial.variable(parameter).name;
                 message.push_str(&format!("; seen with `{parameter}` = {value}"));
             }
-            found(tell, Finding::error(format!("variable `{name}`"), message));
+            found(report, Finding::error(format!("variable `{name}`"), message));
         }
     }
 
@@ -302,10 +308,10 @@ impl Search<'_> {
     }
 
     /// Reports a search that ended early.
-    fn end(&self, tell: Tell<'_>) {
+    fn end(&self, report: Report<'_>) {
         if self.is_cut() {
             let message = format!("were tried in part: they are too many, {MOST_READ} values were read");
-            found(tell, Finding::warning(format!("dependencies in {}", self.list), message));
+            found(report, Finding::warning(format!("dependencies in {}", self.list), message));
         }
     }
 }

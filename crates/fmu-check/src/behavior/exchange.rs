@@ -4,7 +4,7 @@ mod integration;
 
 use super::experiment::EXPERIMENT;
 use super::stack::{STACK, taken, warn_above_limit};
-use super::{CheckResult, Tell, adjoint, derivative_problem, found, instantiation, is_same_derivative, words};
+use super::{CheckResult, Report, adjoint, derivative_problem, found, instantiation, is_same_derivative, words};
 use crate::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
 use fmu_import::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value, Variable};
 use fmu_import::loader::{CallError, Instance, Library};
@@ -50,7 +50,7 @@ impl From<CallError> for Failure {
 }
 
 type Outcome<T> = Result<T, Failure>;
-type Part<'t> = fn(&Exchange<'t>, Tell<'_>) -> Outcome<()>;
+type Part<'t> = fn(&Exchange<'t>, Report<'_>) -> Outcome<()>;
 
 /// Tests the calls of an importer by model exchange. `co_simulation` is the library for the other interface, if there is one.
 pub(crate) fn check(
@@ -59,10 +59,10 @@ pub(crate) fn check(
     description: &ModelDescription,
     options: &Options,
     checked: &mut Checked,
-    tell: Tell<'_>,
+    report: Report<'_>,
 ) {
     let Some(unit) = &description.model_exchange else { return };
-    if !instantiation(library, description, Interface::ModelExchange, options, tell) {
+    if !instantiation(library, description, Interface::ModelExchange, options, report) {
         return;
     }
     let (start, step) = super::start_and_step(description);
@@ -102,11 +102,11 @@ pub(crate) fn check(
         (STACK, Topic::Simulation, Exchange::stack),
     ];
     let before = (checked.instances, checked.steps);
-    let mut finish = |name: String, exchange: &Exchange<'_>, tell: Tell<'_>| {
+    let mut finish = |name: String, exchange: &Exchange<'_>, report: Report<'_>| {
         checked.trials.push(name);
         checked.instances = before.0 + exchange.instances.get();
         checked.steps = before.1 + exchange.made.get();
-        tell(Event::Checked(checked.clone()));
+        report(Event::Checked(checked.clone()));
     };
     for (name, topic, part) in parts {
         // It runs once, and co-simulation needs no solver of the importer.
@@ -117,19 +117,19 @@ pub(crate) fn check(
         if options.skip.contains(&name) {
             continue;
         }
-        tell(Event::trying(name.clone(), topic));
-        let is_settled = match part(&exchange, tell) {
+        report(Event::trying(name.clone(), topic));
+        let is_settled = match part(&exchange, report) {
             Ok(()) => true,
             Err(Failure::Call(error)) => {
-                found(tell, Finding::error(&name, words(&error)).about(topic));
+                found(report, Finding::error(&name, words(&error)).about(topic));
                 true
             }
             Err(Failure::Found(finding)) => {
-                found(tell, finding.about(topic));
+                found(report, finding.about(topic));
                 false
             }
         };
-        finish(name, &exchange, tell);
+        finish(name, &exchange, report);
         // Without a start, nothing else can be tested.
         if !is_settled && exchange.instances.get() == 1 {
             break;
@@ -137,12 +137,12 @@ pub(crate) fn check(
     }
     let name = format!("{MODEL_EXCHANGE}state derivatives as in co-simulation");
     if let Some(other) = co_simulation.filter(|_| !options.skip.contains(&name)) {
-        tell(Event::trying(name.clone(), Topic::Standard));
+        report(Event::trying(name.clone(), Topic::Standard));
         // The derivatives need not be readable in co-simulation, and an error of another call was found before.
         if let Ok(Some(finding)) = exchange.agreement(other) {
-            found(tell, finding);
+            found(report, finding);
         }
-        finish(name, &exchange, tell);
+        finish(name, &exchange, report);
     }
 }
 
@@ -200,7 +200,7 @@ impl Exchange<'_> {
         Failure::Found(Finding::error(self.function(v2, v3), message))
     }
 
-    fn start_of_event(&self, _: Tell<'_>) -> Outcome<()> {
+    fn start_of_event(&self, _: Report<'_>) -> Outcome<()> {
         self.started("event").map(drop)
     }
 
@@ -225,17 +225,17 @@ impl Exchange<'_> {
     }
 
     /// States, derivatives, indicators and nominal values at the start.
-    fn values(&self, tell: Tell<'_>) -> Outcome<()> {
+    fn values(&self, report: Report<'_>) -> Outcome<()> {
         let mut instance = self.started("values")?;
         if self.description.fmi == FmiVersion::V3 {
-            self.numbers(&mut instance, tell)?;
+            self.numbers(&mut instance, report)?;
         }
         let states = self.states(&mut instance)?;
         let derivatives = self.derivatives(&mut instance)?;
         let indicators = self.indicators(&mut instance)?;
         if let Some(function) = instance.overrun() {
             let message = "writes to the first element of an array that has none, which crashes other importers";
-            found(tell, Finding::error(function, message));
+            found(report, Finding::error(function, message));
         }
         let get_states = "GetContinuousStates";
         let get_derivatives = self.function("fmi2GetDerivatives", "fmi3GetContinuousStateDerivatives");
@@ -249,7 +249,7 @@ impl Exchange<'_> {
         ] {
             if let Some(i) = values.iter().position(|value| !value.is_finite()) {
                 let message = format!("gives {} for `{}` at the start", values[i], names[i]);
-                found(tell, Finding::error(function, message).about(Topic::Simulation));
+                found(report, Finding::error(function, message).about(Topic::Simulation));
             }
         }
 
@@ -257,42 +257,42 @@ impl Exchange<'_> {
         let mut named = vec![0.0; states.len()];
         if !self.states.is_empty() {
             instance.get_real(&self.states, &mut named)?;
-            self.differs(tell, &get_states, "the variable has the value", &states, &named);
+            self.differs(report, &get_states, "the variable has the value", &states, &named);
         }
         if !self.derivatives.is_empty() {
             instance.get_real(&self.derivatives, &mut named)?;
         }
-        self.differs(tell, get_derivatives, "the variable has the value", &derivatives, &named);
+        self.differs(report, get_derivatives, "the variable has the value", &derivatives, &named);
 
         // Without changes, all values must stay the same, in this instance and in another one.
         instance.set_time(self.start)?;
         instance.set_continuous_states(&states)?;
         let again = self.derivatives(&mut instance)?;
-        self.differs(tell, get_derivatives, "the second call for the same states gives", &derivatives, &again);
+        self.differs(report, get_derivatives, "the second call for the same states gives", &derivatives, &again);
         if !self.unit.can_be_instantiated_only_once_per_process {
             let other = self.derivatives(&mut self.started("again")?)?;
-            self.differs(tell, get_derivatives, "another instance gives", &derivatives, &other);
+            self.differs(report, get_derivatives, "another instance gives", &derivatives, &other);
         }
         if self.indicators(&mut instance)?.iter().zip(&indicators).any(|(a, b)| a.to_bits() != b.to_bits()) {
-            found(tell, Finding::error(get_indicators, "gives another value for the same states in a second call"));
+            found(report, Finding::error(get_indicators, "gives another value for the same states in a second call"));
         }
         let moved: Vec<f64> = states.iter().map(|state| state + 1e-3 * super::size(*state)).collect();
         instance.set_continuous_states(&moved)?;
         let read = self.states(&mut instance)?;
-        self.differs(tell, &get_states, "what was set is", &read, &moved);
+        self.differs(report, &get_states, "what was set is", &read, &moved);
 
         let get_nominals = self.function("fmi2GetNominalsOfContinuousStates", "fmi3GetNominalsOfContinuousStates");
         let mut nominals = vec![1.0; states.len()];
         instance.get_nominals(&mut nominals)?;
         if let Some(i) = nominals.iter().position(|nominal| !(nominal.is_finite() && *nominal > 0.0)) {
             let message = format!("gives {} for `{}`; a nominal value must be above 0", nominals[i], self.names[i]);
-            found(tell, Finding::error(get_nominals, message));
+            found(report, Finding::error(get_nominals, message));
         }
         Ok(())
     }
 
     /// Checks that the numbers of states and event indicators are those of the description.
-    fn numbers(&self, instance: &mut Instance, tell: Tell<'_>) -> CheckResult<()> {
+    fn numbers(&self, instance: &mut Instance, report: Report<'_>) -> CheckResult<()> {
         for (function, number, expected) in [
             ("fmi3GetNumberOfContinuousStates", instance.get_number_of_states()?, instance.number_of_states()),
             (
@@ -303,23 +303,23 @@ impl Exchange<'_> {
         ] {
             if number != expected {
                 let message = format!("gives {number}, but ModelStructure has {expected}");
-                found(tell, Finding::error(function, message));
+                found(report, Finding::error(function, message));
             }
         }
         Ok(())
     }
 
     /// Reports the first element that differs from its expected value. Returns true if an element differs.
-    fn differs(&self, tell: Tell<'_>, function: &str, words: &str, values: &[f64], expected: &[f64]) -> bool {
+    fn differs(&self, report: Report<'_>, function: &str, words: &str, values: &[f64], expected: &[f64]) -> bool {
         let differing = values.iter().zip(expected).position(|(a, b)| a.to_bits() != b.to_bits());
         let Some(i) = differing else { return false };
         let message = format!("gives {:?} for `{}`, but {words} {:?}", values[i], self.names[i], expected[i]);
-        found(tell, Finding::error(function, message));
+        found(report, Finding::error(function, message));
         true
     }
 
     /// Checks that a restored state has the states and derivatives it had, also from bytes in a new instance.
-    fn saved_states(&self, tell: Tell<'_>) -> Outcome<()> {
+    fn saved_states(&self, report: Report<'_>) -> Outcome<()> {
         if !self.unit.can_get_and_set_fmu_state {
             return Ok(());
         }
@@ -334,7 +334,7 @@ impl Exchange<'_> {
         instance.set_continuous_states(&states)?;
         self.derivatives(&mut instance)?;
         instance.restore_state(&saved)?;
-        if self.is_other(tell, set, &mut instance, &moved, &derivatives)? || !self.unit.can_serialize_fmu_state {
+        if self.is_other(report, set, &mut instance, &moved, &derivatives)? || !self.unit.can_serialize_fmu_state {
             return Ok(instance.free_state(saved)?);
         }
         let bytes = instance.serialize_state(&saved)?;
@@ -343,28 +343,28 @@ impl Exchange<'_> {
         let mut other = self.started("bytes")?;
         let saved = other.deserialize_state(&bytes)?;
         other.restore_state(&saved)?;
-        self.is_other(tell, read, &mut other, &moved, &derivatives)?;
+        self.is_other(report, read, &mut other, &moved, &derivatives)?;
         Ok(other.free_state(saved)?)
     }
 
     fn is_other(
         &self,
-        tell: Tell<'_>,
+        report: Report<'_>,
         function: &str,
         instance: &mut Instance,
         states: &[f64],
         derivatives: &[f64],
     ) -> CheckResult<bool> {
         let now = self.states(instance)?;
-        if self.differs(tell, function, "when the state was saved it was", &now, states) {
+        if self.differs(report, function, "when the state was saved it was", &now, states) {
             return Ok(true);
         }
         let now = self.derivatives(instance)?;
-        Ok(self.differs(tell, function, "when the state was saved its derivative was", &now, derivatives))
+        Ok(self.differs(report, function, "when the state was saved its derivative was", &now, derivatives))
     }
 
     /// Tests directional derivatives, and the adjoint ones of FMI 3.0.
-    fn directional(&self, tell: Tell<'_>) -> Outcome<()> {
+    fn directional(&self, report: Report<'_>) -> Outcome<()> {
         if !self.unit.provides_directional_derivative && !self.unit.provides_adjoint_derivatives {
             return Ok(());
         }
@@ -380,27 +380,27 @@ impl Exchange<'_> {
                     instance.get_directional_derivative(&self.derivatives, &self.states, &seed, &mut column)
                 {
                     let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
-                    found(tell, derivative_problem(attribute, &error));
+                    found(report, derivative_problem(attribute, &error));
                     return Ok(());
                 }
                 if let Some(i) = column.iter().position(|value| !value.is_finite()) {
                     let function = self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative");
                     let (value, of, by) = (column[i], &self.names[i], &self.names[j]);
                     let message = format!("gives {value} for the derivative of `{of}` with respect to `{by}`");
-                    found(tell, Finding::error(function, message));
+                    found(report, Finding::error(function, message));
                     return Ok(());
                 }
             }
         }
         if self.unit.provides_adjoint_derivatives {
             let has_directional = self.unit.provides_directional_derivative;
-            adjoint::compare(self.description, &mut instance, has_directional, tell);
+            adjoint::compare(self.description, &mut instance, has_directional, report);
         }
         Ok(())
     }
 
     /// Checks that an integration and a directional derivative do not need much stack.
-    fn stack(&self, tell: Tell<'_>) -> Outcome<()> {
+    fn stack(&self, report: Report<'_>) -> Outcome<()> {
         // Other trials report failed calls.
         let exchange = self.clone();
         let integrate = move || drop(exchange.instance(STACK).map(|mut instance| exchange.integrate(&mut instance, 1)));
@@ -418,11 +418,11 @@ impl Exchange<'_> {
             let size = taken(move || drop(derivative())).map(|(_, size)| size);
             sizes.extend(size.map(|size| ("a directional derivative", size)));
         }
-        warn_above_limit(tell, &format!("{MODEL_EXCHANGE}{STACK}"), &sizes);
+        warn_above_limit(report, &format!("{MODEL_EXCHANGE}{STACK}"), &sizes);
         Ok(())
     }
 
-    fn end(&self, _: Tell<'_>) -> Outcome<()> {
+    fn end(&self, _: Report<'_>) -> Outcome<()> {
         Ok(self.started("end")?.terminate()?)
     }
 

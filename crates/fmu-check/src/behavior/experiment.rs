@@ -1,6 +1,6 @@
 //! The default experiment, and runs that start at another time.
 
-use super::{CheckResult, Tell, Trial, found, middle, stop_time, words};
+use super::{CheckResult, Report, Trial, found, middle, stop_time, words};
 use crate::{Finding, Topic};
 use fmu_import::loader::{CallError, CallProblem, Instance, Status};
 use std::time::Instant;
@@ -13,7 +13,7 @@ pub(super) const EXPERIMENT: &str = "the default experiment";
 
 impl Trial<'_> {
     /// Runs the default experiment once, from its start to its stop, with the start values of the inputs.
-    pub(super) fn experiment(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn experiment(&self, report: Report<'_>) -> CheckResult<()> {
         let Some(stop) = stop_time(self.description, self.start) else { return Ok(()) };
         let begin = Instant::now();
         let mut instance = self.instance("experiment")?;
@@ -34,7 +34,7 @@ impl Trial<'_> {
             if begin.elapsed() > self.options.experiment {
                 let limit = self.options.experiment.as_secs_f64();
                 let message = format!("was cut at {time} s of {stop} s after {limit} s (--timeout)");
-                found(tell, Finding::note(EXPERIMENT, message));
+                found(report, Finding::note(EXPERIMENT, message));
                 break;
             }
             self.made.set(self.made.get() + 1);
@@ -43,10 +43,10 @@ impl Trial<'_> {
             if let Err(error) = instance.do_step(time, step) {
                 if ends_simulation(&mut instance, &error) {
                     let message = format!("the FMU ended the simulation in the step at {time} s, before {stop} s");
-                    found(tell, Finding::note(EXPERIMENT, message));
+                    found(report, Finding::note(EXPERIMENT, message));
                 } else {
                     let message = format!("fails at {time} s of {stop} s: {}", words(&error));
-                    found(tell, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
+                    found(report, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
                 }
                 break;
             }
@@ -55,7 +55,7 @@ impl Trial<'_> {
             if let Some(i) = outputs.iter().position(|value| !value.is_finite()) {
                 let (name, end) = (&self.elements[i], time + step);
                 let message = format!("`{name}` is {} at {end} s of {stop} s", outputs[i]);
-                found(tell, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
+                found(report, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
                 break;
             }
         }
@@ -63,7 +63,7 @@ impl Trial<'_> {
     }
 
     /// Runs from the middle of the default experiment. An FMU may reject this, which its users should know.
-    pub(super) fn another_start(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn another_start(&self, report: Report<'_>) -> CheckResult<()> {
         let run = |trial: &Self| {
             let mut instance = trial.started("start")?;
             match trial.go(&mut instance, 0..trial.steps, 1) {
@@ -86,7 +86,7 @@ impl Trial<'_> {
             Err(error) => words(&error),
         };
         let message = format!("fails from {} s on, not from {} s on: {problem}", later.start, self.start);
-        found(tell, Finding::warning("another start time", message).about(Topic::Simulation));
+        found(report, Finding::warning("another start time", message).about(Topic::Simulation));
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! fmi2Reset and parallel instances: values set before a reset or in one instance must not appear after it or in another.
 
-use super::{CheckResult, Tell, Trial, found, words};
+use super::{CheckResult, Report, Trial, found, words};
 use crate::Finding;
 use fmu_import::description::Value;
 use fmu_import::loader::{CallProblem, Instance};
@@ -25,17 +25,17 @@ struct Fresh {
 
 impl Trial<'_> {
     /// Checks that a reset before initialization discards all settings.
-    pub(super) fn reset_before_initialization(&self, tell: Tell<'_>) -> CheckResult<()> {
-        self.resets(&[Before::Settings], "before initialization", tell)
+    pub(super) fn reset_before_initialization(&self, report: Report<'_>) -> CheckResult<()> {
+        self.resets(&[Before::Settings], "before initialization", report)
     }
 
     /// Checks that a reset after a run discards all settings and the run.
-    pub(super) fn reset_after_run(&self, tell: Tell<'_>) -> CheckResult<()> {
-        self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", tell)
+    pub(super) fn reset_after_run(&self, report: Report<'_>) -> CheckResult<()> {
+        self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", report)
     }
 
     /// Checks that after a reset every start value and the whole run are those of a fresh instance.
-    fn resets(&self, cases: &[Before], when: &str, tell: Tell<'_>) -> CheckResult<()> {
+    fn resets(&self, cases: &[Before], when: &str, report: Report<'_>) -> CheckResult<()> {
         let variables = self.exact();
         let mut instance = self.initializing("fresh")?;
         let starts = self.values(&mut instance, &variables)?;
@@ -49,7 +49,7 @@ impl Trial<'_> {
                 Err(error) if error.problem == CallProblem::Dead => continue,
                 reset => reset?,
             }
-            if !self.is_fresh(&mut instance, &fresh, when, tell) {
+            if !self.is_fresh(&mut instance, &fresh, when, report) {
                 break;
             }
         }
@@ -78,7 +78,7 @@ impl Trial<'_> {
     }
 
     /// Returns true if an instance equals a fresh one after its reset; reports the difference.
-    fn is_fresh(&self, instance: &mut Instance, fresh: &Fresh, when: &str, tell: Tell<'_>) -> bool {
+    fn is_fresh(&self, instance: &mut Instance, fresh: &Fresh, when: &str, report: Report<'_>) -> bool {
         let starts = instance
             .setup_experiment(self.start, None)
             .and_then(|()| instance.enter_initialization_mode())
@@ -92,7 +92,7 @@ impl Trial<'_> {
                     kept.before,
                     kept.others()
                 );
-                found(tell, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
+                found(report, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
                 return Ok(None);
             }
             instance.exit_initialization_mode()?;
@@ -102,18 +102,18 @@ impl Trial<'_> {
             Ok(None) => false,
             Ok(Some(outputs)) => {
                 let message = format!("{when}, does not bring back the start: the same run differs after it");
-                self.compare(tell, self.function("fmi2Reset", "fmi3Reset"), &message, &fresh.outputs, &outputs)
+                self.compare(report, self.function("fmi2Reset", "fmi3Reset"), &message, &fresh.outputs, &outputs)
             }
             Err(error) => {
                 let message = format!("{when}: after it, {}", words(&error));
-                found(tell, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
+                found(report, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
                 false
             }
         }
     }
 
     /// Checks that two instances do not share values.
-    pub(super) fn instances(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn instances(&self, report: Report<'_>) -> CheckResult<()> {
         if self.is_single() {
             return Ok(());
         }
@@ -129,7 +129,7 @@ impl Trial<'_> {
                 "share `{name}`: set in one, it changes from {} to {} in the other{others}",
                 shared.before, shared.after
             );
-            found(tell, Finding::error("two instances", message));
+            found(report, Finding::error("two instances", message));
             return Ok(());
         }
         drop(second);
@@ -145,7 +145,7 @@ impl Trial<'_> {
             outputs.extend(self.go(&mut first, k..k + 1, 1)?);
             self.go(&mut other, self.steps + k..self.steps + k + 1, 1)?;
         }
-        self.compare(tell, "two instances", "give different results for the same calls", &expected, &outputs);
+        self.compare(report, "two instances", "give different results for the same calls", &expected, &outputs);
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! The stack that a run needs: other programs call FMUs on threads with less stack than the main thread.
 
-use super::{CheckResult, Tell, Trial, found};
+use super::{CheckResult, Report, Trial, found};
 use crate::{Finding, Topic};
 use fmu_import::loader::CallError;
 
@@ -12,7 +12,7 @@ const MOST: usize = 256;
 
 impl Trial<'_> {
     /// Checks that a run and a directional derivative do not need much stack.
-    pub(super) fn stack(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn stack(&self, report: Report<'_>) -> CheckResult<()> {
         let trial = self.clone();
         let run = move || -> Result<(), CallError> {
             let mut instance = trial.started(STACK)?;
@@ -29,13 +29,13 @@ impl Trial<'_> {
             let size = taken(move || drop(trial.slope(&question))).map(|(_, size)| size);
             sizes.extend(size.map(|size| ("a run with a directional derivative", size)));
         }
-        warn_above_limit(tell, STACK, &sizes);
+        warn_above_limit(report, STACK, &sizes);
         result
     }
 }
 
 /// Warns if the largest of these stacks, in KiB, is larger than threads of other programs have.
-pub(super) fn warn_above_limit(tell: Tell<'_>, subject: &str, sizes: &[(&str, usize)]) {
+pub(super) fn warn_above_limit(report: Report<'_>, subject: &str, sizes: &[(&str, usize)]) {
     let Some((what, size)) = sizes.iter().rev().max_by_key(|(_, size)| size).filter(|(_, size)| *size > MOST) else {
         return;
     };
@@ -43,7 +43,7 @@ pub(super) fn warn_above_limit(tell: Tell<'_>, subject: &str, sizes: &[(&str, us
         "{what} takes {size} KiB of stack, more than {MOST} KiB: threads of other programs have 512 KiB to 1 MiB; keep \
          large values on the heap, or run the FMU on a thread with more stack"
     );
-    found(tell, Finding::warning(subject, message).about(Topic::Simulation));
+    found(report, Finding::warning(subject, message).about(Topic::Simulation));
 }
 
 /// Calls `f` and measures its stack in KiB. Returns `None` where the system does not count single pages.

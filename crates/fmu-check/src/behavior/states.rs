@@ -1,13 +1,13 @@
 //! FMU states: saved, restored, as bytes.
 
-use super::{CheckResult, Tell, Trial, found};
+use super::{CheckResult, Report, Trial, found};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_import::loader::{Instance, SavedState};
 
 impl Trial<'_> {
     /// Checks that a restored state continues as before, also from bytes in a new instance.
-    pub(super) fn states(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn states(&self, report: Report<'_>) -> CheckResult<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
             return Ok(());
         };
@@ -22,9 +22,9 @@ impl Trial<'_> {
         let expected = self.go(&mut instance, middle..self.steps, 1)?;
         // A state contains parameters and inputs, too. A rejected value may end the instance: the values are then not compared.
         if !self.change(&mut instance, &self.settable_between_steps()).is_empty() {
-            return self.go_on(&mut instance, &saved, None, &expected, restored, tell).map(drop);
+            return self.go_on(&mut instance, &saved, None, &expected, restored, report).map(drop);
         }
-        if !self.go_on(&mut instance, &saved, Some(&then), &expected, restored, tell)? {
+        if !self.go_on(&mut instance, &saved, Some(&then), &expected, restored, report)? {
             return Ok(());
         }
         if !unit.can_serialize_fmu_state {
@@ -35,7 +35,7 @@ impl Trial<'_> {
         drop(instance);
         let mut other = self.started("bytes")?;
         let saved = other.deserialize_state(&bytes)?;
-        self.go_on(&mut other, &saved, Some(&then), &expected, read, tell)?;
+        self.go_on(&mut other, &saved, Some(&then), &expected, read, report)?;
         other.free_state(saved)
     }
 
@@ -47,7 +47,7 @@ impl Trial<'_> {
         then: Option<&[Value]>,
         expected: &[f64],
         function: &str,
-        tell: Tell<'_>,
+        report: Report<'_>,
     ) -> CheckResult<bool> {
         instance.restore_state(saved)?;
         if let Some(then) = then {
@@ -59,7 +59,7 @@ impl Trial<'_> {
                     "leaves `{name}` at {}, it was {} when the state was saved{others}",
                     lost.after, lost.before
                 );
-                found(tell, Finding::error(function, message));
+                found(report, Finding::error(function, message));
                 return Ok(false);
             }
         }
@@ -69,7 +69,7 @@ impl Trial<'_> {
         } else {
             "a state read from its bytes goes on otherwise in another instance"
         };
-        Ok(self.compare(tell, function, message, expected, &again))
+        Ok(self.compare(report, function, message, expected, &again))
     }
 
     /// Parameters that can differ from their start values in a whole run: as many as possible, so that a state without

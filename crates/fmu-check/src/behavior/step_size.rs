@@ -1,6 +1,6 @@
 //! The error of a solver of fixed step size, measured from outside: results with half of `max_step` against those with all of it.
 
-use super::{CheckResult, Tell, Trial, found, words};
+use super::{CheckResult, Report, Trial, found, words};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 
@@ -13,7 +13,7 @@ const TOLERABLE: f64 = 1e-3;
 
 impl Trial<'_> {
     /// Checks that the default experiment gives the same results with half of the integration step.
-    pub(super) fn step_size(&self, tell: Tell<'_>) -> CheckResult<()> {
+    pub(super) fn step_size(&self, report: Report<'_>) -> CheckResult<()> {
         let is_parameter = |variable: &&Variable| {
             variable.name == PARAMETER
                 && variable.causality == Causality::Parameter
@@ -45,7 +45,7 @@ impl Trial<'_> {
                     "the default experiment fails with {max_step} s, but not with half of it; {remedy}: {}",
                     words(&error)
                 );
-                found(tell, Finding::warning(format!("variable `{PARAMETER}`"), message));
+                found(report, Finding::warning(format!("variable `{PARAMETER}`"), message));
                 return Ok(());
             }
         };
@@ -56,7 +56,7 @@ impl Trial<'_> {
             let message = format!(
                 "in the default experiment `{name}` differs by {percent:.2} % of its peak from a run with half of {max_step} s; {remedy}"
             );
-            found(tell, Finding::warning(format!("variable `{PARAMETER}`"), message));
+            found(report, Finding::warning(format!("variable `{PARAMETER}`"), message));
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Integration of the states by the classical Runge-Kutta method.
 
 use super::super::experiment::{EXPERIMENT, progress};
-use super::super::{CheckResult, Tell, found, middle, stop_time, words};
+use super::super::{CheckResult, Report, found, middle, stop_time, words};
 use super::{Exchange, Failure, Outcome};
 use crate::{Finding, MODEL_EXCHANGE, Topic};
 use fmu_import::loader::{CallProblem, Instance, Status};
@@ -17,7 +17,7 @@ const MOST_STEPS: usize = 64 * STEPS;
 
 impl Exchange<'_> {
     /// Checks that a short integration stays finite and is reproducible, also after a reset.
-    pub(super) fn integration(&self, tell: Tell<'_>) -> Outcome<()> {
+    pub(super) fn integration(&self, report: Report<'_>) -> Outcome<()> {
         let mut parts = 1;
         let (first, mut instance) = loop {
             let mut instance = self.instance("integration")?;
@@ -42,15 +42,15 @@ impl Exchange<'_> {
         instance.reset()?;
         let after = self.integrate(&mut instance, parts)?.states;
         let reset = self.function("fmi2Reset", "fmi3Reset");
-        self.differs(tell, reset, "the same integration before it ended with", &after, &first);
+        self.differs(report, reset, "the same integration before it ended with", &after, &first);
         drop(instance);
         let again = self.integrate(&mut self.instance("again")?, parts)?.states;
-        self.differs(tell, "model exchange: integration", "another instance ends with", &first, &again);
+        self.differs(report, "model exchange: integration", "another instance ends with", &first, &again);
         Ok(())
     }
 
     /// Integrates from the middle of the default experiment. An FMU may reject this, which its users should know.
-    pub(super) fn another_start(&self, tell: Tell<'_>) -> Outcome<()> {
+    pub(super) fn another_start(&self, report: Report<'_>) -> Outcome<()> {
         let parts = self.parts.get();
         let count = (STEPS * parts).min(MOST_STEPS);
         let run = |start| self.integrate_over(&mut self.instance("start")?, &Span { start, stop: None, parts, count });
@@ -68,12 +68,15 @@ impl Exchange<'_> {
             Err(Failure::Found(finding)) => format!("{}: {}", finding.subject, finding.message),
         };
         let message = format!("fails from {later} s on, not from {} s on: {problem}", self.start);
-        found(tell, Finding::warning(format!("{MODEL_EXCHANGE}another start time"), message).about(Topic::Simulation));
+        found(
+            report,
+            Finding::warning(format!("{MODEL_EXCHANGE}another start time"), message).about(Topic::Simulation),
+        );
         Ok(())
     }
 
     /// Runs the default experiment once, from its start to its stop.
-    pub(super) fn experiment(&self, tell: Tell<'_>) -> Outcome<()> {
+    pub(super) fn experiment(&self, report: Report<'_>) -> Outcome<()> {
         let Some(stop) = stop_time(self.description, self.start) else { return Ok(()) };
         let parts = self.parts.get();
         let count = ((stop - self.start) / self.step * parts as f64).round().max(1.0) as usize;
@@ -104,7 +107,7 @@ impl Exchange<'_> {
             }
             Err(Failure::Found(finding)) => finding,
         };
-        found(tell, finding.about(Topic::Simulation));
+        found(report, finding.about(Topic::Simulation));
         Ok(())
     }
 
