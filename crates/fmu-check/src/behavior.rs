@@ -63,7 +63,7 @@ struct Trial<'a> {
 }
 
 type CheckResult<T> = Result<T, CallError>;
-type Part<'t> = fn(&Trial<'t>, Report<'_>) -> CheckResult<()>;
+type Stage<'t> = fn(&Trial<'t>, Report<'_>) -> CheckResult<()>;
 
 /// Tests everything that the description promises, and counts it in `checked`.
 pub(super) fn check(
@@ -135,7 +135,7 @@ fn middle(description: &ModelDescription, start: f64, step: f64) -> f64 {
 const MOST_SAID: usize = 5;
 
 /// Describes the error of a call: the function, and the messages that the FMU logged.
-fn words(error: &CallError) -> String {
+fn describe(error: &CallError) -> String {
     let earlier = error.messages.len().saturating_sub(MOST_SAID);
     let said: Vec<_> = error.messages[earlier..].iter().map(|message| message.text.as_str()).collect();
     let problem = error.to_string();
@@ -148,11 +148,11 @@ fn words(error: &CallError) -> String {
 
 /// Returns the finding about a missing derivative. A discarded call means that it is not finite there.
 fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
-    let words = words(error);
+    let problem = describe(error);
     if error.is_discarded() {
-        Finding::note(attribute, format!("derivatives are not finite where the check asks for them: {words}"))
+        Finding::note(attribute, format!("derivatives are not finite where the check asks for them: {problem}"))
     } else {
-        Finding::error(attribute, format!("is promised, but {words}"))
+        Finding::error(attribute, format!("is promised, but {problem}"))
     }
 }
 
@@ -229,7 +229,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let parts: [(&str, Topic, Part<'_>); 15] = [
+        let stages: [(&str, Topic, Stage<'_>); 15] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -246,14 +246,14 @@ impl Trial<'_> {
             ("the end of a run", Standard, Self::end),
             (stack::STACK, Simulation, Self::stack),
         ];
-        for (name, topic, part) in parts {
+        for (name, topic, stage) in stages {
             if self.options.skip.contains(name) {
                 continue;
             }
             report(Event::trying(name, topic));
             let before = self.instances.get();
-            if let Err(error) = part(self, report) {
-                found(report, Finding::error(name, words(&error)).about(topic));
+            if let Err(error) = stage(self, report) {
+                found(report, Finding::error(name, describe(&error)).about(topic));
             }
             // A trial that made no instance has tested nothing.
             if self.instances.get() > before {
@@ -444,7 +444,7 @@ fn instantiation(
     };
     report(Event::trying(format!("instantiating for {interface}"), Topic::Simulation));
     if let Err(error) = Instance::instantiate(library, "check", &description.guid, false) {
-        let message = format!("{}; the binary may belong to another description", words(&error));
+        let message = format!("{}; the binary may belong to another description", describe(&error));
         found(report, Finding::error(function, message).about(Topic::Simulation));
         return false;
     }

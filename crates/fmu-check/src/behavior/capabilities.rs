@@ -1,6 +1,6 @@
 //! Capabilities: each one that the description promises is tested once.
 
-use super::{CheckResult, Report, Trial, derivative_problem, found, words};
+use super::{CheckResult, Report, Trial, derivative_problem, describe, found};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Unknown};
 
@@ -10,7 +10,7 @@ impl Trial<'_> {
         let unit = self.description.co_simulation.clone().unwrap_or_default();
         let mut promise = |attribute: &str, result: CheckResult<()>| {
             if let Err(error) = result {
-                let message = format!("is promised, but {}", words(&error));
+                let message = format!("is promised, but {}", describe(&error));
                 found(report, Finding::error(attribute, message));
             }
         };

@@ -4,7 +4,7 @@ mod integration;
 
 use super::experiment::EXPERIMENT;
 use super::stack::{STACK, taken, warn_above_limit};
-use super::{CheckResult, Report, adjoint, derivative_problem, found, instantiation, is_same_derivative, words};
+use super::{CheckResult, Report, adjoint, derivative_problem, describe, found, instantiation, is_same_derivative};
 use crate::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
 use fmu_import::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value, Variable};
 use fmu_import::loader::{CallError, Instance, Library};
@@ -50,7 +50,7 @@ impl From<CallError> for Failure {
 }
 
 type Outcome<T> = Result<T, Failure>;
-type Part<'t> = fn(&Exchange<'t>, Report<'_>) -> Outcome<()>;
+type Stage<'t> = fn(&Exchange<'t>, Report<'_>) -> Outcome<()>;
 
 /// Tests the calls of an importer by model exchange. `co_simulation` is the library for the other interface, if there is one.
 pub(crate) fn check(
@@ -90,7 +90,7 @@ pub(crate) fn check(
         instances: Cell::new(0),
         made: Cell::new(0),
     };
-    let parts: [(&str, Topic, Part<'_>); 9] = [
+    let stages: [(&str, Topic, Stage<'_>); 9] = [
         ("the event at the start", Topic::Simulation, Exchange::start_of_event),
         ("states with derivatives and event indicators", Topic::Simulation, Exchange::values),
         ("saved states", Topic::Standard, Exchange::saved_states),
@@ -108,7 +108,7 @@ pub(crate) fn check(
         checked.steps = before.1 + exchange.made.get();
         report(Event::Checked(checked.clone()));
     };
-    for (name, topic, part) in parts {
+    for (name, topic, stage) in stages {
         // It runs once, and co-simulation needs no solver of the importer.
         if name == EXPERIMENT && co_simulation.is_some() {
             continue;
@@ -118,10 +118,10 @@ pub(crate) fn check(
             continue;
         }
         report(Event::trying(name.clone(), topic));
-        let is_settled = match part(&exchange, report) {
+        let is_settled = match stage(&exchange, report) {
             Ok(()) => true,
             Err(Failure::Call(error)) => {
-                found(report, Finding::error(&name, words(&error)).about(topic));
+                found(report, Finding::error(&name, describe(&error)).about(topic));
                 true
             }
             Err(Failure::Found(finding)) => {
@@ -310,10 +310,10 @@ impl Exchange<'_> {
     }
 
     /// Reports the first element that differs from its expected value. Returns true if an element differs.
-    fn differs(&self, report: Report<'_>, function: &str, words: &str, values: &[f64], expected: &[f64]) -> bool {
+    fn differs(&self, report: Report<'_>, function: &str, relation: &str, values: &[f64], expected: &[f64]) -> bool {
         let differing = values.iter().zip(expected).position(|(a, b)| a.to_bits() != b.to_bits());
         let Some(i) = differing else { return false };
-        let message = format!("gives {:?} for `{}`, but {words} {:?}", values[i], self.names[i], expected[i]);
+        let message = format!("gives {:?} for `{}`, but {relation} {:?}", values[i], self.names[i], expected[i]);
         found(report, Finding::error(function, message));
         true
     }

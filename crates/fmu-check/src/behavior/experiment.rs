@@ -1,6 +1,6 @@
 //! The default experiment, and runs that start at another time.
 
-use super::{CheckResult, Report, Trial, found, middle, stop_time, words};
+use super::{CheckResult, Report, Trial, describe, found, middle, stop_time};
 use crate::{Finding, Topic};
 use fmu_import::loader::{CallError, CallProblem, Instance, Status};
 use std::time::Instant;
@@ -45,7 +45,7 @@ impl Trial<'_> {
                     let message = format!("the FMU ended the simulation in the step at {time} s, before {stop} s");
                     found(report, Finding::note(EXPERIMENT, message));
                 } else {
-                    let message = format!("fails at {time} s of {stop} s: {}", words(&error));
+                    let message = format!("fails at {time} s of {stop} s: {}", describe(&error));
                     found(report, Finding::error(EXPERIMENT, message).about(Topic::Simulation));
                 }
                 break;
@@ -83,7 +83,7 @@ impl Trial<'_> {
         let problem = match outcome {
             Ok(None) => return Ok(()),
             Ok(Some(i)) => format!("`{}` is not finite", self.elements[i % self.elements.len()]),
-            Err(error) => words(&error),
+            Err(error) => describe(&error),
         };
         let message = format!("fails from {} s on, not from {} s on: {problem}", later.start, self.start);
         found(report, Finding::warning("another start time", message).about(Topic::Simulation));

@@ -1,6 +1,6 @@
 //! fmi2Reset and parallel instances: values set before a reset or in one instance must not appear after it or in another.
 
-use super::{CheckResult, Report, Trial, found, words};
+use super::{CheckResult, Report, Trial, describe, found};
 use crate::Finding;
 use fmu_import::description::Value;
 use fmu_import::loader::{CallProblem, Instance};
@@ -105,7 +105,7 @@ impl Trial<'_> {
                 self.compare(report, self.function("fmi2Reset", "fmi3Reset"), &message, &fresh.outputs, &outputs)
             }
             Err(error) => {
-                let message = format!("{when}: after it, {}", words(&error));
+                let message = format!("{when}: after it, {}", describe(&error));
                 found(report, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
                 false
             }

@@ -1,6 +1,6 @@
 //! The error of a solver of fixed step size, measured from outside: results with half of `max_step` against those with all of it.
 
-use super::{CheckResult, Report, Trial, found, words};
+use super::{CheckResult, Report, Trial, describe, found};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 
@@ -43,7 +43,7 @@ impl Trial<'_> {
             Err(error) => {
                 let message = format!(
                     "the default experiment fails with {max_step} s, but not with half of it; {remedy}: {}",
-                    words(&error)
+                    describe(&error)
                 );
                 found(report, Finding::warning(format!("variable `{PARAMETER}`"), message));
                 return Ok(());

@@ -1,7 +1,7 @@
 //! Integration of the states by the classical Runge-Kutta method.
 
 use super::super::experiment::{EXPERIMENT, progress};
-use super::super::{CheckResult, Report, found, middle, stop_time, words};
+use super::super::{CheckResult, Report, describe, found, middle, stop_time};
 use super::{Exchange, Failure, Outcome};
 use crate::{Finding, MODEL_EXCHANGE, Topic};
 use fmu_import::loader::{CallProblem, Instance, Status};
@@ -64,7 +64,7 @@ impl Exchange<'_> {
                 None => return Ok(()),
                 Some(i) => format!("`{}` is {} at {} s", self.names[i], end.states[i], end.time),
             },
-            Err(Failure::Call(error)) => words(&error),
+            Err(Failure::Call(error)) => describe(&error),
             Err(Failure::Found(finding)) => format!("{}: {}", finding.subject, finding.message),
         };
         let message = format!("fails from {later} s on, not from {} s on: {problem}", self.start);
@@ -103,7 +103,7 @@ impl Exchange<'_> {
                 }
             }
             Err(Failure::Call(error)) => {
-                Finding::error(subject, format!("fails at {} s of {stop} s: {}", self.time.get(), words(&error)))
+                Finding::error(subject, format!("fails at {} s of {stop} s: {}", self.time.get(), describe(&error)))
             }
             Err(Failure::Found(finding)) => finding,
         };
