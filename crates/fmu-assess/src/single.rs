@@ -13,7 +13,7 @@ use crate::maneuvers::{
 use crate::plant::Plant;
 use crate::run_spec::RunSpec;
 use crate::subject::Subject;
-use crate::systems::{Speed, Systems};
+use crate::systems::Systems;
 use crate::vehicle::Vehicle;
 use crate::wiring::{Driving, Road};
 use fmu_import::description::ModelDescription;
@@ -459,12 +459,6 @@ impl Single {
             is_quick: false,
             folder: std::path::Path::new(""),
         }
-    }
-
-    /// True if the speed of the plant is prescribed.
-    #[must_use]
-    pub fn has_prescribed_speed(&self) -> bool {
-        self.systems.systems.first().is_some_and(|system| system.speed == Speed::Prescribed)
     }
 
     /// Metrics of the run as far as it was made, up to where the bench would end it; `None` for free driving.
