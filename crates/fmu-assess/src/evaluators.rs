@@ -104,7 +104,8 @@ impl Evaluation {
     /// name makes a group: `yaw_rate.gain` is `{"yaw_rate": {"gain": …}}`.
     #[must_use]
     pub fn to_json(&self) -> String {
-        json::document(&self.metrics)
+        // Maps of strings, numbers that are finite and Booleans can always be written.
+        serde_json::to_string_pretty(&json::document(&self.metrics)).unwrap_or_default()
     }
 }
 

@@ -1,48 +1,35 @@
 //! Metrics as JSON.
 
 use crate::metric::{Metric, Value};
-use serde::Serialize;
-use std::collections::BTreeMap;
-
-/// A part of the document. The maps are sorted, whatever the features of `serde_json` are.
-#[derive(Serialize)]
-#[serde(untagged)]
-enum Node {
-    Null,
-    Boolean(bool),
-    Number(f64),
-    Numbers(Vec<Option<f64>>),
-    Group(BTreeMap<String, Node>),
-}
+use serde_json::{Map, json};
 
 /// Metrics as an object of JSON: keys sorted, numbers with 9 significant digits. A dot in a name makes a group, `yaw_rate.gain` is
 /// `{"yaw_rate": {"gain": …}}`. What cannot be computed is null.
-pub(crate) fn document(metrics: &[Metric]) -> String {
-    let mut document = BTreeMap::new();
+pub(crate) fn document(metrics: &[Metric]) -> serde_json::Value {
+    let mut document = Map::new();
     for metric in metrics {
-        insert(&mut document, &metric.name, node(&metric.value));
+        insert(&mut document, &metric.name, value(&metric.value));
     }
-    // Maps of strings, numbers that are finite and Booleans can always be written.
-    serde_json::to_string_pretty(&document).unwrap_or_default()
+    document.into()
 }
 
-fn insert(group: &mut BTreeMap<String, Node>, name: &str, node: Node) {
+fn insert(group: &mut Map<String, serde_json::Value>, name: &str, value: serde_json::Value) {
     let Some((first, rest)) = name.split_once('.') else {
-        group.insert(name.to_owned(), node);
+        group.insert(name.to_owned(), value);
         return;
     };
-    let member = group.entry(first.to_owned()).or_insert_with(|| Node::Group(BTreeMap::new()));
-    if let Node::Group(group) = member {
-        insert(group, rest, node);
+    let member = group.entry(first).or_insert_with(|| Map::new().into());
+    if let serde_json::Value::Object(group) = member {
+        insert(group, rest, value);
     }
 }
 
-fn node(value: &Value) -> Node {
+fn value(value: &Value) -> serde_json::Value {
     match value {
-        Value::Number(number) => rounded(*number).map_or(Node::Null, Node::Number),
-        Value::Boolean(boolean) => Node::Boolean(*boolean),
-        Value::Numbers(numbers) => Node::Numbers(numbers.iter().map(|number| number.and_then(rounded)).collect()),
-        Value::Null(_) => Node::Null,
+        Value::Number(number) => json!(rounded(*number)),
+        Value::Boolean(boolean) => json!(boolean),
+        Value::Numbers(numbers) => numbers.iter().map(|number| json!(number.and_then(rounded))).collect(),
+        Value::Null(_) => serde_json::Value::Null,
     }
 }
 
@@ -67,7 +54,7 @@ mod tests {
             metric("a", Value::Null(Reason::new("no reason"))),
             metric("m", Value::Numbers(vec![Some(-0.0), None, Some(f64::INFINITY), Some(20.0)])),
         ];
-        let compact: String = document(&metrics).split_whitespace().collect();
+        let compact = document(&metrics).to_string();
         assert_eq!(compact, "{\"a\":null,\"m\":[0.0,null,null,20.0],\"z\":{\"first\":true,\"second\":3.14159265e-7}}");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Trace;
 use crate::evaluators::{self, Evaluation};
-use crate::json::rounded;
+use crate::json::{document, rounded};
 use crate::metric::{self, Direction};
 use crate::run_result::RunResult;
 use fmu_system::requirements::holds;
@@ -86,7 +86,7 @@ impl Results {
             stop_reason: result.stop_reason.clone(),
             rows: result.trace.times().len(),
             error: result.error.clone(),
-            metrics: serde_json::from_str(&metrics.to_json()).unwrap_or_default(),
+            metrics: document(&metrics.metrics),
         });
     }
 
