@@ -5,11 +5,11 @@
 //! All mistakes of a file are reported together, each with file, line, column and the marked place.
 
 mod columns;
+mod components;
 mod conversion;
 mod findings;
 mod fmus;
 mod inputs;
-mod members;
 mod pattern;
 mod report;
 mod runs;

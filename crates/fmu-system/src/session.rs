@@ -152,7 +152,7 @@ enum Reached {
 }
 
 /// An instance with its wires.
-struct Member {
+struct Component {
     instance: Instance,
     inputs: Port,
     outputs: Port,
@@ -160,7 +160,7 @@ struct Member {
     names: Vec<(usize, String)>,
 }
 
-impl Member {
+impl Component {
     fn set(&mut self, setting: &Setting) -> Result<(), CallError> {
         let references = [setting.reference];
         match &setting.value {
@@ -321,7 +321,7 @@ pub struct Session {
     run: String,
     simulation: Simulation,
     columns: Vec<Option<usize>>,
-    members: Vec<Member>,
+    members: Vec<Component>,
     bus: Vec<f64>,
     feeder: Feeder,
     overwritten: Vec<Overwritten>,
@@ -651,7 +651,7 @@ impl Session {
     }
 }
 
-fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Member>, FmusError> {
+fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Component>, FmusError> {
     run.components
         .iter()
         .enumerate()
@@ -660,7 +660,7 @@ fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Member>, FmusError
                 board.component(index);
             }
             let instance = fmus.of(component)?;
-            Ok(Member {
+            Ok(Component {
                 inputs: Port::new(&instance, &component.inputs),
                 outputs: Port::new(&instance, &component.outputs),
                 instance,

@@ -1,7 +1,7 @@
 //! The recorded signals.
 
 use super::pattern::{is_match, matches, split_pattern};
-use super::system::{Column, Member, Resolver, System, context, near_outputs, outputs};
+use super::system::{CaseComponent, Column, Resolver, System, context, near_outputs, outputs};
 use crate::plan::{self, Conversion};
 use fmu_import::description::{Causality, Variable};
 use serde_spanned::Spanned;
@@ -147,7 +147,7 @@ impl Resolver<'_> {
     }
 }
 
-fn column(member: &Member<'_>, variable: &Variable, shared: bool) -> Column {
+fn column(member: &CaseComponent<'_>, variable: &Variable, shared: bool) -> Column {
     let units: Vec<Conversion> = member
         .found
         .description

@@ -1,6 +1,6 @@
 //! Compatibility of outputs and inputs, and conversion between Real and Boolean in connections.
 
-use super::system::Member;
+use super::system::CaseComponent;
 use crate::plan::TypeChange;
 use fmu_import::description::{BaseType, BaseUnit, Variable};
 
@@ -8,7 +8,7 @@ use fmu_import::description::{BaseType, BaseUnit, Variable};
 const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 };
 
 /// An end of a wire: a member and a variable of it.
-pub(super) type Place<'a> = (&'a Member<'a>, &'a Variable);
+pub(super) type Place<'a> = (&'a CaseComponent<'a>, &'a Variable);
 
 /// Checks that an output may write an input of the same name: same base type, same unit of measure where both have one.
 pub(super) fn compatible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
@@ -42,7 +42,7 @@ pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange>
 }
 
 /// Returns true if a variable has no unit of measure, or that of a plain number.
-fn is_plain_number(member: &Member<'_>, variable: &Variable) -> bool {
+fn is_plain_number(member: &CaseComponent<'_>, variable: &Variable) -> bool {
     let base = |name| member.found.description.unit(name).and_then(|unit| unit.base);
     variable.unit.as_deref().is_none_or(|name| base(name) == Some(PLAIN))
 }

@@ -2,7 +2,7 @@
 
 use super::inputs::Feed;
 use super::pattern::is_match;
-use super::system::{Member, Resolver, Source, System};
+use super::system::{CaseComponent, Resolver, Source, System};
 use super::values::is_implausible;
 use crate::data::unit::Target;
 use crate::run::Interpolation;
@@ -19,7 +19,7 @@ impl Resolver<'_> {
     pub(super) fn use_column(
         &mut self,
         column: usize,
-        (member, variable): (&Member<'_>, &Variable),
+        (member, variable): (&CaseComponent<'_>, &Variable),
         reader: &Variable,
     ) -> Result<Source, ()> {
         let inputs = self.inputs.as_mut().ok_or(())?;
@@ -78,7 +78,7 @@ impl Resolver<'_> {
     }
 
     /// Returns true if an input that a column writes is recorded: a pattern of `[record]` that no output matches names it.
-    pub(super) fn records_input(&self, member: &Member<'_>, v: usize, source: &Source) -> bool {
+    pub(super) fn records_input(&self, member: &CaseComponent<'_>, v: usize, source: &Source) -> bool {
         let Source::Series(_) = source else { return false };
         self.of_inputs.iter().any(|pattern| is_match(pattern, member.name(), &member.variable(v).name))
     }

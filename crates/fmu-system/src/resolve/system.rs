@@ -16,7 +16,7 @@ use std::ops::Range;
 use std::path::Path;
 
 /// A component of a case with its FMU.
-pub(super) struct Member<'a> {
+pub(super) struct CaseComponent<'a> {
     pub(super) component: &'a Component,
     pub(super) found: Found,
     /// Set if the case names another FMU than the component.
@@ -27,7 +27,7 @@ pub(super) struct Member<'a> {
     pub(super) dropped: bool,
 }
 
-impl Member<'_> {
+impl CaseComponent<'_> {
     pub(super) fn name(&self) -> &str {
         self.component.name.get_ref()
     }
@@ -75,7 +75,7 @@ pub(super) enum Source {
 /// A case with its components.
 pub(super) struct System<'a> {
     pub(super) case: &'a Case,
-    pub(super) members: Vec<Member<'a>>,
+    pub(super) members: Vec<CaseComponent<'a>>,
     /// Recorded outputs, as member and variable, that have the values of a signal of the input file.
     pub(super) replaced: BTreeMap<(usize, usize), usize>,
 }

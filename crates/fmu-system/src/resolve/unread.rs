@@ -1,6 +1,6 @@
 //! Finds components that nothing reads, and parameters that affect only outputs that nothing reads.
 
-use super::system::{Member, Resolver, System, context};
+use super::system::{CaseComponent, Resolver, System, context};
 use crate::plan::Wiring;
 use crate::run::{Run, Trial};
 use crate::run::{Suspect, Variant};
@@ -12,7 +12,7 @@ use std::ops::Range;
 /// A component in a case, and those of its outputs that nothing reads.
 struct Place<'a> {
     case: &'a str,
-    member: &'a Member<'a>,
+    member: &'a CaseComponent<'a>,
     unread: BTreeSet<&'a str>,
 }
 

@@ -1,7 +1,7 @@
 //! Values of parameters and constant inputs, converted to the unit of the variable and checked.
 
 use super::pattern::matches;
-use super::system::{Member, Resolver};
+use super::system::{CaseComponent, Resolver};
 use crate::parameter;
 use crate::run::Setting;
 use crate::scenario::{self, Case, Values};
@@ -73,7 +73,7 @@ impl Resolver<'_> {
         &mut self,
         case: &Case,
         point: Option<&scenario::Point>,
-        member: &Member<'_>,
+        member: &CaseComponent<'_>,
         seed: Option<(&str, Range<usize>, i32)>,
     ) -> Vec<Setting> {
         let mut settings: BTreeMap<String, Setting> = BTreeMap::new();
@@ -119,7 +119,7 @@ impl Resolver<'_> {
     fn written_values<'m>(
         &mut self,
         values: &Values,
-        member: &'m Member<'_>,
+        member: &'m CaseComponent<'_>,
         names: Names,
     ) -> Vec<(&'m Variable, Value)> {
         let mut found: Vec<(&Variable, Value)> = Vec::new();
@@ -152,7 +152,7 @@ impl Resolver<'_> {
         name: &str,
         span: Range<usize>,
         set: Option<&str>,
-        member: &'m Member<'_>,
+        member: &'m CaseComponent<'_>,
         names: Names,
     ) -> Option<&'m Variable> {
         let file = set.map_or(String::new(), |path| format!("{path}: "));
@@ -180,7 +180,7 @@ impl Resolver<'_> {
         &mut self,
         path: &Spanned<String>,
         of_component: bool,
-        member: &'m Member<'_>,
+        member: &'m CaseComponent<'_>,
         names: Names,
     ) -> Vec<(&'m Variable, Value)> {
         let description = &member.found.description;
@@ -220,7 +220,7 @@ impl Resolver<'_> {
     }
 
     /// Constants of the inputs of a component: those of the case take precedence over those of the component.
-    pub(super) fn constants(&mut self, case: &Case, member: &Member<'_>) -> Constants {
+    pub(super) fn constants(&mut self, case: &Case, member: &CaseComponent<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         for (level, is_of_component) in
             [(Some(&member.component.inputs), true), (case.inputs.get(member.name()), false)]
@@ -231,7 +231,7 @@ impl Resolver<'_> {
         constants
     }
 
-    fn constants_of_level(&mut self, level: &Values, is_of_component: bool, member: &Member<'_>) -> Constants {
+    fn constants_of_level(&mut self, level: &Values, is_of_component: bool, member: &CaseComponent<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         // A plain name takes precedence over a pattern, so patterns come first.
         for is_plain in [false, true] {

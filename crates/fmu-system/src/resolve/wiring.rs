@@ -1,7 +1,7 @@
 //! The wires of a case: the source of each input.
 
 use super::conversion::{self, compatible, convertible};
-use super::system::{Column, Member, Resolver, Source, System, context, replacement};
+use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use super::values::setting;
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
@@ -39,7 +39,7 @@ fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -
     let has = |description: &ModelDescription, causality| {
         description.variable(input).is_some_and(|variable| variable.causality == causality)
     };
-    let change = |(m, member): (usize, &Member<'_>)| {
+    let change = |(m, member): (usize, &CaseComponent<'_>)| {
         let own = &member.replaced.as_ref()?.original.as_ref()?.description;
         let other = &member.found.description;
         let change = match [own, other].map(|description| has(description, Causality::Output)) {
@@ -292,7 +292,7 @@ impl<'a> Resolver<'a> {
 
     /// The wires of a case by name, and the outputs that nothing reads.
     pub(super) fn wiring(&self, system: &System<'_>) -> plan::Wiring {
-        let signal = |member: &Member<'_>, v: usize| Signal {
+        let signal = |member: &CaseComponent<'_>, v: usize| Signal {
             component: member.name().to_string(),
             variable: member.variable(v).name.clone(),
         };

@@ -1,7 +1,7 @@
 //! Finds the FMUs of every case.
 
 use super::fmus::{Descriptions, Found};
-use super::system::{Member, Replaced, Resolver, System, context, replacement};
+use super::system::{CaseComponent, Replaced, Resolver, System, context, replacement};
 use crate::steady;
 use fmu_import::names::suggestion;
 use std::collections::BTreeMap;
@@ -50,7 +50,7 @@ impl<'a> Resolver<'a> {
                     };
                     Replaced { original, keep_parameters }
                 });
-                members.push(Member { component, found, replaced, inputs: Vec::new(), dropped: false });
+                members.push(CaseComponent { component, found, replaced, inputs: Vec::new(), dropped: false });
             }
             systems.push(System { case, members, replaced: BTreeMap::new() });
         }
