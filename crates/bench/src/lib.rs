@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use fmu::Variables as _;
-use fmu::abi::Export;
-use fmu::instance::ValueStore;
-use fmu::runner::{Kind as ModelKind, Model, Step};
-use fmu::variable::{Kind, Layout, Role};
-use fmu::variables::Counts;
+use fmu::testing::abi::Export;
+use fmu::testing::instance::ValueStore;
+use fmu::testing::runner::{Kind as ModelKind, Model, Step};
+use fmu::testing::variable::{Kind, Layout, Role};
+use fmu::testing::variables::Counts;
 use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::loader::Instance;

@@ -239,7 +239,7 @@ impl Variable {
                 if let Some(key) = self.key("unit") {
                     errors.add(Error::new(key.span(), "the definition has its unit already"));
                 }
-                quote!(#root::declare::Spec::defined(&#entry))
+                quote!(#root::Spec::defined(&#entry))
             }
             Source::Name(name) => {
                 if doc.is_empty() {
@@ -249,7 +249,7 @@ impl Variable {
                 let parts = errors.keep(self.unit_and_description(root, doc, content, name));
                 let (tokens, parsed, description) = parts.unwrap_or((None, None, doc));
                 (unit, doc) = (parsed, description);
-                let spec = quote!(#root::declare::Spec::named(#name));
+                let spec = quote!(#root::Spec::named(#name));
                 match tokens {
                     Some(tokens) => quote!(#spec.unit(#tokens)),
                     None => spec,
@@ -264,7 +264,7 @@ impl Variable {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
                 let key = Ident::new(key, value.span());
                 // Limits of an Integer are whole numbers.
-                let value = quote_spanned!(value.span()=> #root::declare::limit(#value));
+                let value = quote_spanned!(value.span()=> #root::limit(#value));
                 spec = quote!(#spec.#key(#value));
             }
         }
@@ -475,14 +475,19 @@ pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
     }
 }
 
-/// The path of the crate `fmu`: `::fmu`, or the one in `#[fmu(crate = …)]`.
+/// The path of the items for generated code in the crate `fmu`, which `#[fmu(crate = …)]` may name differently.
 pub(crate) fn root(attributes: &[Attribute]) -> Result<TokenStream> {
     let Some(attribute) = attributes.iter().find(|attribute| attribute.path().is_ident("fmu")) else {
-        return Ok(quote!(::fmu));
+        return Ok(private(None));
     };
     attribute.parse_args_with(|input: ParseStream<'_>| {
         input.parse::<Token![crate]>()?;
         input.parse::<Token![=]>()?;
-        Ok(input.parse::<Path>()?.to_token_stream())
+        Ok(private(Some(&input.parse()?)))
     })
+}
+
+/// The items for generated code of the crate at a path, `::fmu` by default.
+pub(crate) fn private(root: Option<&Path>) -> TokenStream {
+    root.map_or_else(|| quote!(::fmu::__private), |root| quote!(#root::__private))
 }

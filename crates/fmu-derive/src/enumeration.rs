@@ -56,8 +56,8 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
     errors.finish(quote! {
         impl #root::Enumeration for #name {
             const NAME: &'static str = #text;
-            const ITEMS: &'static [#root::enumeration::Item] = &[
-                #(#root::enumeration::Item { value: #values, name: #names, description: #descriptions }),*
+            const ITEMS: &'static [#root::Item] = &[
+                #(#root::Item { value: #values, name: #names, description: #descriptions }),*
             ];
             fn first() -> Self {
                 Self::#first
@@ -74,41 +74,6 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
                 }
             }
         }
-        impl<T: #root::Scalar> #root::Field<T> for #name {
-            type Start = Self;
-            const COUNTS: #root::variables::Counts = #root::variables::Counts::INTEGER;
-            const IS_REAL: bool = false;
-            fn declare(
-                spec: &#root::declare::Spec,
-                start: ::std::option::Option<Self>,
-                all: &mut ::std::vec::Vec<#root::variable::Declaration>,
-            ) {
-                spec.declare_enumeration(start, all);
-            }
-            #[inline]
-            fn read(values: #root::variables::Values<'_, T>, at: #root::variables::Counts) -> Self {
-                #root::enumeration::read(values.integers[at.integers])
-            }
-            #[inline]
-            fn write(&self, values: &mut #root::variables::ValuesMut<'_, T>, at: #root::variables::Counts) {
-                values.integers[at.integers] = #root::Enumeration::value(self);
-            }
-        }
-        impl #root::discrete_state::StateField for #name {
-            fn not_finite(&self) -> ::std::option::Option<f64> {
-                None
-            }
-            fn save(&self, sink: &mut dyn FnMut(#root::discrete_state::Word<'_>)) {
-                #root::enumeration::save(self, sink);
-            }
-            fn load(
-                &mut self,
-                name: &'static str,
-                source: &mut #root::discrete_state::Words<'_>,
-            ) -> ::std::result::Result<(), ::std::string::String> {
-                *self = #root::enumeration::load(name, source)?;
-                Ok(())
-            }
-        }
+        #root::enumeration_fields!(#name);
     })
 }

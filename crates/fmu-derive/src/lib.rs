@@ -1,31 +1,5 @@
 //! The macros of the crate `fmu`. Every mistake is a compile error at the place where it was made, and all mistakes of a
 //! declaration are reported together.
-//!
-//! # Attributes of a field
-//!
-//! `#[var("name", key = value, flag)]` declares one variable, or an array of variables. Without `"name"` the variable is
-//! named like its field. `#[var(DEFINITION, …)]` takes name, unit, limits and description from a constant of type
-//! `fmu::Definition`, which several models share; the doc comment is added to the description.
-//!
-//! | key | in | meaning |
-//! |---|---|---|
-//! | `unit = "m/s"` | real variables | unit of measure; without it the doc comment ends with the unit in parentheses: `/// Height of the road (m)`, `(1)` for a plain number. An array takes one unit, or one per element. `unit = Unit::NONE` declares none, for a signal of any unit. |
-//! | `start = 1.0` | all | start value; one for all elements of an array, or an array. Parameters must have one. |
-//! | `min = 0.0`, `max = 1.0` | real and Integer parameters | limits |
-//! | `positive` | real parameters | at least `fmu::definition::LEAST_POSITIVE` |
-//! | `tunable` | parameters | may change between steps |
-//! | `nominal = 1e5` | real variables | usual magnitude; states should have one |
-//! | `display = "deg"` | real variables | unit to display values in |
-//! | `elements = ["fl", "fr"]` | arrays `[T; N]` | names of the elements: `x.fl` instead of `x[1]` |
-//! | `description = ["…", "…"]` | arrays | one description per element |
-//! | `enumeration` | enums | an FMI Enumeration instead of an Integer with named values |
-//! | `local` | states | not an output of the FMU |
-//! | `calculated` | states | the start value follows from the parameters; `initialize` computes it |
-//! | `nested`, `nested = "front"` | structs | a struct of variables; names start with the name of the field, or with this prefix |
-//! | `flatten` | structs | a struct of variables without a prefix |
-//! | `always_finite` | discrete state | not searched for infinite values after each sample |
-//!
-//! `#[fmu(crate = path)]` on a struct names the crate `fmu` if the dependency is renamed.
 
 mod attribute;
 mod comparison;
@@ -63,18 +37,24 @@ macro_rules! derives {
 
 derives! {
     /// The parameters of a model: the struct that implements the model trait. Also implements `Default` (the start values).
+    #[doc = include_str!("attributes.md")]
     Parameters = variables::parameters, |input| stubs::variables(input, Block::Parameters);
     /// The inputs of a model. Also implements `Default` (the start values).
+    #[doc = include_str!("attributes.md")]
     Inputs = |input| variables::variables(input, Block::Inputs), |input| stubs::variables(input, Block::Inputs);
     /// The outputs of a model that are not states. Also implements `Default` (the start values).
+    #[doc = include_str!("attributes.md")]
     Outputs = |input| variables::variables(input, Block::Outputs), |input| stubs::variables(input, Block::Outputs);
     /// The state of a continuous-time model. States are outputs of the FMU unless they have the flag `local`. Also
     /// implements `Default` (the start values).
+    #[doc = include_str!("attributes.md")]
     State = |input| variables::variables(input, Block::State), |input| stubs::variables(input, Block::State);
     /// Derived parameters: values that follow from the parameters. Fields with `#[var]` are calculated parameters of
     /// the FMU, the others are not visible.
+    #[doc = include_str!("attributes.md")]
     Derived = variables::derived, stubs::derived;
     /// Discrete state of a model, kept from one sample or event to the next; not visible outside of the FMU.
+    #[doc = include_str!("attributes.md")]
     DiscreteState = variables::discrete_state, stubs::discrete_state;
     /// Named values: an enum whose variants have a doc comment and may have a number.
     Enumeration = enumeration::enumeration, stubs::enumeration;
@@ -98,6 +78,6 @@ pub fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
 pub fn unit(input: TokenStream) -> TokenStream {
     let text = parse_macro_input!(input as LitStr);
     unit::Unit::parse(&text.value(), text.span())
-        .map_or_else(syn::Error::into_compile_error, |unit| unit.tokens(&quote!(::fmu)))
+        .map_or_else(syn::Error::into_compile_error, |unit| unit.tokens(&attribute::private(None)))
         .into()
 }

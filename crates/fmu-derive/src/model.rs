@@ -11,7 +11,7 @@ use syn::{
     parse_quote,
 };
 
-use crate::attribute::{doc, literal};
+use crate::attribute::{doc, literal, private};
 use crate::comparison;
 use crate::errors::Errors;
 use crate::forgotten::{self, Kind};
@@ -132,7 +132,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     if !block.generics.params.is_empty() {
         return TokenStream::new();
     }
-    let root = keys.root.as_ref().map_or_else(|| quote!(::fmu), |path| path.to_token_stream());
+    let root = private(keys.root.as_ref());
     let of = block.trait_.as_ref().and_then(|(path, _)| path.segments.last()).map(|last| last.ident.to_string());
     let (kind, runner) = match of.as_deref() {
         Some("Continuous") => (Kind::Continuous, quote!(ContinuousModel)),
@@ -354,7 +354,7 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
     let mut earlier = Vec::new();
     let mut tokens = TokenStream::new();
     let model = &block.self_ty;
-    let names = quote!(#root::declare::NamesOf::<#model>::NAMES);
+    let names = quote!(#root::NamesOf::<#model>::NAMES);
     let types = block.items.iter().filter_map(|item| match item {
         ImplItem::Type(item) => Some(item),
         _ => None,
@@ -371,7 +371,7 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
             let names = quote!({
                 // The constant uses the number type, because a struct without real variables does not.
                 #(type #numbers = f64; const _: #numbers = 0.0;)*
-                #root::declare::#of::<#ty>::NAMES
+                #root::#of::<#ty>::NAMES
             });
             structs.push((ty.span(), names));
         }
@@ -381,9 +381,9 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
             #[allow(long_running_const_eval)]
             const _: () = {
                 #[allow(unused_imports)]
-                use #root::declare::NoNames as _;
-                const SHARED: ::core::option::Option<#root::declare::Text> =
-                    #root::declare::shared_name(&[#(#earlier),*], #names);
+                use #root::NoNames as _;
+                const SHARED: ::core::option::Option<#root::Text> =
+                    #root::shared_name(&[#(#earlier),*], #names);
                 if let ::core::option::Option::Some(text) = &SHARED {
                     ::core::panic!("{}", text.as_str());
                 }

@@ -4,12 +4,12 @@ use proc_macro2::TokenStream;
 use quote::quote;
 use syn::{DeriveInput, GenericParam, parse_quote};
 
-use crate::attribute::root;
+use crate::attribute::{private, root};
 use crate::variables::Block;
 
 /// `Parameters`, `Inputs`, `Outputs`, `State`.
 pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
-    let root = root(&input.attrs).unwrap_or_else(|_| quote!(::fmu));
+    let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let ident = &input.ident;
     let mut generics = input.generics.clone();
     let mut number = quote!(f64);
@@ -29,12 +29,9 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
     let (parameters, arguments, conditions) = generics.split_for_impl();
     let mut tokens = quote! {
         impl #parameters #root::Variables<#number> for #ident #arguments #conditions {
-            const COUNTS: #root::variables::Counts = #root::variables::Counts::ZERO;
-            fn declare(_: &mut ::std::vec::Vec<#root::variable::Declaration>) {}
-            fn read(_: #root::variables::Values<'_, #number>, _: #root::variables::Counts) -> Self {
+            fn read(_: #root::Values<'_, #number>, _: #root::Counts) -> Self {
                 ::core::unreachable!()
             }
-            fn write(&self, _: &mut #root::variables::ValuesMut<'_, #number>, _: #root::variables::Counts) {}
         }
         impl #parameters ::core::default::Default for #ident #arguments #conditions {
             fn default() -> Self {
@@ -44,7 +41,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
     };
     match block {
         Block::State => tokens.extend(quote! {
-            impl #parameters #root::variables::ContinuousState<#number> for #ident #arguments #conditions {
+            impl #parameters #root::ContinuousState<#number> for #ident #arguments #conditions {
                 fn combine(&self, _: &Self, _: impl Fn(#number, #number) -> #number + Copy) -> Self {
                     ::core::unreachable!()
                 }
@@ -60,41 +57,23 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
 
 /// `Derived`.
 pub(crate) fn derived(input: &DeriveInput) -> TokenStream {
-    let root = root(&input.attrs).unwrap_or_else(|_| quote!(::fmu));
+    let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let ident = &input.ident;
     let (parameters, arguments, conditions) = input.generics.split_for_impl();
-    quote! {
-        impl #parameters #root::Derived for #ident #arguments #conditions {
-            fn declare(_: &mut ::std::vec::Vec<#root::variable::Declaration>) {}
-            fn write(&self, _: &mut #root::variables::ValuesMut<'_, f64>, _: #root::variables::Counts) {}
-        }
-    }
+    quote!(impl #parameters #root::Derived for #ident #arguments #conditions {})
 }
 
 /// `DiscreteState`.
 pub(crate) fn discrete_state(input: &DeriveInput) -> TokenStream {
-    let root = root(&input.attrs).unwrap_or_else(|_| quote!(::fmu));
+    let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let ident = &input.ident;
     let (parameters, arguments, conditions) = input.generics.split_for_impl();
-    quote! {
-        impl #parameters #root::DiscreteState for #ident #arguments #conditions {
-            fn save(&self, _: &mut dyn FnMut(#root::discrete_state::Word<'_>)) {}
-            fn load(
-                &mut self,
-                _: &mut #root::discrete_state::Words<'_>,
-            ) -> ::core::result::Result<(), ::std::string::String> {
-                ::core::unreachable!()
-            }
-            fn not_finite(&self) -> ::core::option::Option<(&'static str, f64)> {
-                None
-            }
-        }
-    }
+    quote!(impl #parameters #root::DiscreteState for #ident #arguments #conditions {})
 }
 
 /// `Enumeration`.
 pub(crate) fn enumeration(input: &DeriveInput) -> TokenStream {
-    let root = root(&input.attrs).unwrap_or_else(|_| quote!(::fmu));
+    let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let ident = &input.ident;
     if !input.generics.params.is_empty() {
         return quote!();
@@ -102,7 +81,7 @@ pub(crate) fn enumeration(input: &DeriveInput) -> TokenStream {
     quote! {
         impl #root::Enumeration for #ident {
             const NAME: &'static str = "";
-            const ITEMS: &'static [#root::enumeration::Item] = &[];
+            const ITEMS: &'static [#root::Item] = &[];
             fn first() -> Self {
                 ::core::unreachable!()
             }
@@ -113,32 +92,6 @@ pub(crate) fn enumeration(input: &DeriveInput) -> TokenStream {
                 0
             }
         }
-        impl<T: #root::Scalar> #root::Field<T> for #ident {
-            type Start = Self;
-            const COUNTS: #root::variables::Counts = #root::variables::Counts::INTEGER;
-            const IS_REAL: bool = false;
-            fn declare(
-                _: &#root::declare::Spec,
-                _: ::core::option::Option<Self>,
-                _: &mut ::std::vec::Vec<#root::variable::Declaration>,
-            ) {}
-            fn read(_: #root::variables::Values<'_, T>, _: #root::variables::Counts) -> Self {
-                ::core::unreachable!()
-            }
-            fn write(&self, _: &mut #root::variables::ValuesMut<'_, T>, _: #root::variables::Counts) {}
-        }
-        impl #root::discrete_state::StateField for #ident {
-            fn not_finite(&self) -> ::core::option::Option<f64> {
-                None
-            }
-            fn save(&self, _: &mut dyn FnMut(#root::discrete_state::Word<'_>)) {}
-            fn load(
-                &mut self,
-                _: &'static str,
-                _: &mut #root::discrete_state::Words<'_>,
-            ) -> ::core::result::Result<(), ::std::string::String> {
-                ::core::unreachable!()
-            }
-        }
+        #root::enumeration_fields!(#ident);
     }
 }

@@ -325,7 +325,7 @@ impl Unit {
         let name = &display.name;
         let factor = (self.numerator * display.denominator) / (self.denominator * display.numerator);
         let offset = (self.offset - display.offset) * display.denominator / display.numerator;
-        quote!(#root::unit::DisplayUnit { name: #name, factor: #factor, offset: #offset })
+        quote!(#root::DisplayUnit { name: #name, factor: #factor, offset: #offset })
     }
 
     /// An expression of type `Unit`.

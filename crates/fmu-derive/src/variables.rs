@@ -180,16 +180,16 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     let mut tokens = quote! {
         #[automatically_derived]
         impl #generics #root::Variables<#number> for #ty {
-            const COUNTS: #root::variables::Counts = #root::variables::Counts::ZERO
+            const COUNTS: #root::Counts = #root::Counts::ZERO
                 #(.plus(#counts))*;
             const HAS_STARTS: bool = false #(|| #has_starts)*;
-            const NAMES: &'static [#root::declare::Name] = &[#(#texts)*];
-            fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
+            const NAMES: &'static [#root::Name] = &[#(#texts)*];
+            fn declare(all: &mut ::std::vec::Vec<#root::Declaration>) {
                 let _ = &all;
                 #(#declarations)*
             }
             #[inline]
-            fn read(values: #root::variables::Values<'_, #number>, at: #root::variables::Counts) -> Self {
+            fn read(values: #root::Values<'_, #number>, at: #root::Counts) -> Self {
                 let _ = (values, at);
                 #(
                     #reads
@@ -199,7 +199,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
                 #build
             }
             #[inline]
-            fn write(&self, values: &mut #root::variables::ValuesMut<'_, #number>, at: #root::variables::Counts) {
+            fn write(&self, values: &mut #root::ValuesMut<'_, #number>, at: #root::Counts) {
                 let _ = (&values, at);
                 #(
                     #writes
@@ -211,7 +211,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         impl #start_generics ::std::default::Default for #ty {
             /// All variables with their start values.
             fn default() -> Self {
-                #root::declare::start_values::<#start_number, Self>()
+                #root::start_values::<#start_number, Self>()
             }
         }
     };
@@ -219,11 +219,11 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         let combine = parts.iter().map(|part| {
             let Part { name, ty, combine, .. } = part;
             quote_spanned! {part.span()=>
-                #name: <#ty as #root::variables::#combine<#number>>::combine(&self.#name, &other.#name, f)
+                #name: <#ty as #root::#combine<#number>>::combine(&self.#name, &other.#name, f)
             }
         });
         tokens.extend(quote! {
-            impl #generics #root::variables::ContinuousState<#number> for #ty {
+            impl #generics #root::ContinuousState<#number> for #ty {
                 #[inline]
                 fn combine(&self, other: &Self, f: impl Fn(#number, #number) -> #number + Copy) -> Self {
                     let _ = (other, f);
@@ -236,7 +236,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         let texts = names.iter().map(|name| name.unraw().to_string());
         tokens.extend(quote! {
             impl #root::Parameters for #ty {
-                const FIELDS: &'static [(&'static str, #root::variables::Counts)] = &[#((#texts, #counts)),*];
+                const FIELDS: &'static [(&'static str, #root::Counts)] = &[#((#texts, #counts)),*];
             }
         });
     }
@@ -268,12 +268,12 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
         }
         (Some(inner), Expr::Lit(_) | Expr::Unary(_)) => {
             let all = start_value(inner, start, root, number);
-            quote_spanned!(span=> #root::variables::Starts::All(#all))
+            quote_spanned!(span=> #root::Starts::All(#all))
         }
         (None, Expr::Lit(_) | Expr::Unary(_)) if is_number_of_another_type(ty, start) => {
-            quote_spanned!(span=> #root::declare::number(#start))
+            quote_spanned!(span=> #root::number(#start))
         }
-        _ => quote_spanned!(span=> #root::declare::start(#start)),
+        _ => quote_spanned!(span=> #root::start(#start)),
     }
 }
 
@@ -407,13 +407,13 @@ fn part(
         return errors.finish(Part {
             name,
             declaration: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
-                #root::declare::nested(#prefix, <#ty as #root::Variables<#number>>::declare, all);
+                #root::nested(#prefix, <#ty as #root::Variables<#number>>::declare, all);
             },
             has_starts: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 <#ty as #root::Variables<#number>>::HAS_STARTS
             },
             text: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
-                #root::declare::Name::nested(#prefix, <#ty as #root::Variables<#number>>::NAMES),
+                #root::Name::nested(#prefix, <#ty as #root::Variables<#number>>::NAMES),
             },
             ty,
             by: quote!(Variables),
@@ -457,8 +457,8 @@ fn part(
     let text = match &variable.source {
         // Arrays with named elements may share a name and have different elements.
         _ if is_array && !is_numbered(&ty, &variable) => quote!(),
-        Source::Name(name) => quote!(#root::declare::Name::of(#name, #is_array),),
-        Source::Definition(entry) => quote!(#root::declare::Name::of(#entry.name, #is_array),),
+        Source::Name(name) => quote!(#root::Name::of(#name, #is_array),),
+        Source::Definition(entry) => quote!(#root::Name::of(#entry.name, #is_array),),
     };
     errors.finish(Part {
         name,
@@ -554,12 +554,12 @@ pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
     errors.finish(quote! {
         #[automatically_derived]
         impl #root::Derived for #ident {
-            const NAMES: &'static [#root::declare::Name] = &[#(#texts)*];
-            fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
+            const NAMES: &'static [#root::Name] = &[#(#texts)*];
+            fn declare(all: &mut ::std::vec::Vec<#root::Declaration>) {
                 let _ = &all;
                 #(#declarations)*
             }
-            fn write(&self, values: &mut #root::variables::ValuesMut<'_, f64>, at: #root::variables::Counts) {
+            fn write(&self, values: &mut #root::ValuesMut<'_, f64>, at: #root::Counts) {
                 let _ = (&values, at);
                 #(
                     #writes
@@ -607,7 +607,7 @@ pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
             let text = name.to_string();
             (!errors.keep(variable.flag("always_finite"))?).then(|| {
                 quote! {
-                    if let Some(value) = #root::discrete_state::StateField::not_finite(&self.#name) {
+                    if let Some(value) = #root::StateField::not_finite(&self.#name) {
                         return Some((#text, value));
                     }
                 }
@@ -616,16 +616,16 @@ pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
         .collect();
     errors.finish(quote! {
         impl #root::DiscreteState for #ident {
-            fn save(&self, sink: &mut dyn FnMut(#root::discrete_state::Word<'_>)) {
+            fn save(&self, sink: &mut dyn FnMut(#root::Word<'_>)) {
                 let _ = &sink;
-                #(#root::discrete_state::StateField::save(&self.#names, sink);)*
+                #(#root::StateField::save(&self.#names, sink);)*
             }
             fn load(
                 &mut self,
-                source: &mut #root::discrete_state::Words<'_>,
+                source: &mut #root::Words<'_>,
             ) -> ::std::result::Result<(), ::std::string::String> {
                 let _ = &source;
-                #(#root::discrete_state::StateField::load(&mut self.#names, #texts, source)?;)*
+                #(#root::StateField::load(&mut self.#names, #texts, source)?;)*
                 Ok(())
             }
             #[inline]

@@ -347,7 +347,7 @@ macro_rules! unloading {
         #[cfg(target_os = "linux")]
         #[used]
         #[unsafe(link_section = ".fini_array")]
-        static FORGET: extern "C" fn() = $crate::abi::forget::<$model>;
+        static FORGET: extern "C" fn() = $crate::__private::abi::forget::<$model>;
     };
 }
 

@@ -7,26 +7,26 @@
 )]
 pub trait DiscreteState: 'static {
     /// Passes every value to the sink.
-    fn save(&self, sink: &mut dyn FnMut(Word<'_>));
+    #[doc(hidden)]
+    fn save(&self, _sink: &mut dyn FnMut(Word<'_>)) {}
     /// Restores the values in the same order.
     ///
     /// # Errors
     /// A value is missing, of another type, or impossible.
-    fn load(&mut self, source: &mut Words<'_>) -> Result<(), String>;
-    /// Name and value of the first real number that is not finite. Fields with `always_finite` are left out: large buffers
-    /// of values that are finite by construction would be searched after every sample.
-    fn not_finite(&self) -> Option<(&'static str, f64)>;
-}
-
-impl DiscreteState for () {
-    fn save(&self, _: &mut dyn FnMut(Word<'_>)) {}
-    fn load(&mut self, _: &mut Words<'_>) -> Result<(), String> {
+    #[doc(hidden)]
+    fn load(&mut self, _source: &mut Words<'_>) -> Result<(), String> {
         Ok(())
     }
+    /// Name and value of the first real number that is not finite. Fields with `always_finite` are left out: large buffers
+    /// of values that are finite by construction would be searched after every sample.
+    #[doc(hidden)]
+    #[inline]
     fn not_finite(&self) -> Option<(&'static str, f64)> {
         None
     }
 }
+
+impl DiscreteState for () {}
 
 /// One value of a state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,7 +114,10 @@ pub trait StateField {
     /// A value is missing, of another type, or impossible.
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String>;
     /// The first real number that is not finite.
-    fn not_finite(&self) -> Option<f64>;
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        None
+    }
 }
 
 impl StateField for f64 {
@@ -132,10 +135,6 @@ impl StateField for f64 {
 }
 
 impl StateField for u64 {
-    #[inline]
-    fn not_finite(&self) -> Option<f64> {
-        None
-    }
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Whole(*self));
     }
@@ -146,10 +145,6 @@ impl StateField for u64 {
 }
 
 impl StateField for i32 {
-    #[inline]
-    fn not_finite(&self) -> Option<f64> {
-        None
-    }
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Whole(u64::from(self.cast_unsigned())));
     }
@@ -161,10 +156,6 @@ impl StateField for i32 {
 }
 
 impl StateField for bool {
-    #[inline]
-    fn not_finite(&self) -> Option<f64> {
-        None
-    }
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Whole(u64::from(*self)));
     }
@@ -179,10 +170,6 @@ impl StateField for bool {
 }
 
 impl StateField for String {
-    #[inline]
-    fn not_finite(&self) -> Option<f64> {
-        None
-    }
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Bytes(self.as_bytes()));
     }

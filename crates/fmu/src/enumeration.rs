@@ -1,6 +1,6 @@
 //! Named values of a variable.
 
-use crate::discrete_state::{Word, Words};
+use crate::discrete_state::Words;
 
 /// Named values. Derive [`Enumeration`](crate::derive::Enumeration) for an enum without data.
 ///
@@ -34,18 +34,53 @@ pub struct Item {
     pub description: &'static str,
 }
 
-/// The variant of a value that was checked when it was set.
+/// Makes an enumeration a type of variables and of fields of a discrete state.
 #[doc(hidden)]
-#[inline]
-pub fn read<E: Enumeration>(value: i32) -> E {
-    E::from_value(value).unwrap_or_else(E::first)
+#[macro_export]
+macro_rules! enumeration_fields {
+    ($name:ty) => {
+        impl<T: $crate::Scalar> $crate::__private::Field<T> for $name {
+            type Start = Self;
+            const COUNTS: $crate::__private::Counts = $crate::__private::Counts::INTEGER;
+            const IS_REAL: bool = false;
+            fn declare(
+                spec: &$crate::__private::Spec,
+                start: ::core::option::Option<Self>,
+                all: &mut ::std::vec::Vec<$crate::__private::Declaration>,
+            ) {
+                spec.declare_enumeration(start, all);
+            }
+            #[inline]
+            fn read(values: $crate::__private::Values<'_, T>, at: $crate::__private::Counts) -> Self {
+                let value = <Self as $crate::Enumeration>::from_value(values.integers[at.integers]);
+                // It was checked when it was set.
+                value.unwrap_or_else(<Self as $crate::Enumeration>::first)
+            }
+            #[inline]
+            fn write(&self, values: &mut $crate::__private::ValuesMut<'_, T>, at: $crate::__private::Counts) {
+                values.integers[at.integers] = $crate::Enumeration::value(self);
+            }
+        }
+        impl $crate::StateField for $name {
+            fn save(&self, sink: &mut dyn FnMut($crate::Word<'_>)) {
+                $crate::StateField::save(&$crate::Enumeration::value(self), sink);
+            }
+            fn load(
+                &mut self,
+                name: &'static str,
+                source: &mut $crate::Words<'_>,
+            ) -> ::core::result::Result<(), ::std::string::String> {
+                *self = $crate::__private::enumeration::load(name, source)?;
+                Ok(())
+            }
+        }
+    };
 }
 
-#[doc(hidden)]
-pub fn save<E: Enumeration>(value: &E, sink: &mut dyn FnMut(Word<'_>)) {
-    sink(Word::Whole(u64::from(value.value().cast_unsigned())));
-}
-
+/// Restores a variant.
+///
+/// # Errors
+/// A value is missing, of another type, or not one of the enumeration.
 #[doc(hidden)]
 pub fn load<E: Enumeration>(name: &'static str, source: &mut Words<'_>) -> Result<E, String> {
     let word = source.whole(name)?;

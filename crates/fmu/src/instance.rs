@@ -1,4 +1,5 @@
 //! One instance of an FMU, in safe Rust: modes, values, time, state. The C interface calls nothing else.
+#![cfg_attr(not(feature = "testing"), expect(unreachable_pub, reason = "public with the feature `testing`"))]
 
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -118,6 +119,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Returns the mode.
+    #[cfg(feature = "testing")]
     pub fn mode(&self) -> Mode {
         self.mode
     }
@@ -175,6 +177,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On a start time that is not finite, or a stop time that is not a number after it.
+    #[cfg(feature = "testing")]
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         let function = Function::SetupExperiment;
         self.check(function)?;
@@ -185,7 +188,8 @@ impl<M: Model> Instance<M> {
     /// unless its parameter was set.
     ///
     /// # Errors
-    /// As [`Self::setup_experiment`], and on a tolerance for such a solver that is not finite and above 0.
+    /// On a start time that is not finite, a stop time that is not a number after it, or a tolerance for such a solver that is not finite
+    /// and above 0.
     pub fn set_experiment(
         &mut self,
         function: Function,

@@ -12,6 +12,8 @@
 //! [`model`](macro@model) adds what a model does not have and exports it; names, numbers, the model description, saved states,
 //! reset and derivatives follow from the declaration. `cargo fmu pack` writes the FMU.
 //!
+//! # A model
+//!
 //! ```
 //! use fmu::prelude::*;
 //!
@@ -43,55 +45,142 @@
 //! }
 //! ```
 //!
-//! All attributes of a field are listed in the crate `fmu-derive`.
+//! The attributes of a field are listed with each derive: [`Parameters`](derive@prelude::Parameters),
+//! [`Inputs`](derive@prelude::Inputs), [`Outputs`](derive@prelude::Outputs), [`State`](derive@prelude::State),
+//! [`Derived`](derive@prelude::Derived), [`DiscreteState`](derive@prelude::DiscreteState).
+//!
+//! # A test of it
+//!
+//! [`simulation`] runs a model without an FMU, with the same solver and the same bits:
+//!
+//! ```
+//! # use fmu::prelude::*;
+//! # #[derive(Parameters)]
+//! # struct VanDerPol {
+//! #     /// Damping (1)
+//! #     #[var(start = 1.0, tunable)]
+//! #     mu: f64,
+//! # }
+//! # #[derive(State)]
+//! # struct X<T> {
+//! #     /// Position (m)
+//! #     #[var(start = 2.0)]
+//! #     x: T,
+//! #     /// Velocity (m/s)
+//! #     v: T,
+//! # }
+//! # /// Van der Pol oscillator
+//! # #[fmu::model(stop_time = 20.0, step_size = 0.01)]
+//! # impl Continuous for VanDerPol {
+//! #     type State<T: Scalar> = X<T>;
+//! #     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+//! #         let &X { x, v } = at.state;
+//! #         X { x: v, v: (-x * x + 1.0) * self.mu * v - x }
+//! #     }
+//! # }
+//! use fmu::simulation::ContinuousSimulation;
+//!
+//! # fn main() -> Result<(), String> {
+//! // Without damping it is the harmonic oscillator: x = 2 cos t.
+//! let mut run = ContinuousSimulation::new(VanDerPol { mu: 0.0 })?;
+//! while run.time() < 10.0 {
+//!     run.step(&(), 0.01)?;
+//! }
+//! assert!((run.state().x - 2.0 * run.time().cos()).abs() < 1e-8);
+//! # Ok(()) }
+//! ```
+//!
+//! # Solvers
+//!
+//! `#[fmu::model(…, solver = …)]` selects the [`Solver`] of a continuous-time model in co-simulation; in model exchange the
+//! importer solves the equations.
+//!
+//! | solver | method | step | parameter of the FMU | use it for |
+//! |---|---|---|---|---|
+//! | `RungeKutta` (default) | classical Runge-Kutta, order 4 | equal parts of the communication step | `max_step` | most models: cheap and deterministic |
+//! | `DormandPrince { tolerance: 1e-6 }` | Dormand-Prince, order 5(4) | error control | `tolerance` | smooth models whose time constants change |
+//! | `Rosenbrock { tolerance: 1e-6 }` | RODAS, order 4(3), with exact Jacobians | error control | `tolerance` | stiff models |
+//! | `Exact` | [`Continuous::advance`], which selects it | communication step | none | equations with a solution in closed form |
 
 // The derives name this crate by its name, also in its own tests.
 extern crate self as fmu;
 
-pub mod abi;
-pub mod calls;
+mod abi;
+mod calls;
 mod clock;
 mod combinations;
-#[doc(hidden)]
-pub mod comparison;
-#[doc(hidden)]
-pub mod declare;
-pub mod definition;
-pub mod description;
-pub mod discrete_state;
+mod comparison;
+mod declare;
+mod definition;
+mod description;
+mod discrete_state;
 mod dual;
-pub mod enumeration;
+mod enumeration;
 mod expression;
-pub mod instance;
-pub mod model;
+mod instance;
+mod model;
 mod relation;
-pub mod runner;
-pub mod scalar;
+mod runner;
+mod scalar;
 #[cfg(feature = "serde")]
-pub mod serde;
+mod serde;
 pub mod simulation;
 mod solver;
 mod state_bytes;
 mod store;
 mod table;
-pub mod unit;
-pub mod variable;
-pub mod variables;
+mod unit;
+mod variable;
+mod variables;
 
-pub use abi::Export;
-pub use definition::{Definition, Range};
-pub use discrete_state::DiscreteState;
+pub use clock::slack;
+pub use definition::{Definition, LEAST_POSITIVE, MAX_STEP, Range, SAMPLE_TIME, TOLERANCE};
+pub use discrete_state::{DiscreteState, StateField, Word, Words};
 pub use dual::{Dual, Dual64};
 pub use enumeration::Enumeration;
+#[doc(no_inline)]
 pub use fmu_derive as derive;
 pub use fmu_derive::{model, unit};
-#[doc(inline)]
+#[doc(no_inline)]
 pub use fmu_math as math;
 pub use model::{At, Continuous, Discrete, Event, Influence, Info, Sample, Serialize, Solver, Stateful};
 pub use scalar::Scalar;
 pub use table::Table;
-pub use unit::Unit;
-pub use variables::{Derived, Field, Parameters, Variables};
+pub use unit::{DisplayUnit, Unit};
+pub use variables::{ContinuousState, Derived, Parameters, Variables};
+
+/// Makes the items of private modules public under another module.
+macro_rules! open {
+    ($($module:ident)*) => {$(
+        pub mod $module {
+            pub use crate::$module::*;
+        }
+    )*};
+}
+
+/// Items that generated code needs.
+#[doc(hidden)]
+pub mod __private {
+    pub use crate::abi::Export;
+    pub use crate::declare::{
+        Name, NamesOf, NamesOfDerived, NoNames, Spec, Text, limit, nested, number, shared_name, start, start_values,
+    };
+    pub use crate::enumeration::Item;
+    pub use crate::variable::Declaration;
+    pub use crate::variables::{Counts, Element, Field, RealField, Starts, Values, ValuesMut, declare_elements};
+    pub use crate::*;
+
+    open!(abi calls comparison description enumeration runner);
+    #[cfg(feature = "serde")]
+    open!(serde);
+}
+
+/// Instances of a model and its description, for tests and benchmarks.
+#[cfg(feature = "testing")]
+#[doc(hidden)]
+pub mod testing {
+    open!(abi calls description instance runner variable variables);
+}
 
 /// Serialization of a simulation for `#[fmu::model(…, serialize)]`.
 #[cfg(feature = "serde")]
@@ -100,8 +189,8 @@ pub use variables::{Derived, Field, Parameters, Variables};
 macro_rules! serialize_with_serde {
     () => {
         ::core::option::Option::Some($crate::Serialize {
-            save: $crate::serde::to_bytes,
-            load: $crate::serde::from_bytes,
+            save: $crate::__private::serde::to_bytes,
+            load: $crate::__private::serde::from_bytes,
         })
     };
 }
@@ -117,12 +206,12 @@ macro_rules! serialize_with_serde {
 
 /// Items that a model file needs.
 pub mod prelude {
-    pub use crate::definition::{MAX_STEP, SAMPLE_TIME, TOLERANCE};
     pub use crate::derive::{Derived, DiscreteState, Enumeration, Inputs, Outputs, Parameters, State};
-    pub use crate::model::{At, Continuous, Discrete, Event, Influence, Sample, Solver, Stateful};
-    pub use crate::scalar::Scalar;
-    pub use crate::table::Table;
-    pub use crate::unit::Unit;
+    #[doc(no_inline)]
+    pub use crate::{
+        At, Continuous, Discrete, Event, Influence, MAX_STEP, SAMPLE_TIME, Sample, Scalar, Solver, Stateful, TOLERANCE,
+        Table, Unit,
+    };
 }
 
 /// The examples of the README are compiled and run.

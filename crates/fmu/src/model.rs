@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-pub use crate::clock::slack;
 use crate::discrete_state::DiscreteState;
 use crate::scalar::Scalar;
 use crate::variables::{ContinuousState, Derived, Parameters, Variables};

@@ -1,10 +1,10 @@
 //! The numbers that the equations of a continuous-time model are written in.
 //!
 //! The same generic function runs on several types: [`f64`] simulates, [`Dual64`](crate::Dual64) differentiates exactly
-//! along one direction, [`Dependencies`] finds the inputs and states that a result depends on, and a type of the exporter
+//! along one direction, `Dependencies` finds the inputs and states that a result depends on, and a type of the exporter
 //! finds and freezes the relations of model exchange.
 //!
-//! [`Scalar`] has no comparison on purpose: a branch on a value would hide the other side from [`Dependencies`]. Use
+//! [`Scalar`] has no comparison on purpose: a branch on a value would hide the other side from `Dependencies`. Use
 //! [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`]. Branching on a Boolean,
 //! an enumeration or a bounded Integer is fine, because the model structure is the union over all their values.
 //! [`Scalar::value`] gives a plain number to compare; the model structure then declares that everything depends on
@@ -233,7 +233,7 @@ impl Scalar for f64 {
 /// number of a node in the trace of this thread, which records the two sets that each was made of. It is small and copied like
 /// a number, so that large models are traced on a small stack.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Dependencies(u32);
+pub(crate) struct Dependencies(u32);
 
 /// Nodes of the sets of a trace.
 #[derive(Debug, Default)]
@@ -300,15 +300,9 @@ impl Dependencies {
     /// # Panics
     /// If `index` is 2^32 or more.
     #[must_use]
-    pub fn on(index: usize) -> Self {
+    pub(crate) fn on(index: usize) -> Self {
         let index = u32::try_from(index).expect("fewer than 2^32 known variables");
         TRACE.with_borrow_mut(|trace| trace.push((index, VARIABLE)))
-    }
-
-    /// Returns true if the known variable `index` is in the set.
-    #[must_use]
-    pub fn contains(self, index: usize) -> bool {
-        self.variables().contains(&index)
     }
 
     /// The known variables in the set.
@@ -324,7 +318,7 @@ impl Dependencies {
 
     /// Returns the union of both sets.
     #[must_use]
-    pub fn union(self, other: Self) -> Self {
+    pub(crate) fn union(self, other: Self) -> Self {
         match (self.0, other.0) {
             (one, other) if one == other => self,
             (_, 0) => self,
@@ -362,11 +356,11 @@ impl Dependencies {
 
 /// A set of known variables, for a list of them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct DependencySet(Vec<u32>);
+pub(crate) struct DependencySet(Vec<u32>);
 
 impl DependencySet {
     /// The variables, ascending.
-    pub fn iter(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = usize> {
         self.0.iter().map(|&index| index as usize)
     }
 
@@ -377,12 +371,12 @@ impl DependencySet {
 
     /// Returns true if the known variable `index` is in the set.
     #[must_use]
-    pub fn contains(&self, index: usize) -> bool {
+    pub(crate) fn contains(&self, index: usize) -> bool {
         self.0.binary_search_by(|&other| (other as usize).cmp(&index)).is_ok()
     }
 
     /// Adds the variables of a list, which may be in any order.
-    pub fn extend(&mut self, others: &[u32]) {
+    pub(crate) fn extend(&mut self, others: &[u32]) {
         if self.0 != others {
             self.0.extend_from_slice(others);
             self.0.sort_unstable();
@@ -495,9 +489,9 @@ mod tests {
         let [a, b, c, d] = [0, 63, 64, 255].map(Dependencies::on);
         let result = a.if_greater(b, c, d * 0.0);
         for index in [0, 63, 64, 255] {
-            assert!(result.contains(index), "{index}");
+            assert!(result.variables().contains(&index), "{index}");
         }
-        assert!(!result.contains(1));
+        assert!(!result.variables().contains(&1));
     }
 
     #[test]
@@ -513,5 +507,48 @@ mod tests {
     #[test]
     fn signs_are_those_of_the_number() {
         assert_eq!([-2.5, 0.0, 3.0].map(|x: f64| Scalar::sign(x)), [-1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn every_operation_of_a_scalar_keeps_its_dependencies() {
+        let [a, b] = [Dependencies::on(3), Dependencies::on(200)];
+        let both = a.union(b);
+        let mut sum = a;
+        sum += b;
+        let mut difference = a;
+        difference -= b;
+        for result in [
+            a + b,
+            a - b,
+            a * b,
+            a / b,
+            sum,
+            difference,
+            [a, b].into_iter().sum(),
+            Scalar::max(a, b),
+            Scalar::min(a, b),
+            Scalar::clamp(a, b, Dependencies::from(1.0)),
+            Scalar::atan2(a, b),
+        ] {
+            assert_eq!(result, both);
+        }
+        for result in [
+            -a,
+            a + 1.0,
+            a - 1.0,
+            a * 0.0,
+            a / 2.0,
+            Scalar::sin(a),
+            Scalar::cos(a),
+            Scalar::atan(a),
+            Scalar::tanh(a),
+            Scalar::sqrt(a),
+            Scalar::exp(a),
+            Scalar::powf(a, 0.0),
+            Scalar::abs(a),
+            a.squared(),
+        ] {
+            assert_eq!(result, a);
+        }
     }
 }

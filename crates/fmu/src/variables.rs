@@ -344,8 +344,8 @@ macro_rules! named_array {
 
         impl<T> $name<T> {
             /// The elements, in order.
-            pub const ELEMENTS: &'static [$crate::variables::Element; $count] =
-                &[$($crate::variables::Element { name: stringify!($element), description: $words }),+];
+            pub const ELEMENTS: &'static [$crate::__private::Element; $count] =
+                &[$($crate::__private::Element { name: stringify!($element), description: $words }),+];
 
             /// One value per element, from its index.
             #[inline]
@@ -390,32 +390,32 @@ macro_rules! named_array {
             }
         }
 
-        impl<T: $crate::Scalar, F: $crate::Field<T>> $crate::Field<T> for $name<F>
+        impl<T: $crate::Scalar, F: $crate::__private::Field<T>> $crate::__private::Field<T> for $name<F>
         where
             F::Start: Clone,
         {
-            type Start = $crate::variables::Starts<F::Start, $count>;
-            const COUNTS: $crate::variables::Counts = F::COUNTS.times($count);
+            type Start = $crate::__private::Starts<F::Start, $count>;
+            const COUNTS: $crate::__private::Counts = F::COUNTS.times($count);
             const IS_REAL: bool = F::IS_REAL;
             fn declare(
-                spec: &$crate::declare::Spec,
+                spec: &$crate::__private::Spec,
                 start: Option<Self::Start>,
-                all: &mut Vec<$crate::variable::Declaration>,
+                all: &mut Vec<$crate::__private::Declaration>,
             ) {
                 let element = |i: usize| spec.element(i, &Self::ELEMENTS[i]);
-                $crate::variables::declare_elements::<T, F, $count>(element, start, all);
+                $crate::__private::declare_elements::<T, F, $count>(element, start, all);
             }
             #[inline]
-            fn read(values: $crate::variables::Values<'_, T>, at: $crate::variables::Counts) -> Self {
-                Self(<[F; $count] as $crate::Field<T>>::read(values, at))
+            fn read(values: $crate::__private::Values<'_, T>, at: $crate::__private::Counts) -> Self {
+                Self(<[F; $count] as $crate::__private::Field<T>>::read(values, at))
             }
             #[inline]
-            fn write(&self, values: &mut $crate::variables::ValuesMut<'_, T>, at: $crate::variables::Counts) {
-                $crate::Field::<T>::write(&self.0, values, at);
+            fn write(&self, values: &mut $crate::__private::ValuesMut<'_, T>, at: $crate::__private::Counts) {
+                $crate::__private::Field::<T>::write(&self.0, values, at);
             }
         }
 
-        impl<T: $crate::Scalar, F: $crate::variables::RealField<T>> $crate::variables::RealField<T> for $name<F>
+        impl<T: $crate::Scalar, F: $crate::__private::RealField<T>> $crate::__private::RealField<T> for $name<F>
         where
             F::Start: Clone,
         {
@@ -435,20 +435,27 @@ macro_rules! named_array {
 )]
 pub trait Variables<T: Scalar>: Sized {
     /// Number of values in the struct.
-    const COUNTS: Counts;
+    #[doc(hidden)]
+    const COUNTS: Counts = Counts::ZERO;
     /// True if a variable has an explicit start value.
+    #[doc(hidden)]
     const HAS_STARTS: bool = false;
     /// Names of the fields.
     #[doc(hidden)]
     const NAMES: &'static [Name] = &[];
     /// Adds the variables, in the order of the values.
-    fn declare(all: &mut Vec<Declaration>);
+    #[doc(hidden)]
+    fn declare(_all: &mut Vec<Declaration>) {}
     /// Reads the values at a position.
+    #[doc(hidden)]
     fn read(values: Values<'_, T>, at: Counts) -> Self;
     /// Writes the values to a position.
-    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts);
+    #[doc(hidden)]
+    #[inline]
+    fn write(&self, _values: &mut ValuesMut<'_, T>, _at: Counts) {}
 
     /// The variables.
+    #[doc(hidden)]
     fn declarations() -> Vec<Declaration> {
         let mut all = Vec::new();
         Self::declare(&mut all);
@@ -494,6 +501,7 @@ pub trait ContinuousState<T: Scalar>: Variables<T> {
 )]
 pub trait Parameters: Variables<f64> + Default + Send + 'static {
     /// The fields of the struct, each with the numbers of its variables.
+    #[doc(hidden)]
     const FIELDS: &'static [(&'static str, Counts)] = &[];
 }
 
@@ -504,18 +512,16 @@ pub trait Derived: Send + Sync + 'static {
     #[doc(hidden)]
     const NAMES: &'static [Name] = &[];
     /// Adds the calculated parameters.
-    fn declare(all: &mut Vec<Declaration>);
+    #[doc(hidden)]
+    fn declare(_all: &mut Vec<Declaration>) {}
     /// Writes their values to a position.
-    fn write(&self, values: &mut ValuesMut<'_, f64>, at: Counts);
+    #[doc(hidden)]
+    fn write(&self, _values: &mut ValuesMut<'_, f64>, _at: Counts) {}
 }
 
 impl<T: Scalar> Variables<T> for () {
-    const COUNTS: Counts = Counts::ZERO;
-    fn declare(_: &mut Vec<Declaration>) {}
     #[inline]
     fn read(_: Values<'_, T>, _: Counts) -> Self {}
-    #[inline]
-    fn write(&self, _: &mut ValuesMut<'_, T>, _: Counts) {}
 }
 
 impl<T: Scalar> ContinuousState<T> for () {
@@ -523,7 +529,4 @@ impl<T: Scalar> ContinuousState<T> for () {
     fn combine(&self, (): &Self, _: impl Fn(T, T) -> T + Copy) -> Self {}
 }
 
-impl Derived for () {
-    fn declare(_: &mut Vec<Declaration>) {}
-    fn write(&self, _: &mut ValuesMut<'_, f64>, _: Counts) {}
-}
+impl Derived for () {}

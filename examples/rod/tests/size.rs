@@ -6,10 +6,10 @@ use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-use fmu::abi::Export;
-use fmu::calls::Protocol;
-use fmu::instance::Instance;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::Protocol;
+use fmu::testing::instance::Instance;
 
 struct Counting;
 

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fmu::Dual64;
-use fmu::calls::Protocol;
-use fmu::description::{Description, Format};
-use fmu::instance::Instance;
-use fmu::runner::ContinuousModel;
 use fmu::simulation::ContinuousSimulation;
+use fmu::testing::calls::Protocol;
+use fmu::testing::description::{Description, Format};
+use fmu::testing::instance::Instance;
+use fmu::testing::runner::ContinuousModel;
 use proptest::prelude::*;
 
 use super::*;

@@ -4,8 +4,8 @@
 //! "Check numbers" are those of the model's specification, computed by an independent implementation; they are compared to
 //! their last printed digit.
 
+use fmu::ContinuousState as _;
 use fmu::simulation::ContinuousSimulation;
-use fmu::variables::ContinuousState as _;
 use fmu::{Dual64, Variables};
 use proptest::prelude::*;
 

@@ -25,7 +25,7 @@
 use std::f64::consts::TAU;
 
 use chassis_vehicle::table::Table;
-use fmu::model::slack;
+use fmu::slack;
 
 use crate::{D, Driver, Maneuver, Y};
 

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use fmu::calls::Protocol;
-use fmu::description::{Description, Format};
-use fmu::instance::Instance;
-use fmu::runner::DiscreteModel;
+use fmu::testing::calls::Protocol;
+use fmu::testing::description::{Description, Format};
+use fmu::testing::instance::Instance;
+use fmu::testing::runner::DiscreteModel;
 
 use super::*;
 
@@ -38,7 +38,7 @@ impl Fmu {
         self.instance.set_real(&[self.reference(name)], &[value]).unwrap();
     }
 
-    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::CallError> {
+    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::testing::instance::CallError> {
         self.instance.set_integer(&[self.reference(name)], &[value])
     }
 
@@ -50,7 +50,9 @@ impl Fmu {
         self.instance.setup_experiment(0.0, None).unwrap();
         self.instance.enter_initialization().unwrap();
         self.instance.exit_initialization().map_err(|error| match error {
-            fmu::instance::CallError::Error(message) | fmu::instance::CallError::Discard(message) => message,
+            fmu::testing::instance::CallError::Error(message) | fmu::testing::instance::CallError::Discard(message) => {
+                message
+            }
         })
     }
 

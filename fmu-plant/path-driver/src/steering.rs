@@ -19,9 +19,9 @@
 //!   ahead on the axis of the vehicle.
 //! * FMVSS 126 S7.6 and ISO 4138: slowly increasing steer. NHTSA: fishhook with roll-rate feedback.
 
-use fmu::discrete_state::{StateField, Word, Words};
 use fmu::math;
 use fmu::prelude::*;
+use fmu::{StateField, Word, Words};
 
 use crate::path::Place;
 use crate::{D, Maneuver, PathDriver, X};

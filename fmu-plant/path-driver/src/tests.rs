@@ -7,11 +7,11 @@ use std::sync::Arc;
 
 use bicycle_car::BicycleCar;
 use fmu::Variables;
-use fmu::calls::Protocol;
-use fmu::description::{Description, Format};
-use fmu::instance::{CallError, Instance};
-use fmu::runner::DiscreteModel;
 use fmu::simulation::{ContinuousSimulation, DiscreteSimulation};
+use fmu::testing::calls::Protocol;
+use fmu::testing::description::{Description, Format};
+use fmu::testing::instance::{CallError, Instance};
+use fmu::testing::runner::DiscreteModel;
 use proptest::prelude::*;
 
 use super::*;

@@ -25,7 +25,7 @@ use chassis_vehicle::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis_vehicle::random::Normals;
 use chassis_vehicle::road::{AllPass, Harmonics, Mixture, ShapedNoise, bump, class_coefficient, trapezoid};
 use chassis_vehicle::table::Table;
-use fmu::model::slack;
+use fmu::slack;
 
 use crate::{D, ObstacleShape, Profile, Road, RoughnessStart, Tracks, U, X, Y};
 

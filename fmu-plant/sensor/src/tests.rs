@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use chassis_vehicle::random::{Normals, SENSOR_STREAM};
-use fmu::calls::Protocol;
-use fmu::description::{Description, Format};
-use fmu::instance::Instance;
-use fmu::runner::DiscreteModel;
 use fmu::simulation::DiscreteSimulation;
+use fmu::testing::calls::Protocol;
+use fmu::testing::description::{Description, Format};
+use fmu::testing::instance::Instance;
+use fmu::testing::runner::DiscreteModel;
 use proptest::prelude::*;
 
 use super::*;

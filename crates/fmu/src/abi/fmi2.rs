@@ -524,9 +524,9 @@ macro_rules! c_interface_of_fmi2 {
         pub mod c_interface {
             #[allow(unused_imports)]
             use super::*;
-            use $crate::abi::{Component, FmuState, Status};
-            use $crate::abi::fmi2::*;
-            use $crate::abi::c::*;
+            use $crate::__private::abi::{Component, FmuState, Status};
+            use $crate::__private::abi::fmi2::*;
+            use $crate::__private::abi::c::*;
 
             $crate::unloading!($model);
 

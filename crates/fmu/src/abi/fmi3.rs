@@ -602,13 +602,13 @@ macro_rules! c_interface_of_fmi3 {
             n: size_t
             $(, $argument: $type)*
         ) -> Status {
-            unsafe { no_variables::<$model>(component, $crate::calls::Function::$function, n) }
+            unsafe { no_variables::<$model>(component, $crate::__private::calls::Function::$function, n) }
         }
     )*};
     (@not $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
-            unsafe { not_provided::<$model>(component, $crate::calls::Function::$function) }
+            unsafe { not_provided::<$model>(component, $crate::__private::calls::Function::$function) }
         }
     )*};
     (@cs $model:ty) => {
@@ -658,9 +658,9 @@ macro_rules! c_interface_of_fmi3 {
         pub mod c_interface {
             #[allow(unused_imports)]
             use super::*;
-            use $crate::abi::{Component, FmuState, Status};
-            use $crate::abi::fmi3::*;
-            use $crate::abi::c::*;
+            use $crate::__private::abi::{Component, FmuState, Status};
+            use $crate::__private::abi::fmi3::*;
+            use $crate::__private::abi::c::*;
 
             $crate::unloading!($model);
 
@@ -733,7 +733,7 @@ macro_rules! c_interface_of_fmi3 {
                 result_count: size_t,
             ) -> Status {
                 let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
-                let function = $crate::calls::Function::GetDirectionalDerivative;
+                let function = $crate::__private::calls::Function::GetDirectionalDerivative;
                 unsafe { get_derivative::<$model>(component, function, arrays) }
             }
             #[unsafe(no_mangle)]
@@ -749,7 +749,7 @@ macro_rules! c_interface_of_fmi3 {
                 result_count: size_t,
             ) -> Status {
                 let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
-                let function = $crate::calls::Function::GetAdjointDerivative;
+                let function = $crate::__private::calls::Function::GetAdjointDerivative;
                 unsafe { get_derivative::<$model>(component, function, arrays) }
             }
             $crate::c_interface_of_fmi3! { @functions $model:

@@ -177,7 +177,7 @@ oscillators! {
 
 #[test]
 fn no_solver_allocates_in_a_step_from_the_first_one_on() {
-    fn check<E: fmu::abi::Export>() {
+    fn check<E: fmu::testing::abi::Export>() {
         let mut fmu = Fmu::<E>::ready();
         let (force, acceleration) = (reference::<E>("force[1]"), reference::<E>("a"));
         let [on, count, law, turns] = ["on", "count", "law", "turns"].map(reference::<E>);

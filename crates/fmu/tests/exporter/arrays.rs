@@ -1,9 +1,9 @@
 //! Arrays, arrays of arrays, named elements and nested structs. Reference: the documentation of `fmu-derive`, and FMI 2.0.4,
 //! section 2.2.9 (variable naming convention "structured").
 
-use fmu::abi::Export;
 use fmu::prelude::*;
-use fmu::variable::Kind;
+use fmu::testing::abi::Export;
+use fmu::testing::variable::Kind;
 
 use crate::models::{Carts, Fmu};
 

@@ -6,9 +6,9 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::marker::PhantomData;
 use std::ptr::{null, null_mut};
 
-use fmu::abi::fmi2::{self, Callbacks, Logger};
-use fmu::abi::{self, Component, Export, FmuState, Status};
-use fmu::calls::{Function, Version};
+use fmu::testing::abi::fmi2::{self, Callbacks, Logger};
+use fmu::testing::abi::{self, Component, Export, FmuState, Status};
+use fmu::testing::calls::{Function, Version};
 
 use crate::allocations::live;
 use crate::models::{CartPair, Fragile, Sampler, reference};

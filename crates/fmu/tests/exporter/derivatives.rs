@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use fmu::abi::Export;
-use fmu::calls::{Function, Protocol, Version};
-use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
-use fmu::runner::Model;
-use fmu::scalar::Dependencies;
-use fmu::variable::Role;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::{Function, Protocol, Version};
+use fmu::testing::instance::{CallError, Instance};
+use fmu::testing::runner::Model;
+use fmu::testing::variable::Role;
 
 use crate::models::{CartPair, Fmu, Law, Sampler, error_of, reference};
 
@@ -178,7 +177,7 @@ fn dependencies_hold_for_every_value_of_every_parameter() {
     }
     // The union over all laws is needed: the ground moves the hardening spring only.
     let layout = &CartPair::description().layout;
-    let values = fmu::instance::ValueStore::start(layout);
+    let values = fmu::testing::instance::ValueStore::start(layout);
     let none = std::path::Path::new("");
     let set = |law| {
         let p = CartPair { law, ..Default::default() };
@@ -189,49 +188,6 @@ fn dependencies_hold_for_every_value_of_every_parameter() {
     let ground = 2;
     assert!(!set(Law::Linear).contains(&ground));
     assert!(set(Law::HardeningSpring).contains(&ground));
-}
-
-#[test]
-fn every_operation_of_a_scalar_keeps_its_dependencies() {
-    let [a, b] = [Dependencies::on(3), Dependencies::on(200)];
-    let both = a.union(b);
-    let mut sum = a;
-    sum += b;
-    let mut difference = a;
-    difference -= b;
-    for result in [
-        a + b,
-        a - b,
-        a * b,
-        a / b,
-        sum,
-        difference,
-        [a, b].into_iter().sum(),
-        Scalar::max(a, b),
-        Scalar::min(a, b),
-        Scalar::clamp(a, b, Dependencies::from(1.0)),
-        Scalar::atan2(a, b),
-    ] {
-        assert_eq!(result, both);
-    }
-    for result in [
-        -a,
-        a + 1.0,
-        a - 1.0,
-        a * 0.0,
-        a / 2.0,
-        Scalar::sin(a),
-        Scalar::cos(a),
-        Scalar::atan(a),
-        Scalar::tanh(a),
-        Scalar::sqrt(a),
-        Scalar::exp(a),
-        Scalar::powf(a, 0.0),
-        Scalar::abs(a),
-        a.squared(),
-    ] {
-        assert_eq!(result, a);
-    }
 }
 
 #[derive(Parameters)]

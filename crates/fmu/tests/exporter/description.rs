@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use fmu::abi::Export;
-use fmu::description::{Description, Format};
-use fmu::variable::Kind;
+use fmu::testing::abi::Export;
+use fmu::testing::description::{Description, Format};
+use fmu::testing::variable::Kind;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
@@ -412,7 +412,7 @@ macro_rules! guids {
                 Y { y: self.k * sample.inputs.u }
             }
         }
-        let description = Description::of::<fmu::runner::DiscreteModel<Amplifier>>(Format::FMI2, Path::new(""));
+        let description = Description::of::<fmu::testing::runner::DiscreteModel<Amplifier>>(Format::FMI2, Path::new(""));
         assert!(!description.xml.contains("author=") && !description.xml.contains("license="), "{}", description.xml);
         description.guid
     }),*]};
@@ -483,7 +483,10 @@ mod without_derived_parameters {
 #[should_panic = "Hopeless: the start values of the parameters do not work: 'mass' must be below 2 kg, got 2 kg"]
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
     // Its dependencies could not be found, and an empty list would be wrong.
-    Description::of::<fmu::runner::ContinuousModel<without_derived_parameters::Hopeless>>(Format::FMI2, Path::new(""));
+    Description::of::<fmu::testing::runner::ContinuousModel<without_derived_parameters::Hopeless>>(
+        Format::FMI2,
+        Path::new(""),
+    );
 }
 
 /// Names as a customer dictates them, and texts with line breaks.
@@ -529,10 +532,10 @@ mod dictated {
 /// line break or tab in an attribute stays one if it is a character reference.
 #[test]
 fn any_name_and_any_text_is_described() {
-    type Model = fmu::runner::DiscreteModel<dictated::Dictated>;
+    type Model = fmu::testing::runner::DiscreteModel<dictated::Dictated>;
     for format in [Format::FMI2, Format::FMI3, Format { arrays: true, ..Format::FMI3 }] {
         let xml = Description::of::<Model>(format, Path::new("")).xml;
-        let start = if format.version == fmu::calls::Version::Fmi2 { "start" } else { "Start value" };
+        let start = if format.version == fmu::testing::calls::Version::Fmi2 { "start" } else { "Start value" };
         let header = format!("{start}=\"two&#10;lines&#9;and a &quot;tab&quot;\"");
         for part in ["variableNamingConvention=\"flat\"", "\"ACC_Gain\"", "\"acc.setSpeed\"", &header] {
             assert!(xml.contains(part), "{part} in\n{xml}");
@@ -543,6 +546,7 @@ fn any_name_and_any_text_is_described() {
             }
         }
     }
-    let structured = Description::of::<fmu::runner::DiscreteModel<crate::models::Sampler>>(Format::FMI2, Path::new(""));
+    let structured =
+        Description::of::<fmu::testing::runner::DiscreteModel<crate::models::Sampler>>(Format::FMI2, Path::new(""));
     assert!(structured.xml.contains("variableNamingConvention=\"structured\""));
 }

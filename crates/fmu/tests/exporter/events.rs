@@ -92,11 +92,11 @@ pub(crate) fn ball(time: f64) -> (i32, f64, f64, f64) {
     (count, last, speed * t - 0.5 * GRAVITY * t * t, speed - GRAVITY * t)
 }
 
-fn bounces<E: fmu::abi::Export>(fmu: &mut Fmu<E>) -> i32 {
+fn bounces<E: fmu::testing::abi::Export>(fmu: &mut Fmu<E>) -> i32 {
     fmu.0.get_integer(crate::models::reference::<E>("bounces")).unwrap()
 }
 
-fn bouncing<E: fmu::abi::Export>() {
+fn bouncing<E: fmu::testing::abi::Export>() {
     // Every method is exact for a parabola; the time of a bounce is found to roundings, so 1e-9 leaves a wide margin.
     for (step, count) in [(0.01, 200), (0.3, 7), (2.1, 1)] {
         let mut fmu = Fmu::<E>::ready();
@@ -121,7 +121,7 @@ fn a_bouncing_ball_follows_its_closed_form() {
     bouncing::<ImplicitSteps>();
 }
 
-fn continues<E: fmu::abi::Export>() {
+fn continues<E: fmu::testing::abi::Export>() {
     let mut fmu = Fmu::<E>::ready();
     fmu.step(0.9).unwrap();
     let bytes = fmu.bytes();
@@ -151,7 +151,7 @@ fn a_state_saved_between_bounces_continues_bit_by_bit() {
 #[test]
 fn a_chain_of_ever_shorter_intervals_is_an_error() {
     // The bounces accumulate at t1 + 2 t1 0.7 / (1 - 0.7) = 2.56 s.
-    fn check<E: fmu::abi::Export>() {
+    fn check<E: fmu::testing::abi::Export>() {
         let mut fmu = Fmu::<E>::ready();
         let message = error_of(fmu.step(10.0));
         assert!(message.contains("more than 10000 events between 0.45"), "{message}");

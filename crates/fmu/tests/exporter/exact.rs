@@ -1,8 +1,8 @@
 //! A continuous-time model with its solution in closed form, and states that start by the parameters.
 
-use fmu::abi::Export;
-use fmu::calls::Mode;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::Mode;
 
 use crate::models::{Fmu, error_of};
 

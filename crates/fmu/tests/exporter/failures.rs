@@ -1,6 +1,6 @@
 //! Steps that fail.
 
-use fmu::calls::{Function, Mode, Protocol, Version};
+use fmu::testing::calls::{Function, Mode, Protocol, Version};
 
 use crate::models::{CartPair, Fmu, Fragile, error_of};
 

@@ -6,11 +6,11 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
-use fmu::abi::fmi3::{self, Arguments};
-use fmu::abi::{self, Component, Export, Library, Status};
-use fmu::calls::{Function, Interfaces};
-use fmu::description::{Description, Format};
-use fmu::runner::ContinuousModel;
+use fmu::testing::abi::fmi3::{self, Arguments};
+use fmu::testing::abi::{self, Component, Export, Library, Status};
+use fmu::testing::calls::{Function, Interfaces};
+use fmu::testing::description::{Description, Format};
+use fmu::testing::runner::ContinuousModel;
 
 use crate::events::{EqualSteps, Pulses, ball};
 use crate::models::{CartPair, Fmu, Sampler, reals, reference};

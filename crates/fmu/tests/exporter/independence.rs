@@ -4,13 +4,13 @@
 
 use std::path::{Path, PathBuf};
 
-use fmu::abi::Export;
-use fmu::calls::{Function, Interface, Mode, Protocol, Version};
-use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
-use fmu::runner::Model;
 use fmu::simulation::ContinuousSimulation;
-use fmu::variable::{Kind, Role};
+use fmu::testing::abi::Export;
+use fmu::testing::calls::{Function, Interface, Mode, Protocol, Version};
+use fmu::testing::instance::{CallError, Instance};
+use fmu::testing::runner::Model;
+use fmu::testing::variable::{Kind, Role};
 
 use crate::models::{Fmu, error_of, reference};
 

@@ -1,8 +1,8 @@
 //! Omitted parts of a model: names, units, parameters, derived parameters, state. Reference: the documentation of `fmu-derive`.
 
-use fmu::abi::Export;
 use fmu::prelude::*;
-use fmu::variable::Kind;
+use fmu::testing::abi::Export;
+use fmu::testing::variable::Kind;
 
 use crate::models::Fmu;
 

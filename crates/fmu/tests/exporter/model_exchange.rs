@@ -3,10 +3,10 @@
 
 use std::path::PathBuf;
 
-use fmu::abi::Export;
-use fmu::calls::{Function, Mode, Protocol};
-use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::{Function, Mode, Protocol};
+use fmu::testing::instance::{CallError, Instance};
 use proptest::prelude::*;
 
 use crate::events::{Clocked, EqualSteps, Pulses, ball};

@@ -3,11 +3,11 @@
 use std::cell::Cell;
 use std::path::PathBuf;
 
-use fmu::abi::Export;
-use fmu::calls::Protocol;
-use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
-use fmu::variable::Kind;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::Protocol;
+use fmu::testing::instance::{CallError, Instance};
+use fmu::testing::variable::Kind;
 use fmu::{Definition, Range};
 
 fmu::named_array! {

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use fmu::abi::Export;
 use fmu::prelude::*;
 use fmu::simulation::{ContinuousSimulation, DiscreteSimulation};
+use fmu::testing::abi::Export;
 
 fn factor(resources: &Path) -> Result<Factor, String> {
     if resources == Path::new(env!("CARGO_MANIFEST_DIR")).join("resources") {

@@ -4,8 +4,8 @@
 
 use std::cell::Cell;
 
-use fmu::abi::Export;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
 
 use crate::models::{Fmu, error_of};
 

@@ -1,8 +1,8 @@
 //! A source: from Initialization Mode on its outputs are those of its first sample. Reference: the documentation of
 //! `Discrete::SOURCE`, and FMI 2.0.4, section 2.2.8 (InitialUnknowns).
 
-use fmu::abi::Export;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
 
 use crate::models::{Fmu, error_of};
 

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use fmu::abi::Export;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
 
 use crate::models::{Fmu, error_of, reference};
 

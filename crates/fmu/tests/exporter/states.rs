@@ -1,8 +1,8 @@
 //! Saved states: in memory, as bytes, damaged.
 
-use fmu::abi::Export;
-use fmu::calls::{Function, Mode, Protocol};
-use fmu::instance::Instance;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::{Function, Mode, Protocol};
+use fmu::testing::instance::Instance;
 use proptest::prelude::*;
 
 use crate::models::{CartPair, Fmu, Fragile, Sampler, error_of};

@@ -1,7 +1,7 @@
 //! The model structure of large models and of models with branches. Reference: the equations.
 
-use fmu::abi::Export;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
 
 use crate::models::reference;
 
@@ -361,7 +361,7 @@ mod sums {
 /// `Sum` works for references, too, with every number type.
 #[test]
 fn a_sum_depends_on_its_terms() {
-    use fmu::abi::Export as _;
+    use fmu::testing::abi::Export as _;
     let xml = &sums::Sums::description().xml;
     // Variable 1 is the step size of the solver; then the inputs and the sum.
     assert!(xml.contains(r#"<Unknown index="5" dependencies="2 3"/>"#), "{xml}");
@@ -385,8 +385,8 @@ struct Resource {
 struct Points(fmu::Table);
 
 impl fmu::Derived for Points {
-    fn declare(_: &mut Vec<fmu::variable::Declaration>) {}
-    fn write(&self, _: &mut fmu::variables::ValuesMut<'_, f64>, _: fmu::variables::Counts) {}
+    fn declare(_: &mut Vec<fmu::testing::variable::Declaration>) {}
+    fn write(&self, _: &mut fmu::testing::variables::ValuesMut<'_, f64>, _: fmu::testing::variables::Counts) {}
 }
 
 /// Reads a String and an Integer without limits before the equations only
@@ -468,7 +468,7 @@ fn outputs_of_other_types_depend_on_what_they_follow() {
 /// The reason and the remedy of a dense structure.
 #[test]
 fn what_makes_a_structure_dense_is_named() {
-    let note = |description: std::sync::Arc<fmu::description::Description>| description.notes.join("; ");
+    let note = |description: std::sync::Arc<fmu::testing::description::Description>| description.notes.join("; ");
     let text = note(Text::description());
     assert!(text.contains("`text`") && text.contains("pass on the fields that are needed"), "{text}");
     let called = note(Calling::description());

@@ -1,6 +1,6 @@
 //! Time: integration steps, samples, error_of steps, order of the integrator.
 
-use fmu::calls::Mode;
+use fmu::testing::calls::Mode;
 
 use crate::models::{CartPair, Fmu, Sampler, error_of, integration_steps};
 

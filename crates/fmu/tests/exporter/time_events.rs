@@ -3,10 +3,10 @@
 
 use std::path::PathBuf;
 
-use fmu::abi::Export;
-use fmu::calls::{Interface, Mode, Protocol};
-use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::{Interface, Mode, Protocol};
+use fmu::testing::instance::{CallError, Instance};
 
 use crate::models::{error_of, reference};
 
@@ -106,7 +106,7 @@ impl<E: Export> Run<E> {
         if has_events {
             instance = instance.with_event_mode();
         }
-        instance.set_experiment(fmu::calls::Function::SetupExperiment, start, None, None)?;
+        instance.set_experiment(fmu::testing::calls::Function::SetupExperiment, start, None, None)?;
         instance.enter_initialization()?;
         instance.exit_initialization()?;
         let mut run = Self { instance, protocol, has_events, next_event: None };

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use fmu::abi::Export;
-use fmu::calls::Mode;
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
+use fmu::testing::calls::Mode;
 
 use crate::models::{Fmu, error_of, reference};
 

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use fmu::abi::Export;
-use fmu::description::{Description, Format};
 use fmu::prelude::*;
+use fmu::testing::abi::Export;
+use fmu::testing::description::{Description, Format};
 
 /// An old unit of length; its rate has a name of its own.
 const FURLONG: Unit = Unit { name: "furlong", factor: 201.168, display: &[], rate: Some(&SPEED), ..fmu::unit!("m") };
@@ -115,9 +115,9 @@ fn derivatives_have_the_unit_of_the_rate() {
         .layout
         .variables
         .iter()
-        .filter(|variable| variable.role == fmu::variable::Role::Derivative)
+        .filter(|variable| variable.role == fmu::testing::variable::Role::Derivative)
         .map(|variable| match &variable.declaration.kind {
-            fmu::variable::Kind::Real(real) => real.unit.name,
+            fmu::testing::variable::Kind::Real(real) => real.unit.name,
             _ => unreachable!("derivatives are real"),
         })
         .collect();

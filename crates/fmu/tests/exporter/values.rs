@@ -1,6 +1,6 @@
 //! Rules for setting and reading values, and the error messages.
 
-use fmu::calls::{Function, Mode, Protocol, Version};
+use fmu::testing::calls::{Function, Mode, Protocol, Version};
 
 use crate::models::{CartPair, Fmu, Fragile, Sampler, error_of, reference};
 
@@ -91,7 +91,7 @@ fn outputs_with_a_start_value_may_be_set_before_the_start() {
 fn every_function_keeps_to_the_table_of_calls() {
     for mode in REACHABLE {
         // A call that is allowed succeeds or fails for another reason; one that is not reports the rule.
-        type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::instance::CallError>);
+        type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::testing::instance::CallError>);
         let calls: [Call; 12] = [
             (Function::SetupExperiment, |u| u.0.setup_experiment(0.0, None)),
             (Function::EnterInitializationMode, |u| u.0.enter_initialization()),
@@ -366,7 +366,7 @@ fn an_output_of_a_continuous_model_that_is_not_finite_is_no_value() {
 
 #[test]
 fn reset_is_as_good_as_new() {
-    fn run<E: fmu::abi::Export>(fmu: &mut Fmu<E>, input: &str) -> Vec<u8> {
+    fn run<E: fmu::testing::abi::Export>(fmu: &mut Fmu<E>, input: &str) -> Vec<u8> {
         fmu.0.setup_experiment(0.5, None).unwrap();
         fmu.0.enter_initialization().unwrap();
         fmu.0.exit_initialization().unwrap();
@@ -376,7 +376,7 @@ fn reset_is_as_good_as_new() {
         }
         fmu.bytes()
     }
-    fn check<E: fmu::abi::Export>(input: &str, spoil: impl Fn(&mut Fmu<E>)) {
+    fn check<E: fmu::testing::abi::Export>(input: &str, spoil: impl Fn(&mut Fmu<E>)) {
         let fresh = Fmu::<E>::new().bytes();
         let expected = run(&mut Fmu::<E>::new(), input);
         let mut fmu = Fmu::<E>::new();
