@@ -9,7 +9,7 @@ use std::time::Instant;
 use fmu::Variables as _;
 use fmu::testing::abi::Export;
 use fmu::testing::instance::ValueStore;
-use fmu::testing::runner::{Kind as ModelKind, Model, Step};
+use fmu::testing::runner::{Context, Kind as ModelKind, Model, Step};
 use fmu::testing::variable::{Kind, Layout, Role};
 use fmu::testing::variables::Counts;
 use fmu_import::description::{BaseType, Causality, Variable};
@@ -180,8 +180,8 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
     let p = M::Parameters::read(values.view(), Counts::ZERO);
     let no_resources = Path::new("");
     let derived = M::load(&p, no_resources).expect("the start values suit each other");
-    let mut memory =
-        M::begin(&p, &derived, no_resources, layout, &values, 0.0).expect("the start values suit each other");
+    let mut ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
+    let mut memory = M::init(ctx, no_resources, &values).expect("the start values suit each other");
     let inputs = layout.inputs.reals();
     let start = values.reals[inputs.clone()].to_vec();
     let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0, stops_at_events: false };
@@ -191,10 +191,11 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
         step.time = f64::from(k) * STEP;
         step.reached = step.time;
         let parts = M::parts(layout, &values, step) as u64;
-        M::step(&p, &derived, &mut memory, layout, &mut values, step, parts).expect("the run stays finite");
+        M::step(ctx, &mut memory, &mut values, step, parts).expect("the run stays finite");
         step.sample += parts;
         if M::KIND == ModelKind::Continuous {
-            M::outputs(&p, &derived, &memory, layout, &mut values, step.time + STEP);
+            ctx.time = step.time + STEP;
+            M::outputs(ctx, &memory, &mut values);
         }
         black_box(&values);
     }

@@ -39,7 +39,7 @@ pub struct Item {
 #[macro_export]
 macro_rules! enumeration_fields {
     ($name:ty) => {
-        impl<T: $crate::Scalar> $crate::__private::Field<T> for $name {
+        impl<T: $crate::Scalar> $crate::Field<T> for $name {
             type Start = Self;
             const COUNTS: $crate::__private::Counts = $crate::__private::Counts::INTEGER;
             const IS_REAL: bool = false;

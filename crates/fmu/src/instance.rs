@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::calls::{Function, Functions, Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::description::Description;
-use crate::runner::{Kind as ModelKind, Model, are_finite};
+use crate::runner::{Context, Kind as ModelKind, Model, are_finite};
 pub use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
@@ -281,15 +281,12 @@ impl<M: Model> Instance<M> {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
             _ => Mode::Event,
         };
-        let layout = &self.description.layout;
-        if let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) {
-            if mode == Mode::Event {
-                M::begin_events(memory, layout, self.clock.start);
-            } else {
-                M::begin_steps(&self.parameters, derived, memory, layout, &mut self.values, self.clock.start)
-                    .map_err(|error| self.error(function, self.reason(error)))?;
-                self.forget_results();
-            }
+        let (ctx, memory, values) = self.run();
+        if mode == Mode::Event {
+            M::init_events(memory, ctx.layout, ctx.time);
+        } else {
+            M::init_steps(ctx, memory, values).map_err(|error| self.failure(function, error))?;
+            self.forget_results();
         }
         self.enter(mode);
         Ok(())
@@ -317,6 +314,16 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
+    /// The model, the memory and the values, once the derived parameters are computed.
+    #[inline]
+    fn run(&mut self) -> (Context<'_, M>, &mut M::Memory, &mut ValueStore) {
+        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
+            unreachable!("made by `derive`, at the latest at the end of initialization");
+        };
+        let ctx = Context { p: &self.parameters, derived, layout: &self.description.layout, time: self.clock.time };
+        (ctx, memory, &mut self.values)
+    }
+
     /// Returns the derived parameters, computed again if a parameter has changed. Before the start also computes the
     /// calculated states and the memory, which depend on the values only, not on earlier reads.
     #[inline]
@@ -342,8 +349,9 @@ impl<M: Model> Instance<M> {
         }
         let layout = &self.description.layout;
         derived.write(&mut self.values.view_mut(), layout.derived.at);
+        let ctx = Context { p: &self.parameters, derived: &*derived, layout, time: self.clock.start };
         if self.memory.is_none() {
-            M::initialize(&self.parameters, &derived, layout, &mut self.values);
+            M::initialize(ctx, &mut self.values);
         }
         for index in layout.derived.reals().chain(layout.states.reals()) {
             let value = self.values.reals[index];
@@ -358,9 +366,7 @@ impl<M: Model> Instance<M> {
             }
         }
         if self.memory.is_none() {
-            let start = self.clock.start;
-            let memory = M::begin(&self.parameters, &derived, &self.resources, layout, &self.values, start);
-            self.memory = Some(memory.map_err(named)?);
+            self.memory = Some(M::init(ctx, &self.resources, &self.values).map_err(named)?);
         }
         self.derived = Some(Arc::clone(&derived));
         self.derived_are_old = false;
@@ -419,35 +425,29 @@ impl<M: Model> Instance<M> {
         if self.is_stale() {
             self.derive()?;
         }
-        let layout = &self.description.layout;
-        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
-            unreachable!("made above");
-        };
-        let values = &mut self.values;
-        if M::MODEL_EXCHANGE && self.mode == Mode::ContinuousTime {
-            let time = self.clock.time;
-            for (is_due, is_output) in [(outputs, true), (derivatives, false)] {
-                if is_due {
-                    M::frozen(&self.parameters, derived, memory, layout, values, time, is_output);
-                }
-            }
-            self.outputs_are_old &= !outputs;
-            self.derivatives_are_old &= !derivatives;
-            self.has_not_finite |= !are_finite(&values.reals[layout.outputs.reals()]);
-            self.has_not_finite |= !are_finite(&values.reals[layout.derivatives.reals()]);
-            return Ok(());
-        }
+        let is_frozen = M::MODEL_EXCHANGE && self.mode == Mode::ContinuousTime;
+        let (ctx, memory, values) = self.run();
+        let mut has_not_finite = false;
         if outputs {
-            // A source takes its first sample, which is due at the start.
-            M::outputs(&self.parameters, derived, memory, layout, values, self.clock.time);
-            self.outputs_are_old = false;
-            self.has_not_finite |= !are_finite(&values.reals[layout.outputs.reals()]);
+            if is_frozen {
+                M::eval_frozen(ctx, memory, values, true);
+            } else {
+                // A source takes its first sample, which is due at the start.
+                M::outputs(ctx, memory, values);
+            }
+            has_not_finite |= !are_finite(&values.reals[ctx.layout.outputs.reals()]);
         }
         if derivatives {
-            M::derivatives(&self.parameters, derived, memory, layout, values, self.clock.time);
-            self.derivatives_are_old = false;
-            self.has_not_finite |= !are_finite(&values.reals[layout.derivatives.reals()]);
+            if is_frozen {
+                M::eval_frozen(ctx, memory, values, false);
+            } else {
+                M::derivatives(ctx, memory, values);
+            }
+            has_not_finite |= !are_finite(&values.reals[ctx.layout.derivatives.reals()]);
         }
+        self.outputs_are_old &= !outputs;
+        self.derivatives_are_old &= !derivatives;
+        self.has_not_finite |= has_not_finite;
         Ok(())
     }
 

@@ -147,7 +147,7 @@ pub use model::{At, Continuous, Discrete, Event, Influence, Info, Sample, Serial
 pub use scalar::Scalar;
 pub use table::Table;
 pub use unit::{DisplayUnit, Unit};
-pub use variables::{ContinuousState, Derived, Parameters, Variables};
+pub use variables::{ContinuousState, Derived, Field, Parameters, Variables};
 
 /// Makes the items of private modules public under another module.
 macro_rules! open {
@@ -167,7 +167,7 @@ pub mod __private {
     };
     pub use crate::enumeration::Item;
     pub use crate::variable::Declaration;
-    pub use crate::variables::{Counts, Element, Field, RealField, Starts, Values, ValuesMut, declare_elements};
+    pub use crate::variables::{Counts, Element, RealField, Starts, Values, ValuesMut, declare_elements};
     pub use crate::*;
 
     open!(abi calls comparison description enumeration runner);

@@ -3,6 +3,7 @@
 mod continuous;
 mod discrete;
 mod exchange;
+mod integration;
 mod modes;
 mod stateful;
 
@@ -59,6 +60,19 @@ pub enum StepError {
     },
 }
 
+impl StepError {
+    /// The reason in words.
+    pub(crate) fn message(self, layout: &Layout) -> String {
+        match self {
+            Self::NotFinite { index, value, time } => {
+                format!("'{}' became {value} at {time} s", layout.real_name(index))
+            }
+            Self::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
+            Self::Rejected(message) => message,
+        }
+    }
+}
+
 /// The most integration steps or samples in one communication step.
 pub const MOST_PARTS: f64 = 1e6;
 
@@ -96,8 +110,29 @@ pub struct Expressions {
     pub(crate) is_inspected: bool,
 }
 
+/// A model at one time: what its functions read besides the values and the memory.
+#[derive(Debug)]
+pub struct Context<'a, M: Model> {
+    /// Parameters.
+    pub p: &'a M::Parameters,
+    /// Derived parameters.
+    pub derived: &'a M::Derived,
+    /// Positions of the values.
+    pub layout: &'a Layout,
+    /// Time in s.
+    pub time: f64,
+}
+
+impl<M: Model> Clone for Context<'_, M> {
+    #[inline]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<M: Model> Copy for Context<'_, M> {}
+
 /// Interface of a model for instances.
-pub trait Model: 'static {
+pub trait Model: Sized + 'static {
     /// Facts about the model.
     const INFO: Info;
     /// Kind of model.
@@ -114,6 +149,10 @@ pub trait Model: 'static {
     const IS_SERIALIZABLE: bool = true;
     /// True if the outputs are calculated at the start, instead of having start values.
     const CALCULATES_OUTPUTS: bool = matches!(Self::KIND, Kind::Continuous | Kind::Stateful) || Self::SOURCE.is_some();
+    /// True if the solver of co-simulation has a tolerance.
+    const HAS_ERROR_CONTROL: bool = false;
+    /// True if a step can have events.
+    const HAS_EVENTS: bool = false;
     /// The parameters.
     type Parameters: Parameters;
     /// Derived parameters.
@@ -129,36 +168,25 @@ pub trait Model: 'static {
     /// A sentence that names the parameter, its value and the rule.
     fn load(p: &Self::Parameters, resources: &Path) -> Result<Self::Derived, String>;
     /// Hash of the loaded files.
-    fn fingerprint(derived: &Self::Derived) -> u64;
+    fn fingerprint(_derived: &Self::Derived) -> u64 {
+        0
+    }
     /// The memory at the start, for these values and at this time.
     ///
     /// # Errors
     /// A sentence that names the parameter, its value and the rule.
-    fn begin(
-        p: &Self::Parameters,
-        derived: &Self::Derived,
-        resources: &Path,
-        layout: &Layout,
-        values: &ValueStore,
-        time: f64,
-    ) -> Result<Self::Memory, String>;
+    fn init(ctx: Context<'_, Self>, resources: &Path, values: &ValueStore) -> Result<Self::Memory, String>;
     /// Writes the states that follow from the parameters, whatever their values are now.
-    fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
+    fn initialize(_ctx: Context<'_, Self>, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// True if the solver of co-simulation has a tolerance.
-    const HAS_ERROR_CONTROL: bool = false;
-    /// True if a step can have events.
-    const HAS_EVENTS: bool = false;
     /// Advances states or outputs, and the memory. Returns the time of the event that ended the step early.
     ///
     /// # Errors
     /// A number is not finite or the model rejects the step; `values` is kept then, the memory is not.
     fn step(
-        p: &Self::Parameters,
-        derived: &Self::Derived,
+        ctx: Context<'_, Self>,
         memory: &mut Self::Memory,
-        layout: &Layout,
         values: &mut ValueStore,
         step: Step,
         parts: u64,
@@ -167,47 +195,21 @@ pub trait Model: 'static {
     ///
     /// # Errors
     /// As [`Self::handle_events`].
-    fn begin_steps(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &mut Self::Memory,
-        _layout: &Layout,
-        _values: &mut ValueStore,
-        _time: f64,
-    ) -> Result<(), StepError> {
+    fn init_steps(_: Context<'_, Self>, _: &mut Self::Memory, _: &mut ValueStore) -> Result<(), StepError> {
         Ok(())
     }
     /// Prepares the memory for events that the importer handles, unless it is prepared: those up to `time` are done.
-    fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _time: f64) {}
-    /// Computes the outputs at `time`; those of the first sample of a source.
-    fn outputs(
-        p: &Self::Parameters,
-        derived: &Self::Derived,
-        memory: &Self::Memory,
-        layout: &Layout,
-        values: &mut ValueStore,
-        time: f64,
-    );
+    fn init_events(_memory: &mut Self::Memory, _layout: &Layout, _time: f64) {}
+    /// Computes the outputs; those of the first sample of a source.
+    fn outputs(ctx: Context<'_, Self>, memory: &Self::Memory, values: &mut ValueStore);
     /// Computes the derivatives of the state.
-    fn derivatives(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &Self::Memory,
-        _layout: &Layout,
-        _values: &mut ValueStore,
-        _time: f64,
-    ) {
-    }
+    fn derivatives(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &mut ValueStore) {}
     /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first;
-    /// if `is_frozen`, with the relations as they were settled.
-    #[expect(clippy::too_many_arguments, reason = "the point and the direction in it")]
+    /// if `is_frozen`, with the relations as they were at the last event.
     fn directional(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
+        _ctx: Context<'_, Self>,
         _memory: &mut Self::Memory,
-        _layout: &Layout,
         _values: &ValueStore,
-        _time: f64,
         _is_frozen: bool,
         _direction: &[f64],
         result: &mut [f64],
@@ -224,78 +226,33 @@ pub trait Model: 'static {
     }
     /// Dependencies of the real outputs, then of the state derivatives, a line for each: the known variables are the real
     /// inputs, then the states, then the time. `None` if everything may depend on everything.
-    fn dependencies(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &Self::Memory,
-        _layout: &Layout,
-        _values: &ValueStore,
-    ) -> Option<Structure> {
+    fn dependencies(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &ValueStore) -> Option<Structure> {
         None
     }
     /// The expressions that the outputs, then the state derivatives have at these values of Booleans, Integers and Strings.
-    fn expressions(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &Self::Memory,
-        _layout: &Layout,
-        _values: &ValueStore,
-    ) -> Expressions {
+    fn expressions(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &ValueStore) -> Expressions {
         Expressions::default()
     }
     /// Number of relations in the equations at these values.
-    fn count_relations(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &Self::Memory,
-        _layout: &Layout,
-        _values: &ValueStore,
-    ) -> usize {
+    fn count_relations(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &ValueStore) -> usize {
         0
     }
-    /// Model exchange: handles the events that are due.
+    /// Model exchange: handles the events that are due at the time of the clock.
     ///
     /// # Errors
     /// A number is not finite or the model rejects; values, memory and clock are kept then.
     fn handle_events(
-        p: &Self::Parameters,
-        derived: &Self::Derived,
+        ctx: Context<'_, Self>,
         memory: &mut Self::Memory,
-        layout: &Layout,
         values: &mut ValueStore,
         clock: &mut Clock,
     ) -> Result<Update, StepError>;
-    /// Model exchange: sets every relation to the side of the present values.
-    fn settle(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &mut Self::Memory,
-        _layout: &Layout,
-        _values: &ValueStore,
-        _time: f64,
-    ) {
-    }
-    /// Model exchange: computes the outputs or the derivatives with the relations as they were settled.
-    fn frozen(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &mut Self::Memory,
-        _layout: &Layout,
-        _values: &mut ValueStore,
-        _time: f64,
-        _outputs: bool,
-    ) {
-    }
-    /// Model exchange: the event indicators, for relations as they were settled.
-    fn event_indicators(
-        _p: &Self::Parameters,
-        _derived: &Self::Derived,
-        _memory: &mut Self::Memory,
-        _layout: &Layout,
-        _values: &ValueStore,
-        _time: f64,
-        result: &mut [f64],
-    ) {
+    /// Model exchange: sets every relation to the side of the present values, and the scale of every indicator.
+    fn freeze_relations(_ctx: Context<'_, Self>, _memory: &mut Self::Memory, _values: &ValueStore) {}
+    /// Model exchange: computes the outputs or the derivatives with the relations as they were frozen.
+    fn eval_frozen(_ctx: Context<'_, Self>, _memory: &mut Self::Memory, _values: &mut ValueStore, _outputs: bool) {}
+    /// Model exchange: the event indicators, for relations as they were frozen: first those of the declared zero crossings.
+    fn event_indicators(_: Context<'_, Self>, _: &mut Self::Memory, _: &ValueStore, result: &mut [f64]) {
         result.fill(1.0);
     }
     /// Passes every value of the memory to the sink.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::model::{Continuous, Discrete, Sample};
-use crate::runner::{ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step, StepError};
+use crate::runner::{Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step};
 use crate::store::ValueStore;
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::{Counts, Variables as _};
@@ -94,10 +94,10 @@ impl<M: Continuous> ContinuousSimulation<M> {
         let derived = model.load(resources)?;
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
-        Runner::<M>::initialize(&model, &derived, &layout, &mut values);
-        let mut memory = Runner::<M>::begin(&model, &derived, resources, &layout, &values, 0.0)?;
-        Runner::<M>::begin_steps(&model, &derived, &mut memory, &layout, &mut values, 0.0)
-            .map_err(|error| message(&layout, &error))?;
+        let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
+        Runner::<M>::initialize(ctx, &mut values);
+        let mut memory = Runner::<M>::init(ctx, resources, &values)?;
+        Runner::<M>::init_steps(ctx, &mut memory, &mut values).map_err(|error| error.message(&layout))?;
         Ok(Self {
             model: model.into(),
             derived: derived.into(),
@@ -125,8 +125,10 @@ impl<M: Continuous> ContinuousSimulation<M> {
     pub fn set_state(&mut self, state: &M::State<f64>) {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
         if self.time == 0.0 {
-            let Self { model, derived, layout, values, .. } = self;
-            self.memory = Runner::<M>::memory(model, derived, layout, values, 0.0);
+            let Self { model, derived, layout, values, resources, .. } = self;
+            let ctx = Context { p: &**model, derived: &**derived, layout, time: 0.0 };
+            let memory = Runner::<M>::init(ctx, resources, values);
+            self.memory = memory.unwrap_or_else(|_| unreachable!("a continuous-time model always has one"));
         }
     }
 
@@ -162,7 +164,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let Self { model, derived, layout, memory, values, time, .. } = self;
-        Runner::<M>::outputs(model, derived, memory, layout, values, *time);
+        Runner::<M>::outputs(Context { p: &**model, derived: &**derived, layout, time: *time }, memory, values);
         M::Outputs::read(values.view(), layout.outputs.at)
     }
 
@@ -180,8 +182,9 @@ impl<M: Continuous> ContinuousSimulation<M> {
                 "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
             ));
         }
-        let advanced = Runner::<M>::step(model, derived, memory, layout, values, interval, parts as u64);
-        advanced.map_err(|error| message(layout, &error))?;
+        let ctx = Context { p: &**model, derived: &**derived, layout, time: *time };
+        let advanced = Runner::<M>::step(ctx, memory, values, interval, parts as u64);
+        advanced.map_err(|error| error.message(layout))?;
         *time += step;
         Ok(())
     }
@@ -259,16 +262,5 @@ impl<M: Discrete> DiscreteSimulation<M> {
         model.check(&Sample { time, state, inputs, derived })?;
         *samples += 1;
         Ok(model.update(Sample { time, state, inputs, derived }))
-    }
-}
-
-/// Error of a step.
-fn message(layout: &Layout, error: &StepError) -> String {
-    match error {
-        StepError::NotFinite { index, value, time } => {
-            format!("'{}' became {value} at {time} s", layout.real_name(*index))
-        }
-        StepError::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
-        StepError::Rejected(message) => message.clone(),
     }
 }

@@ -8,7 +8,7 @@ use crate::calls::{Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::discrete_state::{OwnedWord, Word, Words};
 use crate::instance::Snapshot;
-use crate::runner::{Kind as ModelKind, Model};
+use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
 use crate::variables::Derived as _;
@@ -261,7 +261,8 @@ pub(crate) fn read<M: Model>(
         if let Some(index) = layout.derived.reals().find(|&index| !values.reals[index].is_finite()) {
             return Err(format!("'{}' is not a finite number", layout.real_name(index)));
         }
-        let memory = memory.insert(M::begin(&parameters, &derived, resources, layout, values, clock.start)?);
+        let ctx = Context { p: &parameters, derived: &*derived, layout, time: clock.start };
+        let memory = memory.insert(M::init(ctx, resources, values)?);
         let mut next = || match source.u8()? {
             0 => source.f64().map(OwnedWord::Real),
             1 => source.u64().map(OwnedWord::Whole),

@@ -116,16 +116,22 @@ pub struct Element {
 )]
 pub trait Field<T>: Sized {
     /// Start value, or start values of an array.
+    #[doc(hidden)]
     type Start;
     /// Number of values in the field.
+    #[doc(hidden)]
     const COUNTS: Counts;
     /// True if the variables are real.
+    #[doc(hidden)]
     const IS_REAL: bool;
     /// Adds the variables.
+    #[doc(hidden)]
     fn declare(spec: &Spec, start: Option<Self::Start>, all: &mut Vec<Declaration>);
     /// Reads the values at a position.
+    #[doc(hidden)]
     fn read(values: Values<'_, T>, at: Counts) -> Self;
     /// Writes the values to a position.
+    #[doc(hidden)]
     fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts);
 }
 
@@ -163,38 +169,29 @@ impl<T: Scalar> RealField<T> for T {
     }
 }
 
-impl<T: Scalar> Field<T> for i32 {
-    type Start = i32;
-    const COUNTS: Counts = Counts::INTEGER;
-    const IS_REAL: bool = false;
-    fn declare(spec: &Spec, start: Option<i32>, all: &mut Vec<Declaration>) {
-        spec.declare_integer(start, all);
-    }
-    #[inline]
-    fn read(values: Values<'_, T>, at: Counts) -> Self {
-        values.integers[at.integers]
-    }
-    #[inline]
-    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-        values.integers[at.integers] = *self;
-    }
+macro_rules! plain_fields {
+    ($($type:ty, $counts:ident, $values:ident, $declare:ident;)*) => {$(
+        impl<T: Scalar> Field<T> for $type {
+            type Start = $type;
+            const COUNTS: Counts = Counts::$counts;
+            const IS_REAL: bool = false;
+            fn declare(spec: &Spec, start: Option<$type>, all: &mut Vec<Declaration>) {
+                spec.$declare(start, all);
+            }
+            #[inline]
+            fn read(values: Values<'_, T>, at: Counts) -> Self {
+                values.$values[at.$values]
+            }
+            #[inline]
+            fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+                values.$values[at.$values] = *self;
+            }
+        }
+    )*};
 }
-
-impl<T: Scalar> Field<T> for bool {
-    type Start = bool;
-    const COUNTS: Counts = Counts::BOOLEAN;
-    const IS_REAL: bool = false;
-    fn declare(spec: &Spec, start: Option<bool>, all: &mut Vec<Declaration>) {
-        spec.declare_boolean(start, all);
-    }
-    #[inline]
-    fn read(values: Values<'_, T>, at: Counts) -> Self {
-        values.booleans[at.booleans]
-    }
-    #[inline]
-    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-        values.booleans[at.booleans] = *self;
-    }
+plain_fields! {
+    i32, INTEGER, integers, declare_integer;
+    bool, BOOLEAN, booleans, declare_boolean;
 }
 
 impl<T: Scalar> Field<T> for String {
@@ -390,7 +387,7 @@ macro_rules! named_array {
             }
         }
 
-        impl<T: $crate::Scalar, F: $crate::__private::Field<T>> $crate::__private::Field<T> for $name<F>
+        impl<T: $crate::Scalar, F: $crate::Field<T>> $crate::Field<T> for $name<F>
         where
             F::Start: Clone,
         {
@@ -407,11 +404,11 @@ macro_rules! named_array {
             }
             #[inline]
             fn read(values: $crate::__private::Values<'_, T>, at: $crate::__private::Counts) -> Self {
-                Self(<[F; $count] as $crate::__private::Field<T>>::read(values, at))
+                Self(<[F; $count] as $crate::Field<T>>::read(values, at))
             }
             #[inline]
             fn write(&self, values: &mut $crate::__private::ValuesMut<'_, T>, at: $crate::__private::Counts) {
-                $crate::__private::Field::<T>::write(&self.0, values, at);
+                $crate::Field::<T>::write(&self.0, values, at);
             }
         }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::combinations::{MOST_COMBINATIONS, MOST_VALUES, are_few, combinations};
 use crate::expression::Expression;
-use crate::runner::{Kind as ModelKind, Model};
+use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::scalar::DependencySet;
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
@@ -91,8 +91,9 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
         let p = values.parameters::<M>();
         let derived = M::load(&p, resources)?;
         let mut initial = values.clone();
-        M::initialize(&p, &derived, layout, &mut initial);
-        let memory = M::begin(&p, &derived, resources, layout, &initial, 0.0)?;
+        let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
+        M::initialize(ctx, &mut initial);
+        let memory = M::init(ctx, resources, &initial)?;
         let memory = M::with_mode(memory, &modes, mode).ok_or("values of the discrete state exclude each other")?;
         Ok::<_, String>((p, derived, memory))
     };
@@ -102,13 +103,14 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
         match begin(&mut values, &start, choice) {
             Ok((p, derived, memory)) => {
                 has_derived = true;
-                relations = relations.max(M::count_relations(&p, &derived, &memory, layout, &values));
+                let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
+                relations = relations.max(M::count_relations(ctx, &memory, &values));
                 if !is_open {
-                    match M::dependencies(&p, &derived, &memory, layout, &values) {
+                    match M::dependencies(ctx, &memory, &values) {
                         Some(sets) => union.iter_mut().enumerate().for_each(|(i, sum)| sum.extend(sets.line(i))),
                         None => union.fill(DependencySet::all(known)),
                     }
-                    let all = M::expressions(&p, &derived, &memory, layout, &values);
+                    let all = M::expressions(ctx, &memory, &values);
                     is_inspected |= all.is_inspected;
                     found = all.all;
                 }
@@ -137,7 +139,10 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
             let mut is_whole = true;
             for (choice, found) in choices.iter().zip(&mut expressions) {
                 match begin(&mut values, &moved, choice) {
-                    Ok((p, derived, memory)) => *found = M::expressions(&p, &derived, &memory, layout, &values).all,
+                    Ok((p, derived, memory)) => {
+                        let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
+                        *found = M::expressions(ctx, &memory, &values).all;
+                    }
                     Err(_) => is_whole &= std::mem::take(found).is_empty(),
                 }
             }

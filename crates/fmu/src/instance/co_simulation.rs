@@ -63,17 +63,14 @@ impl<M: Model> Instance<M> {
             self.derive()?;
         }
         let parts = u64::from(parts as u32); // quicker than to u64, and the limit is below 2^32
-        let layout = &self.description.layout;
-        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
-            unreachable!("made at the end of initialization and kept since");
-        };
-        let result = M::step(&self.parameters, derived, memory, layout, &mut self.values, span, parts);
+        let (ctx, memory, values) = self.run();
+        let result = M::step(ctx, memory, values, span, parts);
         self.forget_results();
         let stopped = match result {
             Ok(stopped) => stopped,
             Err(error) => {
                 self.enter(Mode::StepFailed);
-                let what = self.reason(error);
+                let what = error.message(self.layout());
                 return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
             }
         };

@@ -127,9 +127,9 @@ impl<M: Model> Instance<M> {
         const FEW: usize = 16;
         let mut rows = Structure::default();
         let all = if knowns.len() > FEW {
-            let derived = self.derive()?;
-            let memory = self.memory.as_ref().expect("made with the derived parameters");
-            M::dependencies(&self.parameters, &derived, memory, &self.description.layout, &self.values)
+            self.derive()?;
+            let (ctx, memory, values) = self.run();
+            M::dependencies(ctx, memory, values)
         } else {
             None
         };
@@ -157,13 +157,11 @@ impl<M: Model> Instance<M> {
 
     /// Derivatives of the outputs, then of the state derivatives, along a direction.
     fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
-        let derived = self.derive()?;
-        let layout = &self.description.layout;
-        let mut slopes = vec![0.0; layout.outputs.counts.reals + layout.states.counts.reals];
-        let memory = self.memory.as_mut().expect("made with the derived parameters");
-        let (p, values, time) = (&self.parameters, &self.values, self.clock.time);
+        self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        M::directional(p, &derived, memory, layout, values, time, is_frozen, direction, &mut slopes);
+        let (ctx, memory, values) = self.run();
+        let mut slopes = vec![0.0; ctx.layout.outputs.counts.reals + ctx.layout.states.counts.reals];
+        M::directional(ctx, memory, values, is_frozen, direction, &mut slopes);
         Ok(slopes)
     }
 

@@ -29,13 +29,12 @@ impl<M: Model> Instance<M> {
         let function = Function::NewDiscreteStates;
         self.check(function)?;
         self.derive()?;
-        let layout = &self.description.layout;
-        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
-            unreachable!("made above");
-        };
-        let result = M::handle_events(&self.parameters, derived, memory, layout, &mut self.values, &mut self.clock);
+        let mut clock = self.clock;
+        let (ctx, memory, values) = self.run();
+        let result = M::handle_events(ctx, memory, values, &mut clock);
+        self.clock = clock;
         self.forget_results();
-        result.map_err(|error| self.error(function, self.reason(error)))
+        result.map_err(|error| self.failure(function, error))
     }
 
     /// fmi2EnterContinuousTimeMode: relations keep their sides and discrete outputs their values until the next event.
@@ -45,7 +44,9 @@ impl<M: Model> Instance<M> {
     pub fn enter_continuous_time_mode(&mut self) -> CallResult {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
-        self.settle()?;
+        self.derive()?;
+        let (ctx, memory, values) = self.run();
+        M::freeze_relations(ctx, memory, values);
         self.enter(Mode::ContinuousTime);
         self.forget_results();
         Ok(())
@@ -164,34 +165,20 @@ impl<M: Model> Instance<M> {
         let count = self.layout().indicators.total();
         self.check_length(function, "event indicators", count, indicators.len())?;
         self.derive()?;
-        let layout = &self.description.layout;
-        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
-            unreachable!("made above");
-        };
-        let (p, values, time) = (&self.parameters, &self.values, self.clock.time);
-        if self.mode == Mode::ContinuousTime {
-            M::event_indicators(p, derived, memory, layout, values, time, indicators);
+        let is_frozen = self.mode == Mode::ContinuousTime;
+        let (ctx, memory, values) = self.run();
+        if is_frozen {
+            M::event_indicators(ctx, memory, values, indicators);
         } else {
             // Reading does not change the state.
             let mut memory = memory.clone();
-            M::settle(p, derived, &mut memory, layout, values, time);
-            M::event_indicators(p, derived, &mut memory, layout, values, time, indicators);
+            M::freeze_relations(ctx, &mut memory, values);
+            M::event_indicators(ctx, &mut memory, values, indicators);
         }
         if let Some(at) = indicators.iter().position(|value| !value.is_finite()) {
-            let message = format_args!("event indicator {at} is {} at time {time} s", indicators[at]);
+            let message = format_args!("event indicator {at} is {} at time {} s", indicators[at], self.clock.time);
             return Err(self.discard(function, message));
         }
-        Ok(())
-    }
-
-    /// Sets every relation to the side of the present values.
-    fn settle(&mut self) -> CallResult {
-        self.derive()?;
-        let layout = &self.description.layout;
-        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
-            unreachable!("made above");
-        };
-        M::settle(&self.parameters, derived, memory, layout, &self.values, self.clock.time);
         Ok(())
     }
 
@@ -206,14 +193,8 @@ impl<M: Model> Instance<M> {
         CallError::Discard(format!("{}: {message}", function.name(self.protocol.version)))
     }
 
-    /// Reason of a failed step or event.
-    pub(super) fn reason(&self, error: StepError) -> String {
-        match error {
-            StepError::NotFinite { index, value, time } => {
-                format!("'{}' became {value} at {time} s", self.layout().real_name(index))
-            }
-            StepError::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
-            StepError::Rejected(message) => message,
-        }
+    /// The error of a failed event.
+    pub(super) fn failure(&self, function: Function, error: StepError) -> CallError {
+        self.error(function, error.message(self.layout()))
     }
 }

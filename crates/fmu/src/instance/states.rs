@@ -40,7 +40,7 @@ impl<M: Model> Instance<M> {
             && let Some(memory) = &mut self.memory
         {
             // The instance that saved the state may have handled its events in its steps.
-            M::begin_events(memory, &self.description.layout, self.clock.time);
+            M::init_events(memory, &self.description.layout, self.clock.time);
         }
         self.parameters = self.values.parameters::<M>();
         self.texts = texts(&self.values.strings);

@@ -3,21 +3,21 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use fmu_math::ode;
 use fmu_math::sparse::Structure;
 
-use super::exchange::{Exchange, next_time_event, too_many_at};
-use super::{Expressions, Kind, MOST_PARTS, Model, Modes, Step, StepError, Update, are_finite, first_not_finite};
-use crate::clock::Clock;
+use super::exchange::{Exchange, Part, Sides, nominal};
+use super::integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
+use super::{Context, Expressions, Kind, Model, Modes, Step, StepError, Update, are_finite, first_not_finite};
+use crate::clock::{Clock, slack};
 use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::dual::{Dual, Dual64};
 use crate::expression::{self, Expression};
 use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
-use crate::relation::Relational;
+use crate::relation::{PROBE, Relational, indicator_of};
 use crate::scalar::{Dependencies, Scalar};
-use crate::solver::{InPlace, Keep, OnHeap, Problem, Scratch, is_in_place};
+use crate::solver::{InPlace, OnHeap, Problem, Scratch, is_in_place};
 use crate::store::ValueStore;
 use crate::variable::{Declarations, Kind as Type, Layout, Role};
 use crate::variables::{Counts, Derived as _, Values, ValuesMut, Variables as _};
@@ -26,23 +26,20 @@ use crate::variables::{Counts, Derived as _, Values, ValuesMut, Variables as _};
 #[derive(Debug)]
 pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
-/// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
-pub(super) const MOST_EVENTS: u32 = 10_000;
-
 /// Discrete state, solver and events of a continuous-time model. `clone` leaves out the working memory of the solver, and `clone_from`
 /// keeps that of the target.
 #[derive(Debug)]
 pub struct Memory<D> {
     pub(super) discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
-    proposed: f64,
+    pub(super) proposed: f64,
     /// The quantities whose zero crossings are events, at the start or where the last step ended.
     pub(super) crossings: Vec<f64>,
-    scratch: Scratch,
+    pub(super) scratch: Scratch,
     /// In model exchange, from its first event on.
     pub(super) exchange: Option<Box<Exchange>>,
     /// The discrete state before the first event of a step, for a step that fails.
-    before_events: Option<D>,
+    pub(super) before_events: Option<D>,
 }
 
 impl<D: Clone> Clone for Memory<D> {
@@ -63,14 +60,6 @@ impl<D: Clone> Clone for Memory<D> {
     }
 }
 
-/// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
-type Advance<'f, 'a, M, K> = &'f mut dyn FnMut(
-    &mut Integration<'a, M, K>,
-    f64,
-    &<K as Keep<M>>::State,
-    f64,
-) -> Result<(<K as Keep<M>>::State, f64), StepError>;
-
 /// The parameter that the solver reads, with its start value.
 fn solver_parameter(solver: Solver, step_size: f64) -> Option<(crate::Definition, f64)> {
     match solver {
@@ -80,12 +69,12 @@ fn solver_parameter(solver: Solver, step_size: f64) -> Option<(crate::Definition
     }
 }
 
-const fn is_stiff<M: Continuous>() -> bool {
+pub(super) const fn is_stiff<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::Rosenbrock { .. })
 }
 
 /// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state (FNV-1a, 64 bits).
-fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
+pub(super) fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
     values.reals[layout.parameters.reals()].iter().for_each(|value| add(value.to_bits()));
@@ -104,425 +93,35 @@ fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D
     hash
 }
 
-const fn has_error_control(solver: Solver) -> bool {
-    matches!(solver, Solver::DormandPrince { .. } | Solver::Rosenbrock { .. })
-}
-
-/// The variables as numbers of type `T`, with reals made from indices.
-fn typed<T: Scalar, M: Continuous>(
-    layout: &Layout,
-    values: &ValueStore,
-    real: impl Fn(usize) -> T,
-) -> (M::State<T>, M::Inputs<T>) {
-    let inputs: Vec<T> = layout.inputs.reals().map(&real).collect();
-    let states: Vec<T> = layout.states.reals().map(&real).collect();
-    let at = Counts { reals: 0, ..layout.inputs.at };
-    let u = M::Inputs::read(Values { reals: &inputs, ..values.others() }, at);
-    (M::State::from_reals(&states), u)
-}
-
-/// Real outputs, then state derivatives; outputs of other types go to `others`.
-fn unknowns<T: Scalar, M: Continuous>(p: &M, at: At<'_, T, M>, layout: &Layout, others: &mut ValueStore) -> Vec<T> {
-    let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));
-    let mut all = vec![T::from(0.0); layout.outputs.counts.reals + layout.states.counts.reals];
-    let ValueStore { integers, booleans, strings, .. } = others;
-    let at = Counts { reals: 0, ..layout.outputs.at };
-    outputs.write(&mut ValuesMut { reals: &mut all, integers, booleans, strings }, at);
-    derivatives.write(&mut ValuesMut::of_reals(&mut all[layout.outputs.counts.reals..]), Counts::ZERO);
-    all
-}
-
-/// Advances the state over a step of the master, and keeps states by `K`.
-struct Integration<'a, M: Continuous, K> {
-    problem: Problem<'a, M>,
-    memory: &'a mut Memory<M::DiscreteState>,
-    /// Time up to which time events were handled in s.
-    reached: f64,
-    events: u32,
-    /// Time of the first event of the step, for a message.
-    first_event: f64,
-    /// Time up to which time events were handled in this step in s.
-    handled: f64,
-    stops_at_events: bool,
-    /// Time of the event at which the step stopped in s.
-    stopped: Option<f64>,
-    keeping: PhantomData<K>,
-}
-
-/// Returns true if the model declares zero crossings or time events.
-const fn has_events<M: Continuous>() -> bool {
-    size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
-}
-
-impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
-    /// The state after one part of the step, of `h` s, which ends at `end`.
-    fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, StepError> {
-        if !has_events::<M>() {
-            let after = self.fixed(time, &x, h);
-            self.recycle(x);
-            return Ok(after);
-        }
-        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| Ok((this.fixed(time, x, limit), limit)))
-    }
-
-    /// The state at `end`, by a solver with error control.
-    fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, StepError> {
-        let mut steps = 0_u64;
-        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
-            this.accepted(time, x, limit, tolerance, &mut steps)
-        })
-    }
-
-    /// One step that the error control accepts, at most `limit` s long.
-    fn accepted(
-        &mut self,
-        time: f64,
-        x: &K::State,
-        limit: f64,
-        tolerance: f64,
-        steps: &mut u64,
-    ) -> Result<(K::State, f64), StepError> {
-        let Self { problem, memory, .. } = self;
-        // At first a small part of the step, but not one that is lost in the rounding of the time.
-        let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
-        let proposed = if memory.proposed > 0.0 { memory.proposed } else { first };
-        // No tiny step is left over before the limit.
-        let mut h = if 1.01 * proposed >= limit { limit } else { proposed };
-        loop {
-            *steps += 1;
-            // The limit may be short: the next event, or the end of the step.
-            let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
-            if *steps as f64 > MOST_PARTS || is_too_short {
-                return Err(StepError::Rejected(format!(
-                    "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
-                )));
-            }
-            let Some(end) = K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch) else {
-                h *= 0.25;
-                continue;
-            };
-            let norm = K::error_norm(x, &end, tolerance, &memory.scratch);
-            let factor = ode::step_factor(norm);
-            if norm <= 1.0 {
-                let next = h * factor;
-                // A step cut short by the limit does not predict the following ones.
-                memory.proposed = if h < proposed { proposed.max(next) } else { next };
-                return Ok((end, h));
-            }
-            K::recycle(end, &mut memory.scratch);
-            h *= if norm.is_finite() { factor.min(0.9) } else { 0.2 };
-        }
-    }
-
-    /// Advances to `end`, from event to event.
-    fn until(
-        &mut self,
-        mut time: f64,
-        mut x: K::State,
-        end: f64,
-        advance: Advance<'_, 'a, M, K>,
-    ) -> Result<K::State, StepError> {
-        if !has_events::<M>() {
-            while time < end {
-                let limit = end - time;
-                let (after, h) = advance(self, time, &x, limit)?;
-                time = if h >= limit { end } else { time + h };
-                self.replace(&mut x, after);
-            }
-            return Ok(x);
-        }
-        self.changed_by_inputs(time, &mut x)?;
-        loop {
-            let next = K::show(&x, |x| {
-                let at = self.problem.at(self.reached, x, &self.memory.discrete);
-                next_time_event(self.problem.model, at)
-            })?;
-            let due = next.filter(|next| *next <= end);
-            // The end of the step before and the start of this one differ by rounding errors.
-            if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
-                self.reached = due;
-                self.handled = due;
-                self.event(time, &mut x, &[], &[], true)?;
-                continue;
-            }
-            if time >= end {
-                return Ok(x);
-            }
-            let target = due.unwrap_or(end);
-            let limit = target - time;
-            let (after, h) = advance(self, time, &x, limit)?;
-            let before_values = self.crossings(time, &x);
-            let after_values = self.crossings(time + h, &after);
-            let found = self.locate(time, &x, h, before_values.as_ref(), after_values.as_ref());
-            let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
-            // Rounding of `limit` must not lead past the time event.
-            let is_at_limit = (found.is_none() && h >= limit) || at >= target.min(time + limit);
-            time = if is_at_limit { target } else { at };
-            self.reached = self.reached.max(time);
-            if self.stops_at_events && (found.is_some() || (is_at_limit && due.is_some())) {
-                self.stopped = Some(time);
-                self.replace(&mut x, after);
-                if let Some((_, state, _)) = found {
-                    self.replace(&mut x, state);
-                }
-                return Ok(x);
-            }
-            match found {
-                Some((_, state, values)) => {
-                    self.recycle(after);
-                    self.replace(&mut x, state);
-                    self.event(time, &mut x, before_values.as_ref(), values.as_ref(), false)?;
-                }
-                None => {
-                    self.replace(&mut x, after);
-                    self.memory.crossings.clear();
-                    self.memory.crossings.extend_from_slice(after_values.as_ref());
-                }
-            }
-            if is_at_limit && due.is_some() {
-                self.handled = time;
-                self.event(time, &mut x, &[], &[], true)?;
-            }
-        }
-    }
-
-    /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
-    fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), StepError> {
-        let now = self.crossings(time, x);
-        let before = std::mem::take(&mut self.memory.crossings);
-        let is_changed = before.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now));
-        let result = if is_changed { self.event(time, x, &before, now.as_ref(), false) } else { Ok(()) };
-        let kept = std::mem::replace(&mut self.memory.crossings, before);
-        if is_changed {
-            self.memory.crossings = kept;
-        } else {
-            self.memory.crossings.clear();
-            self.memory.crossings.extend_from_slice(now.as_ref());
-        }
-        result
-    }
-
-    fn crossings(&self, time: f64, x: &K::State) -> Crossings<M> {
-        if size_of::<M::Crossings>() == 0 {
-            return Crossings(None);
-        }
-        let crossings =
-            K::show(x, |x| self.problem.model.zero_crossings(self.problem.at(time, x, &self.memory.discrete)));
-        Crossings(Some(crossings))
-    }
-
-    /// The first zero crossing of a step: its time, the state just after it, and the quantities there.
-    fn locate(
-        &mut self,
-        time: f64,
-        x: &K::State,
-        h: f64,
-        before: &[f64],
-        after: &[f64],
-    ) -> Option<(f64, K::State, Crossings<M>)> {
-        let crosses = |values: &[f64]| before.iter().zip(values).any(|(a, b)| is_crossing(*a, *b));
-        if !crosses(after) {
-            return None;
-        }
-        // Bisection: no crossing up to `low`, one up to `high`. Every point is one step from the start of the interval.
-        let (mut low, mut high) = (0.0, h);
-        let mut found = None;
-        for _ in 0..64 {
-            let middle = 0.5 * (low + high);
-            if middle <= low || middle >= high || high - low <= f64::EPSILON * (time.abs() + h) {
-                break;
-            }
-            let state = self.single(time, x, middle)?;
-            let values = self.crossings(time + middle, &state);
-            if crosses(values.as_ref()) {
-                high = middle;
-                if let Some((before, _)) = found.replace((state, values)) {
-                    self.recycle(before);
-                }
-            } else {
-                low = middle;
-                self.recycle(state);
-            }
-        }
-        let (state, values) = match found {
-            Some(found) => found,
-            None => {
-                let state = self.single(time, x, high)?;
-                let values = self.crossings(time + high, &state);
-                (state, values)
-            }
-        };
-        Some((time + high, state, values))
-    }
-
-    /// The state after one step of the solver, whatever its error.
-    fn single(&mut self, time: f64, x: &K::State, h: f64) -> Option<K::State> {
-        if has_error_control(M::SOLVER) {
-            let Self { problem, memory, .. } = self;
-            K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch)
-        } else {
-            Some(self.fixed(time, x, h))
-        }
-    }
-
-    /// The state after one step of fixed length.
-    #[inline]
-    fn fixed(&mut self, time: f64, x: &K::State, h: f64) -> K::State {
-        let Self { problem, memory, .. } = self;
-        K::fixed(problem, time, x, &memory.discrete, h, &mut memory.scratch)
-    }
-
-    /// Replaces a state by another.
-    #[inline]
-    fn replace(&mut self, x: &mut K::State, after: K::State) {
-        self.recycle(std::mem::replace(x, after));
-    }
-
-    #[inline]
-    fn recycle(&mut self, x: K::State) {
-        K::recycle(x, &mut self.memory.scratch);
-    }
-
-    fn event(
-        &mut self,
-        time: f64,
-        x: &mut K::State,
-        before: &[f64],
-        after: &[f64],
-        is_timed: bool,
-    ) -> Result<(), StepError> {
-        if self.events == 0 {
-            self.first_event = time;
-            self.memory.before_events = Some(self.memory.discrete.clone());
-        }
-        self.events += 1;
-        if self.events > MOST_EVENTS && is_timed && time <= self.first_event {
-            return Err(too_many_at(time));
-        }
-        if self.events > MOST_EVENTS {
-            return Err(StepError::Rejected(format!(
-                "more than {MOST_EVENTS} events between {} s and {time} s; let the model come to rest, or use shorter steps",
-                self.first_event
-            )));
-        }
-        let Self { problem: Problem { model, inputs, derived }, memory, .. } = self;
-        let Memory { discrete, scratch, .. } = &mut **memory;
-        K::change(x, |state| {
-            model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
-        });
-        scratch.forget_structure();
-        // The solution has a corner: the proposed step of the solver is not valid any more.
-        self.memory.proposed = 0.0;
-        let values = self.crossings(time, x);
-        self.memory.crossings.clear();
-        self.memory.crossings.extend_from_slice(values.as_ref());
-        match self.memory.discrete.not_finite() {
-            Some((name, value)) => Err(StepError::StateNotFinite { name, value, time }),
-            None => Ok(()),
-        }
-    }
-}
-
-/// The quantities whose zero crossings are events.
-struct Crossings<M: Continuous>(Option<M::Crossings>);
-
-impl<M: Continuous> Crossings<M> {
-    fn as_ref(&self) -> &[f64] {
-        self.0.as_ref().map_or(&[], AsRef::as_ref)
-    }
+/// Number of a real input or state among both.
+fn number(layout: &Layout, index: usize) -> usize {
+    let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
+    if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start }
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// The memory at the start.
-    pub(crate) fn memory(
-        p: &M,
-        derived: &M::Derived,
-        layout: &Layout,
-        values: &ValueStore,
-        time: f64,
-    ) -> Memory<M::DiscreteState> {
-        // Here, so that no step allocates.
-        let mut scratch = Scratch::new::<M>(layout);
-        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
-        let state = &M::State::read(values.view(), layout.states.at);
-        let default = M::DiscreteState::default();
-        let discrete = p.initial_discrete_state(At { time, state, inputs, derived, discrete: &default });
-        let mut crossings = Vec::new();
-        if size_of::<M::Crossings>() > 0 {
-            let at = At { time, state, inputs, derived, discrete: &discrete };
-            crossings.extend_from_slice(p.zero_crossings(at).as_ref());
-        }
-        if is_stiff::<M>() {
-            scratch.branches = branches(layout, values, &discrete);
-            Problem { model: p, inputs, derived }.trace(&discrete, &mut scratch);
-        }
-        Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None }
-    }
-
-    /// Advances the states. If that fails, the values are kept, and the discrete state is the one at the failure.
-    #[inline]
-    fn advance<K: Keep<M>>(
-        p: &M,
-        derived: &M::Derived,
-        memory: &mut Memory<M::DiscreteState>,
-        layout: &Layout,
-        values: &mut ValueStore,
-        step: Step,
-        parts: u64,
-    ) -> Result<Option<f64>, StepError> {
-        if memory.scratch.is_missing::<M>() {
-            memory.scratch = Scratch::new::<M>(layout);
-        }
-        if is_stiff::<M>() {
-            let branches = branches(layout, values, &memory.discrete);
-            if std::mem::replace(&mut memory.scratch.branches, branches) != branches {
-                memory.scratch.forget_structure();
-            }
-        }
-        let u = M::Inputs::read(values.view(), layout.inputs.at);
-        let before = K::load(values.view(), layout.states.at, &mut memory.scratch);
-        let mut x = K::copy(&before, &mut memory.scratch);
-        let problem = Problem { model: p, inputs: &u, derived };
-        let end = step.time + step.step;
-        let mut integration = Integration::<M, K> {
-            problem,
-            memory,
-            reached: step.reached,
-            events: 0,
-            first_event: 0.0,
-            handled: step.reached,
-            stops_at_events: step.stops_at_events,
-            stopped: None,
-            keeping: PhantomData,
-        };
-        if has_error_control(M::SOLVER) {
-            let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
-            x = integration.controlled(step.time, x, end, tolerance)?;
-        } else {
-            let h = step.step / parts as f64;
-            for part in 0..parts {
-                // Each part ends where the next one starts, so that no time event is between them.
-                let start = |part: u64| step.time + part as f64 * h;
-                let end = if part + 1 == parts { end } else { start(part + 1) };
-                x = integration.part(start(part), x, h, end)?;
-                if has_events::<M>() && integration.stopped.is_some() {
-                    break;
-                }
-            }
-        }
-        let (stopped, handled) = (integration.stopped, integration.handled);
-        if has_events::<M>()
-            && let Some(exchange) = &mut memory.exchange
-        {
-            exchange.handled = if stopped.is_some() { handled } else { end };
-            exchange.announced = stopped.unwrap_or(f64::INFINITY);
-        }
-        K::store(&x, &mut values.view_mut(), layout.states.at);
-        first_not_finite(&values.reals, layout.states.reals(), end)
-            .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
-        K::recycle(x, &mut memory.scratch);
-        K::recycle(before, &mut memory.scratch);
-        Ok(stopped)
+    /// Real outputs, then state derivatives, in numbers of type `T`: those of the time and, by their index, of inputs and states are
+    /// given. The values of other types are read from `others`, and outputs of other types go there.
+    fn unknowns<T: Scalar>(
+        Context { p, derived, layout, .. }: Context<'_, Self>,
+        discrete: &M::DiscreteState,
+        others: &mut ValueStore,
+        time: T,
+        real: impl Fn(usize) -> T,
+    ) -> Vec<T> {
+        let [inputs, states] =
+            [&layout.inputs, &layout.states].map(|block| block.reals().map(&real).collect::<Vec<_>>());
+        let at = Counts { reals: 0, ..layout.inputs.at };
+        let inputs = &M::Inputs::read(Values { reals: &inputs, ..others.others() }, at);
+        let state = &M::State::from_reals(&states);
+        let at = At { time, state, inputs, derived, discrete };
+        let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));
+        let mut all = vec![T::from(0.0); layout.outputs.counts.reals + layout.states.counts.reals];
+        let ValueStore { integers, booleans, strings, .. } = others;
+        let at = Counts { reals: 0, ..layout.outputs.at };
+        outputs.write(&mut ValuesMut { reals: &mut all, integers, booleans, strings }, at);
+        derivatives.write(&mut ValuesMut::of_reals(&mut all[layout.outputs.counts.reals..]), Counts::ZERO);
+        all
     }
 }
 
@@ -565,18 +164,27 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         M::fingerprint(derived)
     }
 
-    fn begin(
-        p: &M,
-        derived: &M::Derived,
-        _: &Path,
-        layout: &Layout,
-        values: &ValueStore,
-        time: f64,
-    ) -> Result<Self::Memory, String> {
-        Ok(Self::memory(p, derived, layout, values, time))
+    fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<Self::Memory, String> {
+        let Context { p, derived, layout, time } = ctx;
+        // Here, so that no step allocates.
+        let mut scratch = Scratch::new::<M>(layout);
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        let state = &M::State::read(values.view(), layout.states.at);
+        let default = M::DiscreteState::default();
+        let discrete = p.initial_discrete_state(At { time, state, inputs, derived, discrete: &default });
+        let mut crossings = Vec::new();
+        if size_of::<M::Crossings>() > 0 {
+            let at = At { time, state, inputs, derived, discrete: &discrete };
+            crossings.extend_from_slice(p.zero_crossings(at).as_ref());
+        }
+        if is_stiff::<M>() {
+            scratch.branches = branches(layout, values, &discrete);
+            Problem { model: p, inputs, derived }.trace(&discrete, &mut scratch);
+        }
+        Ok(Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })
     }
 
-    fn initialize(p: &M, derived: &M::Derived, layout: &Layout, values: &mut ValueStore) {
+    fn initialize(Context { p, derived, layout, .. }: Context<'_, Self>, values: &mut ValueStore) {
         for index in layout.states.reals() {
             let declaration = &layout.real(index).declaration;
             if let Type::Real(real) = &declaration.kind
@@ -608,20 +216,18 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     fn step(
-        p: &M,
-        derived: &M::Derived,
+        ctx: Context<'_, Self>,
         memory: &mut Self::Memory,
-        layout: &Layout,
         values: &mut ValueStore,
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError> {
         let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
         if !Self::HAS_EVENTS {
-            return advance(p, derived, memory, layout, values, step, parts);
+            return advance(ctx, memory, values, step, parts);
         }
         memory.before_events = None;
-        let result = advance(p, derived, memory, layout, values, step, parts);
+        let result = advance(ctx, memory, values, step, parts);
         if result.is_err()
             && let Some(discrete) = memory.before_events.take()
         {
@@ -630,28 +236,16 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         result
     }
 
-    fn outputs(
-        p: &M,
-        derived: &M::Derived,
-        memory: &Self::Memory,
-        layout: &Layout,
-        values: &mut ValueStore,
-        time: f64,
-    ) {
+    fn outputs(ctx: Context<'_, Self>, memory: &Self::Memory, values: &mut ValueStore) {
+        let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
         let at = At { time, state, inputs, derived, discrete: &memory.discrete };
         p.outputs(at).write(&mut values.view_mut(), layout.outputs.at);
     }
 
-    fn derivatives(
-        p: &M,
-        derived: &M::Derived,
-        memory: &Self::Memory,
-        layout: &Layout,
-        values: &mut ValueStore,
-        time: f64,
-    ) {
+    fn derivatives(ctx: Context<'_, Self>, memory: &Self::Memory, values: &mut ValueStore) {
+        let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
         let at = At { time, state, inputs, derived, discrete: &memory.discrete };
@@ -659,42 +253,30 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     fn directional(
-        p: &M,
-        derived: &M::Derived,
+        ctx: Context<'_, Self>,
         memory: &mut Self::Memory,
-        layout: &Layout,
         values: &ValueStore,
-        time: f64,
         is_frozen: bool,
         direction: &[f64],
         result: &mut [f64],
     ) {
-        let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
-        let slope = |index: usize| {
-            if inputs.contains(&index) {
-                direction[index - inputs.start]
-            } else {
-                direction[inputs.len() + index - states.start]
-            }
-        };
+        let slope = |index: usize| direction[number(ctx.layout, index)];
         let time_slope = direction.last().copied().unwrap_or(0.0);
+        let mut others = values.clone();
         if MODEL_EXCHANGE {
             let dual = |value, slope| Dual::new(Relational(value), Relational(slope));
-            let (state, inputs) = typed::<_, M>(layout, values, |index| dual(values.reals[index], slope(index)));
-            let time = dual(time, time_slope);
-            let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-            let unknowns = || unknowns(p, at, layout, &mut values.clone());
+            let known = |index: usize| dual(values.reals[index], slope(index));
+            let time = dual(ctx.time, time_slope);
+            let mut unknowns = || Self::unknowns(ctx, &memory.discrete, &mut others, time, known);
             let unknowns = match &mut memory.exchange {
                 Some(exchange) if is_frozen => exchange.frozen(unknowns),
                 _ => unknowns(),
             };
             result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps.0);
         } else {
-            let (state, inputs) =
-                typed::<Dual64, M>(layout, values, |index| Dual64::new(values.reals[index], slope(index)));
-            let time = Dual64::new(time, time_slope);
-            let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-            let unknowns = unknowns(p, at, layout, &mut values.clone());
+            let known = |index: usize| Dual64::new(values.reals[index], slope(index));
+            let time = Dual64::new(ctx.time, time_slope);
+            let unknowns = Self::unknowns(ctx, &memory.discrete, &mut others, time, known);
             result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps);
         }
     }
@@ -707,55 +289,30 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         Some(Memory { discrete: modes.with(&memory.discrete, numbers)?, ..memory })
     }
 
-    fn dependencies(
-        p: &M,
-        derived: &M::Derived,
-        memory: &Self::Memory,
-        layout: &Layout,
-        values: &ValueStore,
-    ) -> Option<Structure> {
-        let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
-        let time = inputs.len() + states.len();
+    fn dependencies(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> Option<Structure> {
+        let count = ctx.layout.inputs.counts.reals + ctx.layout.states.counts.reals;
         Dependencies::trace(|| {
-            let known = |index: usize| {
-                let number =
-                    if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start };
-                Dependencies::on(number)
-            };
-            let (state, inputs) = typed::<Dependencies, M>(layout, values, known);
-            let time = Dependencies::on(time);
-            let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-            unknowns(p, at, layout, &mut values.clone())
+            let known = |index: usize| Dependencies::on(number(ctx.layout, index));
+            let time = Dependencies::on(count);
+            Self::unknowns(ctx, &memory.discrete, &mut values.clone(), time, known)
         })
     }
 
-    fn begin_steps(
-        p: &M,
-        derived: &M::Derived,
-        memory: &mut Self::Memory,
-        layout: &Layout,
-        values: &mut ValueStore,
-        time: f64,
-    ) -> Result<(), StepError> {
+    fn init_steps(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &mut ValueStore) -> Result<(), StepError> {
         if M::HAS_TIME_EVENTS {
-            Self::events(p, derived, memory, layout, values, time)?;
+            let mut clock = Clock { time: ctx.time, ..Clock::ZERO };
+            Self::handle_events(ctx, memory, values, &mut clock)?;
             memory.exchange = None;
         }
         Ok(())
     }
 
-    fn expressions(
-        p: &M,
-        derived: &M::Derived,
-        memory: &Self::Memory,
-        layout: &Layout,
-        values: &ValueStore,
-    ) -> Expressions {
-        let (state, inputs) = typed::<Expression, M>(layout, values, Expression::known);
+    fn expressions(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> Expressions {
+        let layout = ctx.layout;
         let time = Expression::known(usize::MAX);
-        let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
         let mut others = values.clone();
-        let (reals, is_inspected) = expression::inspected(|| unknowns(p, at, layout, &mut others));
+        let equations = || Self::unknowns(ctx, &memory.discrete, &mut others, time, Expression::known);
+        let (reals, is_inspected) = expression::inspected(equations);
         let all = layout.variables.iter().filter_map(|variable| match (variable.role, &variable.declaration.kind) {
             (Role::Derivative, _) => {
                 Some(reals[layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals])
@@ -769,57 +326,168 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         Expressions { all: all.collect(), is_inspected }
     }
 
-    fn begin_events(memory: &mut Self::Memory, layout: &Layout, time: f64) {
+    fn init_events(memory: &mut Self::Memory, layout: &Layout, time: f64) {
         memory.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
     }
 
-    fn count_relations(
-        p: &M,
-        derived: &M::Derived,
-        memory: &Self::Memory,
-        layout: &Layout,
-        values: &ValueStore,
-    ) -> usize {
-        Self::relations(p, derived, memory, layout, values)
+    fn count_relations(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> usize {
+        let layout = ctx.layout;
+        let mut exchange = Exchange::new(layout, 0.0);
+        Self::read(layout, &mut exchange, values);
+        Self::run_all(ctx, &mut exchange, &memory.discrete, values, Sides::Update);
+        exchange.relations.count()
     }
 
+    // First zero crossings, then time events, in the order of co-simulation.
     fn handle_events(
-        p: &M,
-        derived: &M::Derived,
+        Context { p, derived, layout, time }: Context<'_, Self>,
         memory: &mut Self::Memory,
-        layout: &Layout,
         values: &mut ValueStore,
-        clock: &mut Clock,
+        _: &mut Clock,
     ) -> Result<Update, StepError> {
-        Self::events(p, derived, memory, layout, values, clock.time)
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        let before = M::State::read(values.view(), layout.states.at);
+        let exchange = memory.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
+        let mut handled = exchange.handled;
+        let mut discrete = memory.discrete.clone();
+        let mut x = M::State::read(values.view(), layout.states.at);
+        let event =
+            |x: &mut M::State<f64>, discrete: &mut M::DiscreteState, before: &[f64], after: &[f64], is_timed| {
+                p.on_event(Event { time, state: x, discrete, inputs, derived, is_timed, before, after });
+                match discrete.not_finite() {
+                    Some((name, value)) => Err(StepError::StateNotFinite { name, value, time }),
+                    None => Ok(()),
+                }
+            };
+        if layout.indicators.declared > 0 {
+            let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });
+            let mut pairs = memory.crossings.iter().zip(now.as_ref());
+            if pairs.any(|(before, now)| is_crossing(*before, *now)) {
+                event(&mut x, &mut discrete, &memory.crossings, now.as_ref(), false)?;
+            }
+        }
+        let mut next = None;
+        if M::HAS_TIME_EVENTS {
+            let is_due = |next: f64| next <= time + slack(0.0, time);
+            // An importer may handle the announced event late. No other event was due up to now.
+            if !is_due(exchange.announced) {
+                handled = handled.max(time);
+            }
+            let mut events = 0;
+            loop {
+                let at = At { time: handled, state: &x, inputs, derived, discrete: &discrete };
+                next = next_time_event(p, at)?;
+                if let Some(due) = next.filter(|next| is_due(*next)) {
+                    handled = due;
+                    events += 1;
+                    if events > MOST_EVENTS {
+                        return Err(too_many_at(time));
+                    }
+                    event(&mut x, &mut discrete, &[], &[], true)?;
+                } else if handled < time {
+                    handled = time;
+                } else {
+                    break;
+                }
+            }
+        }
+        x.write(&mut values.view_mut(), layout.states.at);
+        first_not_finite(&values.reals, layout.states.reals(), time)
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
+        if layout.indicators.declared > 0 {
+            let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });
+            memory.crossings.clear();
+            memory.crossings.extend_from_slice(now.as_ref());
+        }
+        memory.discrete = discrete;
+        if let Some(exchange) = &mut memory.exchange {
+            exchange.handled = handled;
+            exchange.announced = next.unwrap_or(f64::INFINITY);
+        }
+        let mut states_changed = false;
+        let mut old = vec![0.0; layout.states.counts.reals];
+        before.write(&mut ValuesMut::of_reals(&mut old), Counts::ZERO);
+        for (old, new) in old.iter().zip(&values.reals[layout.states.reals()]) {
+            states_changed |= old.to_bits() != new.to_bits();
+        }
+        Ok(Update { states_changed, next_event_time: next })
     }
 
-    fn settle(p: &M, derived: &M::Derived, memory: &mut Self::Memory, layout: &Layout, values: &ValueStore, time: f64) {
-        Self::take_sides(p, derived, memory, layout, values, time);
+    fn freeze_relations(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &ValueStore) {
+        let Context { layout, time, .. } = ctx;
+        let Memory { discrete, exchange, crossings, .. } = memory;
+        let exchange = exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
+        Self::read(layout, exchange, values);
+        if layout.indicators.relations > 0 {
+            Self::run_all(ctx, exchange, discrete, values, Sides::Update);
+            exchange.relations.begin_scales();
+            for (number, index) in layout.inputs.reals().chain(layout.states.reals()).enumerate() {
+                let value = exchange.known[number];
+                exchange.known[number] = Relational(value.0 + PROBE * nominal(layout, index));
+                Self::run_all(ctx, exchange, discrete, values, Sides::Keep);
+                exchange.relations.add_to_scales();
+                exchange.known[number] = value;
+            }
+            exchange.relations.end_scales();
+        }
+        if !crossings.is_empty() {
+            let base = Self::crossings_at(ctx, discrete, values);
+            let mut changed = values.clone();
+            exchange.scales.fill(0.0);
+            for index in layout.inputs.reals().chain(layout.states.reals()) {
+                changed.reals[index] += PROBE * nominal(layout, index);
+                let here = Self::crossings_at(ctx, discrete, &changed);
+                for ((scale, here), base) in exchange.scales.iter_mut().zip(here.as_ref()).zip(base.as_ref()) {
+                    let change = (here - base).abs() / PROBE;
+                    *scale += if change.is_finite() { change } else { 0.0 };
+                }
+                changed.reals[index] = values.reals[index];
+            }
+            for scale in exchange.scales.iter_mut().filter(|scale| !(**scale > 0.0 && scale.is_finite())) {
+                *scale = 1.0;
+            }
+        }
     }
 
-    fn frozen(
-        p: &M,
-        derived: &M::Derived,
-        memory: &mut Self::Memory,
-        layout: &Layout,
-        values: &mut ValueStore,
-        time: f64,
-        outputs: bool,
-    ) {
-        Self::evaluate_frozen(p, derived, memory, layout, values, time, outputs);
+    fn eval_frozen(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &mut ValueStore, outputs: bool) {
+        let layout = ctx.layout;
+        if memory.exchange.is_none() {
+            Self::freeze_relations(ctx, memory, values);
+        }
+        let Memory { discrete, exchange, .. } = memory;
+        let Some(exchange) = exchange else { unreachable!("made above") };
+        Self::read(layout, exchange, values);
+        let (part, range) = if outputs {
+            (Part::Outputs, layout.outputs.reals())
+        } else {
+            (Part::Derivatives, layout.derivatives.reals())
+        };
+        Self::run(ctx, exchange, discrete, values, part, Sides::Keep);
+        for (value, result) in values.reals[range].iter_mut().zip(&exchange.unknown) {
+            *value = result.0;
+        }
     }
 
-    fn event_indicators(
-        p: &M,
-        derived: &M::Derived,
-        memory: &mut Self::Memory,
-        layout: &Layout,
-        values: &ValueStore,
-        time: f64,
-        result: &mut [f64],
-    ) {
-        Self::indicators(p, derived, memory, layout, values, time, result);
+    fn event_indicators(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &ValueStore, result: &mut [f64]) {
+        let layout = ctx.layout;
+        if memory.exchange.is_none() {
+            Self::freeze_relations(ctx, memory, values);
+        }
+        let Memory { discrete, exchange, crossings, .. } = memory;
+        let Some(exchange) = exchange else { unreachable!("made above") };
+        let (declared, relations) = result.split_at_mut(layout.indicators.declared);
+        if !declared.is_empty() {
+            let now = Self::crossings_at(ctx, discrete, values);
+            let before = crossings.iter().zip(&exchange.scales);
+            for ((indicator, now), (before, scale)) in declared.iter_mut().zip(now.as_ref()).zip(before) {
+                *indicator = indicator_of(*now, *scale, *before >= 0.0);
+            }
+        }
+        if !relations.is_empty() {
+            Self::read(layout, exchange, values);
+            Self::run_all(ctx, exchange, discrete, values, Sides::Keep);
+            exchange.relations.indicators(relations);
+        }
     }
 
     fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {

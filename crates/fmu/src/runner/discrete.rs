@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Kind, MOST_PARTS, Model, Step, StepError, Update, first_not_finite};
+use super::{Context, Kind, MOST_PARTS, Model, Step, StepError, Update, first_not_finite};
 use crate::clock::{Clock, samples_due, slack};
 use crate::declare::Spec;
 use crate::definition::SAMPLE_TIME;
@@ -27,13 +27,12 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
     /// and store loop-invariant values in advance.
     #[inline(never)]
     fn sample(
-        p: &M,
-        derived: &M::Derived,
+        ctx: &Context<'_, Self>,
         state: &mut M::State,
-        layout: &Layout,
         values: &mut ValueStore,
         time: f64,
     ) -> Result<(), StepError> {
+        let Context { p, derived, layout, .. } = *ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Rejected)?;
         let outputs = p.update(Sample { time, state, inputs, derived });
@@ -76,8 +75,8 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         M::fingerprint(derived)
     }
 
-    fn begin(p: &M, derived: &M::Derived, _: &Path, _: &Layout, _: &ValueStore, _: f64) -> Result<M::State, String> {
-        Ok(p.initial_state(derived))
+    fn init(ctx: Context<'_, Self>, _: &Path, _: &ValueStore) -> Result<M::State, String> {
+        Ok(ctx.p.initial_state(ctx.derived))
     }
 
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64 {
@@ -85,10 +84,8 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
     }
 
     fn step(
-        p: &M,
-        derived: &M::Derived,
+        ctx: Context<'_, Self>,
         state: &mut M::State,
-        layout: &Layout,
         values: &mut ValueStore,
         step: Step,
         parts: u64,
@@ -96,34 +93,35 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         if parts == 0 {
             return Ok(None);
         }
+        let layout = ctx.layout;
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         let period = sample_time(layout, values);
         let mut samples = || {
             for sample in step.sample..step.sample + parts {
                 let time = step.start + sample as i64 as f64 * period;
-                Self::sample(p, derived, state, layout, values, time)?;
+                Self::sample(&ctx, state, values, time)?;
             }
             Ok(None)
         };
         samples().inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
     }
 
-    fn outputs(p: &M, derived: &M::Derived, _: &M::State, layout: &Layout, values: &mut ValueStore, start: f64) {
+    fn outputs(ctx: Context<'_, Self>, _: &M::State, values: &mut ValueStore) {
         if M::SOURCE.is_none() {
             return; // so that the library does not contain the rest
         }
+        let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
-        p.start(start, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
+        p.start(time, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
     }
 
     fn handle_events(
-        p: &M,
-        derived: &M::Derived,
+        ctx: Context<'_, Self>,
         state: &mut M::State,
-        layout: &Layout,
         values: &mut ValueStore,
         clock: &mut Clock,
     ) -> Result<Update, StepError> {
+        let layout = ctx.layout;
         let period = sample_time(layout, values);
         let instant = |sample: u64| clock.start + sample as i64 as f64 * period;
         let end = clock.time + slack(period.min(1.0), clock.time);
@@ -136,7 +134,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         let mut new = state.clone();
         let mut next = clock.sample;
         while instant(next) <= end {
-            Self::sample(p, derived, &mut new, layout, values, instant(next))
+            Self::sample(&ctx, &mut new, values, instant(next))
                 .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
             next += 1;
         }

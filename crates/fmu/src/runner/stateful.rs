@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Kind, Model, Step, StepError, Update, first_not_finite};
+use super::{Context, Kind, Model, Step, StepError, Update, first_not_finite};
 use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
 use crate::model::{Info, Stateful};
@@ -37,12 +37,8 @@ impl<M: Stateful> Model for StatefulModel<M> {
         Ok(())
     }
 
-    fn fingerprint((): &()) -> u64 {
-        0
-    }
-
-    fn begin(p: &M, (): &(), resources: &Path, _: &Layout, _: &ValueStore, _: f64) -> Result<M::Simulation, String> {
-        p.start(resources)
+    fn init(ctx: Context<'_, Self>, resources: &Path, _: &ValueStore) -> Result<M::Simulation, String> {
+        ctx.p.start(resources)
     }
 
     fn parts(_: &Layout, _: &ValueStore, _: Step) -> f64 {
@@ -50,10 +46,8 @@ impl<M: Stateful> Model for StatefulModel<M> {
     }
 
     fn step(
-        p: &M,
-        (): &(),
+        Context { p, layout, .. }: Context<'_, Self>,
         simulation: &mut M::Simulation,
-        layout: &Layout,
         values: &mut ValueStore,
         step: Step,
         _: u64,
@@ -67,15 +61,13 @@ impl<M: Stateful> Model for StatefulModel<M> {
         Ok(None)
     }
 
-    fn outputs(p: &M, (): &(), simulation: &M::Simulation, layout: &Layout, values: &mut ValueStore, _: f64) {
-        p.outputs(simulation).write(&mut values.view_mut(), layout.outputs.at);
+    fn outputs(ctx: Context<'_, Self>, simulation: &M::Simulation, values: &mut ValueStore) {
+        ctx.p.outputs(simulation).write(&mut values.view_mut(), ctx.layout.outputs.at);
     }
 
     fn handle_events(
-        _: &M,
-        (): &(),
+        _: Context<'_, Self>,
         _: &mut M::Simulation,
-        _: &Layout,
         _: &mut ValueStore,
         _: &mut Clock,
     ) -> Result<Update, StepError> {

@@ -2,7 +2,7 @@ use fmu::prelude::*;
 
 #[derive(Parameters)]
 pub struct Cart {
-    #[var(fmu::definition::MASS, start = 1.0)]
+    #[var(fmu::MASS, start = 1.0)]
     mass: f64,
 }
 

@@ -6,7 +6,7 @@ use fmu::prelude::*;
 use fmu::testing::abi::Export;
 use fmu::testing::calls::{Function, Protocol, Version};
 use fmu::testing::instance::{CallError, Instance};
-use fmu::testing::runner::Model;
+use fmu::testing::runner::{Context, Model};
 use fmu::testing::variable::Role;
 
 use crate::models::{CartPair, Fmu, Law, Sampler, error_of, reference};
@@ -182,8 +182,9 @@ fn dependencies_hold_for_every_value_of_every_parameter() {
     let set = |law| {
         let p = CartPair { law, ..Default::default() };
         let derived = M::load(&p, none).unwrap();
-        let memory = M::begin(&p, &derived, none, layout, &values, 0.0).unwrap();
-        M::dependencies(&p, &derived, &memory, layout, &values).unwrap().line(0).to_vec()
+        let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
+        let memory = M::init(ctx, none, &values).unwrap();
+        M::dependencies(ctx, &memory, &values).unwrap().line(0).to_vec()
     };
     let ground = 2;
     assert!(!set(Law::Linear).contains(&ground));

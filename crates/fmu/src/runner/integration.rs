@@ -1,0 +1,418 @@
+//! Integration of a continuous-time model over a step of the master, from event to event.
+
+use std::marker::PhantomData;
+
+use fmu_math::ode;
+
+use super::continuous::{ContinuousModel, Memory, branches, is_stiff};
+use super::{Context, MOST_PARTS, Step, StepError, first_not_finite};
+use crate::discrete_state::DiscreteState as _;
+use crate::model::{At, Continuous, Event, Solver, is_crossing};
+use crate::solver::{Keep, Problem, Scratch};
+use crate::store::ValueStore;
+use crate::variables::Variables as _;
+
+/// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
+pub(super) const MOST_EVENTS: u32 = 10_000;
+
+/// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
+type Advance<'f, 'a, M, K> = &'f mut dyn FnMut(
+    &mut Integration<'a, M, K>,
+    f64,
+    &<K as Keep<M>>::State,
+    f64,
+) -> Result<(<K as Keep<M>>::State, f64), StepError>;
+
+pub(super) const fn has_error_control(solver: Solver) -> bool {
+    matches!(solver, Solver::DormandPrince { .. } | Solver::Rosenbrock { .. })
+}
+
+/// Time of the next time event in s.
+///
+/// # Errors
+/// It is before the present time, or not a number.
+pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> Result<Option<f64>, StepError> {
+    let next = model.next_time_event(at);
+    if let Some(next) = next.filter(|next| next.is_nan() || *next < at.time) {
+        return Err(StepError::Rejected(format!(
+            "`next_time_event` must not return a time before the present one, {} s, got {next} s; count from the start \
+             (`initial_discrete_state` knows it) or from the last event",
+            at.time
+        )));
+    }
+    Ok(next)
+}
+
+/// Error of time events that repeat without end at one time.
+pub(super) fn too_many_at(time: f64) -> StepError {
+    StepError::Rejected(format!(
+        "more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns"
+    ))
+}
+
+/// Advances the state over a step of the master, and keeps states by `K`.
+struct Integration<'a, M: Continuous, K> {
+    problem: Problem<'a, M>,
+    memory: &'a mut Memory<M::DiscreteState>,
+    /// Time up to which time events were handled in s.
+    reached: f64,
+    events: u32,
+    /// Time of the first event of the step, for a message.
+    first_event: f64,
+    /// Time up to which time events were handled in this step in s.
+    handled: f64,
+    stops_at_events: bool,
+    /// Time of the event at which the step stopped in s.
+    stopped: Option<f64>,
+    keeping: PhantomData<K>,
+}
+
+/// Returns true if the model declares zero crossings or time events.
+pub(super) const fn has_events<M: Continuous>() -> bool {
+    size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
+}
+
+impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
+    /// The state after one part of the step, of `h` s, which ends at `end`.
+    fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, StepError> {
+        if !has_events::<M>() {
+            let after = self.fixed(time, &x, h);
+            self.recycle(x);
+            return Ok(after);
+        }
+        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| Ok((this.fixed(time, x, limit), limit)))
+    }
+
+    /// The state at `end`, by a solver with error control.
+    fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, StepError> {
+        let mut steps = 0_u64;
+        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
+            this.accepted(time, x, limit, tolerance, &mut steps)
+        })
+    }
+
+    /// One step that the error control accepts, at most `limit` s long.
+    fn accepted(
+        &mut self,
+        time: f64,
+        x: &K::State,
+        limit: f64,
+        tolerance: f64,
+        steps: &mut u64,
+    ) -> Result<(K::State, f64), StepError> {
+        let Self { problem, memory, .. } = self;
+        // At first a small part of the step, but not one that is lost in the rounding of the time.
+        let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
+        let proposed = if memory.proposed > 0.0 { memory.proposed } else { first };
+        // No tiny step is left over before the limit.
+        let mut h = if 1.01 * proposed >= limit { limit } else { proposed };
+        loop {
+            *steps += 1;
+            // The limit may be short: the next event, or the end of the step.
+            let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
+            if *steps as f64 > MOST_PARTS || is_too_short {
+                return Err(StepError::Rejected(format!(
+                    "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
+                )));
+            }
+            let Some(end) = K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch) else {
+                h *= 0.25;
+                continue;
+            };
+            let norm = K::error_norm(x, &end, tolerance, &memory.scratch);
+            let factor = ode::step_factor(norm);
+            if norm <= 1.0 {
+                let next = h * factor;
+                // A step cut short by the limit does not predict the following ones.
+                memory.proposed = if h < proposed { proposed.max(next) } else { next };
+                return Ok((end, h));
+            }
+            K::recycle(end, &mut memory.scratch);
+            h *= if norm.is_finite() { factor.min(0.9) } else { 0.2 };
+        }
+    }
+
+    /// Advances to `end`, from event to event.
+    fn until(
+        &mut self,
+        mut time: f64,
+        mut x: K::State,
+        end: f64,
+        advance: Advance<'_, 'a, M, K>,
+    ) -> Result<K::State, StepError> {
+        if !has_events::<M>() {
+            while time < end {
+                let limit = end - time;
+                let (after, h) = advance(self, time, &x, limit)?;
+                time = if h >= limit { end } else { time + h };
+                self.replace(&mut x, after);
+            }
+            return Ok(x);
+        }
+        self.changed_by_inputs(time, &mut x)?;
+        loop {
+            let next = K::show(&x, |x| {
+                let at = self.problem.at(self.reached, x, &self.memory.discrete);
+                next_time_event(self.problem.model, at)
+            })?;
+            let due = next.filter(|next| *next <= end);
+            // The end of the step before and the start of this one differ by rounding errors.
+            if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
+                self.reached = due;
+                self.handled = due;
+                self.event(time, &mut x, &[], &[], true)?;
+                continue;
+            }
+            if time >= end {
+                return Ok(x);
+            }
+            let target = due.unwrap_or(end);
+            let limit = target - time;
+            let (after, h) = advance(self, time, &x, limit)?;
+            let before_values = self.crossings(time, &x);
+            let after_values = self.crossings(time + h, &after);
+            let found = self.locate(time, &x, h, before_values.as_ref(), after_values.as_ref());
+            let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
+            // Rounding of `limit` must not lead past the time event.
+            let is_at_limit = (found.is_none() && h >= limit) || at >= target.min(time + limit);
+            time = if is_at_limit { target } else { at };
+            self.reached = self.reached.max(time);
+            if self.stops_at_events && (found.is_some() || (is_at_limit && due.is_some())) {
+                self.stopped = Some(time);
+                self.replace(&mut x, after);
+                if let Some((_, state, _)) = found {
+                    self.replace(&mut x, state);
+                }
+                return Ok(x);
+            }
+            match found {
+                Some((_, state, values)) => {
+                    self.recycle(after);
+                    self.replace(&mut x, state);
+                    self.event(time, &mut x, before_values.as_ref(), values.as_ref(), false)?;
+                }
+                None => {
+                    self.replace(&mut x, after);
+                    self.memory.crossings.clear();
+                    self.memory.crossings.extend_from_slice(after_values.as_ref());
+                }
+            }
+            if is_at_limit && due.is_some() {
+                self.handled = time;
+                self.event(time, &mut x, &[], &[], true)?;
+            }
+        }
+    }
+
+    /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
+    fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), StepError> {
+        let now = self.crossings(time, x);
+        let before = std::mem::take(&mut self.memory.crossings);
+        let is_changed = before.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now));
+        let result = if is_changed { self.event(time, x, &before, now.as_ref(), false) } else { Ok(()) };
+        let kept = std::mem::replace(&mut self.memory.crossings, before);
+        if is_changed {
+            self.memory.crossings = kept;
+        } else {
+            self.memory.crossings.clear();
+            self.memory.crossings.extend_from_slice(now.as_ref());
+        }
+        result
+    }
+
+    fn crossings(&self, time: f64, x: &K::State) -> Crossings<M> {
+        if size_of::<M::Crossings>() == 0 {
+            return Crossings(None);
+        }
+        let crossings =
+            K::show(x, |x| self.problem.model.zero_crossings(self.problem.at(time, x, &self.memory.discrete)));
+        Crossings(Some(crossings))
+    }
+
+    /// The first zero crossing of a step: its time, the state just after it, and the quantities there.
+    fn locate(
+        &mut self,
+        time: f64,
+        x: &K::State,
+        h: f64,
+        before: &[f64],
+        after: &[f64],
+    ) -> Option<(f64, K::State, Crossings<M>)> {
+        let crosses = |values: &[f64]| before.iter().zip(values).any(|(a, b)| is_crossing(*a, *b));
+        if !crosses(after) {
+            return None;
+        }
+        // Bisection: no crossing up to `low`, one up to `high`. Every point is one step from the start of the interval.
+        let (mut low, mut high) = (0.0, h);
+        let mut found = None;
+        for _ in 0..64 {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high || high - low <= f64::EPSILON * (time.abs() + h) {
+                break;
+            }
+            let state = self.single(time, x, middle)?;
+            let values = self.crossings(time + middle, &state);
+            if crosses(values.as_ref()) {
+                high = middle;
+                if let Some((before, _)) = found.replace((state, values)) {
+                    self.recycle(before);
+                }
+            } else {
+                low = middle;
+                self.recycle(state);
+            }
+        }
+        let (state, values) = match found {
+            Some(found) => found,
+            None => {
+                let state = self.single(time, x, high)?;
+                let values = self.crossings(time + high, &state);
+                (state, values)
+            }
+        };
+        Some((time + high, state, values))
+    }
+
+    /// The state after one step of the solver, whatever its error.
+    fn single(&mut self, time: f64, x: &K::State, h: f64) -> Option<K::State> {
+        if has_error_control(M::SOLVER) {
+            let Self { problem, memory, .. } = self;
+            K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch)
+        } else {
+            Some(self.fixed(time, x, h))
+        }
+    }
+
+    /// The state after one step of fixed length.
+    #[inline]
+    fn fixed(&mut self, time: f64, x: &K::State, h: f64) -> K::State {
+        let Self { problem, memory, .. } = self;
+        K::fixed(problem, time, x, &memory.discrete, h, &mut memory.scratch)
+    }
+
+    /// Replaces a state by another.
+    #[inline]
+    fn replace(&mut self, x: &mut K::State, after: K::State) {
+        self.recycle(std::mem::replace(x, after));
+    }
+
+    #[inline]
+    fn recycle(&mut self, x: K::State) {
+        K::recycle(x, &mut self.memory.scratch);
+    }
+
+    fn event(
+        &mut self,
+        time: f64,
+        x: &mut K::State,
+        before: &[f64],
+        after: &[f64],
+        is_timed: bool,
+    ) -> Result<(), StepError> {
+        if self.events == 0 {
+            self.first_event = time;
+            self.memory.before_events = Some(self.memory.discrete.clone());
+        }
+        self.events += 1;
+        if self.events > MOST_EVENTS && is_timed && time <= self.first_event {
+            return Err(too_many_at(time));
+        }
+        if self.events > MOST_EVENTS {
+            return Err(StepError::Rejected(format!(
+                "more than {MOST_EVENTS} events between {} s and {time} s; let the model come to rest, or use shorter steps",
+                self.first_event
+            )));
+        }
+        let Self { problem: Problem { model, inputs, derived }, memory, .. } = self;
+        let Memory { discrete, scratch, .. } = &mut **memory;
+        K::change(x, |state| {
+            model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
+        });
+        scratch.forget_structure();
+        // The solution has a corner: the proposed step of the solver is not valid any more.
+        self.memory.proposed = 0.0;
+        let values = self.crossings(time, x);
+        self.memory.crossings.clear();
+        self.memory.crossings.extend_from_slice(values.as_ref());
+        match self.memory.discrete.not_finite() {
+            Some((name, value)) => Err(StepError::StateNotFinite { name, value, time }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The quantities whose zero crossings are events.
+struct Crossings<M: Continuous>(Option<M::Crossings>);
+
+impl<M: Continuous> Crossings<M> {
+    fn as_ref(&self) -> &[f64] {
+        self.0.as_ref().map_or(&[], AsRef::as_ref)
+    }
+}
+
+impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
+    /// Advances the states. If that fails, the values are kept, and the discrete state is the one at the failure.
+    #[inline]
+    pub(super) fn advance<K: Keep<M>>(
+        ctx: Context<'_, Self>,
+        memory: &mut Memory<M::DiscreteState>,
+        values: &mut ValueStore,
+        step: Step,
+        parts: u64,
+    ) -> Result<Option<f64>, StepError> {
+        let Context { p, derived, layout, .. } = ctx;
+        if memory.scratch.is_missing::<M>() {
+            memory.scratch = Scratch::new::<M>(layout);
+        }
+        if is_stiff::<M>() {
+            let branches = branches(layout, values, &memory.discrete);
+            if std::mem::replace(&mut memory.scratch.branches, branches) != branches {
+                memory.scratch.forget_structure();
+            }
+        }
+        let u = M::Inputs::read(values.view(), layout.inputs.at);
+        let before = K::load(values.view(), layout.states.at, &mut memory.scratch);
+        let mut x = K::copy(&before, &mut memory.scratch);
+        let problem = Problem { model: p, inputs: &u, derived };
+        let end = step.time + step.step;
+        let mut integration = Integration::<M, K> {
+            problem,
+            memory,
+            reached: step.reached,
+            events: 0,
+            first_event: 0.0,
+            handled: step.reached,
+            stops_at_events: step.stops_at_events,
+            stopped: None,
+            keeping: PhantomData,
+        };
+        if has_error_control(M::SOLVER) {
+            let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
+            x = integration.controlled(step.time, x, end, tolerance)?;
+        } else {
+            let h = step.step / parts as f64;
+            for part in 0..parts {
+                // Each part ends where the next one starts, so that no time event is between them.
+                let start = |part: u64| step.time + part as f64 * h;
+                let end = if part + 1 == parts { end } else { start(part + 1) };
+                x = integration.part(start(part), x, h, end)?;
+                if has_events::<M>() && integration.stopped.is_some() {
+                    break;
+                }
+            }
+        }
+        let (stopped, handled) = (integration.stopped, integration.handled);
+        if has_events::<M>()
+            && let Some(exchange) = &mut memory.exchange
+        {
+            exchange.handled = if stopped.is_some() { handled } else { end };
+            exchange.announced = stopped.unwrap_or(f64::INFINITY);
+        }
+        K::store(&x, &mut values.view_mut(), layout.states.at);
+        first_not_finite(&values.reals, layout.states.reals(), end)
+            .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
+        K::recycle(x, &mut memory.scratch);
+        K::recycle(before, &mut memory.scratch);
+        Ok(stopped)
+    }
+}
