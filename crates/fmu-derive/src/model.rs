@@ -533,9 +533,9 @@ impl<'a> Packed<'a> {
         let has = |interface: &str| self.interfaces.contains(&interface);
         let (co_simulation, model_exchange) = (has("cs"), has("me"));
         let interfaces = self.interfaces.iter().map(|name| Ident::new(name, Span::call_site()));
-        let (version, macro_name) = match self.version {
-            3 => (quote!(Fmi3), quote!(c_interface_of_fmi3)),
-            _ => (quote!(Fmi2), quote!(c_interface_of_fmi2)),
+        let (version, symbols) = match self.version {
+            3 => (quote!(Fmi3), quote!(#root::c_interface_of_fmi3!(#model);)),
+            _ => (quote!(Fmi2), quote!(#root::c_interface_of_fmi2!(#model: #(#interfaces)*);)),
         };
         let facts = quote! {
             const GUID: ::core::option::Option<&'static str> = Some(#guid);
@@ -549,7 +549,7 @@ impl<'a> Packed<'a> {
                 arrays: #arrays,
             };
         };
-        (quote!(#root::#macro_name!(#model: #(#interfaces)*);), facts, model_exchange)
+        (symbols, facts, model_exchange)
     }
 }
 

@@ -29,6 +29,7 @@ mod common;
 mod float_environment;
 pub mod fmi2;
 pub mod fmi3;
+mod values;
 
 /// fmi2Status and fmi3Status, as far as FMUs of this exporter return it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -335,6 +336,18 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
         E::library().lock().text.insert(text).as_ptr()
     };
     catch_unwind(text).unwrap_or(std::ptr::null())
+}
+
+/// Functions of the C interface that call a function for the model.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! c_functions {
+    ($model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
+            unsafe { $target::<$model>(component $(, $argument)*) }
+        }
+    )*};
 }
 
 /// Content of every library that the packer builds, whatever its interfaces.

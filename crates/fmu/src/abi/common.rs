@@ -213,7 +213,7 @@ pub unsafe fn serialized_fmu_state_size<E: Export>(component: Component, state: 
 pub unsafe fn serialize_fmu_state<E: Export>(
     component: Component,
     state: FmuState,
-    bytes: *mut c_char,
+    bytes: *mut impl Sized,
     size: size_t,
 ) -> Status {
     let function = Function::SerializeFMUstate;
@@ -234,7 +234,7 @@ pub unsafe fn serialize_fmu_state<E: Export>(
 /// fmi2DeSerializeFMUstate.
 pub unsafe fn deserialize_fmu_state<E: Export>(
     component: Component,
-    bytes: *const c_char,
+    bytes: *const impl Sized,
     size: size_t,
     state: *mut FmuState,
 ) -> Status {
@@ -320,4 +320,22 @@ pub unsafe fn get_nominals_of_continuous_states<E: Export>(
 ) -> Status {
     let function = Function::GetNominalsOfContinuousStates;
     unsafe { fill::<E>(component, function, "x_nominal", values, count, |i, v| i.nominals(v)) }
+}
+
+/// fmi2CompletedIntegratorStep: no step ends with an event that the indicators do not show.
+pub unsafe fn completed_integrator_step<E: Export>(
+    component: Component,
+    _no_set_before: impl Copy,
+    enter_event_mode: *mut impl From<bool>,
+    terminate: *mut impl From<bool>,
+) -> Status {
+    let function = Function::CompletedIntegratorStep;
+    unsafe {
+        call::<E>(component, function, |_| {
+            let event = target::<E, _>(function, "enterEventMode", enter_event_mode)?;
+            let end = target::<E, _>(function, "terminateSimulation", terminate)?;
+            (*event, *end) = (false.into(), false.into());
+            Ok(())
+        })
+    }
 }

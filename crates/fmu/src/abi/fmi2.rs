@@ -1,19 +1,18 @@
 //! The functions of FMI 2.0.
 
-use std::ffi::{CStr, CString};
+use std::ffi::CString;
 use std::path::PathBuf;
 
 use super::c::{c_char, c_int, c_uint, c_void, size_t};
 pub use super::common::{
-    deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode, exit_initialization_mode, free_fmu_state,
-    free_instance, get_continuous_states, get_derivatives, get_event_indicators, get_fmu_state,
-    get_nominals_of_continuous_states, reset, serialize_fmu_state, serialized_fmu_state_size, set_continuous_states,
-    set_fmu_state, set_time, terminate,
+    completed_integrator_step, deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode,
+    exit_initialization_mode, free_fmu_state, free_instance, get_continuous_states, get_derivatives,
+    get_event_indicators, get_fmu_state, get_nominals_of_continuous_states, reset, serialize_fmu_state,
+    serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
-use super::{
-    Component, Export, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text,
-};
+use super::values::{self, List};
+use super::{Component, Export, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text};
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::{CallError, Instance};
@@ -158,156 +157,28 @@ pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Stat
     unsafe { call::<E>(component, Function::EnterInitializationMode, |h| h.instance.enter_initialization()) }
 }
 
-/// fmi2GetReal.
-pub unsafe fn get_real<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut f64,
-) -> Status {
-    let function = Function::GetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            h.instance.get_real(references, array_mut::<E, _>(function, "value", values, count)?)
-        })
-    }
+macro_rules! values {
+    ($($name:ident $type:ty;)*) => {$(
+        #[doc = concat!("See [`values::", stringify!($name), "`].")]
+        pub unsafe fn $name<E: Export>(
+            component: Component,
+            references: *const ValueReference,
+            count: size_t,
+            values: $type,
+        ) -> Status {
+            unsafe { values::$name::<E>(component, List { references, count, values, value_count: count }) }
+        }
+    )*};
 }
-
-/// fmi2GetInteger.
-pub unsafe fn get_integer<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut c_int,
-) -> Status {
-    unsafe {
-        get(component, Function::GetInteger, references, count, values, |h: &mut Handle<E>, r| {
-            h.instance.get_integer(r)
-        })
-    }
-}
-
-/// fmi2GetBoolean.
-pub unsafe fn get_boolean<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut Boolean,
-) -> Status {
-    unsafe {
-        get(component, Function::GetBoolean, references, count, values, |h: &mut Handle<E>, r| {
-            h.instance.get_boolean(r).map(Boolean::from)
-        })
-    }
-}
-
-/// fmi2GetString. The strings live until a string is set, a state is restored, or the instance is reset or freed.
-pub unsafe fn get_string<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut *const c_char,
-) -> Status {
-    unsafe {
-        get(component, Function::GetString, references, count, values, |h: &mut Handle<E>, r| {
-            h.instance.get_string(r).map(CStr::as_ptr)
-        })
-    }
-}
-
-/// Values of a type that is not real; all references are checked before the first value is written.
-unsafe fn get<E: Export, V>(
-    component: Component,
-    function: Function,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut V,
-    one: impl Fn(&mut Handle<E>, ValueReference) -> Result<V, CallError>,
-) -> Status {
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            let values = array_mut::<E, _>(function, "value", values, count)?;
-            references.iter().try_for_each(|&reference| one(h, reference).map(drop))?;
-            for (value, &reference) in values.iter_mut().zip(references) {
-                *value = one(h, reference)?;
-            }
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SetReal.
-pub unsafe fn set_real<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const f64,
-) -> Status {
-    let function = Function::SetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            h.instance.set_real(references, array::<E, _>(function, "value", values, count)?)
-        })
-    }
-}
-
-/// fmi2SetInteger.
-pub unsafe fn set_integer<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const c_int,
-) -> Status {
-    let function = Function::SetInteger;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            h.instance.set_integer(references, array::<E, _>(function, "value", values, count)?)
-        })
-    }
-}
-
-/// fmi2SetBoolean; any number but 0 is true.
-pub unsafe fn set_boolean<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const Boolean,
-) -> Status {
-    let function = Function::SetBoolean;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            let values: Vec<_> =
-                array::<E, _>(function, "value", values, count)?.iter().map(|&value| value != 0).collect();
-            h.instance.set_boolean(references, &values)
-        })
-    }
-}
-
-/// fmi2SetString.
-pub unsafe fn set_string<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const *const c_char,
-) -> Status {
-    let function = Function::SetString;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            let texts: Result<Vec<_>, _> = array::<E, _>(function, "value", values, count)?
-                .iter()
-                .map(|&value| {
-                    text(value).map(str::to_owned).map_err(|e| error::<E>(function, &format!("a value is {e}")))
-                })
-                .collect();
-            h.instance.set_string(references, &texts?)
-        })
-    }
+values! {
+    get_real *mut f64;
+    set_real *const f64;
+    get_integer *mut c_int;
+    set_integer *const c_int;
+    get_boolean *mut Boolean;
+    set_boolean *const Boolean;
+    get_string *mut *const c_char;
+    set_string *const *const c_char;
 }
 
 /// fmi2GetDirectionalDerivative.
@@ -461,38 +332,13 @@ pub unsafe fn new_discrete_states<E: Export>(component: Component, info: *mut Ev
     }
 }
 
-/// fmi2CompletedIntegratorStep: no step ends with an event that the indicators do not show.
-pub unsafe fn completed_integrator_step<E: Export>(
-    component: Component,
-    _no_set_before: Boolean,
-    enter_event_mode: *mut Boolean,
-    terminate: *mut Boolean,
-) -> Status {
-    let function = Function::CompletedIntegratorStep;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let event = target::<E, _>(function, "enterEventMode", enter_event_mode)?;
-            let end = target::<E, _>(function, "terminateSimulation", terminate)?;
-            h.instance.completed_integrator_step()?;
-            (*event, *end) = (0, 0);
-            Ok(())
-        })
-    }
-}
-
 /// The C interface of a model by FMI 2.0, with the functions of co-simulation (`cs`), model exchange (`me`) or both.
 /// [`model`](macro@crate::model) adds it where `cargo fmu pack` requests it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi2 {
-    (@functions $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
-            unsafe { $target::<$model>(component $(, $argument)*) }
-        }
-    )*};
     (@cs $model:ty) => {
-        $crate::c_interface_of_fmi2! { @functions $model:
+        $crate::c_functions! { $model:
             fmi2SetRealInputDerivatives set_real_input_derivatives (vr: *const ValueReference, n: size_t, order: *const c_int, value: *const f64);
             fmi2GetRealOutputDerivatives get_real_output_derivatives (vr: *const ValueReference, n: size_t, order: *const c_int, value: *mut f64);
             fmi2DoStep do_step (time: f64, step: f64, no_set_before: Boolean);
@@ -505,7 +351,7 @@ macro_rules! c_interface_of_fmi2 {
         }
     };
     (@me $model:ty) => {
-        $crate::c_interface_of_fmi2! { @functions $model:
+        $crate::c_functions! { $model:
             fmi2EnterEventMode enter_event_mode ();
             fmi2NewDiscreteStates new_discrete_states (info: *mut EventInfo);
             fmi2EnterContinuousTimeMode enter_continuous_time_mode ();
@@ -554,7 +400,7 @@ macro_rules! c_interface_of_fmi2 {
             ) -> Component {
                 unsafe { instantiate::<$model>(name, fmu_type, guid, resources, callbacks, visible, logging_on) }
             }
-            $crate::c_interface_of_fmi2! { @functions $model:
+            $crate::c_functions! { $model:
                 fmi2SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
                 fmi2SetupExperiment setup_experiment (with_tolerance: Boolean, tolerance: f64, start: f64, with_stop: Boolean, stop: f64);
                 fmi2EnterInitializationMode enter_initialization_mode ();

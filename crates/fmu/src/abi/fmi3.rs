@@ -1,22 +1,23 @@
 //! The functions of FMI 3.0. All must be exported; those of interfaces and types that the FMU does not have return errors.
 
-use std::ffi::{CStr, CString};
+use std::ffi::CString;
 use std::path::PathBuf;
 
 use super::c::{c_char, c_int, c_uint, c_void, size_t};
 pub use super::common::{
-    enter_continuous_time_mode, enter_event_mode, exit_initialization_mode, free_fmu_state, free_instance,
-    get_continuous_states, get_derivatives, get_event_indicators, get_fmu_state, get_nominals_of_continuous_states,
-    reset, serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
+    completed_integrator_step, deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode,
+    exit_initialization_mode, free_fmu_state, free_instance, get_continuous_states, get_derivatives,
+    get_event_indicators, get_fmu_state, get_nominals_of_continuous_states, reset, serialize_fmu_state,
+    serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
+use super::values::{self, List, check_count, elements};
 use super::{
-    Component, Export, FmuState, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error,
-    target, text,
+    Component, Export, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text,
 };
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
-use crate::instance::{CallError, Instance};
+use crate::instance::Instance;
 use crate::runner::Model;
 
 /// fmi3Boolean, a `bool` of C; every number but 0 is true.
@@ -49,15 +50,26 @@ pub struct Arguments {
     pub logger: Option<Logger>,
 }
 
+impl Arguments {
+    fn log(&self, wants_all: bool) -> Log {
+        let logger = self.logger.map(|logger| AnyLogger::Fmi3(logger, self.environment));
+        Log { logger, name: CString::default(), wanted: [wants_all; LOG_CATEGORIES.len()] }
+    }
+
+    /// Logs the reason that there is no instance.
+    unsafe fn reject<E: Export>(self, function: &str, message: &str) -> Component {
+        unsafe { common::create::<E>(function, self.log(true), self.name, || Err(message.to_owned())) }
+    }
+}
+
 unsafe fn instantiate<E: Export>(
     function: &str,
     arguments: Arguments,
     interface: Interface,
     with_event_mode: bool,
 ) -> Component {
-    let Arguments { name, token, resources, logging_on, environment, logger } = arguments;
-    let logger = logger.map(|logger| AnyLogger::Fmi3(logger, environment));
-    let log = Log { logger, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
+    let Arguments { name, token, resources, logging_on, .. } = arguments;
+    let log = arguments.log(logging_on != 0);
     // SAFETY: strings of the caller.
     unsafe {
         common::create::<E>(function, log, name, || {
@@ -95,13 +107,8 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
 ) -> Component {
     const NAME: &str = "fmi3InstantiateCoSimulation";
     if intermediate_variables > 0 {
-        let log = Log {
-            logger: arguments.logger.map(|logger| AnyLogger::Fmi3(logger, arguments.environment)),
-            name: CString::default(),
-            wanted: [true; LOG_CATEGORIES.len()],
-        };
-        let message = "requiredIntermediateVariables must be empty, there is no intermediate update".to_owned();
-        return unsafe { common::create::<E>(NAME, log, arguments.name, || Err(message)) };
+        let message = "requiredIntermediateVariables must be empty, there is no intermediate update";
+        return unsafe { arguments.reject::<E>(NAME, message) };
     }
     let with_events = event_mode != 0;
     let component = unsafe { instantiate::<E>(NAME, arguments, Interface::CoSimulation, with_events) };
@@ -114,11 +121,8 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
 
 /// fmi3InstantiateScheduledExecution: not provided.
 pub unsafe fn instantiate_scheduled_execution<E: Export>(arguments: Arguments) -> Component {
-    let Arguments { name, environment, logger, .. } = arguments;
-    let logger = logger.map(|logger| AnyLogger::Fmi3(logger, environment));
-    let log = Log { logger, name: CString::default(), wanted: [true; LOG_CATEGORIES.len()] };
-    let message = "this FMU does not provide scheduled execution".to_owned();
-    unsafe { common::create::<E>("fmi3InstantiateScheduledExecution", log, name, || Err(message)) }
+    let message = "this FMU does not provide scheduled execution";
+    unsafe { arguments.reject::<E>("fmi3InstantiateScheduledExecution", message) }
 }
 
 /// fmi3SetDebugLogging.
@@ -151,229 +155,31 @@ pub unsafe fn enter_initialization_mode<E: Export>(
     }
 }
 
-/// Rejects arrays whose length is not the number of values of the variables.
-fn check_count<E: Export>(function: Function, expected: usize, count: usize) -> Result<(), CallError> {
-    if expected == count {
-        return Ok(());
-    }
-    Err(error::<E>(function, &format!("the variables have {expected} values, nValues is {count}")))
+macro_rules! values {
+    ($($name:ident $type:ty, $shared:ident;)*) => {$(
+        #[doc = concat!("See [`values::", stringify!($shared), "`].")]
+        pub unsafe fn $name<E: Export>(
+            component: Component,
+            references: *const ValueReference,
+            count: size_t,
+            values: $type,
+            value_count: size_t,
+        ) -> Status {
+            unsafe { values::$shared::<E>(component, List { references, count, values, value_count }) }
+        }
+    )*};
 }
-
-/// The value references of all elements of the variables.
-unsafe fn elements<E: Export>(
-    h: &mut Handle<E>,
-    function: Function,
-    references: *const ValueReference,
-    count: size_t,
-) -> Result<(&[ValueReference], &mut Instance<E::Model>), CallError> {
-    let references = unsafe { array::<E, _>(function, "valueReferences", references, count) }?;
-    if !E::FORMAT.arrays {
-        return Ok((references, &mut h.instance));
-    }
-    h.elements.clear();
-    for &reference in references {
-        let length = h.instance.length_of(reference);
-        // An unknown reference is kept, and is rejected later.
-        h.elements.extend((0..length.max(1)).map(|i| reference.wrapping_add(i)));
-    }
-    Ok((&h.elements, &mut h.instance))
-}
-
-/// fmi3GetFloat64.
-pub unsafe fn get_float64<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut f64,
-    value_count: size_t,
-) -> Status {
-    let function = Function::GetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array_mut::<E, _>(function, "values", values, value_count)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            instance.get_float64(references, values)
-        })
-    }
-}
-
-/// fmi3SetFloat64.
-pub unsafe fn set_float64<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const f64,
-    value_count: size_t,
-) -> Status {
-    let function = Function::SetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array::<E, _>(function, "values", values, value_count)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            instance.set_real(references, values)
-        })
-    }
-}
-
-/// Values of a type that is not real; all references are checked before the first value is written.
-unsafe fn get<E: Export, V>(
-    component: Component,
-    function: Function,
-    references: *const ValueReference,
-    count: size_t,
-    values: (*mut V, size_t),
-    one: impl Fn(&mut Instance<E::Model>, ValueReference) -> Result<V, CallError>,
-) -> Status {
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array_mut::<E, _>(function, "values", values.0, values.1)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            references.iter().try_for_each(|&reference| one(instance, reference).map(drop))?;
-            for (value, &reference) in values.iter_mut().zip(references) {
-                *value = one(instance, reference)?;
-            }
-            Ok(())
-        })
-    }
-}
-
-/// fmi3GetInt32.
-pub unsafe fn get_int32<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut i32,
-    value_count: size_t,
-) -> Status {
-    let function = Function::GetInteger;
-    let one = |i: &mut Instance<E::Model>, r| i.check_integer(function, r).and_then(|()| i.get_integer(r));
-    unsafe { get::<E, _>(component, function, references, count, (values, value_count), one) }
-}
-
-/// fmi3GetInt64, for enumerations.
-pub unsafe fn get_int64<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut i64,
-    value_count: size_t,
-) -> Status {
-    let function = Function::GetInt64;
-    let one =
-        |i: &mut Instance<E::Model>, r| i.check_integer(function, r).and_then(|()| i.get_integer(r)).map(i64::from);
-    unsafe { get::<E, _>(component, function, references, count, (values, value_count), one) }
-}
-
-/// fmi3GetBoolean.
-pub unsafe fn get_boolean<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut Boolean,
-    value_count: size_t,
-) -> Status {
-    let one = |i: &mut Instance<E::Model>, r| i.get_boolean(r).map(Boolean::from);
-    unsafe { get::<E, _>(component, Function::GetBoolean, references, count, (values, value_count), one) }
-}
-
-/// fmi3GetString. The strings live until a string is set, a state is restored, or the instance is reset or freed.
-pub unsafe fn get_string<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut *const c_char,
-    value_count: size_t,
-) -> Status {
-    let one = |i: &mut Instance<E::Model>, r| i.get_string(r).map(CStr::as_ptr);
-    unsafe { get::<E, _>(component, Function::GetString, references, count, (values, value_count), one) }
-}
-
-/// fmi3SetInt32.
-pub unsafe fn set_int32<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const i32,
-    value_count: size_t,
-) -> Status {
-    let function = Function::SetInteger;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array::<E, _>(function, "values", values, value_count)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
-            instance.set_integer(references, values)
-        })
-    }
-}
-
-/// fmi3SetInt64, for enumerations.
-pub unsafe fn set_int64<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const i64,
-    value_count: size_t,
-) -> Status {
-    let function = Function::SetInt64;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array::<E, _>(function, "values", values, value_count)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
-            // A value that does not fit is not one of an enumeration.
-            let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
-            instance.set_integer_by(function, references, &values)
-        })
-    }
-}
-
-/// fmi3SetBoolean.
-pub unsafe fn set_boolean<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const Boolean,
-    value_count: size_t,
-) -> Status {
-    let function = Function::SetBoolean;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array::<E, _>(function, "values", values, value_count)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            let values: Vec<_> = values.iter().map(|&value| value != 0).collect();
-            instance.set_boolean(references, &values)
-        })
-    }
-}
-
-/// fmi3SetString.
-pub unsafe fn set_string<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const *const c_char,
-    value_count: size_t,
-) -> Status {
-    let function = Function::SetString;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let values = array::<E, _>(function, "values", values, value_count)?;
-            let (references, instance) = elements(h, function, references, count)?;
-            check_count::<E>(function, references.len(), values.len())?;
-            let to_text = |&value: &*const c_char| {
-                text(value).map(str::to_owned).map_err(|e| error::<E>(function, &format!("a value is {e}")))
-            };
-            let texts: Result<Vec<_>, _> = values.iter().map(to_text).collect();
-            instance.set_string(references, &texts?)
-        })
-    }
+values! {
+    get_float64 *mut f64, get_real;
+    set_float64 *const f64, set_real;
+    get_int32 *mut c_int, get_integer;
+    set_int32 *const c_int, set_integer;
+    get_int64 *mut i64, get_int64;
+    set_int64 *const i64, set_int64;
+    get_boolean *mut Boolean, get_boolean;
+    set_boolean *const Boolean, set_boolean;
+    get_string *mut *const c_char, get_string;
+    set_string *const *const c_char, set_string;
 }
 
 /// Functions for types that no variable has: valid for empty lists only.
@@ -391,26 +197,6 @@ pub unsafe fn no_variables<E: Export>(component: Component, function: Function, 
 /// Functions of capabilities that no FMU of this exporter has.
 pub unsafe fn not_provided<E: Export>(component: Component, function: Function) -> Status {
     unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not provided (see the model description)"))) }
-}
-
-/// fmi3SerializeFMUState.
-pub unsafe fn serialize_fmu_state<E: Export>(
-    component: Component,
-    state: FmuState,
-    bytes: *mut u8,
-    size: size_t,
-) -> Status {
-    unsafe { common::serialize_fmu_state::<E>(component, state, bytes.cast(), size) }
-}
-
-/// fmi3DeserializeFMUState.
-pub unsafe fn deserialize_fmu_state<E: Export>(
-    component: Component,
-    bytes: *const u8,
-    size: size_t,
-    state: *mut FmuState,
-) -> Status {
-    unsafe { common::deserialize_fmu_state::<E>(component, bytes.cast(), size, state) }
 }
 
 /// Arrays of a directional or adjoint derivative.
@@ -489,25 +275,6 @@ pub unsafe fn evaluate_discrete_states<E: Export>(component: Component) -> Statu
     unsafe { call::<E>(component, Function::EvaluateDiscreteStates, |_| Ok(())) }
 }
 
-/// fmi3CompletedIntegratorStep: no step ends with an event that the indicators do not show.
-pub unsafe fn completed_integrator_step<E: Export>(
-    component: Component,
-    _no_set_before: Boolean,
-    enter_event_mode: *mut Boolean,
-    terminate: *mut Boolean,
-) -> Status {
-    let function = Function::CompletedIntegratorStep;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let event = target::<E, _>(function, "enterEventMode", enter_event_mode)?;
-            let end = target::<E, _>(function, "terminateSimulation", terminate)?;
-            h.instance.completed_integrator_step()?;
-            (*event, *end) = (0, 0);
-            Ok(())
-        })
-    }
-}
-
 /// fmi3GetNumberOfEventIndicators.
 pub unsafe fn get_number_of_event_indicators<E: Export>(component: Component, count: *mut size_t) -> Status {
     let function = Function::GetNumberOfEventIndicators;
@@ -570,18 +337,12 @@ pub unsafe fn do_step<E: Export>(
     }
 }
 
-/// The C interface of a model by FMI 3.0. All functions are exported; those of an interface that is not among `cs` and `me`
-/// return errors, because no instance of it can be made. [`model`](macro@crate::model) adds it where `cargo fmu pack` requests
+/// The C interface of a model by FMI 3.0. All functions are exported; those of an interface that the FMU does not provide return
+/// errors, because no instance of it can be made. [`model`](macro@crate::model) adds it where `cargo fmu pack` requests
 /// it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {
-    (@functions $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
-            unsafe { $target::<$model>(component $(, $argument)*) }
-        }
-    )*};
     (@values $model:ty: $($name:ident $target:ident $type:ty;)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
@@ -611,48 +372,34 @@ macro_rules! c_interface_of_fmi3 {
             unsafe { not_provided::<$model>(component, $crate::__private::calls::Function::$function) }
         }
     )*};
-    (@cs $model:ty) => {
-        $crate::c_interface_of_fmi3! { @functions $model:
-            fmi3DoStep do_step (time: f64, step: f64, no_set_before: Boolean, event: *mut Boolean, terminate: *mut Boolean, early: *mut Boolean, last: *mut f64);
+    (@of $interface:ident $model:ty: $($name:ident $target:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
+            if <$model as $crate::__private::Export>::FORMAT.interfaces.$interface {
+                unsafe { $target::<$model>(component $(, $argument)*) }
+            } else {
+                unsafe { not_provided::<$model>(component, $crate::__private::calls::Function::$function) }
+            }
         }
-    };
-    (@no_cs $model:ty) => {
-        $crate::c_interface_of_fmi3! { @not $model:
-            fmi3DoStep DoStep (_time: f64, _step: f64, _no_set_before: Boolean, _event: *mut Boolean, _terminate: *mut Boolean, _early: *mut Boolean, _last: *mut f64);
+    )*};
+    (@derivative $model:ty: $($name:ident $function:ident;)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(
+            component: Component,
+            unknowns: *const ValueReference,
+            unknown_count: size_t,
+            knowns: *const ValueReference,
+            known_count: size_t,
+            seed: *const f64,
+            seed_count: size_t,
+            result: *mut f64,
+            result_count: size_t,
+        ) -> Status {
+            let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
+            unsafe { get_derivative::<$model>(component, $crate::__private::calls::Function::$function, arrays) }
         }
-    };
-    (@me $model:ty) => {
-        $crate::c_interface_of_fmi3! { @functions $model:
-            fmi3EnterContinuousTimeMode enter_continuous_time_mode ();
-            fmi3CompletedIntegratorStep completed_integrator_step (no_set_before: Boolean, enter_event_mode: *mut Boolean, terminate: *mut Boolean);
-            fmi3SetTime set_time (time: f64);
-            fmi3SetContinuousStates set_continuous_states (x: *const f64, n: size_t);
-            fmi3GetContinuousStateDerivatives get_derivatives (value: *mut f64, n: size_t);
-            fmi3GetEventIndicators get_event_indicators (value: *mut f64, n: size_t);
-            fmi3GetContinuousStates get_continuous_states (x: *mut f64, n: size_t);
-            fmi3GetNominalsOfContinuousStates get_nominals_of_continuous_states (value: *mut f64, n: size_t);
-            fmi3GetNumberOfEventIndicators get_number_of_event_indicators (n: *mut size_t);
-            fmi3GetNumberOfContinuousStates get_number_of_continuous_states (n: *mut size_t);
-        }
-    };
-    (@no_me $model:ty) => {
-        $crate::c_interface_of_fmi3! { @not $model:
-            fmi3EnterContinuousTimeMode EnterContinuousTimeMode ();
-            fmi3CompletedIntegratorStep CompletedIntegratorStep (_no_set_before: Boolean, _enter_event_mode: *mut Boolean, _terminate: *mut Boolean);
-            fmi3SetTime SetTime (_time: f64);
-            fmi3SetContinuousStates SetContinuousStates (_x: *const f64, _n: size_t);
-            fmi3GetContinuousStateDerivatives GetDerivatives (_value: *mut f64, _n: size_t);
-            fmi3GetEventIndicators GetEventIndicators (_value: *mut f64, _n: size_t);
-            fmi3GetContinuousStates GetContinuousStates (_x: *mut f64, _n: size_t);
-            fmi3GetNominalsOfContinuousStates GetNominalsOfContinuousStates (_value: *mut f64, _n: size_t);
-            fmi3GetNumberOfEventIndicators GetNumberOfEventIndicators (_n: *mut size_t);
-            fmi3GetNumberOfContinuousStates GetNumberOfContinuousStates (_n: *mut size_t);
-        }
-    };
-    (@interfaces $model:ty: cs me) => { $crate::c_interface_of_fmi3! { @cs $model } $crate::c_interface_of_fmi3! { @me $model } };
-    (@interfaces $model:ty: cs) => { $crate::c_interface_of_fmi3! { @cs $model } $crate::c_interface_of_fmi3! { @no_me $model } };
-    (@interfaces $model:ty: me) => { $crate::c_interface_of_fmi3! { @no_cs $model } $crate::c_interface_of_fmi3! { @me $model } };
-    ($model:ty: $($interface:ident)*) => {
+    )*};
+    ($model:ty) => {
         #[doc(hidden)]
         #[allow(unsafe_code, non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
         pub mod c_interface {
@@ -720,39 +467,11 @@ macro_rules! c_interface_of_fmi3 {
                 let arguments = Arguments { name, token, resources, logging_on, environment, logger };
                 unsafe { instantiate_scheduled_execution::<$model>(arguments) }
             }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi3GetDirectionalDerivative(
-                component: Component,
-                unknowns: *const ValueReference,
-                unknown_count: size_t,
-                knowns: *const ValueReference,
-                known_count: size_t,
-                seed: *const f64,
-                seed_count: size_t,
-                result: *mut f64,
-                result_count: size_t,
-            ) -> Status {
-                let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
-                let function = $crate::__private::calls::Function::GetDirectionalDerivative;
-                unsafe { get_derivative::<$model>(component, function, arrays) }
+            $crate::c_interface_of_fmi3! { @derivative $model:
+                fmi3GetDirectionalDerivative GetDirectionalDerivative;
+                fmi3GetAdjointDerivative GetAdjointDerivative;
             }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi3GetAdjointDerivative(
-                component: Component,
-                unknowns: *const ValueReference,
-                unknown_count: size_t,
-                knowns: *const ValueReference,
-                known_count: size_t,
-                seed: *const f64,
-                seed_count: size_t,
-                result: *mut f64,
-                result_count: size_t,
-            ) -> Status {
-                let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
-                let function = $crate::__private::calls::Function::GetAdjointDerivative;
-                unsafe { get_derivative::<$model>(component, function, arrays) }
-            }
-            $crate::c_interface_of_fmi3! { @functions $model:
+            $crate::c_functions! { $model:
                 fmi3SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
                 fmi3EnterInitializationMode enter_initialization_mode (with_tolerance: Boolean, tolerance: f64, start: f64, with_stop: Boolean, stop: f64);
                 fmi3ExitInitializationMode exit_initialization_mode ();
@@ -817,7 +536,21 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3ExitConfigurationMode ExitConfigurationMode ();
                 fmi3ActivateModelPartition ActivateModelPartition (_clock: ValueReference, _time: f64);
             }
-            $crate::c_interface_of_fmi3! { @interfaces $model: $($interface)* }
+            $crate::c_interface_of_fmi3! { @of co_simulation $model:
+                fmi3DoStep do_step DoStep (time: f64, step: f64, no_set_before: Boolean, event: *mut Boolean, terminate: *mut Boolean, early: *mut Boolean, last: *mut f64);
+            }
+            $crate::c_interface_of_fmi3! { @of model_exchange $model:
+                fmi3EnterContinuousTimeMode enter_continuous_time_mode EnterContinuousTimeMode ();
+                fmi3CompletedIntegratorStep completed_integrator_step CompletedIntegratorStep (no_set_before: Boolean, enter_event_mode: *mut Boolean, terminate: *mut Boolean);
+                fmi3SetTime set_time SetTime (time: f64);
+                fmi3SetContinuousStates set_continuous_states SetContinuousStates (x: *const f64, n: size_t);
+                fmi3GetContinuousStateDerivatives get_derivatives GetDerivatives (value: *mut f64, n: size_t);
+                fmi3GetEventIndicators get_event_indicators GetEventIndicators (value: *mut f64, n: size_t);
+                fmi3GetContinuousStates get_continuous_states GetContinuousStates (x: *mut f64, n: size_t);
+                fmi3GetNominalsOfContinuousStates get_nominals_of_continuous_states GetNominalsOfContinuousStates (value: *mut f64, n: size_t);
+                fmi3GetNumberOfEventIndicators get_number_of_event_indicators GetNumberOfEventIndicators (n: *mut size_t);
+                fmi3GetNumberOfContinuousStates get_number_of_continuous_states GetNumberOfContinuousStates (n: *mut size_t);
+            }
         }
     };
 }

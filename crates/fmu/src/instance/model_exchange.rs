@@ -52,14 +52,6 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2CompletedIntegratorStep: nothing happens at the end of a step that is not an event.
-    ///
-    /// # Errors
-    /// Out of order.
-    pub fn completed_integrator_step(&mut self) -> CallResult {
-        self.check(Function::CompletedIntegratorStep)
-    }
-
     /// fmi2SetTime. A solver may evaluate the equations after the stop time.
     ///
     /// # Errors

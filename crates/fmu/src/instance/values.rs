@@ -312,11 +312,12 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference, a parameter that may not be set now, or a value outside its limits.
+    #[cfg(feature = "testing")]
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
         self.set_integer_by(Function::SetInteger, references, values)
     }
 
-    /// As [`Self::set_integer`]; messages name the function, which is another one for enumerations in FMI 3.0.
+    /// Sets Integers by a function, which is another one for enumerations in FMI 3.0.
     pub(crate) fn set_integer_by(&mut self, function: Function, references: &[u32], values: &[i32]) -> CallResult {
         self.check(function)?;
         for (&reference, &value) in references.iter().zip(values) {

@@ -246,8 +246,8 @@ fn all_calls<E: Export>(component: Component) -> Vec<(Function, Status)> {
             (Function::SetFMUstate, fmi2::set_fmu_state::<E>(component, state)),
             (Function::FreeFMUstate, fmi2::free_fmu_state::<E>(component, &mut state)),
             (Function::SerializedFMUstateSize, fmi2::serialized_fmu_state_size::<E>(component, state, &mut size)),
-            (Function::SerializeFMUstate, fmi2::serialize_fmu_state::<E>(component, state, null_mut(), 0)),
-            (Function::DeSerializeFMUstate, fmi2::deserialize_fmu_state::<E>(component, null(), 0, &mut state)),
+            (Function::SerializeFMUstate, fmi2::serialize_fmu_state::<E>(component, state, null_mut::<u8>(), 0)),
+            (Function::DeSerializeFMUstate, fmi2::deserialize_fmu_state::<E>(component, null::<u8>(), 0, &mut state)),
             (
                 Function::GetDirectionalDerivative,
                 fmi2::get_directional_derivative::<E>(component, null(), 0, null(), 0, null(), null_mut()),
@@ -542,7 +542,7 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
             assert_eq!(fmu.error(), format!("fmi2SetFMUstate: {STRANGER}"));
             assert_eq!(fmi2::serialized_fmu_state_size::<Sampler>(component, stranger, &mut size), Status::Error);
             assert_eq!(fmu.error(), format!("fmi2SerializedFMUstateSize: {STRANGER}"));
-            assert_eq!(fmi2::serialize_fmu_state::<Sampler>(component, stranger, null_mut(), 0), Status::Error);
+            assert_eq!(fmi2::serialize_fmu_state::<Sampler>(component, stranger, null_mut::<u8>(), 0), Status::Error);
             assert_eq!(fmu.error(), format!("fmi2SerializeFMUstate: {STRANGER}"));
             assert_eq!(size, 7);
             if !stranger.is_null() {
@@ -619,7 +619,7 @@ fn a_state_that_is_handed_back_is_written_over() {
         assert_eq!((status, same), (Status::Error, state));
         assert_eq!(fmu.bytes(state), first);
         fmu.take();
-        assert_eq!(fmi2::deserialize_fmu_state::<Sampler>(fmu.component, null(), 8, &mut same), Status::Error);
+        assert_eq!(fmi2::deserialize_fmu_state::<Sampler>(fmu.component, null::<u8>(), 8, &mut same), Status::Error);
         assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: serializedState must be an array of length "));
         assert_eq!(fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), 8, null_mut()), Status::Error);
         assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: FMUstate must be an array of length "));

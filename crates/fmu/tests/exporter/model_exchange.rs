@@ -114,7 +114,7 @@ impl<E: Export> Importer<E> {
             } else if time + step >= limit {
                 self.go_to(limit, &after);
             }
-            self.instance.completed_integrator_step().unwrap();
+            self.instance.check(Function::CompletedIntegratorStep).unwrap();
             if has_event || self.next_event.is_some_and(|next| next <= self.instance.time()) {
                 self.event();
             }
@@ -601,7 +601,7 @@ fn every_function_keeps_to_the_table_of_calls() {
         (Function::EnterEventMode, Instance::enter_event_mode),
         (Function::NewDiscreteStates, |i| i.new_discrete_states().map(drop)),
         (Function::EnterContinuousTimeMode, Instance::enter_continuous_time_mode),
-        (Function::CompletedIntegratorStep, Instance::completed_integrator_step),
+        (Function::CompletedIntegratorStep, |i| i.check(Function::CompletedIntegratorStep)),
         (Function::SetTime, |i| i.set_time(0.0)),
         (Function::SetContinuousStates, |i| i.set_continuous_states(&[0.0; 4])),
         (Function::GetDerivatives, |i| i.state_derivatives(&mut [0.0; 4])),

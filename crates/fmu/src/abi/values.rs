@@ -1,0 +1,205 @@
+//! Reading and setting values, in both versions.
+
+use std::ffi::CStr;
+
+use super::c::{c_char, c_int, size_t};
+use super::{CallResult, Component, Export, Handle, Status, array, array_mut, call, error, text};
+use crate::calls::{Function, Version};
+use crate::instance::{CallError, Instance};
+use crate::runner::Model;
+
+/// Array arguments of a call. In FMI 2.0 there are as many values as references.
+pub(super) struct List<V> {
+    pub(super) references: *const u32,
+    pub(super) count: size_t,
+    pub(super) values: V,
+    pub(super) value_count: size_t,
+}
+
+fn is_fmi3<E: Export>() -> bool {
+    E::FORMAT.version == Version::Fmi3
+}
+
+/// Rejects arrays whose length is not the number of values of the variables.
+pub(super) fn check_count<E: Export>(function: Function, expected: usize, count: usize) -> CallResult {
+    if expected == count {
+        return Ok(());
+    }
+    Err(error::<E>(function, &format!("the variables have {expected} values, nValues is {count}")))
+}
+
+/// The value references of all elements of the variables.
+#[inline]
+pub(super) unsafe fn elements<E: Export>(
+    h: &mut Handle<E>,
+    function: Function,
+    references: *const u32,
+    count: size_t,
+) -> Result<(&[u32], &mut Instance<E::Model>), CallError> {
+    let name = if is_fmi3::<E>() { "valueReferences" } else { "vr" };
+    let references = unsafe { array::<E, _>(function, name, references, count) }?;
+    if !E::FORMAT.arrays {
+        return Ok((references, &mut h.instance));
+    }
+    h.elements.clear();
+    for &reference in references {
+        let length = h.instance.length_of(reference);
+        // An unknown reference is kept, and is rejected later.
+        h.elements.extend((0..length.max(1)).map(|i| reference.wrapping_add(i)));
+    }
+    Ok((&h.elements, &mut h.instance))
+}
+
+const fn name_of_values<E: Export>() -> &'static str {
+    if matches!(E::FORMAT.version, Version::Fmi3) { "values" } else { "value" }
+}
+
+/// Lets `read` fill the caller's array.
+#[inline]
+unsafe fn get<E: Export, V>(
+    component: Component,
+    function: Function,
+    list: List<*mut V>,
+    read: impl FnOnce(&mut Instance<E::Model>, &[u32], &mut [V]) -> CallResult,
+) -> Status {
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array_mut::<E, _>(function, name_of_values::<E>(), list.values, list.value_count)?;
+            let (references, instance) = elements(h, function, list.references, list.count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            read(instance, references, values)
+        })
+    }
+}
+
+/// Passes the caller's array to `write`.
+#[inline]
+unsafe fn set<E: Export, V>(
+    component: Component,
+    function: Function,
+    list: List<*const V>,
+    write: impl FnOnce(&mut Instance<E::Model>, &[u32], &[V]) -> CallResult,
+) -> Status {
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array::<E, _>(function, name_of_values::<E>(), list.values, list.value_count)?;
+            let (references, instance) = elements(h, function, list.references, list.count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            write(instance, references, values)
+        })
+    }
+}
+
+/// Reads values one by one; all references are checked before the first value is written.
+fn each<M: Model, V>(
+    one: impl Fn(&mut Instance<M>, u32) -> Result<V, CallError>,
+) -> impl FnOnce(&mut Instance<M>, &[u32], &mut [V]) -> CallResult {
+    move |instance, references, values| {
+        references.iter().try_for_each(|&reference| one(instance, reference).map(drop))?;
+        for (value, &reference) in values.iter_mut().zip(references) {
+            *value = one(instance, reference)?;
+        }
+        Ok(())
+    }
+}
+
+#[inline]
+pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f64>) -> Status {
+    unsafe {
+        get::<E, _>(component, Function::GetReal, list, |instance, references, values| {
+            if is_fmi3::<E>() {
+                instance.get_float64(references, values)
+            } else {
+                instance.get_real(references, values)
+            }
+        })
+    }
+}
+
+#[inline]
+pub(super) unsafe fn set_real<E: Export>(component: Component, list: List<*const f64>) -> Status {
+    unsafe { set::<E, _>(component, Function::SetReal, list, |i, references, values| i.set_real(references, values)) }
+}
+
+pub(super) unsafe fn get_integer<E: Export>(component: Component, list: List<*mut c_int>) -> Status {
+    let function = Function::GetInteger;
+    let one = |instance: &mut Instance<E::Model>, reference| {
+        if is_fmi3::<E>() {
+            instance.check_integer(function, reference)?;
+        }
+        instance.get_integer(reference)
+    };
+    unsafe { get::<E, _>(component, function, list, each(one)) }
+}
+
+pub(super) unsafe fn set_integer<E: Export>(component: Component, list: List<*const c_int>) -> Status {
+    let function = Function::SetInteger;
+    unsafe {
+        set::<E, _>(component, function, list, |instance, references, values| {
+            if is_fmi3::<E>() {
+                references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
+            }
+            instance.set_integer_by(function, references, values)
+        })
+    }
+}
+
+/// For enumerations in FMI 3.0.
+pub(super) unsafe fn get_int64<E: Export>(component: Component, list: List<*mut i64>) -> Status {
+    let function = Function::GetInt64;
+    let one = |instance: &mut Instance<E::Model>, reference| {
+        instance.check_integer(function, reference)?;
+        instance.get_integer(reference).map(i64::from)
+    };
+    unsafe { get::<E, _>(component, function, list, each(one)) }
+}
+
+/// For enumerations in FMI 3.0.
+pub(super) unsafe fn set_int64<E: Export>(component: Component, list: List<*const i64>) -> Status {
+    let function = Function::SetInt64;
+    unsafe {
+        set::<E, _>(component, function, list, |instance, references, values| {
+            references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
+            // A value that does not fit is not one of an enumeration.
+            let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
+            instance.set_integer_by(function, references, &values)
+        })
+    }
+}
+
+pub(super) unsafe fn get_boolean<E: Export>(component: Component, list: List<*mut impl From<bool>>) -> Status {
+    let one = |instance: &mut Instance<E::Model>, reference| instance.get_boolean(reference).map(Into::into);
+    unsafe { get::<E, _>(component, Function::GetBoolean, list, each(one)) }
+}
+
+/// Any number but 0 is true.
+pub(super) unsafe fn set_boolean<E: Export>(
+    component: Component,
+    list: List<*const (impl Copy + Into<i64>)>,
+) -> Status {
+    unsafe {
+        set::<E, _>(component, Function::SetBoolean, list, |instance, references, values| {
+            let values: Vec<_> = values.iter().map(|&value| value.into() != 0).collect();
+            instance.set_boolean(references, &values)
+        })
+    }
+}
+
+/// The strings live until a string is set, a state is restored, or the instance is reset or freed.
+pub(super) unsafe fn get_string<E: Export>(component: Component, list: List<*mut *const c_char>) -> Status {
+    let one = |instance: &mut Instance<E::Model>, reference| instance.get_string(reference).map(CStr::as_ptr);
+    unsafe { get::<E, _>(component, Function::GetString, list, each(one)) }
+}
+
+pub(super) unsafe fn set_string<E: Export>(component: Component, list: List<*const *const c_char>) -> Status {
+    let function = Function::SetString;
+    unsafe {
+        set::<E, _>(component, function, list, |instance, references, values| {
+            let to_text = |&value: &*const c_char| {
+                text(value).map(str::to_owned).map_err(|e| error::<E>(function, &format!("a value is {e}")))
+            };
+            let texts: Result<Vec<_>, _> = values.iter().map(to_text).collect();
+            instance.set_string(references, &texts?)
+        })
+    }
+}
