@@ -29,12 +29,12 @@ impl VisitMut for Comparisons<'_> {
         let Expr::Binary(binary) = &*expression else { return };
         let operator = binary.op.span().resolved_at(Span::call_site());
         let function = match binary.op {
-            BinOp::Gt(_) => quote_spanned!(operator=> greater),
-            BinOp::Ge(_) => quote_spanned!(operator=> greater_or_equal),
-            BinOp::Lt(_) => quote_spanned!(operator=> less),
-            BinOp::Le(_) => quote_spanned!(operator=> less_or_equal),
-            BinOp::Eq(_) => quote_spanned!(operator=> equal),
-            BinOp::Ne(_) => quote_spanned!(operator=> not_equal),
+            BinOp::Gt(_) => quote_spanned!(operator=> Ordered::greater),
+            BinOp::Ge(_) => quote_spanned!(operator=> Ordered::greater_or_equal),
+            BinOp::Lt(_) => quote_spanned!(operator=> Ordered::less),
+            BinOp::Le(_) => quote_spanned!(operator=> Ordered::less_or_equal),
+            BinOp::Eq(_) => quote_spanned!(operator=> Equal::equal),
+            BinOp::Ne(_) => quote_spanned!(operator=> Equal::not_equal),
             _ => return,
         };
         let (root, left, right) = (self.root, &binary.left, &binary.right);

@@ -17,23 +17,14 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
     let mut added = Vec::new();
     for name in kind.types() {
         let is_generic = kind.is_generic(name);
-        let declared = items.iter().find_map(|item| match item {
-            ImplItem::Type(item) if item.ident == name => Some(item),
-            _ => None,
-        });
+        let declared = associated_type(items, name);
         if let Some(declared) = declared {
             let Some(message) = wrong_parameters(declared, is_generic) else { continue };
             mistakes.add(Error::new_spanned(declared, message));
         }
-        let functions = || {
-            items.iter().filter_map(|item| match item {
-                ImplItem::Fn(function) => Some(function),
-                _ => None,
-            })
-        };
         let parameter = if is_generic { "<T: Scalar>" } else { "" };
-        let shown =
-            functions().find_map(|function| Some((in_signature(name, kind, function)?, number(function).cloned())));
+        let shown = functions(items)
+            .find_map(|function| Some((in_signature(name, kind, function)?, number(function).cloned())));
         let (ty, number) = if let Some((ty, number)) = shown {
             if declared.is_none() {
                 let shown = without_blanks(&ty);
@@ -43,7 +34,7 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
             (ty, number)
         } else if declared.is_some() {
             (parse_quote!(()), None)
-        } else if let Some(used) = functions().find_map(|function| in_body(name, kind, function)) {
+        } else if let Some(used) = functions(items).find_map(|function| in_body(name, kind, function)) {
             let example = match (*name, is_generic) {
                 ("Inputs", true) => "U<T>",
                 ("Inputs", false) => "U",
@@ -66,12 +57,8 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         let generics = is_generic.then(|| quote!(<#number: #root::Scalar>));
         items.retain(|item| !matches!(item, ImplItem::Type(item) if item.ident == ident));
         added.push(quote!(type #ident #generics = #ty;));
-        let has_function = |items: &[ImplItem]| {
-            items
-                .iter()
-                .any(|item| matches!(item, ImplItem::Fn(f) if f.sig.ident == "derived" || f.sig.ident == "load"))
-        };
-        if *name == "Derived" && !has_function(items) {
+        let has_function = functions(items).any(|f| f.sig.ident == "derived" || f.sig.ident == "load");
+        if *name == "Derived" && !has_function {
             added.push(quote! {
                 fn derived(&self) -> ::core::result::Result<#ty, ::std::string::String> { ::core::unreachable!() }
             });
@@ -147,6 +134,22 @@ fn without_blanks(code: &impl ToTokens) -> String {
     code.to_token_stream().to_string().replace(' ', "")
 }
 
+/// The associated type of this name.
+pub(crate) fn associated_type<'a>(items: &'a [ImplItem], name: &str) -> Option<&'a ImplItemType> {
+    items.iter().find_map(|item| match item {
+        ImplItem::Type(item) if item.ident == name => Some(item),
+        _ => None,
+    })
+}
+
+/// The functions.
+pub(crate) fn functions(items: &[ImplItem]) -> impl Iterator<Item = &ImplItemFn> {
+    items.iter().filter_map(|item| match item {
+        ImplItem::Fn(item) => Some(item),
+        _ => None,
+    })
+}
+
 /// Kind of a model trait.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -172,42 +175,40 @@ impl Kind {
 
     /// Signature of a function of the trait.
     fn signature(self, function: &Ident) -> Option<&'static str> {
-        let signature = match (self, function.to_string().as_str()) {
-            (Self::Continuous | Self::Discrete, "derived") => "fn derived(&self) -> Result<Self::Derived, String>",
-            (Self::Continuous | Self::Discrete, "load") => {
-                "fn load(&self, resources: &Path) -> Result<Self::Derived, String>"
-            }
-            (Self::Continuous | Self::Discrete, "fingerprint") => "fn fingerprint(derived: &Self::Derived) -> u64",
-            (Self::Continuous, "initialize") => {
-                "fn initialize(&self, derived: &Self::Derived, state: &mut Self::State<f64>)"
-            }
-            (Self::Continuous, "initial_discrete_state") => {
-                "fn initial_discrete_state(&self, at: At<'_, f64, Self>) -> Self::DiscreteState"
-            }
-            (Self::Continuous, "derivatives") => {
-                "fn derivatives<T: Scalar>(&self, at: At<'_, T, Self>) -> Self::State<T>"
-            }
-            (Self::Continuous, "outputs") => "fn outputs<T: Scalar>(&self, at: At<'_, T, Self>) -> Self::Outputs<T>",
-            (Self::Continuous, "evaluate") => {
-                "fn evaluate<T: Scalar>(&self, at: At<'_, T, Self>) -> (Self::State<T>, Self::Outputs<T>)"
-            }
-            (Self::Continuous, "advance") => "fn advance(&self, at: At<'_, f64, Self>, step: f64) -> Self::State<f64>",
-            (Self::Continuous, "zero_crossings") => {
-                "fn zero_crossings(&self, at: At<'_, f64, Self>) -> Self::Crossings"
-            }
-            (Self::Continuous, "next_time_event") => "fn next_time_event(&self, at: At<'_, f64, Self>) -> Option<f64>",
-            (Self::Continuous, "on_event") => "fn on_event(&self, event: Event<'_, Self>)",
-            (Self::Discrete, "initial_state") => "fn initial_state(&self, derived: &Self::Derived) -> Self::State",
-            (Self::Discrete, "check") => "fn check(&self, sample: &Sample<'_, Self>) -> Result<(), String>",
-            (Self::Discrete, "update") => "fn update(&self, sample: Sample<'_, Self>) -> Self::Outputs",
-            (Self::Stateful, "start") => "fn start(&self, resources: &Path) -> Result<Self::Simulation, String>",
-            (Self::Stateful, "step") => {
-                "fn step(&self, simulation: &mut Self::Simulation, inputs: &Self::Inputs, time: f64, step: f64) -> Result<(), String>"
-            }
-            (Self::Stateful, "outputs") => "fn outputs(&self, simulation: &Self::Simulation) -> Self::Outputs",
-            _ => return None,
+        const EQUATIONS: &[&str] = &[
+            "fn derived(&self) -> Result<Self::Derived, String>",
+            "fn load(&self, resources: &Path) -> Result<Self::Derived, String>",
+            "fn fingerprint(derived: &Self::Derived) -> u64",
+        ];
+        const CONTINUOUS: &[&str] = &[
+            "fn initialize(&self, derived: &Self::Derived, state: &mut Self::State<f64>)",
+            "fn initial_discrete_state(&self, at: At<'_, f64, Self>) -> Self::DiscreteState",
+            "fn derivatives<T: Scalar>(&self, at: At<'_, T, Self>) -> Self::State<T>",
+            "fn outputs<T: Scalar>(&self, at: At<'_, T, Self>) -> Self::Outputs<T>",
+            "fn evaluate<T: Scalar>(&self, at: At<'_, T, Self>) -> (Self::State<T>, Self::Outputs<T>)",
+            "fn advance(&self, at: At<'_, f64, Self>, step: f64) -> Self::State<f64>",
+            "fn zero_crossings(&self, at: At<'_, f64, Self>) -> Self::Crossings",
+            "fn next_time_event(&self, at: At<'_, f64, Self>) -> Option<f64>",
+            "fn on_event(&self, event: Event<'_, Self>)",
+        ];
+        const DISCRETE: &[&str] = &[
+            "fn initial_state(&self, derived: &Self::Derived) -> Self::State",
+            "fn check(&self, sample: &Sample<'_, Self>) -> Result<(), String>",
+            "fn update(&self, sample: Sample<'_, Self>) -> Self::Outputs",
+        ];
+        const STATEFUL: &[&str] = &[
+            "fn start(&self, resources: &Path) -> Result<Self::Simulation, String>",
+            "fn step(&self, simulation: &mut Self::Simulation, inputs: &Self::Inputs, time: f64, step: f64) -> Result<(), String>",
+            "fn outputs(&self, simulation: &Self::Simulation) -> Self::Outputs",
+        ];
+        let (common, own) = match self {
+            Self::Continuous => (EQUATIONS, CONTINUOUS),
+            Self::Discrete => (EQUATIONS, DISCRETE),
+            Self::Stateful => (&[][..], STATEFUL),
         };
-        Some(signature)
+        let name = function.to_string();
+        let is_it = |signature: &&&str| signature[3..].split(['(', '<']).next() == Some(name.as_str());
+        common.iter().chain(own).find(is_it).copied()
     }
 
     /// The field of the argument in which a function finds values of the type.

@@ -14,7 +14,7 @@ use syn::{
 use crate::attribute::{doc, literal, private};
 use crate::comparison;
 use crate::errors::Errors;
-use crate::forgotten::{self, Kind};
+use crate::forgotten::{self, Kind, associated_type, functions};
 use crate::reads;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
@@ -271,14 +271,8 @@ fn name(item: &ImplItem) -> Option<String> {
 
 /// Returns the type of the zero crossings, taken from the function. Reports a missing type or function.
 fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
-    let declared = items.iter().find_map(|item| match item {
-        ImplItem::Type(item) if item.ident == "Crossings" => Some(item),
-        _ => None,
-    });
-    let function = items.iter().find_map(|item| match item {
-        ImplItem::Fn(item) if item.sig.ident == "zero_crossings" => Some(item),
-        _ => None,
-    });
+    let declared = associated_type(items, "Crossings");
+    let function = functions(items).find(|function| function.sig.ident == "zero_crossings");
     match (declared, function) {
         (Some(declared), None) => {
             let message = "`zero_crossings` is missing: the function that computes these quantities, as in \
@@ -299,12 +293,8 @@ fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
 
 /// Checks the numbers of zero crossings that `on_event` asks for, as far as they are literals.
 fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> TokenStream {
-    let handler = items.iter().find_map(|item| match item {
-        ImplItem::Fn(item) if item.sig.ident == "on_event" => Some(item),
-        _ => None,
-    });
     let mut numbers = Vec::new();
-    if let Some(handler) = handler {
+    if let Some(handler) = functions(items).find(|function| function.sig.ident == "on_event") {
         CrossingNumbers(&mut numbers).visit_block(&handler.block);
     }
     let checks = numbers.iter().filter_map(|number| {
@@ -323,11 +313,7 @@ fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> Tok
 
 /// Rejects start values of outputs that are computed before they are read.
 fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> TokenStream {
-    let outputs = items.iter().find_map(|item| match item {
-        ImplItem::Type(item) if item.ident == "Outputs" => Some(item),
-        _ => None,
-    });
-    match (kind, outputs) {
+    match (kind, associated_type(items, "Outputs")) {
         (Kind::Continuous | Kind::Stateful, Some(outputs)) => {
             let message = match kind {
                 Kind::Continuous => {
@@ -355,17 +341,13 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
     let mut tokens = TokenStream::new();
     let model = &block.self_ty;
     let names = quote!(#root::NamesOf::<#model>::NAMES);
-    let types = block.items.iter().filter_map(|item| match item {
-        ImplItem::Type(item) => Some(item),
-        _ => None,
-    });
     let mut structs = vec![(model.span(), names)];
     for name in ["Derived", "Inputs", "Outputs", "State"] {
         // The state of a discrete-time model has no variables.
         if name == "State" && kind != Kind::Continuous {
             continue;
         }
-        if let Some(item) = types.clone().find(|item| item.ident == name) {
+        if let Some(item) = associated_type(&block.items, name) {
             let (ty, numbers) = (&item.ty, item.generics.type_params().map(|number| &number.ident));
             let of = Ident::new(if name == "Derived" { "NamesOfDerived" } else { "NamesOf" }, Span::call_site());
             let names = quote!({

@@ -29,6 +29,10 @@ const fn scaled(name: &'static str, exponents: Exponents, numerator: f64, denomi
     Named { name, exponents, numerator, denominator, offset: 0.0, takes_prefix: false }
 }
 
+const fn prefixed(name: &'static str, exponents: Exponents, numerator: f64, denominator: f64) -> Named {
+    Named { takes_prefix: true, ..scaled(name, exponents, numerator, denominator) }
+}
+
 const PI: f64 = std::f64::consts::PI;
 
 /// Units with a name. Values: SI brochure (9th edition, 2019), tables 2, 4 and 8; `atm`, `lbf`, `inch`, `ft`, `mi`, `hp`: NIST SP 811.
@@ -57,70 +61,14 @@ const NAMED: &[Named] = &[
     base("lm", [0, 0, 0, 0, 0, 0, 1, 0]),
     base("lx", [0, -2, 0, 0, 0, 0, 1, 0]),
     base("kat", [0, 0, -1, 0, 0, 1, 0, 0]),
-    Named {
-        name: "g",
-        exponents: [1, 0, 0, 0, 0, 0, 0, 0],
-        numerator: 1.0,
-        denominator: 1e3,
-        offset: 0.0,
-        takes_prefix: true,
-    },
-    Named {
-        name: "L",
-        exponents: [0, 3, 0, 0, 0, 0, 0, 0],
-        numerator: 1.0,
-        denominator: 1e3,
-        offset: 0.0,
-        takes_prefix: true,
-    },
-    Named {
-        name: "bar",
-        exponents: [1, -1, -2, 0, 0, 0, 0, 0],
-        numerator: 1e5,
-        denominator: 1.0,
-        offset: 0.0,
-        takes_prefix: true,
-    },
-    Named {
-        name: "Wh",
-        exponents: [1, 2, -2, 0, 0, 0, 0, 0],
-        numerator: 3600.0,
-        denominator: 1.0,
-        offset: 0.0,
-        takes_prefix: true,
-    },
-    Named {
-        name: "Ah",
-        exponents: [0, 0, 1, 1, 0, 0, 0, 0],
-        numerator: 3600.0,
-        denominator: 1.0,
-        offset: 0.0,
-        takes_prefix: true,
-    },
-    Named {
-        name: "eV",
-        exponents: [1, 2, -2, 0, 0, 0, 0, 0],
-        numerator: 1.602_176_634e-19,
-        denominator: 1.0,
-        offset: 0.0,
-        takes_prefix: true,
-    },
-    Named {
-        name: "degC",
-        exponents: [0, 0, 0, 0, 1, 0, 0, 0],
-        numerator: 1.0,
-        denominator: 1.0,
-        offset: 273.15,
-        takes_prefix: false,
-    },
-    Named {
-        name: "degF",
-        exponents: [0, 0, 0, 0, 1, 0, 0, 0],
-        numerator: 5.0,
-        denominator: 9.0,
-        offset: 459.67 * 5.0 / 9.0,
-        takes_prefix: false,
-    },
+    prefixed("g", [1, 0, 0, 0, 0, 0, 0, 0], 1.0, 1e3),
+    prefixed("L", [0, 3, 0, 0, 0, 0, 0, 0], 1.0, 1e3),
+    prefixed("bar", [1, -1, -2, 0, 0, 0, 0, 0], 1e5, 1.0),
+    prefixed("Wh", [1, 2, -2, 0, 0, 0, 0, 0], 3600.0, 1.0),
+    prefixed("Ah", [0, 0, 1, 1, 0, 0, 0, 0], 3600.0, 1.0),
+    prefixed("eV", [1, 2, -2, 0, 0, 0, 0, 0], 1.602_176_634e-19, 1.0),
+    Named { offset: 273.15, ..scaled("degC", [0, 0, 0, 0, 1, 0, 0, 0], 1.0, 1.0) },
+    Named { offset: 459.67 * 5.0 / 9.0, ..scaled("degF", [0, 0, 0, 0, 1, 0, 0, 0], 5.0, 9.0) },
     scaled("%", DIMENSIONLESS, 1.0, 100.0),
     scaled("t", [1, 0, 0, 0, 0, 0, 0, 0], 1e3, 1.0),
     scaled("min", [0, 0, 1, 0, 0, 0, 0, 0], 60.0, 1.0),

@@ -22,62 +22,27 @@ pub(crate) enum Block {
 
 impl Block {
     /// The keys allowed on its fields.
-    const fn keys(self, content: Content) -> &'static [&'static str] {
-        match (self, content) {
-            (Self::Parameters, Content::Integer) => {
-                &["start", "min", "max", "tunable", "elements", "description", "nested", "flatten"]
+    fn keys(self, content: Content) -> Vec<&'static str> {
+        let keys = match (self, content) {
+            (Self::Parameters, Content::Integer) => "start min max tunable elements description nested flatten",
+            (Self::Parameters, Content::Other) => "start tunable elements description nested flatten",
+            (Self::Parameters, Content::Real) => {
+                "unit start min max nominal display positive tunable elements description nested flatten"
             }
-            (Self::Parameters, Content::Other) => &["start", "tunable", "elements", "description", "nested", "flatten"],
-            (Self::Parameters, Content::Real) => &[
-                "unit",
-                "start",
-                "min",
-                "max",
-                "nominal",
-                "display",
-                "positive",
-                "tunable",
-                "elements",
-                "description",
-                "nested",
-                "flatten",
-            ],
-            (Self::Parameters, Content::Unknown) => &[
-                "start",
-                "tunable",
-                "enumeration",
-                "unit",
-                "min",
-                "max",
-                "nominal",
-                "display",
-                "positive",
-                "elements",
-                "description",
-                "nested",
-                "flatten",
-            ],
+            (Self::Parameters, Content::Unknown) => {
+                "start tunable enumeration unit min max nominal display positive elements description nested flatten"
+            }
             (Self::Inputs | Self::Outputs, Content::Integer | Content::Other) => {
-                &["start", "elements", "description", "nested", "flatten"]
+                "start elements description nested flatten"
             }
             (Self::Inputs | Self::Outputs, _) => {
-                &["unit", "start", "nominal", "display", "elements", "description", "enumeration", "nested", "flatten"]
+                "unit start nominal display elements description enumeration nested flatten"
             }
-            (Self::State, _) => &[
-                "unit",
-                "start",
-                "nominal",
-                "display",
-                "local",
-                "calculated",
-                "elements",
-                "description",
-                "nested",
-                "flatten",
-            ],
-            (Self::Derived, Content::Integer | Content::Other) => &["elements", "description"],
-            (Self::Derived, _) => &["unit", "nominal", "display", "elements", "description"],
-        }
+            (Self::State, _) => "unit start nominal display local calculated elements description nested flatten",
+            (Self::Derived, Content::Integer | Content::Other) => "elements description",
+            (Self::Derived, _) => "unit nominal display elements description",
+        };
+        keys.split(' ').collect()
     }
 }
 
@@ -398,23 +363,19 @@ fn part(
     let variable = Variable::of(field)?;
     let content = content(&ty, parameter);
     let mut errors = Errors::default();
-    let are_known = errors.keep(variable.allow(block.keys(content))).is_some();
+    let are_known = errors.keep(variable.allow(&block.keys(content))).is_some();
     if let Some(message) = mistaken(&ty, parameter) {
         errors.add(Error::new_spanned(&ty, message));
         return errors.finish_without();
     }
     if let Some(prefix) = variable.nested(field)? {
+        let span = ty.span().resolved_at(Span::call_site());
+        let of = quote_spanned!(span=> <#ty as #root::Variables<#number>>);
         return errors.finish(Part {
             name,
-            declaration: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
-                #root::nested(#prefix, <#ty as #root::Variables<#number>>::declare, all);
-            },
-            has_starts: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
-                <#ty as #root::Variables<#number>>::HAS_STARTS
-            },
-            text: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
-                #root::Name::nested(#prefix, <#ty as #root::Variables<#number>>::NAMES),
-            },
+            declaration: quote_spanned!(span=> #root::nested(#prefix, #of::declare, all);),
+            has_starts: quote_spanned!(span=> #of::HAS_STARTS),
+            text: quote_spanned!(span=> #root::Name::nested(#prefix, #of::NAMES),),
             ty,
             by: quote!(Variables),
             combine: quote!(ContinuousState),

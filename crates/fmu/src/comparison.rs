@@ -10,13 +10,13 @@
 )]
 pub trait Ordered<Rhs: ?Sized> {
     /// `self > other`.
-    fn is_greater(&self, other: &Rhs) -> bool;
+    fn greater(&self, other: &Rhs) -> bool;
     /// `self >= other`.
-    fn is_greater_or_equal(&self, other: &Rhs) -> bool;
+    fn greater_or_equal(&self, other: &Rhs) -> bool;
     /// `self < other`.
-    fn is_less(&self, other: &Rhs) -> bool;
+    fn less(&self, other: &Rhs) -> bool;
     /// `self <= other`.
-    fn is_less_or_equal(&self, other: &Rhs) -> bool;
+    fn less_or_equal(&self, other: &Rhs) -> bool;
 }
 
 /// Operands of `==` and `!=`.
@@ -28,27 +28,27 @@ pub trait Ordered<Rhs: ?Sized> {
 )]
 pub trait Equal<Rhs: ?Sized> {
     /// `self == other`.
-    fn is_equal(&self, other: &Rhs) -> bool;
+    fn equal(&self, other: &Rhs) -> bool;
     /// `self != other`.
-    fn is_not_equal(&self, other: &Rhs) -> bool;
+    fn not_equal(&self, other: &Rhs) -> bool;
 }
 
 #[diagnostic::do_not_recommend]
 impl<L: PartialOrd<R> + ?Sized, R: ?Sized> Ordered<R> for L {
     #[inline]
-    fn is_greater(&self, other: &R) -> bool {
+    fn greater(&self, other: &R) -> bool {
         self > other
     }
     #[inline]
-    fn is_greater_or_equal(&self, other: &R) -> bool {
+    fn greater_or_equal(&self, other: &R) -> bool {
         self >= other
     }
     #[inline]
-    fn is_less(&self, other: &R) -> bool {
+    fn less(&self, other: &R) -> bool {
         self < other
     }
     #[inline]
-    fn is_less_or_equal(&self, other: &R) -> bool {
+    fn less_or_equal(&self, other: &R) -> bool {
         self <= other
     }
 }
@@ -56,47 +56,11 @@ impl<L: PartialOrd<R> + ?Sized, R: ?Sized> Ordered<R> for L {
 #[diagnostic::do_not_recommend]
 impl<L: PartialEq<R> + ?Sized, R: ?Sized> Equal<R> for L {
     #[inline]
-    fn is_equal(&self, other: &R) -> bool {
+    fn equal(&self, other: &R) -> bool {
         self == other
     }
     #[inline]
-    fn is_not_equal(&self, other: &R) -> bool {
+    fn not_equal(&self, other: &R) -> bool {
         self != other
     }
-}
-
-/// `left > right`.
-#[inline]
-pub fn greater<L: Ordered<R> + ?Sized, R: ?Sized>(left: &L, right: &R) -> bool {
-    left.is_greater(right)
-}
-
-/// `left >= right`.
-#[inline]
-pub fn greater_or_equal<L: Ordered<R> + ?Sized, R: ?Sized>(left: &L, right: &R) -> bool {
-    left.is_greater_or_equal(right)
-}
-
-/// `left < right`.
-#[inline]
-pub fn less<L: Ordered<R> + ?Sized, R: ?Sized>(left: &L, right: &R) -> bool {
-    left.is_less(right)
-}
-
-/// `left <= right`.
-#[inline]
-pub fn less_or_equal<L: Ordered<R> + ?Sized, R: ?Sized>(left: &L, right: &R) -> bool {
-    left.is_less_or_equal(right)
-}
-
-/// `left == right`.
-#[inline]
-pub fn equal<L: Equal<R> + ?Sized, R: ?Sized>(left: &L, right: &R) -> bool {
-    left.is_equal(right)
-}
-
-/// `left != right`.
-#[inline]
-pub fn not_equal<L: Equal<R> + ?Sized, R: ?Sized>(left: &L, right: &R) -> bool {
-    left.is_not_equal(right)
 }

@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
 use crate::scalar::Scalar;
+use crate::store::ValueStore;
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{ArrayElement, Declaration, Kind, Real};
 use crate::variables::{Counts, Derived, Element, Values, Variables};
@@ -53,6 +54,58 @@ enum Display {
     Named(&'static str),
 }
 
+/// Functions that set a field, or a flag.
+macro_rules! setters {
+    ($($(#[$doc:meta])* $name:ident($value:ident: $type:ty) $field:ident = $set:expr;)*
+        @flags $($(#[$flag_doc:meta])* $flag:ident;)*) => {
+        impl Spec {
+            $(
+                $(#[$doc])*
+                #[must_use]
+                pub fn $name(self, $value: $type) -> Self {
+                    Self { $field: $set, ..self }
+                }
+            )*
+            $(
+                $(#[$flag_doc])*
+                #[must_use]
+                pub fn $flag(self) -> Self {
+                    Self { $flag: true, ..self }
+                }
+            )*
+        }
+    };
+}
+setters! {
+    /// Unit of measure, or one per element.
+    unit(units: impl Into<Units>) units = units.into();
+    /// The doc comment.
+    doc(doc: &'static str) doc = doc;
+    /// Least value.
+    min(min: f64) min = Some(min);
+    /// Greatest value.
+    max(max: f64) max = Some(max);
+    /// Usual magnitude.
+    nominal(nominal: f64) nominal = Some(nominal);
+    /// Unit to display in.
+    display(display: DisplayUnit) display = Some(Display::Unit(display));
+    /// Unit to display in, by its name among those of the unit.
+    display_named(display: &'static str) display = Some(Display::Named(display));
+    /// Names of the elements of an array.
+    elements(elements: &'static [&'static str]) elements = elements;
+    /// Descriptions of the elements of an array.
+    descriptions(descriptions: &'static [&'static str]) descriptions = descriptions;
+    @flags
+    /// May change between steps.
+    tunable;
+    /// Not an output.
+    local;
+    /// The start value follows from the parameters.
+    calculated;
+    /// An FMI Enumeration.
+    enumeration;
+}
+
 impl Spec {
     /// A variable with a name of its own.
     #[must_use]
@@ -92,75 +145,10 @@ impl Spec {
             Range::AtLeast(min) => spec.min(min),
         }
     }
-    /// Unit of measure, or one per element.
-    #[must_use]
-    pub fn unit(self, units: impl Into<Units>) -> Self {
-        Self { units: units.into(), ..self }
-    }
-    /// The doc comment.
-    #[must_use]
-    pub fn doc(self, doc: &'static str) -> Self {
-        Self { doc, ..self }
-    }
-    /// Least value.
-    #[must_use]
-    pub fn min(self, min: f64) -> Self {
-        Self { min: Some(min), ..self }
-    }
-    /// Greatest value.
-    #[must_use]
-    pub fn max(self, max: f64) -> Self {
-        Self { max: Some(max), ..self }
-    }
-    /// Usual magnitude.
-    #[must_use]
-    pub fn nominal(self, nominal: f64) -> Self {
-        Self { nominal: Some(nominal), ..self }
-    }
-    /// Unit to display in.
-    #[must_use]
-    pub fn display(self, display: DisplayUnit) -> Self {
-        Self { display: Some(Display::Unit(display)), ..self }
-    }
-    /// Unit to display in, by its name among those of the unit.
-    #[must_use]
-    pub fn display_named(self, display: &'static str) -> Self {
-        Self { display: Some(Display::Named(display)), ..self }
-    }
-    /// Names of the elements of an array.
-    #[must_use]
-    pub fn elements(self, elements: &'static [&'static str]) -> Self {
-        Self { elements, ..self }
-    }
-    /// Descriptions of the elements of an array.
-    #[must_use]
-    pub fn descriptions(self, descriptions: &'static [&'static str]) -> Self {
-        Self { descriptions, ..self }
-    }
     /// Above zero. A greater least value stays.
     #[must_use]
     pub fn positive(self) -> Self {
         Self { min: Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE))), ..self }
-    }
-    /// May change between steps.
-    #[must_use]
-    pub fn tunable(self) -> Self {
-        Self { tunable: true, ..self }
-    }
-    /// Not an output.
-    #[must_use]
-    pub fn local(self) -> Self {
-        Self { local: true, ..self }
-    }
-    /// The start value follows from the parameters.
-    #[must_use]
-    pub fn calculated(self) -> Self {
-        Self { calculated: true, ..self }
-    }
-    /// An FMI Enumeration.
-    #[must_use]
-    pub fn enumeration(self) -> Self {
-        Self { enumeration: true, ..self }
     }
 
     /// The element of an array with named elements.
@@ -509,36 +497,10 @@ const fn occurrences(names: &[Name], prefix: u64, hash: u64, is_array: bool) -> 
     count
 }
 
-/// Start values by type.
-#[derive(Debug, Default)]
-pub(crate) struct StartValues {
-    pub(crate) reals: Vec<f64>,
-    pub(crate) integers: Vec<i32>,
-    pub(crate) booleans: Vec<bool>,
-    pub(crate) strings: Vec<String>,
-}
-
-impl StartValues {
-    pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
-        let mut all = Self::default();
-        for declaration in declarations {
-            match &declaration.kind {
-                Kind::Real(real) => all.reals.push(real.start),
-                Kind::Integer { start, .. } => all.integers.push(*start),
-                Kind::Boolean { start } => all.booleans.push(*start),
-                Kind::String { start } => all.strings.push(start.clone()),
-            }
-        }
-        all
-    }
-}
-
 /// A struct of variables with its start values.
 #[must_use]
 pub fn start_values<T: Scalar, V: Variables<T>>() -> V {
-    let starts = StartValues::of(&V::declarations());
+    let starts = ValueStore::of(&V::declarations());
     let reals: Vec<T> = starts.reals.iter().map(|&start| T::from(start)).collect();
-    let values =
-        Values { reals: &reals, integers: &starts.integers, booleans: &starts.booleans, strings: &starts.strings };
-    V::read(values, Counts::ZERO)
+    V::read(Values { reals: &reals, ..starts.others() }, Counts::ZERO)
 }

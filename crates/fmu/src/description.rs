@@ -185,9 +185,10 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                 if real.nominal.is_some_and(|nominal| nominal <= 0.0) {
                     return Some(format!("'{name}': the nominal value is not above 0"));
                 }
-                let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
-                if !real.start.is_finite() || !(min..=max).contains(&real.start) {
-                    return Some(format!("start of '{name}' = {} is not within [{min}, {max}]", real.start));
+                let range = real.range();
+                if !real.start.is_finite() || !range.contains(&real.start) {
+                    let (start, min, max) = (real.start, range.start(), range.end());
+                    return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
                 }
                 if let Some(display) = real.display.filter(|display| !display.factor.is_finite()) {
                     return Some(format!("'{name}': {} cannot be displayed in {}", real.unit.name, display.name));

@@ -1,9 +1,8 @@
 //! Dual numbers: a value and its derivative along one direction.
 
-use std::iter::Sum;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, assign_and_sum};
 
 /// A value and its derivative along one direction; arithmetic carries both (forward differentiation).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +25,11 @@ impl<T> Dual<T> {
 }
 
 impl<T: Scalar> Dual<T> {
+    fn quotient(self, other: Self) -> Self {
+        let value = self.re / other.re;
+        Self::new(value, (self.eps - value * other.eps) / other.re)
+    }
+
     /// The dual number of this value whose derivative is `slope` times that of `self`. Where `self` does not change, neither
     /// does a function of it, even where the function has no finite slope: a vehicle at rest stays differentiable.
     fn chain(self, value: T, slope: T) -> Self {
@@ -39,82 +43,38 @@ impl<T: Scalar> From<f64> for Dual<T> {
     }
 }
 
-impl<T: Scalar> Add for Dual<T> {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self::new(self.re + other.re, self.eps + other.eps)
-    }
+macro_rules! operators {
+    ($($operator:ident $function:ident: $a:ident $b:ident $dual:expr, $plain:expr;)*) => {$(
+        impl<T: Scalar> $operator for Dual<T> {
+            type Output = Self;
+            fn $function(self, other: Self) -> Self {
+                let ($a, $b) = (self, other);
+                $dual
+            }
+        }
+        impl<T: Scalar> $operator<f64> for Dual<T> {
+            type Output = Self;
+            fn $function(self, other: f64) -> Self {
+                let ($a, $b) = (self, other);
+                $plain
+            }
+        }
+    )*};
 }
-impl<T: Scalar> Sub for Dual<T> {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self::new(self.re - other.re, self.eps - other.eps)
-    }
+operators! {
+    Add add: a b Self::new(a.re + b.re, a.eps + b.eps), Self::new(a.re + b, a.eps);
+    Sub sub: a b Self::new(a.re - b.re, a.eps - b.eps), Self::new(a.re - b, a.eps);
+    Mul mul: a b Self::new(a.re * b.re, a.eps * b.re + b.eps * a.re), Self::new(a.re * b, a.eps * b);
+    Div div: a b Self::quotient(a, b), Self::new(a.re / b, a.eps / b);
 }
-impl<T: Scalar> Mul for Dual<T> {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        Self::new(self.re * other.re, self.eps * other.re + other.eps * self.re)
-    }
-}
-impl<T: Scalar> Div for Dual<T> {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        let value = self.re / other.re;
-        Self::new(value, (self.eps - value * other.eps) / other.re)
-    }
-}
+
 impl<T: Scalar> Neg for Dual<T> {
     type Output = Self;
     fn neg(self) -> Self {
         Self::new(-self.re, -self.eps)
     }
 }
-impl<T: Scalar> Add<f64> for Dual<T> {
-    type Output = Self;
-    fn add(self, other: f64) -> Self {
-        Self::new(self.re + other, self.eps)
-    }
-}
-impl<T: Scalar> Sub<f64> for Dual<T> {
-    type Output = Self;
-    fn sub(self, other: f64) -> Self {
-        Self::new(self.re - other, self.eps)
-    }
-}
-impl<T: Scalar> Mul<f64> for Dual<T> {
-    type Output = Self;
-    fn mul(self, other: f64) -> Self {
-        Self::new(self.re * other, self.eps * other)
-    }
-}
-impl<T: Scalar> Div<f64> for Dual<T> {
-    type Output = Self;
-    fn div(self, other: f64) -> Self {
-        Self::new(self.re / other, self.eps / other)
-    }
-}
-impl<T: Scalar> AddAssign for Dual<T> {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-impl<T: Scalar> SubAssign for Dual<T> {
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
-}
-impl<T: Scalar> Sum for Dual<T> {
-    fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
-        terms.fold(Self::from(0.0), Add::add)
-    }
-}
-
-impl<'a, T: Scalar> Sum<&'a Self> for Dual<T> {
-    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
-        terms.copied().sum()
-    }
-}
+assign_and_sum!([T: Scalar] Dual<T>);
 
 impl<T: Scalar> Scalar for Dual<T> {
     fn sin(self) -> Self {

@@ -1,10 +1,9 @@
 //! A number type that identifies the expression that computes a number.
 
 use std::cell::Cell;
-use std::iter::Sum;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, assign_and_sum};
 use crate::table::Table;
 
 /// Hash of an expression of known variables and constants. Two evaluations of the equations that give the same hash have
@@ -75,26 +74,7 @@ impl Neg for Expression {
         Self::of("neg", [self.0])
     }
 }
-impl AddAssign for Expression {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-impl SubAssign for Expression {
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
-}
-impl Sum for Expression {
-    fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
-        terms.fold(Self::from(0.0), Add::add)
-    }
-}
-impl<'a> Sum<&'a Self> for Expression {
-    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
-        terms.copied().sum()
-    }
-}
+assign_and_sum!([] Expression);
 
 macro_rules! functions {
     ($($function:ident($($argument:ident: $word:expr),*)),*) => {$(

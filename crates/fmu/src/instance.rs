@@ -229,8 +229,9 @@ impl<M: Model> Instance<M> {
         if let Some(index) = layout.solver
             && let Kind::Real(real) = &layout.real(index).declaration.kind
         {
-            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
-            self.values.reals[index] = tolerance.map_or(real.start, |tolerance| tolerance.max(min).min(max));
+            let range = real.range();
+            self.values.reals[index] =
+                tolerance.map_or(real.start, |tolerance| tolerance.max(*range.start()).min(*range.end()));
             self.parameters_changed();
         }
     }

@@ -7,10 +7,10 @@
 use std::cell::RefCell;
 use std::iter::Sum;
 use std::mem::ManuallyDrop;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::discrete_state::{Word, Words};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, assign_and_sum};
 use crate::table::Table;
 
 /// Distance of an indicator from zero where the two sides of its relation are equal. At an event it is this far from zero, and
@@ -220,27 +220,12 @@ impl Neg for Relational {
         Self(-self.0)
     }
 }
-impl AddAssign for Relational {
-    #[inline]
-    fn add_assign(&mut self, other: Self) {
-        self.0 += other.0;
-    }
-}
-impl SubAssign for Relational {
-    #[inline]
-    fn sub_assign(&mut self, other: Self) {
-        self.0 -= other.0;
-    }
-}
+assign_and_sum!(@assign [] Relational);
+
+// As the sum of plain numbers, whose first term the standard library chooses.
 impl Sum for Relational {
     fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
         Self(terms.map(|term| term.0).sum())
-    }
-}
-
-impl<'a> Sum<&'a Self> for Relational {
-    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
-        terms.copied().sum()
     }
 }
 

@@ -155,6 +155,38 @@ pub trait Scalar:
     }
 }
 
+/// Assignments and sums of a number type, by its addition and subtraction.
+macro_rules! assign_and_sum {
+    ([$($generics:tt)*] $number:ty) => {
+        assign_and_sum!(@assign [$($generics)*] $number);
+        impl<$($generics)*> std::iter::Sum for $number {
+            fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
+                terms.fold(Self::from(0.0), std::ops::Add::add)
+            }
+        }
+    };
+    (@assign [$($generics:tt)*] $number:ty) => {
+        impl<$($generics)*> std::ops::AddAssign for $number {
+            #[inline]
+            fn add_assign(&mut self, other: Self) {
+                *self = *self + other;
+            }
+        }
+        impl<$($generics)*> std::ops::SubAssign for $number {
+            #[inline]
+            fn sub_assign(&mut self, other: Self) {
+                *self = *self - other;
+            }
+        }
+        impl<'a, $($generics)*> std::iter::Sum<&'a Self> for $number {
+            fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
+                terms.copied().sum()
+            }
+        }
+    };
+}
+pub(crate) use assign_and_sum;
+
 macro_rules! forward {
     ($path:ident: $($function:ident),*) => {$(
         #[inline]
@@ -421,27 +453,7 @@ impl Neg for Dependencies {
         self
     }
 }
-impl AddAssign for Dependencies {
-    fn add_assign(&mut self, other: Self) {
-        *self = self.union(other);
-    }
-}
-impl SubAssign for Dependencies {
-    fn sub_assign(&mut self, other: Self) {
-        *self = self.union(other);
-    }
-}
-impl Sum for Dependencies {
-    fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
-        terms.fold(Self::default(), Self::union)
-    }
-}
-
-impl<'a> Sum<&'a Self> for Dependencies {
-    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
-        terms.copied().sum()
-    }
-}
+assign_and_sum!([] Dependencies);
 
 macro_rules! keep {
     ($($function:ident),*) => {$(

@@ -226,9 +226,10 @@ pub(crate) fn read<M: Model>(
             // A state must not contain values that no call accepts: models rely on the limits of their parameters.
             Kind::Real(real) if variable.role == Role::Parameter => {
                 let value = values.reals[variable.index];
-                let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
-                if !(min..=max).contains(&value) {
-                    return Err(format!("'{name}' = {} is not in [{min}, {max}]", real.unit.with(value)));
+                let range = real.range();
+                if !range.contains(&value) {
+                    let (value, min, max) = (real.unit.with(value), range.start(), range.end());
+                    return Err(format!("'{name}' = {value} is not in [{min}, {max}]"));
                 }
             }
             Kind::Integer { min, max, items, .. } => {

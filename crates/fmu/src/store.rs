@@ -1,7 +1,7 @@
 //! The values of all variables of an instance, by type.
 
 use crate::runner::Model;
-use crate::variable::{Kind, Layout, Variable};
+use crate::variable::{Declaration, Kind, Layout, Variable};
 use crate::variables::{Counts, Values, ValuesMut, Variables as _};
 
 /// The values of all variables, by type.
@@ -21,11 +21,15 @@ impl ValueStore {
     /// The start values.
     #[must_use]
     pub fn start(layout: &Layout) -> Self {
-        let mut reals = vec![0.0; layout.reals()];
-        let (mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new());
-        for variable in &layout.variables {
-            match &variable.declaration.kind {
-                Kind::Real(real) => reals[variable.index] = real.start,
+        Self::of(layout.variables.iter().map(|variable| &variable.declaration))
+    }
+
+    /// The start values of some variables.
+    pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
+        let (mut reals, mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for declaration in declarations {
+            match &declaration.kind {
+                Kind::Real(real) => reals.push(real.start),
                 Kind::Integer { start, .. } => integers.push(*start),
                 Kind::Boolean { start } => booleans.push(*start),
                 Kind::String { start } => strings.push(start.clone()),

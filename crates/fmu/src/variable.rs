@@ -1,6 +1,6 @@
 //! The variables of an FMU, as declared and as numbered.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use crate::enumeration::Item;
 use crate::unit::{DisplayUnit, Unit};
@@ -357,6 +357,13 @@ impl Variable {
             Kind::Real(real) => Some(real.start),
             _ => None,
         }
+    }
+}
+
+impl Real {
+    /// Valid values.
+    pub(crate) fn range(&self) -> RangeInclusive<f64> {
+        self.min.unwrap_or(f64::NEG_INFINITY)..=self.max.unwrap_or(f64::INFINITY)
     }
 }
 

@@ -167,8 +167,8 @@ fn with_other_parameters(layout: &Layout, start: &ValueStore) -> ValueStore {
         let share = 1e-3 * (1.0 + (number as f64 * 0.618_033_988_749_894_9).fract());
         let (up, down) = (value + share * (1.0 + value.abs()), value - share * (1.0 + value.abs()));
         if let Kind::Real(real) = &layout.real(index).declaration.kind {
-            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
-            values.reals[index] = if up <= max { up } else { down.max(min) };
+            let range = real.range();
+            values.reals[index] = if up <= *range.end() { up } else { down.max(*range.start()) };
         }
     }
     values

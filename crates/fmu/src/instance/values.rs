@@ -285,10 +285,10 @@ impl<M: Model> Instance<M> {
                 continue;
             }
             let Kind::Real(real) = &variable.declaration.kind else { unreachable!("reals come first") };
-            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
-            if !(min..=max).contains(&value) {
+            let range = real.range();
+            if !range.contains(&value) {
                 let (name, value) = (&variable.declaration.name, real.unit.with(value));
-                let message = format_args!("'{name}' must be in [{min}, {max}], got {value}");
+                let message = format_args!("'{name}' must be in [{}, {}], got {value}", range.start(), range.end());
                 return Err(self.error(Function::SetReal, message));
             }
         }
