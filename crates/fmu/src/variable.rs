@@ -2,6 +2,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
+use crate::calls::Version;
 use crate::enumeration::Item;
 use crate::unit::{DisplayUnit, Unit};
 use crate::variables::Counts;
@@ -326,6 +327,11 @@ impl Layout {
         &self.variables[self.positions[index]]
     }
 
+    /// The state of a derivative.
+    pub(crate) fn state_of(&self, derivative: &Variable) -> &Variable {
+        self.real(self.states.at.reals + derivative.index - self.derivatives.at.reals)
+    }
+
     /// Start value of the real variable `index`.
     pub fn start(&self, index: usize) -> f64 {
         match &self.real(index).declaration.kind {
@@ -347,16 +353,6 @@ impl Layout {
     /// Number of real values.
     pub fn reals(&self) -> usize {
         self.derivatives.reals().end
-    }
-}
-
-impl Variable {
-    /// Start value of a real variable.
-    pub(crate) fn real_start(&self) -> Option<f64> {
-        match &self.declaration.kind {
-            Kind::Real(real) => Some(real.start),
-            _ => None,
-        }
     }
 }
 
@@ -420,6 +416,15 @@ impl Kind {
             Self::Integer { is_enumeration: true, .. } => "Enumeration",
             other => ["Real", "Integer", "Boolean", "String"][other.type_number()],
         }
+    }
+}
+
+/// Name in a version of a type of FMI 2.0.
+pub(crate) fn name_in(version: Version, name: &str) -> &str {
+    match (version, name) {
+        (Version::Fmi3, "Real") => "Float64",
+        (Version::Fmi3, "Integer") => "Int32",
+        _ => name,
     }
 }
 

@@ -1,16 +1,14 @@
 //! modelDescription.xml and terminalsAndIcons.xml of FMI 3.0.
 
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, Event};
-
 use super::structure::{Unknown, Unknowns};
 use super::xml::{
-    Written, Xml, default_experiment, enumeration_types, facts, items, kind_of, list, log_categories, nominal, number,
-    simple_type, unit_definitions,
+    Written, Xml, attributes, borrowed, default_experiment, document, facts, interface, items, list, log_categories,
+    start, type_attributes, unit_definitions,
 };
-use super::{Format, Structure};
+use super::{Format, Structure, xml};
+use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
-use crate::variable::{Kind, Layout, Role, Variable};
+use crate::variable::{Kind, Layout, Role, Variable, name_in};
 
 /// An empty instantiation token in the description.
 pub(super) const NO_TOKEN: &str = "instantiationToken=\"\"";
@@ -18,13 +16,7 @@ pub(super) const NO_TOKEN: &str = "instantiationToken=\"\"";
 /// modelDescription.xml with an empty instantiation token.
 pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
     let info = &M::INFO;
-    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    let authors = info.authors.replace(':', ", ");
-    let first = [("fmiVersion", "3.0"), ("modelName", info.name), ("instantiationToken", "")];
-    let facts: Vec<_> = facts(&M::INFO, layout, &authors).collect();
-    let facts = first.into_iter().chain(facts.iter().map(|(key, value)| (*key, value.as_str())));
-    xml.create_element("fmiModelDescription").with_attributes(facts).write_inner_content(|xml| {
+    document("fmiModelDescription", &facts("3.0", "instantiationToken", info, layout), |xml| {
         let interfaces = format.interfaces;
         for (_, name) in [(interfaces.model_exchange, "ModelExchange"), (interfaces.co_simulation, "CoSimulation")]
             .into_iter()
@@ -40,11 +32,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
                 ("hasEventMode", is_co_simulation && M::HAS_EVENTS),
                 ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS),
             ];
-            let capabilities = capabilities.iter().filter(|(_, has)| *has).map(|(capability, _)| (*capability, "true"));
-            xml.create_element(name)
-                .with_attribute(("modelIdentifier", info.name))
-                .with_attributes(capabilities)
-                .write_empty()?;
+            interface(xml, name, info, &capabilities)?;
         }
         unit_definitions(xml, layout)?;
         type_definitions(xml, layout)?;
@@ -61,10 +49,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
             Ok(())
         })?;
         model_structure::<M>(xml, layout, format, structure)
-    })?;
-    let mut bytes = xml.into_inner();
-    bytes.push(b'\n');
-    Ok(bytes)
+    })
 }
 
 /// The variables that are written: with native arrays, the first element represents all.
@@ -77,28 +62,16 @@ fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable>
 }
 
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
-    let mut types = enumeration_types(layout).peekable();
-    if types.peek().is_none() {
-        return Ok(());
-    }
-    xml.create_element("TypeDefinitions").write_inner_content(|xml| {
-        types.try_for_each(|one| -> Written {
-            let attributes = [("name", one.name.as_str()), ("description", one.description.as_str())];
-            if one.is_enumeration {
-                xml.create_element("EnumerationType")
-                    .with_attributes(attributes)
-                    .write_inner_content(|xml| items(xml, one.items))?;
-            } else {
-                let (min, max) = (one.min.to_string(), one.max.to_string());
-                xml.create_element("Int32Type")
-                    .with_attributes(attributes)
-                    .with_attributes([("min", min.as_str()), ("max", max.as_str())])
-                    .write_empty()?;
-            }
-            Ok(())
-        })
-    })?;
-    Ok(())
+    xml::type_definitions(xml, layout, |xml, one, mut attributes| {
+        if one.is_enumeration {
+            let element = xml.create_element("EnumerationType").with_attributes(borrowed(&attributes));
+            element.write_inner_content(|xml| items(xml, one.items))?;
+        } else {
+            attributes.extend(one.limits());
+            xml.create_element("Int32Type").with_attributes(borrowed(&attributes)).write_empty()?;
+        }
+        Ok(())
+    })
 }
 
 /// Value reference of the time.
@@ -154,83 +127,26 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         None => vec![variable],
     };
     let (name, description) = match &array {
-        Some(array) => (array.name.clone(), array.description.clone()),
-        None => (declaration.name.clone(), declaration.description.clone()),
+        Some(array) => (&array.name, &array.description),
+        None => (&declaration.name, &declaration.description),
     };
-    let (causality, variability, initial) = kind_of::<M>(layout, variable);
-    let is_calculated = initial == Some("calculated");
-    let mut attributes = vec![
-        ("name", name),
-        ("valueReference", variable.reference.to_string()),
-        ("description", description),
-        ("causality", causality.to_owned()),
-        ("variability", variability.to_owned()),
-    ];
-    if let Some(initial) = initial {
-        attributes.push(("initial", initial.to_owned()));
+    let (mut attributes, has_start) = attributes::<M>(layout, variable, name, description);
+    attributes.extend(type_attributes(layout, variable));
+    if variable.role == Role::Derivative {
+        attributes.push(("derivative", layout.state_of(variable).reference.to_string()));
     }
-    let mut starts = Vec::new();
-    let element = match &declaration.kind {
-        Kind::Real(real) => {
-            if real.unit.is_declared() {
-                attributes.push(("unit", real.unit.name.to_owned()));
-            }
-            if let Some(display) = real.display {
-                attributes.push(("displayUnit", display.name.to_owned()));
-            }
-            for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal(variable))] {
-                if let Some(value) = value {
-                    attributes.push((name, number(value)));
-                }
-            }
-            if variable.role == Role::Derivative {
-                let state = layout.states.at.reals + variable.index - layout.derivatives.at.reals;
-                attributes.push(("derivative", layout.real(state).reference.to_string()));
-            }
-            // An event may set the states.
-            if variable.role == Role::State && M::HAS_EVENTS && format.interfaces.model_exchange {
-                attributes.push(("reinit", "true".to_owned()));
-            }
-            starts.extend(elements.iter().filter_map(|v| v.real_start().map(number)));
-            "Float64"
-        }
-        Kind::Integer { min, max, items, type_name, is_enumeration, .. } => {
-            if !items.is_empty() {
-                attributes.push(("declaredType", simple_type(layout, type_name, *is_enumeration)));
-            }
-            for (name, value, none) in [("min", min, i32::MIN), ("max", max, i32::MAX)] {
-                if *value != none {
-                    attributes.push((name, value.to_string()));
-                }
-            }
-            starts.extend(elements.iter().filter_map(|v| match &v.declaration.kind {
-                Kind::Integer { start, .. } => Some(start.to_string()),
-                _ => None,
-            }));
-            if *is_enumeration { "Enumeration" } else { "Int32" }
-        }
-        Kind::Boolean { .. } => {
-            starts.extend(elements.iter().filter_map(|v| match &v.declaration.kind {
-                Kind::Boolean { start } => Some(start.to_string()),
-                _ => None,
-            }));
-            "Boolean"
-        }
-        Kind::String { .. } => {
-            starts.extend(elements.iter().filter_map(|v| match &v.declaration.kind {
-                Kind::String { start } => Some(start.clone()),
-                _ => None,
-            }));
-            "String"
-        }
-    };
-    let is_text = element == "String";
-    if !is_calculated && !is_text {
+    // An event may set the states.
+    if variable.role == Role::State && M::HAS_EVENTS && format.interfaces.model_exchange {
+        attributes.push(("reinit", "true".to_owned()));
+    }
+    let starts: Vec<_> = elements.iter().filter(|_| has_start).map(|variable| start(variable)).collect();
+    let is_text = matches!(declaration.kind, Kind::String { .. });
+    if has_start && !is_text {
         attributes.push(("start", starts.join(" ")));
     }
     let writer =
-        xml.create_element(element).with_attributes(attributes.iter().map(|(name, value)| (*name, value.as_str())));
-    let has_content = array.is_some() || (is_text && !is_calculated);
+        xml.create_element(name_in(Version::Fmi3, declaration.kind.type_name())).with_attributes(borrowed(&attributes));
+    let has_content = array.is_some() || (is_text && has_start);
     if !has_content {
         writer.write_empty()?;
         return Ok(());
@@ -239,7 +155,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         for length in array.iter().flat_map(|array| &array.dimensions) {
             xml.create_element("Dimension").with_attribute(("start", length.to_string().as_str())).write_empty()?;
         }
-        for start in starts.iter().filter(|_| is_text && !is_calculated) {
+        for start in starts.iter().filter(|_| is_text) {
             xml.create_element("Start").with_attribute(("value", start.as_str())).write_empty()?;
         }
         Ok(())
@@ -317,9 +233,7 @@ pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<
             None => terminals.push((&array.element, vec![member])),
         }
     }
-    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    xml.create_element("fmiTerminalsAndIcons").with_attribute(("fmiVersion", "3.0")).write_inner_content(|xml| {
+    document("fmiTerminalsAndIcons", &vec![("fmiVersion", "3.0".to_owned())], |xml| {
         xml.create_element("GraphicalRepresentation").write_inner_content(|xml| {
             let corners = [("x1", "0.0"), ("y1", "0.0"), ("x2", SIDE), ("y2", SIDE)];
             xml.create_element("CoordinateSystem")
@@ -353,8 +267,5 @@ pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<
             })
         })?;
         Ok(())
-    })?;
-    let mut bytes = xml.into_inner();
-    bytes.push(b'\n');
-    Ok(bytes)
+    })
 }

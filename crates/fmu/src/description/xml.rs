@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, Event};
 
 use super::LOG_CATEGORIES;
 use crate::enumeration::Item;
@@ -22,22 +23,40 @@ pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
 
 pub(super) type Written = std::io::Result<()>;
 pub(super) type Xml = Writer<Vec<u8>>;
+/// Attributes of an element with their values.
+pub(super) type Attributes = Vec<(&'static str, String)>;
+
+pub(super) fn borrowed(attributes: &Attributes) -> impl Iterator<Item = (&str, &str)> {
+    attributes.iter().map(|(name, value)| (*name, value.as_str()))
+}
+
+/// A document with one element.
+pub(super) fn document(
+    name: &str,
+    attributes: &Attributes,
+    content: impl FnOnce(&mut Xml) -> Written,
+) -> std::io::Result<Vec<u8>> {
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    xml.create_element(name).with_attributes(borrowed(attributes)).write_inner_content(content)?;
+    let mut bytes = xml.into_inner();
+    bytes.push(b'\n');
+    Ok(bytes)
+}
+
 /// Facts about the model that are attributes of the first element. A manifest need not name authors or a license.
-pub(super) fn facts(
-    info: &'static Info,
-    layout: &Layout,
-    authors: &str,
-) -> impl Iterator<Item = (&'static str, String)> + use<> {
+pub(super) fn facts(version: &str, guid: &'static str, info: &Info, layout: &Layout) -> Attributes {
     let tool = concat!("fmu ", env!("CARGO_PKG_VERSION"), " (Rust)");
+    let first = [("fmiVersion", version.to_owned()), ("modelName", info.name.to_owned()), (guid, String::new())];
     let facts = [
         ("description", info.description.to_owned()),
-        ("author", authors.to_owned()),
+        ("author", info.authors.replace(':', ", ")),
         ("version", info.version.to_owned()),
         ("license", info.license.to_owned()),
         ("generationTool", tool.to_owned()),
         ("variableNamingConvention", naming_convention(layout).to_owned()),
     ];
-    facts.into_iter().filter(|(_, value)| !value.is_empty())
+    first.into_iter().chain(facts.into_iter().filter(|(_, value)| !value.is_empty())).collect()
 }
 
 /// `structured` means that a dot leads from a whole to a part. That holds for names in the convention of this crate, words in lower
@@ -183,10 +202,63 @@ pub(super) fn kind_of<M: Model>(
     }
 }
 
-/// Nominal value to write. 1 is the default and is written for states only, because solvers read it there.
-pub(super) fn nominal(variable: &Variable) -> Option<f64> {
-    let Kind::Real(real) = &variable.declaration.kind else { return None };
-    real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State)
+/// Attributes of a variable or array in both versions, and true if it has a start value.
+pub(super) fn attributes<M: Model>(
+    layout: &Layout,
+    variable: &Variable,
+    name: &str,
+    description: &str,
+) -> (Attributes, bool) {
+    let (causality, variability, initial) = kind_of::<M>(layout, variable);
+    let mut attributes = vec![
+        ("name", name.to_owned()),
+        ("valueReference", variable.reference.to_string()),
+        ("description", description.to_owned()),
+        ("causality", causality.to_owned()),
+        ("variability", variability.to_owned()),
+    ];
+    attributes.extend(initial.map(|initial| ("initial", initial.to_owned())));
+    (attributes, initial != Some("calculated"))
+}
+
+/// Attributes of the type of a variable in both versions.
+pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attributes {
+    let mut attributes = Vec::new();
+    match &variable.declaration.kind {
+        Kind::Real(real) => {
+            if real.unit.is_declared() {
+                attributes.push(("unit", real.unit.name.to_owned()));
+            }
+            attributes.extend(real.display.map(|display| ("displayUnit", display.name.to_owned())));
+            // 1 is the default and is written for states only, because solvers read it there.
+            let nominal = real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State);
+            for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal)] {
+                attributes.extend(value.map(|value| (name, number(value))));
+            }
+        }
+        Kind::Integer { min, max, items, type_name, is_enumeration, .. } => {
+            if !items.is_empty() {
+                attributes.push(("declaredType", simple_type(layout, type_name, *is_enumeration)));
+            }
+            for (name, value, none) in [("min", min, i32::MIN), ("max", max, i32::MAX)] {
+                if *value != none {
+                    attributes.push((name, value.to_string()));
+                }
+            }
+        }
+        Kind::Boolean { .. } | Kind::String { .. } => {}
+    }
+    attributes
+}
+
+/// The start value of a variable.
+pub(super) fn start(variable: &Variable) -> String {
+    match &variable.declaration.kind {
+        Kind::Real(real) => number(real.start),
+        Kind::Integer { start, .. } => start.to_string(),
+        Kind::Boolean { start } => start.to_string(),
+        Kind::String { start } => start.clone(),
+    }
 }
 
 /// A type of the enumerations of a model. Most are Integers, because several masters cannot set FMI enumerations; their
@@ -201,7 +273,7 @@ pub(super) struct EnumerationType {
 }
 
 /// All types of enumerations, by name.
-pub(super) fn enumeration_types(layout: &Layout) -> impl Iterator<Item = EnumerationType> {
+fn enumeration_types(layout: &Layout) -> impl Iterator<Item = EnumerationType> {
     let mut types = BTreeMap::new();
     for variable in &layout.variables {
         if let Kind::Integer { items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
@@ -222,6 +294,41 @@ pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> 
     let is_integer = |variable: &Variable| matches!(&variable.declaration.kind, Kind::Integer { type_name, is_enumeration: false, .. } if *type_name == name);
     let is_both = is_enumeration && layout.variables.iter().any(is_integer);
     if is_both { format!("{name}Enumeration") } else { name.to_owned() }
+}
+
+/// Writes the types of enumerations, each by `write`, which gets its attributes.
+pub(super) fn type_definitions(
+    xml: &mut Xml,
+    layout: &Layout,
+    write: impl Fn(&mut Xml, &EnumerationType, Attributes) -> Written,
+) -> Written {
+    let mut types = enumeration_types(layout).peekable();
+    if types.peek().is_none() {
+        return Ok(());
+    }
+    xml.create_element("TypeDefinitions").write_inner_content(|xml| {
+        types.try_for_each(|one| {
+            write(xml, &one, vec![("name", one.name.clone()), ("description", one.description.clone())])
+        })
+    })?;
+    Ok(())
+}
+
+impl EnumerationType {
+    /// Least and greatest value.
+    pub(super) fn limits(&self) -> Attributes {
+        vec![("min", self.min.to_string()), ("max", self.max.to_string())]
+    }
+}
+
+/// Writes the element of an interface with its capabilities.
+pub(super) fn interface(xml: &mut Xml, name: &str, info: &Info, capabilities: &[(&str, bool)]) -> Written {
+    let capabilities = capabilities.iter().filter(|(_, has)| *has).map(|(capability, _)| (*capability, "true"));
+    xml.create_element(name)
+        .with_attribute(("modelIdentifier", info.name))
+        .with_attributes(capabilities)
+        .write_empty()?;
+    Ok(())
 }
 
 /// Writes the items of an enumeration.

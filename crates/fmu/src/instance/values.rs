@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use super::{CallError, CallResult, Instance, text, texts};
 use crate::calls::{Function, Interface, Mode, Version};
 use crate::runner::Model;
-use crate::variable::{Kind, Role, Variable};
+use crate::variable::{Kind, Role, Variable, name_in};
 
 /// Returns true if a number is finite, by its bits: independent of the floating-point environment of the host, see
 /// [`Instance::may_compute`].
@@ -18,15 +18,6 @@ const fn is_finite(value: f64) -> bool {
 fn type_set_by(function: Function) -> &'static str {
     let name = if function == Function::SetInt64 { Function::SetInteger } else { function }.name(Version::Fmi2);
     &name["fmi2Set".len()..]
-}
-
-/// Name in a version of a type of FMI 2.0.
-fn name_in(version: Version, name: &str) -> &str {
-    match (version, name) {
-        (Version::Fmi3, "Real") => "Float64",
-        (Version::Fmi3, "Integer") => "Int32",
-        _ => name,
-    }
 }
 
 impl<M: Model> Instance<M> {
