@@ -160,7 +160,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// The types that are empty if they are not declared.
-    const fn types(self) -> &'static [&'static str] {
+    pub(crate) const fn types(self) -> &'static [&'static str] {
         match self {
             Self::Continuous => &["State", "Inputs", "Outputs", "Derived", "DiscreteState"],
             Self::Discrete => &["State", "Inputs", "Outputs", "Derived"],
@@ -169,7 +169,7 @@ impl Kind {
     }
 
     /// Returns true if a type is generic over the number type of the equations.
-    fn is_generic(self, name: &str) -> bool {
+    pub(crate) fn is_generic(self, name: &str) -> bool {
         self == Self::Continuous && ["State", "Inputs", "Outputs"].contains(&name)
     }
 

@@ -156,6 +156,11 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             block.items.push(ImplItem::Verbatim(item));
         }
     };
+    for name in kind.types() {
+        let ident = Ident::new(name, Span::call_site());
+        let generics = kind.is_generic(name).then(|| quote!(<T: #root::Scalar>));
+        add(name, quote! { type #ident #generics = (); });
+    }
     match kind {
         Kind::Continuous => {
             let solver = match (&keys.solver, has("advance")) {
@@ -175,11 +180,6 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             if let Some(solver) = solver {
                 add("SOLVER", quote! { const SOLVER: #root::Solver = #solver; });
             }
-            for name in ["State", "Inputs", "Outputs"] {
-                let ident = Ident::new(name, Span::call_site());
-                add(name, quote! { type #ident<T: #root::Scalar> = (); });
-            }
-            add("DiscreteState", quote! { type DiscreteState = (); });
             let crossings = crossings(&declared, errors);
             add("Crossings", quote! { type Crossings = #crossings; });
             if has("next_time_event") {
@@ -196,17 +196,8 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             }
             equations(&has, &root, &mut add);
         }
-        Kind::Discrete => {
-            for name in ["Inputs", "Outputs", "State"] {
-                let ident = Ident::new(name, Span::call_site());
-                add(name, quote! { type #ident = (); });
-            }
-        }
+        Kind::Discrete => {}
         Kind::Stateful => {
-            for name in ["Inputs", "Outputs"] {
-                let ident = Ident::new(name, Span::call_site());
-                add(name, quote! { type #ident = (); });
-            }
             if let Some(key) = &keys.serialize {
                 // Without the feature `serde` the macro reports an error.
                 let serialize = quote_spanned!(key.span()=> #root::serialize_with_serde!());
@@ -228,7 +219,6 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             let result = result(quote!(()));
             add("derived", quote! { fn derived(&self) -> #result { Ok(()) } });
         }
-        add("Derived", quote! { type Derived = (); });
         if let Some(key) = &keys.serialize {
             let message = "`serialize` belongs to stateful models; the state of this one is always serialized";
             errors.add(Error::new_spanned(key, message));

@@ -77,6 +77,30 @@ impl Part {
     }
 }
 
+/// The names of the variables, and the functions that declare and write them.
+fn members(parts: &[Part], root: &TokenStream, number: &TokenStream) -> TokenStream {
+    let texts = parts.iter().map(|part| &part.text);
+    let declarations = parts.iter().map(|part| &part.declaration);
+    let writes = parts.iter().map(|part| part.write(root, number));
+    let counts = parts.iter().map(|part| part.counts(root, number));
+    quote! {
+        const NAMES: &'static [#root::Name] = &[#(#texts)*];
+        fn declare(all: &mut ::std::vec::Vec<#root::Declaration>) {
+            let _ = &all;
+            #(#declarations)*
+        }
+        #[inline]
+        fn write(&self, values: &mut #root::ValuesMut<'_, #number>, at: #root::Counts) {
+            let _ = (&values, at);
+            #(
+                #writes
+                let at = at.plus(#counts);
+            )*
+            let _ = at;
+        }
+    }
+}
+
 /// `Parameters`: the model, if it implements a model trait.
 pub(crate) fn parameters(input: &DeriveInput) -> Result<TokenStream> {
     let tokens = variables(input, Block::Parameters)?;
@@ -125,7 +149,6 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         fields.iter().filter_map(|field| errors.keep(part(field, block, &root, parameter.as_ref(), &number))).collect();
     twice(&fields, &mut errors);
     let names: Vec<_> = parts.iter().map(|part| &part.name).collect();
-    let declarations = parts.iter().map(|part| &part.declaration);
     // Not the names of the fields, which may be `values` or `at`.
     let locals: Vec<_> = (0..parts.len()).map(|i| format_ident!("field_{i}")).collect();
     let build = if matches!(&input.data, syn::Data::Struct(data) if matches!(data.fields, syn::Fields::Unit)) {
@@ -139,20 +162,15 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         let Part { ty, by, .. } = part;
         quote_spanned!(part.span()=> let #local = <#ty as #root::#by<#number>>::read(values, at);)
     });
-    let writes = parts.iter().map(|part| part.write(&root, &number));
     let has_starts = parts.iter().map(|part| &part.has_starts);
-    let texts = parts.iter().map(|part| &part.text);
+    let members = members(&parts, &root, &number);
     let mut tokens = quote! {
         #[automatically_derived]
         impl #generics #root::Variables<#number> for #ty {
             const COUNTS: #root::Counts = #root::Counts::ZERO
                 #(.plus(#counts))*;
             const HAS_STARTS: bool = false #(|| #has_starts)*;
-            const NAMES: &'static [#root::Name] = &[#(#texts)*];
-            fn declare(all: &mut ::std::vec::Vec<#root::Declaration>) {
-                let _ = &all;
-                #(#declarations)*
-            }
+            #members
             #[inline]
             fn read(values: #root::Values<'_, #number>, at: #root::Counts) -> Self {
                 let _ = (values, at);
@@ -162,15 +180,6 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
                 )*
                 let _ = at;
                 #build
-            }
-            #[inline]
-            fn write(&self, values: &mut #root::ValuesMut<'_, #number>, at: #root::Counts) {
-                let _ = (&values, at);
-                #(
-                    #writes
-                    let at = at.plus(#counts);
-                )*
-                let _ = at;
             }
         }
         impl #start_generics ::std::default::Default for #ty {
@@ -507,27 +516,11 @@ pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
     let parts: Vec<Part> =
         explicit.filter_map(|field| errors.keep(part(field, Block::Derived, &root, None, &quote!(f64)))).collect();
     twice(&fields, &mut errors);
-    let declarations = parts.iter().map(|part| &part.declaration);
-    let texts = parts.iter().map(|part| &part.text);
-    let number = quote!(f64);
-    let counts = parts.iter().map(|part| part.counts(&root, &number));
-    let writes = parts.iter().map(|part| part.write(&root, &number));
+    let members = members(&parts, &root, &quote!(f64));
     errors.finish(quote! {
         #[automatically_derived]
         impl #root::Derived for #ident {
-            const NAMES: &'static [#root::Name] = &[#(#texts)*];
-            fn declare(all: &mut ::std::vec::Vec<#root::Declaration>) {
-                let _ = &all;
-                #(#declarations)*
-            }
-            fn write(&self, values: &mut #root::ValuesMut<'_, f64>, at: #root::Counts) {
-                let _ = (&values, at);
-                #(
-                    #writes
-                    let at = at.plus(#counts);
-                )*
-                let _ = at;
-            }
+            #members
         }
     })
 }

@@ -33,34 +33,18 @@ pub trait Equal<Rhs: ?Sized> {
     fn not_equal(&self, other: &Rhs) -> bool;
 }
 
-#[diagnostic::do_not_recommend]
-impl<L: PartialOrd<R> + ?Sized, R: ?Sized> Ordered<R> for L {
-    #[inline]
-    fn greater(&self, other: &R) -> bool {
-        self > other
-    }
-    #[inline]
-    fn greater_or_equal(&self, other: &R) -> bool {
-        self >= other
-    }
-    #[inline]
-    fn less(&self, other: &R) -> bool {
-        self < other
-    }
-    #[inline]
-    fn less_or_equal(&self, other: &R) -> bool {
-        self <= other
-    }
+macro_rules! compare {
+    ($trait:ident: $bound:ident, $($function:ident $operator:tt)*) => {
+        #[diagnostic::do_not_recommend]
+        impl<L: $bound<R> + ?Sized, R: ?Sized> $trait<R> for L {
+            $(
+                #[inline]
+                fn $function(&self, other: &R) -> bool {
+                    self $operator other
+                }
+            )*
+        }
+    };
 }
-
-#[diagnostic::do_not_recommend]
-impl<L: PartialEq<R> + ?Sized, R: ?Sized> Equal<R> for L {
-    #[inline]
-    fn equal(&self, other: &R) -> bool {
-        self == other
-    }
-    #[inline]
-    fn not_equal(&self, other: &R) -> bool {
-        self != other
-    }
-}
+compare!(Ordered: PartialOrd, greater > greater_or_equal >= less < less_or_equal <=);
+compare!(Equal: PartialEq, equal == not_equal !=);

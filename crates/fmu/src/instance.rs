@@ -237,9 +237,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2EnterInitializationMode.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn enter_initialization(&mut self) -> CallResult {
         self.check(Function::EnterInitializationMode)?;
         self.enter(Mode::Initialization);
@@ -294,9 +291,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2Terminate.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn terminate(&mut self) -> CallResult {
         self.check(Function::Terminate)?;
         self.enter(Mode::Terminated);
@@ -304,9 +298,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2Reset: as after instantiation.
-    ///
-    /// # Errors
-    /// Never; every mode allows it.
     pub fn reset(&mut self) -> CallResult {
         self.check(Function::Reset)?;
         let uses_event_mode = self.uses_event_mode;

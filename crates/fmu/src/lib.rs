@@ -12,7 +12,7 @@
 //! [`model`](macro@model) adds what a model does not have and exports it; names, numbers, the model description, saved states,
 //! reset and derivatives follow from the declaration. `cargo fmu pack` writes the FMU.
 //!
-//! # A model
+//! # A model and its test
 //!
 //! ```
 //! use fmu::prelude::*;
@@ -43,52 +43,20 @@
 //!         X { x: v, v: (-x * x + 1.0) * self.mu * v - x }
 //!     }
 //! }
-//! ```
 //!
-//! The attributes of a field are listed with each derive: [`Parameters`](derive@prelude::Parameters),
-//! [`Inputs`](derive@prelude::Inputs), [`Outputs`](derive@prelude::Outputs), [`State`](derive@prelude::State),
-//! [`Derived`](derive@prelude::Derived), [`DiscreteState`](derive@prelude::DiscreteState).
-//!
-//! # A test of it
-//!
-//! [`simulation`] runs a model without an FMU, with the same solver and the same bits:
-//!
-//! ```
-//! # use fmu::prelude::*;
-//! # #[derive(Parameters)]
-//! # struct VanDerPol {
-//! #     /// Damping (1)
-//! #     #[var(start = 1.0, tunable)]
-//! #     mu: f64,
-//! # }
-//! # #[derive(State)]
-//! # struct X<T> {
-//! #     /// Position (m)
-//! #     #[var(start = 2.0)]
-//! #     x: T,
-//! #     /// Velocity (m/s)
-//! #     v: T,
-//! # }
-//! # /// Van der Pol oscillator
-//! # #[fmu::model(stop_time = 20.0, step_size = 0.01)]
-//! # impl Continuous for VanDerPol {
-//! #     type State<T: Scalar> = X<T>;
-//! #     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
-//! #         let &X { x, v } = at.state;
-//! #         X { x: v, v: (-x * x + 1.0) * self.mu * v - x }
-//! #     }
-//! # }
-//! use fmu::simulation::ContinuousSimulation;
-//!
+//! // A test runs it without an FMU, with the same solver and the same bits. Undamped it is the harmonic oscillator: x = 2 cos t.
 //! # fn main() -> Result<(), String> {
-//! // Without damping it is the harmonic oscillator: x = 2 cos t.
-//! let mut run = ContinuousSimulation::new(VanDerPol { mu: 0.0 })?;
+//! let mut run = fmu::simulation::ContinuousSimulation::new(VanDerPol { mu: 0.0 })?;
 //! while run.time() < 10.0 {
 //!     run.step(&(), 0.01)?;
 //! }
 //! assert!((run.state().x - 2.0 * run.time().cos()).abs() < 1e-8);
 //! # Ok(()) }
 //! ```
+//!
+//! [`simulation`] has the runs of both kinds of models with equations. The attributes of a field are listed with each derive: [`Parameters`](derive@prelude::Parameters),
+//! [`Inputs`](derive@prelude::Inputs), [`Outputs`](derive@prelude::Outputs), [`State`](derive@prelude::State),
+//! [`Derived`](derive@prelude::Derived), [`DiscreteState`](derive@prelude::DiscreteState).
 //!
 //! # Solvers
 //!

@@ -125,9 +125,9 @@ impl<M: Continuous> ContinuousSimulation<M> {
     pub fn set_state(&mut self, state: &M::State<f64>) {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
         if self.time == 0.0 {
-            let Self { model, derived, layout, values, resources, .. } = self;
-            let ctx = Context { p: &**model, derived: &**derived, layout, time: 0.0 };
-            let memory = Runner::<M>::init(ctx, resources, values);
+            let resources = Arc::clone(&self.resources);
+            let (ctx, _, values) = self.run();
+            let memory = Runner::<M>::init(ctx, &resources, values);
             self.memory = memory.unwrap_or_else(|_| unreachable!("a continuous-time model always has one"));
         }
     }
@@ -154,6 +154,11 @@ impl<M: Continuous> ContinuousSimulation<M> {
         Ok(())
     }
 
+    fn run(&mut self) -> (Context<'_, Runner<M>>, &mut <Runner<M> as Model>::Memory, &mut ValueStore) {
+        let Self { model, derived, layout, memory, values, time, .. } = self;
+        (Context { p: &**model, derived: &**derived, layout, time: *time }, memory, values)
+    }
+
     /// The derived parameters.
     #[must_use]
     pub fn derived(&self) -> &M::Derived {
@@ -163,9 +168,9 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// The outputs for these inputs.
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let Self { model, derived, layout, memory, values, time, .. } = self;
-        Runner::<M>::outputs(Context { p: &**model, derived: &**derived, layout, time: *time }, memory, values);
-        M::Outputs::read(values.view(), layout.outputs.at)
+        let (ctx, memory, values) = self.run();
+        Runner::<M>::outputs(ctx, memory, values);
+        M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
 
     /// Advances by `step` in s, the inputs held.
@@ -174,18 +179,18 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let Self { model, derived, layout, memory, values, time, .. } = self;
-        let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0, stops_at_events: false };
-        let parts = Runner::<M>::parts(layout, values, interval);
+        let (ctx, memory, values) = self.run();
+        let time = ctx.time;
+        let interval = Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false };
+        let parts = Runner::<M>::parts(ctx.layout, values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(
                 "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
             ));
         }
-        let ctx = Context { p: &**model, derived: &**derived, layout, time: *time };
         let advanced = Runner::<M>::step(ctx, memory, values, interval, parts as u64);
-        advanced.map_err(|error| error.message(layout))?;
-        *time += step;
+        advanced.map_err(|error| error.message(ctx.layout))?;
+        self.time += step;
         Ok(())
     }
 }

@@ -18,6 +18,13 @@ pub(crate) struct Problem<'a, M: Continuous> {
     pub(crate) derived: &'a M::Derived,
 }
 
+/// One step of a solver: where it starts, its length, and the discrete state, which is constant in it.
+pub(crate) struct Interval<'a, M: Continuous> {
+    pub(crate) time: f64,
+    pub(crate) h: f64,
+    pub(crate) discrete: &'a M::DiscreteState,
+}
+
 impl<M: Continuous> Problem<'_, M> {
     #[inline]
     pub(crate) fn at<'a>(
@@ -31,7 +38,8 @@ impl<M: Continuous> Problem<'_, M> {
 
     /// One step of fixed length: Runge-Kutta of order 4, or the solution in closed form.
     #[inline]
-    pub(crate) fn fixed(&self, time: f64, x: &M::State<f64>, discrete: &M::DiscreteState, h: f64) -> M::State<f64> {
+    pub(crate) fn fixed(&self, x: &M::State<f64>, interval: Interval<'_, M>) -> M::State<f64> {
+        let Interval { time, h, discrete } = interval;
         if matches!(M::SOLVER, Solver::Exact) {
             return self.model.advance(self.at(time, x, discrete), h);
         }
@@ -68,14 +76,8 @@ impl<M: Continuous> Problem<'_, M> {
     }
 
     /// As [`Self::fixed`], of states on the heap.
-    fn fixed_on_heap(
-        &self,
-        time: f64,
-        x: &[f64],
-        discrete: &M::DiscreteState,
-        h: f64,
-        scratch: &mut Scratch,
-    ) -> Vec<f64> {
+    fn fixed_on_heap(&self, x: &[f64], interval: Interval<'_, M>, scratch: &mut Scratch) -> Vec<f64> {
+        let Interval { time, h, discrete } = interval;
         let mut end = scratch.take();
         if matches!(M::SOLVER, Solver::Exact) {
             self.advance_on_heap(time, x, discrete, h, &mut end);
@@ -94,14 +96,8 @@ impl<M: Continuous> Problem<'_, M> {
 
     /// One step of the solver with error control. Its error goes to the scratch memory. `None` if the matrix of the step is
     /// singular.
-    fn estimated(
-        &self,
-        time: f64,
-        x: &[f64],
-        discrete: &M::DiscreteState,
-        h: f64,
-        scratch: &mut Scratch,
-    ) -> Option<Vec<f64>> {
+    fn estimated(&self, x: &[f64], interval: Interval<'_, M>, scratch: &mut Scratch) -> Option<Vec<f64>> {
+        let Interval { time, h, discrete } = interval;
         let f = |time, x: &[f64], to: &mut [f64]| self.evaluate(time, x, discrete, to);
         // A constant, with which loops of small models are unrolled.
         let n = M::State::<f64>::COUNTS.reals;
@@ -271,19 +267,15 @@ pub(crate) trait Keep<M: Continuous> {
     /// See [`Problem::fixed`].
     fn fixed(
         problem: &Problem<'_, M>,
-        time: f64,
         x: &Self::State,
-        discrete: &M::DiscreteState,
-        h: f64,
+        interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State;
     /// See [`Problem::estimated`].
     fn estimated(
         problem: &Problem<'_, M>,
-        time: f64,
         x: &Self::State,
-        discrete: &M::DiscreteState,
-        h: f64,
+        interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Option<Self::State>;
     /// See [`ode::error_norm`], for the error in the scratch memory.
@@ -323,24 +315,10 @@ impl<M: Continuous> Keep<M> for InPlace {
         f(x)
     }
     #[inline]
-    fn fixed(
-        problem: &Problem<'_, M>,
-        time: f64,
-        x: &Self::State,
-        discrete: &M::DiscreteState,
-        h: f64,
-        _: &mut Scratch,
-    ) -> Self::State {
-        problem.fixed(time, x, discrete, h)
+    fn fixed(problem: &Problem<'_, M>, x: &Self::State, interval: Interval<'_, M>, _: &mut Scratch) -> Self::State {
+        problem.fixed(x, interval)
     }
-    fn estimated(
-        _: &Problem<'_, M>,
-        _: f64,
-        _: &Self::State,
-        _: &M::DiscreteState,
-        _: f64,
-        _: &mut Scratch,
-    ) -> Option<Self::State> {
+    fn estimated(_: &Problem<'_, M>, _: &Self::State, _: Interval<'_, M>, _: &mut Scratch) -> Option<Self::State> {
         unreachable!("a solver with error control keeps its states on the heap")
     }
     fn error_norm(_: &Self::State, _: &Self::State, _: f64, _: &Scratch) -> f64 {
@@ -380,23 +358,19 @@ impl<M: Continuous> Keep<M> for OnHeap {
     }
     fn fixed(
         problem: &Problem<'_, M>,
-        time: f64,
         x: &Self::State,
-        discrete: &M::DiscreteState,
-        h: f64,
+        interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State {
-        problem.fixed_on_heap(time, x, discrete, h, scratch)
+        problem.fixed_on_heap(x, interval, scratch)
     }
     fn estimated(
         problem: &Problem<'_, M>,
-        time: f64,
         x: &Self::State,
-        discrete: &M::DiscreteState,
-        h: f64,
+        interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Option<Self::State> {
-        problem.estimated(time, x, discrete, h, scratch)
+        problem.estimated(x, interval, scratch)
     }
     fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64 {
         ode::error_norm(x, end, &scratch.error, &scratch.nominals, tolerance)

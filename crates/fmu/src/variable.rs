@@ -332,14 +332,6 @@ impl Layout {
         self.real(self.states.at.reals + derivative.index - self.derivatives.at.reals)
     }
 
-    /// Start value of the real variable `index`.
-    pub fn start(&self, index: usize) -> f64 {
-        match &self.real(index).declaration.kind {
-            Kind::Real(real) => real.start,
-            _ => unreachable!("reals are numbered apart"),
-        }
-    }
-
     /// Name of the real variable `index`.
     pub fn real_name(&self, index: usize) -> &str {
         &self.real(index).declaration.name

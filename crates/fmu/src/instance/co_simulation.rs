@@ -82,9 +82,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi3EnterStepMode.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn enter_step_mode(&mut self) -> CallResult {
         self.check(Function::EnterStepMode)?;
         self.enter(Mode::Step);

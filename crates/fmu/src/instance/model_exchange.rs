@@ -38,9 +38,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2EnterContinuousTimeMode: relations keep their sides and discrete outputs their values until the next event.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn enter_continuous_time_mode(&mut self) -> CallResult {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;

@@ -6,9 +6,6 @@ use crate::runner::Model;
 
 impl<M: Model> Instance<M> {
     /// fmi2GetFMUstate: a copy of everything.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn snapshot(&self) -> CallResult<Snapshot<M>> {
         self.check(Function::GetFMUstate)?;
         Ok(Snapshot {
@@ -23,9 +20,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2SetFMUstate. The instance continues as the one the snapshot was taken of.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn restore(&mut self, snapshot: &Snapshot<M>) -> CallResult {
         self.check(Function::SetFMUstate)?;
         self.enter(snapshot.mode);
@@ -49,9 +43,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// Bytes of a snapshot, valid in any process with the same FMU.
-    ///
-    /// # Errors
-    /// Out of order.
     pub fn serialize(&self, snapshot: &Snapshot<M>) -> CallResult<Vec<u8>> {
         self.check(Function::SerializeFMUstate)?;
         crate::state_bytes::write(self.protocol, &self.description.guid, self.layout(), snapshot)

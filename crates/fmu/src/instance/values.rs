@@ -146,9 +146,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2GetInteger.
-    ///
-    /// # Errors
-    /// On an unknown reference.
     pub fn get_integer(&mut self, reference: u32) -> CallResult<i32> {
         self.check(Function::GetInteger)?;
         let index = self.integer(Function::GetInteger, reference)?;
@@ -157,9 +154,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2GetBoolean.
-    ///
-    /// # Errors
-    /// On an unknown reference.
     pub fn get_boolean(&mut self, reference: u32) -> CallResult<bool> {
         self.check(Function::GetBoolean)?;
         let index = self.boolean(Function::GetBoolean, reference)?;
@@ -168,9 +162,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2GetString. The text stays valid until the value changes, a string is set or a state is restored.
-    ///
-    /// # Errors
-    /// On an unknown reference.
     pub fn get_string(&mut self, reference: u32) -> CallResult<&CStr> {
         self.check(Function::GetString)?;
         let index = self.string(Function::GetString, reference)?;

@@ -8,7 +8,7 @@ use super::continuous::{ContinuousModel, Memory, branches, is_stiff};
 use super::{Context, MOST_PARTS, Step, StepError, first_not_finite};
 use crate::discrete_state::DiscreteState as _;
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
-use crate::solver::{Keep, Problem, Scratch};
+use crate::solver::{Interval, Keep, Problem, Scratch};
 use crate::store::ValueStore;
 use crate::variables::Variables as _;
 
@@ -115,7 +115,9 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                     "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
                 )));
             }
-            let Some(end) = K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch) else {
+            let Some(end) =
+                K::estimated(problem, x, Interval { time, h, discrete: &memory.discrete }, &mut memory.scratch)
+            else {
                 h *= 0.25;
                 continue;
             };
@@ -277,7 +279,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     fn single(&mut self, time: f64, x: &K::State, h: f64) -> Option<K::State> {
         if has_error_control(M::SOLVER) {
             let Self { problem, memory, .. } = self;
-            K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch)
+            K::estimated(problem, x, Interval { time, h, discrete: &memory.discrete }, &mut memory.scratch)
         } else {
             Some(self.fixed(time, x, h))
         }
@@ -287,7 +289,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     #[inline]
     fn fixed(&mut self, time: f64, x: &K::State, h: f64) -> K::State {
         let Self { problem, memory, .. } = self;
-        K::fixed(problem, time, x, &memory.discrete, h, &mut memory.scratch)
+        K::fixed(problem, x, Interval { time, h, discrete: &memory.discrete }, &mut memory.scratch)
     }
 
     /// Replaces a state by another.
