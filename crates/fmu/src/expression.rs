@@ -77,31 +77,17 @@ impl Neg for Expression {
 assign_and_sum!([] Expression);
 
 macro_rules! functions {
-    ($($function:ident($($argument:ident: $word:expr),*)),*) => {$(
-        fn $function(self $(, $argument: argument!($function))*) -> Self {
-            Self::of(stringify!($function), [self.0 $(, $word)*])
+    ($($function:ident($($argument:ident: $type:ty = $word:expr)?)),*) => {$(
+        fn $function(self $(, $argument: $type)?) -> Self {
+            Self::of(stringify!($function), [self.0 $(, $word)?])
         }
     )*};
-}
-macro_rules! argument {
-    (powf) => {
-        f64
-    };
-    (rem_euclid) => {
-        f64
-    };
-    (powi) => {
-        i32
-    };
-    ($function:ident) => {
-        Self
-    };
 }
 
 impl Scalar for Expression {
     functions!(sin(), cos(), tan(), asin(), acos(), atan(), sinh(), cosh(), tanh(), sqrt(), exp(), ln(), floor());
-    functions!(atan2(x: x.0), hypot(other: other.0));
-    functions!(powf(x: x.to_bits().into()), rem_euclid(x: x.to_bits().into()), powi(n: n as u128));
+    functions!(atan2(x: Self = x.0), hypot(other: Self = other.0), powi(n: i32 = n as u128));
+    functions!(powf(x: f64 = x.to_bits().into()), rem_euclid(x: f64 = x.to_bits().into()));
     fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
         Self::of("if_greater", [self.0, threshold.0, then.0, otherwise.0])
     }

@@ -54,7 +54,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`simulation`] has the runs of both kinds of models with equations. The attributes of a field are listed with each derive: [`Parameters`](derive@prelude::Parameters),
+//! See [`simulation`]. The attributes of a field are listed with each derive: [`Parameters`](derive@prelude::Parameters),
 //! [`Inputs`](derive@prelude::Inputs), [`Outputs`](derive@prelude::Outputs), [`State`](derive@prelude::State),
 //! [`Derived`](derive@prelude::Derived), [`DiscreteState`](derive@prelude::DiscreteState).
 //!

@@ -188,62 +188,39 @@ macro_rules! assign_and_sum {
 pub(crate) use assign_and_sum;
 
 macro_rules! forward {
-    ($path:ident: $($function:ident),*) => {$(
+    ($path:ident: $($function:ident($($argument:ident: $type:ty)?) $to:ident),*) => {$(
         #[inline]
-        fn $function(self) -> Self {
-            $path::$function(self)
+        fn $function(self $(, $argument: $type)?) -> Self {
+            $path::$to(self $(, $argument)?)
+        }
+    )*};
+    (each: $($function:ident),*) => {$(
+        #[inline(always)]
+        fn $function<const N: usize>(x: [Self; N]) -> [Self; N] {
+            math::$function(x)
         }
     )*};
 }
 
 impl Scalar for f64 {
     // Not the functions of the standard library, whose last digits depend on the platform.
-    forward!(math: sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, ln);
+    forward!(math: sin() sin, cos() cos, tan() tan, asin() asin, acos() acos, atan() atan, atan2(x: Self) atan2);
+    forward!(math: sinh() sinh, cosh() cosh, tanh() tanh, exp() exp, ln() ln, powf(exponent: f64) pow);
+    forward!(math: powi(exponent: i32) powi, hypot(other: Self) hypot);
+    forward!(each: sin_each, atan_each, tanh_each);
     // These are exact.
-    forward!(f64: sqrt, floor, abs);
+    forward!(f64: sqrt() sqrt, floor() floor, abs() abs, rem_euclid(modulus: f64) rem_euclid);
     #[inline]
     fn sin_cos(self) -> (Self, Self) {
         math::sin_cos(self)
-    }
-    #[inline]
-    fn atan2(self, x: Self) -> Self {
-        math::atan2(self, x)
-    }
-    #[inline]
-    fn powf(self, exponent: f64) -> Self {
-        math::pow(self, exponent)
-    }
-    #[inline]
-    fn powi(self, exponent: i32) -> Self {
-        math::powi(self, exponent)
-    }
-    #[inline]
-    fn hypot(self, other: Self) -> Self {
-        math::hypot(self, other)
     }
     #[inline(always)]
     fn sin_cos_each<const N: usize>(x: [Self; N]) -> ([Self; N], [Self; N]) {
         math::sin_cos_each(x)
     }
     #[inline(always)]
-    fn sin_each<const N: usize>(x: [Self; N]) -> [Self; N] {
-        math::sin_each(x)
-    }
-    #[inline(always)]
-    fn atan_each<const N: usize>(x: [Self; N]) -> [Self; N] {
-        math::atan_each(x)
-    }
-    #[inline(always)]
     fn atan2_each<const N: usize>(y: [Self; N], x: [Self; N]) -> [Self; N] {
         math::atan2_each(y, x)
-    }
-    #[inline(always)]
-    fn tanh_each<const N: usize>(x: [Self; N]) -> [Self; N] {
-        math::tanh_each(x)
-    }
-    #[inline]
-    fn rem_euclid(self, modulus: f64) -> Self {
-        f64::rem_euclid(self, modulus)
     }
     #[inline]
     fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {

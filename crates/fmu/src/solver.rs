@@ -52,27 +52,41 @@ impl<M: Continuous> Problem<'_, M> {
         x.combine(&slope, |x, s| x + h / 6.0 * s)
     }
 
-    /// The derivatives at a state on the heap.
+    /// The derivatives at a state on the heap, for numbers of type `T`.
     #[inline]
-    fn evaluate(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, to: &mut [f64]) -> Result<(), Infallible> {
+    fn evaluate<T: Scalar>(&self, time: T, x: &[T], inputs: &M::Inputs<T>, discrete: &M::DiscreteState, to: &mut [T]) {
         if M::State::<f64>::COUNTS.reals > MOST_IN_PLACE {
-            self.evaluate_apart(time, x, discrete, to);
+            self.evaluate_apart(time, x, inputs, discrete, to);
         } else {
-            self.evaluate_here(time, x, discrete, to);
+            self.evaluate_here(time, x, inputs, discrete, to);
         }
-        Ok(())
     }
 
     #[inline]
-    fn evaluate_here(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, to: &mut [f64]) {
-        let state = M::State::read(Values::of_reals(x), Counts::ZERO);
-        write::<M>(&self.model.derivatives(self.at(time, &state, discrete)), to);
+    fn evaluate_here<T: Scalar>(
+        &self,
+        time: T,
+        x: &[T],
+        inputs: &M::Inputs<T>,
+        discrete: &M::DiscreteState,
+        to: &mut [T],
+    ) {
+        let state = &M::State::read(Values::of_reals(x), Counts::ZERO);
+        let at = At { time, state, inputs, derived: self.derived, discrete };
+        self.model.derivatives(at).write(&mut ValuesMut::of_reals(to), Counts::ZERO);
     }
 
     /// The frame holds all that the solvers need on the stack: the state and what the model returns.
     #[inline(never)]
-    fn evaluate_apart(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, to: &mut [f64]) {
-        self.evaluate_here(time, x, discrete, to);
+    fn evaluate_apart<T: Scalar>(
+        &self,
+        time: T,
+        x: &[T],
+        inputs: &M::Inputs<T>,
+        discrete: &M::DiscreteState,
+        to: &mut [T],
+    ) {
+        self.evaluate_here(time, x, inputs, discrete, to);
     }
 
     /// As [`Self::fixed`], of states on the heap.
@@ -82,7 +96,10 @@ impl<M: Continuous> Problem<'_, M> {
         if matches!(M::SOLVER, Solver::Exact) {
             self.advance_on_heap(time, x, discrete, h, &mut end);
         } else {
-            let f = |time, x: &[f64], to: &mut [f64]| self.evaluate(time, x, discrete, to);
+            let f = |time, x: &[f64], to: &mut [f64]| {
+                self.evaluate(time, x, self.inputs, discrete, to);
+                Ok::<_, Infallible>(())
+            };
             let Ok(()) = ode::runge_kutta(f, time, x, h, &mut end, &mut scratch.work);
         }
         end
@@ -98,7 +115,10 @@ impl<M: Continuous> Problem<'_, M> {
     /// singular.
     fn estimated(&self, x: &[f64], interval: Interval<'_, M>, scratch: &mut Scratch) -> Option<Vec<f64>> {
         let Interval { time, h, discrete } = interval;
-        let f = |time, x: &[f64], to: &mut [f64]| self.evaluate(time, x, discrete, to);
+        let f = |time, x: &[f64], to: &mut [f64]| {
+            self.evaluate(time, x, self.inputs, discrete, to);
+            Ok::<_, Infallible>(())
+        };
         // A constant, with which loops of small models are unrolled.
         let n = M::State::<f64>::COUNTS.reals;
         let x = &x[..n];
@@ -136,7 +156,7 @@ impl<M: Continuous> Problem<'_, M> {
             let matrix = &mut matrix[..n * n];
             for column in 0..n {
                 duals[column].eps = 1.0;
-                self.differentiate(Dual64::from(time), duals, &inputs, discrete, results);
+                self.evaluate(Dual64::from(time), duals, &inputs, discrete, results);
                 duals[column].eps = 0.0;
                 for (row, result) in results.iter().enumerate() {
                     matrix[row * n + column] = result.eps;
@@ -145,58 +165,14 @@ impl<M: Continuous> Problem<'_, M> {
         }
         for group in 0..jacobian.groups() {
             jacobian.columns(group).for_each(|column| duals[column].eps = 1.0);
-            self.differentiate(Dual64::from(time), duals, &inputs, discrete, results);
+            self.evaluate(Dual64::from(time), duals, &inputs, discrete, results);
             jacobian.columns(group).for_each(|column| duals[column].eps = 0.0);
             jacobian.store(group, results);
         }
         if jacobian.follows_time() {
-            self.differentiate(Dual64::new(time, 1.0), duals, &inputs, discrete, results);
+            self.evaluate(Dual64::new(time, 1.0), duals, &inputs, discrete, results);
             slope.iter_mut().zip(results).for_each(|(slope, result)| *slope = result.eps);
         }
-    }
-
-    /// The derivatives at a state on the heap, with their derivatives along a direction.
-    #[inline]
-    fn differentiate(
-        &self,
-        time: Dual64,
-        x: &[Dual64],
-        inputs: &M::Inputs<Dual64>,
-        discrete: &M::DiscreteState,
-        to: &mut [Dual64],
-    ) {
-        if M::State::<f64>::COUNTS.reals > MOST_IN_PLACE {
-            self.differentiate_apart(time, x, inputs, discrete, to);
-        } else {
-            self.differentiate_here(time, x, inputs, discrete, to);
-        }
-    }
-
-    #[inline]
-    fn differentiate_here(
-        &self,
-        time: Dual64,
-        x: &[Dual64],
-        inputs: &M::Inputs<Dual64>,
-        discrete: &M::DiscreteState,
-        to: &mut [Dual64],
-    ) {
-        let state = &M::State::read(Values::of_reals(x), Counts::ZERO);
-        let at = At { time, state, inputs, derived: self.derived, discrete };
-        self.model.derivatives(at).write(&mut ValuesMut::of_reals(to), Counts::ZERO);
-    }
-
-    /// As [`Self::evaluate_apart`].
-    #[inline(never)]
-    fn differentiate_apart(
-        &self,
-        time: Dual64,
-        x: &[Dual64],
-        inputs: &M::Inputs<Dual64>,
-        discrete: &M::DiscreteState,
-        to: &mut [Dual64],
-    ) {
-        self.differentiate_here(time, x, inputs, discrete, to);
     }
 
     /// Finds the structure of the Jacobian for the present parameters, discrete state and inputs that are not real: equations

@@ -6,28 +6,25 @@
 //! caller's.
 
 #[cfg(target_arch = "aarch64")]
-use aarch64::{Control, Saved};
+use aarch64::Control;
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-use fixed::{Control, Saved};
+use fixed::Control;
 #[cfg(target_arch = "x86_64")]
-use x86_64::{Control, Saved};
+use x86_64::Control;
 
-/// The environment of a caller, if it is not the default.
-pub(super) struct Callers(Saved);
-
-/// Sets the default environment, until [`leave`].
+/// Sets the default environment, until [`leave`]. Returns that of the caller if it is another one.
 ///
 /// The compiler does not model the environment. It cannot move operations on values read from memory to the other side of the assembly in
 /// [`Control`]; numbers in registers go through [`argument`].
 #[inline(always)]
-pub(super) fn enter() -> Option<Callers> {
+pub(super) fn enter() -> Option<Control> {
     let callers = Control::current();
     if callers.is_default() { None } else { Some(replace(callers)) }
 }
 
 /// Restores the environment of the caller.
 #[inline(always)]
-pub(super) fn leave(callers: Option<Callers>) {
+pub(super) fn leave(callers: Option<Control>) {
     if let Some(callers) = callers {
         restore(callers);
     }
@@ -35,14 +32,14 @@ pub(super) fn leave(callers: Option<Callers>) {
 
 #[cold]
 #[inline(never)]
-fn replace(callers: Control) -> Callers {
-    Callers(callers.replace())
+fn replace(callers: Control) -> Control {
+    callers.replace()
 }
 
 #[cold]
 #[inline(never)]
-fn restore(Callers(saved): Callers) {
-    saved.restore();
+fn restore(callers: Control) {
+    callers.restore();
 }
 
 /// A number that the caller passed, to be used between [`enter`] and [`leave`] only.
@@ -71,8 +68,7 @@ mod x86_64 {
     const FLAGS: u32 = 0x3f;
 
     #[derive(Clone, Copy)]
-    pub(super) struct Control(u32);
-    pub(super) type Saved = Control;
+    pub(in crate::abi) struct Control(u32);
 
     impl Control {
         #[inline(always)]
@@ -106,8 +102,7 @@ mod aarch64 {
     use std::arch::asm;
 
     #[derive(Clone, Copy)]
-    pub(super) struct Control(u64);
-    pub(super) type Saved = Control;
+    pub(in crate::abi) struct Control(u64);
 
     impl Control {
         #[inline(always)]
@@ -139,8 +134,7 @@ mod aarch64 {
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod fixed {
     #[derive(Clone, Copy)]
-    pub(super) struct Control;
-    pub(super) type Saved = Control;
+    pub(in crate::abi) struct Control;
 
     impl Control {
         pub(super) fn current() -> Self {
