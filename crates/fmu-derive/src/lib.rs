@@ -52,10 +52,10 @@ derives! {
     /// Derived parameters: values that follow from the parameters. Fields with `#[var]` are calculated parameters of
     /// the FMU, the others are not visible.
     #[doc = include_str!("attributes.md")]
-    Derived = variables::derived, stubs::derived;
+    Derived = variables::derived, |input| stubs::empty(input, "Derived");
     /// Discrete state of a model, kept from one sample or event to the next; not visible outside of the FMU.
     #[doc = include_str!("attributes.md")]
-    DiscreteState = variables::discrete_state, stubs::discrete_state;
+    DiscreteState = variables::discrete_state, |input| stubs::empty(input, "DiscreteState");
     /// Named values: an enum whose variants have a doc comment and may have a number.
     Enumeration = enumeration::enumeration, stubs::enumeration;
 }

@@ -1,7 +1,7 @@
 //! Empty implementations for declarations with mistakes: the trait bounds hold, so the mistake is the only message.
 
 use proc_macro2::TokenStream;
-use quote::quote;
+use quote::{format_ident, quote};
 use syn::{DeriveInput, GenericParam, parse_quote};
 
 use crate::attribute::{private, root};
@@ -55,20 +55,12 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
     tokens
 }
 
-/// `Derived`.
-pub(crate) fn derived(input: &DeriveInput) -> TokenStream {
+/// `Derived`, `DiscreteState`.
+pub(crate) fn empty(input: &DeriveInput, name: &str) -> TokenStream {
     let root = root(&input.attrs).unwrap_or_else(|_| private(None));
-    let ident = &input.ident;
+    let (ident, name) = (&input.ident, format_ident!("{name}"));
     let (parameters, arguments, conditions) = input.generics.split_for_impl();
-    quote!(impl #parameters #root::Derived for #ident #arguments #conditions {})
-}
-
-/// `DiscreteState`.
-pub(crate) fn discrete_state(input: &DeriveInput) -> TokenStream {
-    let root = root(&input.attrs).unwrap_or_else(|_| private(None));
-    let ident = &input.ident;
-    let (parameters, arguments, conditions) = input.generics.split_for_impl();
-    quote!(impl #parameters #root::DiscreteState for #ident #arguments #conditions {})
+    quote!(impl #parameters #root::#name for #ident #arguments #conditions {})
 }
 
 /// `Enumeration`.
