@@ -230,10 +230,10 @@ impl Sum for Relational {
 }
 
 macro_rules! as_for_f64 {
-    ($($function:ident($($argument:ident: $type:ty),*)),* $(,)?) => {$(
+    ($($function:ident($($argument:ident: $type:ty = $value:expr)?)),* $(,)?) => {$(
         #[inline]
-        fn $function(self $(, $argument: $type)*) -> Self {
-            Self(Scalar::$function(self.0 $(, $argument)*))
+        fn $function(self $(, $argument: $type)?) -> Self {
+            Self(Scalar::$function(self.0 $(, $value)?))
         }
     )*};
 }
@@ -241,16 +241,9 @@ macro_rules! as_for_f64 {
 impl Scalar for Relational {
     as_for_f64!(
         sin(), cos(), tan(), asin(), acos(), atan(), sinh(), cosh(), tanh(), sqrt(), exp(), ln(), floor(), abs(),
-        powf(exponent: f64), powi(exponent: i32), rem_euclid(modulus: f64), interpolate(table: &Table),
+        atan2(x: Self = x.0), hypot(other: Self = other.0), powf(exponent: f64 = exponent), powi(exponent: i32 = exponent),
+        rem_euclid(modulus: f64 = modulus), interpolate(table: &Table = table),
     );
-    #[inline]
-    fn atan2(self, x: Self) -> Self {
-        Self(Scalar::atan2(self.0, x.0))
-    }
-    #[inline]
-    fn hypot(self, other: Self) -> Self {
-        Self(Scalar::hypot(self.0, other.0))
-    }
     #[inline]
     fn sin_cos(self) -> (Self, Self) {
         let (sin, cos) = Scalar::sin_cos(self.0);

@@ -194,12 +194,7 @@ pub(crate) fn read<M: Model>(
     let has_stop = source.switch()?;
     let stop = source.f64()?;
     let clock = Clock { start, stop: has_stop.then_some(stop), time: source.f64()?, sample: source.u64()? };
-    let mut values = ValueStore {
-        reals: vec![0.0; layout.reals()].into(),
-        integers: vec![0; (layout.first_boolean - layout.first_integer) as usize].into(),
-        booleans: vec![false; (layout.first_string - layout.first_boolean) as usize].into(),
-        strings: vec![String::new(); (layout.end - layout.first_string) as usize].into(),
-    };
+    let mut values = ValueStore::start(layout);
     for value in &mut values.reals {
         *value = source.f64()?;
     }

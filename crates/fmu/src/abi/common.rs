@@ -12,7 +12,7 @@ use super::{
 };
 use crate::calls::{Function, Interface};
 use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
-use crate::instance::{CallError, Instance};
+use crate::instance::Instance;
 use crate::runner::Model as _;
 
 /// Returns true if the FMU provides an interface.
@@ -280,46 +280,28 @@ pub unsafe fn set_continuous_states<E: Export>(component: Component, states: *co
     }
 }
 
-/// Lets the instance fill the caller's array.
-unsafe fn fill<E: Export>(
-    component: Component,
-    function: Function,
-    name: &str,
-    values: *mut f64,
-    count: size_t,
-    of: impl Fn(&mut Instance<E::Model>, &mut [f64]) -> Result<(), CallError>,
-) -> Status {
-    unsafe {
-        call::<E>(component, function, |h| of(&mut h.instance, array_mut::<E, _>(function, name, values, count)?))
-    }
+macro_rules! arrays {
+    ($($(#[$doc:meta])* $name:ident $function:ident $argument:literal $fill:ident;)*) => {$(
+        $(#[$doc])*
+        pub unsafe fn $name<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
+            let function = Function::$function;
+            unsafe {
+                call::<E>(component, function, |h| {
+                    h.instance.$fill(array_mut::<E, _>(function, $argument, values, count)?)
+                })
+            }
+        }
+    )*};
 }
-
-/// fmi2GetDerivatives.
-pub unsafe fn get_derivatives<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
-    let function = Function::GetDerivatives;
-    unsafe { fill::<E>(component, function, "derivatives", values, count, |i, v| i.state_derivatives(v)) }
-}
-
-/// fmi2GetEventIndicators.
-pub unsafe fn get_event_indicators<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
-    let function = Function::GetEventIndicators;
-    unsafe { fill::<E>(component, function, "eventIndicators", values, count, |i, v| i.event_indicators(v)) }
-}
-
-/// fmi2GetContinuousStates.
-pub unsafe fn get_continuous_states<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
-    let function = Function::GetContinuousStates;
-    unsafe { fill::<E>(component, function, "x", values, count, |i, v| i.continuous_states(v)) }
-}
-
-/// fmi2GetNominalsOfContinuousStates.
-pub unsafe fn get_nominals_of_continuous_states<E: Export>(
-    component: Component,
-    values: *mut f64,
-    count: size_t,
-) -> Status {
-    let function = Function::GetNominalsOfContinuousStates;
-    unsafe { fill::<E>(component, function, "x_nominal", values, count, |i, v| i.nominals(v)) }
+arrays! {
+    /// fmi2GetDerivatives.
+    get_derivatives GetDerivatives "derivatives" state_derivatives;
+    /// fmi2GetEventIndicators.
+    get_event_indicators GetEventIndicators "eventIndicators" event_indicators;
+    /// fmi2GetContinuousStates.
+    get_continuous_states GetContinuousStates "x" continuous_states;
+    /// fmi2GetNominalsOfContinuousStates.
+    get_nominals_of_continuous_states GetNominalsOfContinuousStates "x_nominal" nominals;
 }
 
 /// fmi2CompletedIntegratorStep: no step ends with an event that the indicators do not show.
