@@ -279,7 +279,7 @@ impl<M: Model> Instance<M> {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
             _ => Mode::Event,
         };
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         if mode == Mode::Event {
             M::init_events(memory, ctx.layout, ctx.time);
         } else {
@@ -308,7 +308,7 @@ impl<M: Model> Instance<M> {
 
     /// The model, the memory and the values, once the derived parameters are computed.
     #[inline]
-    fn run(&mut self) -> (Context<'_, M>, &mut M::Memory, &mut ValueStore) {
+    fn context(&mut self) -> (Context<'_, M>, &mut M::Memory, &mut ValueStore) {
         let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
             unreachable!("made by `derive`, at the latest at the end of initialization");
         };
@@ -418,7 +418,7 @@ impl<M: Model> Instance<M> {
             self.derive()?;
         }
         let is_frozen = M::MODEL_EXCHANGE && self.mode == Mode::ContinuousTime;
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         let mut has_not_finite = false;
         if outputs {
             if is_frozen {

@@ -126,7 +126,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
         if self.time == 0.0 {
             let resources = Arc::clone(&self.resources);
-            let (ctx, _, values) = self.run();
+            let (ctx, _, values) = self.context();
             let memory = Runner::<M>::init(ctx, &resources, values);
             self.memory = memory.unwrap_or_else(|_| unreachable!("a continuous-time model always has one"));
         }
@@ -154,7 +154,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         Ok(())
     }
 
-    fn run(&mut self) -> (Context<'_, Runner<M>>, &mut <Runner<M> as Model>::Memory, &mut ValueStore) {
+    fn context(&mut self) -> (Context<'_, Runner<M>>, &mut <Runner<M> as Model>::Memory, &mut ValueStore) {
         let Self { model, derived, layout, memory, values, time, .. } = self;
         (Context { p: &**model, derived: &**derived, layout, time: *time }, memory, values)
     }
@@ -168,7 +168,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// The outputs for these inputs.
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         Runner::<M>::outputs(ctx, memory, values);
         M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
@@ -179,7 +179,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         let time = ctx.time;
         let interval = Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false };
         let parts = Runner::<M>::parts(ctx.layout, values, interval);

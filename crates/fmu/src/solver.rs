@@ -8,7 +8,7 @@ use fmu_math::{dense, ode};
 use crate::dual::Dual64;
 use crate::model::{At, Continuous, Solver};
 use crate::scalar::{Dependencies, Scalar};
-use crate::variable::{Kind, Layout};
+use crate::variable::Layout;
 use crate::variables::{ContinuousState, Counts, Values, ValuesMut, Variables};
 
 /// Model, inputs and derived parameters, which are constant while a solver advances the state.
@@ -529,16 +529,12 @@ impl Scratch {
         };
         let linear = if is_stiff { n } else { 0 };
         let counts = if is_stiff { M::Inputs::<f64>::COUNTS } else { Counts::ZERO };
-        let nominal = |index| match &layout.real(index).declaration.kind {
-            Kind::Real(real) => real.nominal.unwrap_or(1.0),
-            _ => 1.0,
-        };
         Self {
             n,
             states: vec![vec![0.0; n]; STATES],
             work: vec![0.0; parts * n],
             error: vec![0.0; n],
-            nominals: layout.states.reals().map(nominal).collect(),
+            nominals: layout.states.reals().map(|index| layout.nominal(index)).collect(),
             jacobian: Jacobian::dense(if linear < LEAST_SPARSE { linear } else { 0 }),
             traced: None,
             is_traced: false,

@@ -332,6 +332,14 @@ impl Layout {
         self.real(self.states.at.reals + derivative.index - self.derivatives.at.reals)
     }
 
+    /// Nominal value of the real variable `index`.
+    pub(crate) fn nominal(&self, index: usize) -> f64 {
+        match &self.real(index).declaration.kind {
+            Kind::Real(real) => real.nominal.unwrap_or(1.0),
+            _ => 1.0,
+        }
+    }
+
     /// Name of the real variable `index`.
     pub fn real_name(&self, index: usize) -> &str {
         &self.real(index).declaration.name

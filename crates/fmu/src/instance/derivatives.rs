@@ -128,7 +128,7 @@ impl<M: Model> Instance<M> {
         let mut rows = Structure::default();
         let all = if knowns.len() > FEW {
             self.derive()?;
-            let (ctx, memory, values) = self.run();
+            let (ctx, memory, values) = self.context();
             M::dependencies(ctx, memory, values)
         } else {
             None
@@ -159,7 +159,7 @@ impl<M: Model> Instance<M> {
     fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         let mut slopes = vec![0.0; ctx.layout.outputs.counts.reals + ctx.layout.states.counts.reals];
         M::directional(ctx, memory, values, is_frozen, direction, &mut slopes);
         Ok(slopes)

@@ -3,7 +3,6 @@
 use super::{CallError, CallResult, Instance};
 use crate::calls::{Function, Interface, Mode};
 use crate::runner::{Model, StepError, Update};
-use crate::variable::Kind;
 
 impl<M: Model> Instance<M> {
     /// fmi2EnterEventMode.
@@ -30,7 +29,7 @@ impl<M: Model> Instance<M> {
         self.check(function)?;
         self.derive()?;
         let mut clock = self.clock;
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         let result = M::handle_events(ctx, memory, values, &mut clock);
         self.clock = clock;
         self.forget_results();
@@ -42,7 +41,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
         self.derive()?;
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         M::freeze_relations(ctx, memory, values);
         self.enter(Mode::ContinuousTime);
         self.forget_results();
@@ -111,10 +110,7 @@ impl<M: Model> Instance<M> {
         let range = self.layout().states.reals();
         self.check_length(function, "states", range.len(), nominals.len())?;
         for (nominal, index) in nominals.iter_mut().zip(range) {
-            *nominal = match &self.layout().real(index).declaration.kind {
-                Kind::Real(real) => real.nominal.unwrap_or(1.0),
-                _ => 1.0,
-            };
+            *nominal = self.layout().nominal(index);
         }
         Ok(())
     }
@@ -155,7 +151,7 @@ impl<M: Model> Instance<M> {
         self.check_length(function, "event indicators", count, indicators.len())?;
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        let (ctx, memory, values) = self.run();
+        let (ctx, memory, values) = self.context();
         if is_frozen {
             M::event_indicators(ctx, memory, values, indicators);
         } else {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fmu_math::sparse::Structure;
 
-use super::exchange::{Exchange, Part, Sides, nominal};
+use super::exchange::{Exchange, Part, Sides};
 use super::integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
 use super::{Context, Expressions, Kind, Model, Modes, Step, StepError, Update, are_finite, first_not_finite};
 use crate::clock::{Clock, slack};
@@ -333,8 +333,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     fn count_relations(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> usize {
         let layout = ctx.layout;
         let mut exchange = Exchange::new(layout, 0.0);
-        Self::read(layout, &mut exchange, values);
-        Self::run_all(ctx, &mut exchange, &memory.discrete, values, Sides::Update);
+        exchange.read(layout, values);
+        Self::eval_all(ctx, &mut exchange, &memory.discrete, values, Sides::Update);
         exchange.relations.count()
     }
 
@@ -417,14 +417,14 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         let Context { layout, time, .. } = ctx;
         let Memory { discrete, exchange, crossings, .. } = memory;
         let exchange = exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
-        Self::read(layout, exchange, values);
+        exchange.read(layout, values);
         if layout.indicators.relations > 0 {
-            Self::run_all(ctx, exchange, discrete, values, Sides::Update);
+            Self::eval_all(ctx, exchange, discrete, values, Sides::Update);
             exchange.relations.begin_scales();
             for (number, index) in layout.inputs.reals().chain(layout.states.reals()).enumerate() {
                 let value = exchange.known[number];
-                exchange.known[number] = Relational(value.0 + PROBE * nominal(layout, index));
-                Self::run_all(ctx, exchange, discrete, values, Sides::Keep);
+                exchange.known[number] = Relational(value.0 + PROBE * layout.nominal(index));
+                Self::eval_all(ctx, exchange, discrete, values, Sides::Keep);
                 exchange.relations.add_to_scales();
                 exchange.known[number] = value;
             }
@@ -435,7 +435,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             let mut changed = values.clone();
             exchange.scales.fill(0.0);
             for index in layout.inputs.reals().chain(layout.states.reals()) {
-                changed.reals[index] += PROBE * nominal(layout, index);
+                changed.reals[index] += PROBE * layout.nominal(index);
                 let here = Self::crossings_at(ctx, discrete, &changed);
                 for ((scale, here), base) in exchange.scales.iter_mut().zip(here.as_ref()).zip(base.as_ref()) {
                     let change = (here - base).abs() / PROBE;
@@ -456,13 +456,13 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
         let Memory { discrete, exchange, .. } = memory;
         let Some(exchange) = exchange else { unreachable!("made above") };
-        Self::read(layout, exchange, values);
+        exchange.read(layout, values);
         let (part, range) = if outputs {
             (Part::Outputs, layout.outputs.reals())
         } else {
             (Part::Derivatives, layout.derivatives.reals())
         };
-        Self::run(ctx, exchange, discrete, values, part, Sides::Keep);
+        Self::eval(ctx, exchange, discrete, values, part, Sides::Keep);
         for (value, result) in values.reals[range].iter_mut().zip(&exchange.unknown) {
             *value = result.0;
         }
@@ -484,8 +484,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
         }
         if !relations.is_empty() {
-            Self::read(layout, exchange, values);
-            Self::run_all(ctx, exchange, discrete, values, Sides::Keep);
+            exchange.read(layout, values);
+            Self::eval_all(ctx, exchange, discrete, values, Sides::Keep);
             exchange.relations.indicators(relations);
         }
     }

@@ -5,7 +5,7 @@ use crate::discrete_state::{Word, Words};
 use crate::model::{At, Continuous};
 use crate::relation::{Relational, Relations};
 use crate::store::ValueStore;
-use crate::variable::{Kind, Layout};
+use crate::variable::Layout;
 use crate::variables::{Counts, Values, ValuesMut, Variables as _};
 
 /// Data of a continuous-time model for model exchange, besides its variables.
@@ -38,6 +38,14 @@ impl Exchange {
             announced: f64::INFINITY,
             known: numbers(inputs + states),
             unknown: numbers(outputs.max(states)),
+        }
+    }
+
+    /// Takes inputs and states from the values.
+    pub(super) fn read(&mut self, layout: &Layout, values: &ValueStore) {
+        let indices = layout.inputs.reals().chain(layout.states.reals());
+        for (known, index) in self.known.iter_mut().zip(indices) {
+            *known = Relational(values.reals[index]);
         }
     }
 
@@ -101,16 +109,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         p.zero_crossings(At { time, state, inputs, derived, discrete })
     }
 
-    /// Takes inputs and states from the values.
-    pub(super) fn read(layout: &Layout, exchange: &mut Exchange, values: &ValueStore) {
-        let indices = layout.inputs.reals().chain(layout.states.reals());
-        for (known, index) in exchange.known.iter_mut().zip(indices) {
-            *known = Relational(values.reals[index]);
-        }
-    }
-
     /// Evaluates one function for the known values, into the unknown ones.
-    pub(super) fn run(
+    pub(super) fn eval(
         Context { p, derived, layout, time }: Context<'_, Self>,
         exchange: &mut Exchange,
         discrete: &M::DiscreteState,
@@ -147,25 +147,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     }
 
     /// Evaluates both functions, for their relations.
-    pub(super) fn run_all(
+    pub(super) fn eval_all(
         ctx: Context<'_, Self>,
         exchange: &mut Exchange,
         discrete: &M::DiscreteState,
         values: &ValueStore,
         sides: Sides,
     ) {
-        Self::run(ctx, exchange, discrete, values, Part::Derivatives, sides);
+        Self::eval(ctx, exchange, discrete, values, Part::Derivatives, sides);
         if sides == Sides::Update {
             exchange.outputs = exchange.relations.count();
         }
-        Self::run(ctx, exchange, discrete, values, Part::Outputs, sides);
-    }
-}
-
-/// Nominal value of a real variable.
-pub(super) fn nominal(layout: &Layout, index: usize) -> f64 {
-    match &layout.real(index).declaration.kind {
-        Kind::Real(real) => real.nominal.unwrap_or(1.0),
-        _ => 1.0,
+        Self::eval(ctx, exchange, discrete, values, Part::Outputs, sides);
     }
 }
