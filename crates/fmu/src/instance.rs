@@ -44,7 +44,7 @@ pub struct Snapshot<M: Model> {
     pub(crate) values: ValueStore,
     /// True if the parameter `tolerance` was set.
     pub(crate) is_tolerance_set: bool,
-    pub(crate) memory: Option<M::Memory>,
+    pub(crate) run: Option<M::RunnerState>,
     pub(crate) derived: Option<Arc<M::Derived>>,
     pub(crate) derived_are_old: bool,
 }
@@ -70,7 +70,7 @@ pub struct Instance<M: Model> {
     /// Created when needed. Before the start, it is created again after any change of the values that it follows from. When a step fails,
     /// only the discrete state of a continuous-time model is restored, for its outputs; in Step Failed nothing reads the rest, and a saved
     /// state or a reset replaces it.
-    memory: Option<M::Memory>,
+    run: Option<M::RunnerState>,
     outputs_are_old: bool,
     derivatives_are_old: bool,
     /// True if an output or derivative that is up to date is not finite; everything else always is.
@@ -103,7 +103,7 @@ impl<M: Model> Instance<M> {
             is_tolerance_set: false,
             derived: None,
             derived_are_old: true,
-            memory: None,
+            run: None,
             outputs_are_old: true,
             derivatives_are_old: true,
             has_not_finite: false,
@@ -161,16 +161,16 @@ impl<M: Model> Instance<M> {
         &self.description.layout
     }
 
-    /// Returns true if the derived parameters or the memory must be computed before they are used.
+    /// Returns true if the derived parameters or the state of the run must be computed before they are used.
     #[inline]
     fn is_stale(&self) -> bool {
-        self.derived_are_old || self.memory.is_none()
+        self.derived_are_old || self.run.is_none()
     }
 
     /// Returns true if the real `index` is a state whose start value must be computed.
     fn is_calculated_state(&self, index: usize) -> bool {
         let layout = self.layout();
-        self.memory.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
+        self.run.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
     }
 
     /// fmi2SetupExperiment, without a tolerance.
@@ -251,10 +251,10 @@ impl<M: Model> Instance<M> {
         let function = Function::ExitInitializationMode;
         self.check(function)?;
         // A simulation is started again, so that earlier reads have no effect on it.
-        self.memory = None;
+        self.run = None;
         self.derive()?;
-        let memory = self.memory.as_ref().expect("made with the derived parameters");
-        if let Some((name, value)) = M::not_finite(memory) {
+        let run = self.run.as_ref().expect("made with the derived parameters");
+        if let Some((name, value)) = M::not_finite(run) {
             return Err(format!(
                 "{}: start of '{name}' must be finite, got {value}; check the parameters",
                 M::INFO.name
@@ -279,11 +279,11 @@ impl<M: Model> Instance<M> {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
             _ => Mode::Event,
         };
-        let (ctx, memory, values) = self.context();
+        let (ctx, run, values) = self.context();
         if mode == Mode::Event {
-            M::init_events(memory, ctx.layout, ctx.time);
+            M::init_events(run, ctx.layout, ctx.time);
         } else {
-            M::init_steps(ctx, memory, values).map_err(|error| self.failure(function, error))?;
+            M::init_steps(ctx, run, values).map_err(|error| self.failure(function, error))?;
             self.forget_results();
         }
         self.enter(mode);
@@ -306,18 +306,18 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The model, the memory and the values, once the derived parameters are computed.
+    /// The model, the state of the run and the values, once the derived parameters are computed.
     #[inline]
-    fn context(&mut self) -> (Context<'_, M>, &mut M::Memory, &mut ValueStore) {
-        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
+    fn context(&mut self) -> (Context<'_, M>, &mut M::RunnerState, &mut ValueStore) {
+        let (Some(derived), Some(run)) = (self.derived.as_deref(), &mut self.run) else {
             unreachable!("made by `derive`, at the latest at the end of initialization");
         };
         let ctx = Context { p: &self.parameters, derived, layout: &self.description.layout, time: self.clock.time };
-        (ctx, memory, &mut self.values)
+        (ctx, run, &mut self.values)
     }
 
     /// Returns the derived parameters, computed again if a parameter has changed. Before the start also computes the
-    /// calculated states and the memory, which depend on the values only, not on earlier reads.
+    /// calculated states and the state of the run, which depend on the values only, not on earlier reads.
     #[inline]
     fn derive(&mut self) -> CallResult<Arc<M::Derived>> {
         match &self.derived {
@@ -342,7 +342,7 @@ impl<M: Model> Instance<M> {
         let layout = &self.description.layout;
         derived.write(&mut self.values.view_mut(), layout.derived.at);
         let ctx = Context { p: &self.parameters, derived: &*derived, layout, time: self.clock.start };
-        if self.memory.is_none() {
+        if self.run.is_none() {
             M::initialize(ctx, &mut self.values);
         }
         for index in layout.derived.reals().chain(layout.states.reals()) {
@@ -357,8 +357,8 @@ impl<M: Model> Instance<M> {
                 .into());
             }
         }
-        if self.memory.is_none() {
-            self.memory = Some(M::init(ctx, &self.resources, &self.values).map_err(named)?);
+        if self.run.is_none() {
+            self.run = Some(M::init(ctx, &self.resources, &self.values).map_err(named)?);
         }
         self.derived = Some(Arc::clone(&derived));
         self.derived_are_old = false;
@@ -370,7 +370,7 @@ impl<M: Model> Instance<M> {
     fn values_changed(&mut self) {
         if M::KIND == ModelKind::Continuous && self.is_before_start() {
             // The calculated states and the discrete state at the start follow from them.
-            self.memory = None;
+            self.run = None;
         }
         self.forget_results();
     }
@@ -412,28 +412,28 @@ impl<M: Model> Instance<M> {
         if calculated || outputs || derivatives { self.compute(outputs, derivatives) } else { Ok(()) }
     }
 
-    /// Computes outputs and derivatives, and first the derived parameters and the memory if they are out of date.
+    /// Computes outputs and derivatives, and first the derived parameters and the state of the run if they are out of date.
     fn compute(&mut self, outputs: bool, derivatives: bool) -> CallResult {
         if self.is_stale() {
             self.derive()?;
         }
         let is_frozen = M::MODEL_EXCHANGE && self.mode == Mode::ContinuousTime;
-        let (ctx, memory, values) = self.context();
+        let (ctx, run, values) = self.context();
         let mut has_not_finite = false;
         if outputs {
             if is_frozen {
-                M::eval_frozen(ctx, memory, values, true);
+                M::eval_frozen(ctx, run, values, true);
             } else {
                 // A source takes its first sample, which is due at the start.
-                M::outputs(ctx, memory, values);
+                M::outputs(ctx, run, values);
             }
             has_not_finite |= !are_finite(&values.reals[ctx.layout.outputs.reals()]);
         }
         if derivatives {
             if is_frozen {
-                M::eval_frozen(ctx, memory, values, false);
+                M::eval_frozen(ctx, run, values, false);
             } else {
-                M::derivatives(ctx, memory, values);
+                M::derivatives(ctx, run, values);
             }
             has_not_finite |= !are_finite(&values.reals[ctx.layout.derivatives.reals()]);
         }

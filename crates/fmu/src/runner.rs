@@ -110,7 +110,7 @@ pub struct Expressions {
     pub(crate) is_inspected: bool,
 }
 
-/// A model at one time: what its functions read besides the values and the memory.
+/// A model at one time: what its functions read besides the values and the state of the run.
 #[derive(Debug)]
 pub struct Context<'a, M: Model> {
     /// Parameters.
@@ -158,7 +158,7 @@ pub trait Model: Sized + 'static {
     /// Derived parameters.
     type Derived: Derived;
     /// State of a run besides the variables.
-    type Memory: Clone + Send + 'static;
+    type RunnerState: Clone + Send + 'static;
 
     /// Numbers all variables.
     fn layout() -> Layout;
@@ -171,22 +171,22 @@ pub trait Model: Sized + 'static {
     fn fingerprint(_derived: &Self::Derived) -> u64 {
         0
     }
-    /// The memory at the start, for these values and at this time.
+    /// The state of the run at the start, for these values and at this time.
     ///
     /// # Errors
     /// A sentence that names the parameter, its value and the rule.
-    fn init(ctx: Context<'_, Self>, resources: &Path, values: &ValueStore) -> Result<Self::Memory, String>;
+    fn init(ctx: Context<'_, Self>, resources: &Path, values: &ValueStore) -> Result<Self::RunnerState, String>;
     /// Writes the states that follow from the parameters, whatever their values are now.
     fn initialize(_ctx: Context<'_, Self>, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// Advances states or outputs, and the memory. Returns the time of the event that ended the step early.
+    /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early.
     ///
     /// # Errors
-    /// A number is not finite or the model rejects the step; `values` is kept then, the memory is not.
+    /// A number is not finite or the model rejects the step; `values` is kept then, the state of the run is not.
     fn step(
         ctx: Context<'_, Self>,
-        memory: &mut Self::Memory,
+        run: &mut Self::RunnerState,
         values: &mut ValueStore,
         step: Step,
         parts: u64,
@@ -195,20 +195,20 @@ pub trait Model: Sized + 'static {
     ///
     /// # Errors
     /// As [`Self::handle_events`].
-    fn init_steps(_: Context<'_, Self>, _: &mut Self::Memory, _: &mut ValueStore) -> Result<(), StepError> {
+    fn init_steps(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &mut ValueStore) -> Result<(), StepError> {
         Ok(())
     }
-    /// Prepares the memory for events that the importer handles, unless it is prepared: those up to `time` are done.
-    fn init_events(_memory: &mut Self::Memory, _layout: &Layout, _time: f64) {}
+    /// Prepares the state of the run for events that the importer handles, unless it is prepared: those up to `time` are done.
+    fn init_events(_memory: &mut Self::RunnerState, _layout: &Layout, _time: f64) {}
     /// Computes the outputs; those of the first sample of a source.
-    fn outputs(ctx: Context<'_, Self>, memory: &Self::Memory, values: &mut ValueStore);
+    fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore);
     /// Computes the derivatives of the state.
-    fn derivatives(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &mut ValueStore) {}
+    fn derivatives(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &mut ValueStore) {}
     /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first;
     /// if `is_frozen`, with the relations as they were at the last event.
     fn directional(
         _ctx: Context<'_, Self>,
-        _memory: &mut Self::Memory,
+        _memory: &mut Self::RunnerState,
         _values: &ValueStore,
         _is_frozen: bool,
         _direction: &[f64],
@@ -220,53 +220,54 @@ pub trait Model: Sized + 'static {
     fn modes() -> Modes {
         Modes::default()
     }
-    /// The memory with the values of these numbers, see [`Self::modes`]; `None` if they are impossible together.
-    fn with_mode(memory: Self::Memory, _modes: &Modes, _numbers: &[Option<usize>]) -> Option<Self::Memory> {
-        Some(memory)
+    /// The state of the run with the values of these numbers, see [`Self::modes`]; `None` if they are impossible together.
+    fn with_mode(run: Self::RunnerState, _modes: &Modes, _numbers: &[Option<usize>]) -> Option<Self::RunnerState> {
+        Some(run)
     }
     /// Dependencies of the real outputs, then of the state derivatives, a line for each: the known variables are the real
     /// inputs, then the states, then the time. `None` if everything may depend on everything.
-    fn dependencies(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &ValueStore) -> Option<Structure> {
+    fn dependencies(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &ValueStore) -> Option<Structure> {
         None
     }
     /// The expressions that the outputs, then the state derivatives have at these values of Booleans, Integers and Strings.
-    fn expressions(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &ValueStore) -> Expressions {
+    fn expressions(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &ValueStore) -> Expressions {
         Expressions::default()
     }
     /// Number of relations in the equations at these values.
-    fn count_relations(_ctx: Context<'_, Self>, _memory: &Self::Memory, _values: &ValueStore) -> usize {
+    fn count_relations(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &ValueStore) -> usize {
         0
     }
     /// Model exchange: handles the events that are due at the time of the clock.
     ///
     /// # Errors
-    /// A number is not finite or the model rejects; values, memory and clock are kept then.
+    /// A number is not finite or the model rejects; values, state and clock are kept then.
     fn handle_events(
         ctx: Context<'_, Self>,
-        memory: &mut Self::Memory,
+        run: &mut Self::RunnerState,
         values: &mut ValueStore,
         clock: &mut Clock,
     ) -> Result<Update, StepError>;
     /// Model exchange: sets every relation to the side of the present values, and the scale of every indicator.
-    fn freeze_relations(_ctx: Context<'_, Self>, _memory: &mut Self::Memory, _values: &ValueStore) {}
+    fn freeze_relations(_ctx: Context<'_, Self>, _memory: &mut Self::RunnerState, _values: &ValueStore) {}
     /// Model exchange: computes the outputs or the derivatives with the relations as they were frozen.
-    fn eval_frozen(_ctx: Context<'_, Self>, _memory: &mut Self::Memory, _values: &mut ValueStore, _outputs: bool) {}
+    fn eval_frozen(_ctx: Context<'_, Self>, _memory: &mut Self::RunnerState, _values: &mut ValueStore, _outputs: bool) {
+    }
     /// Model exchange: the event indicators, for relations as they were frozen: first those of the declared zero crossings.
-    fn event_indicators(_: Context<'_, Self>, _: &mut Self::Memory, _: &ValueStore, result: &mut [f64]) {
+    fn event_indicators(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore, result: &mut [f64]) {
         result.fill(1.0);
     }
-    /// Passes every value of the memory to the sink.
+    /// Passes every value of the state to the sink.
     ///
     /// # Errors
     /// The simulation cannot be serialized.
-    fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String>;
-    /// Restores a memory, which must be the one at the start.
+    fn save(run: &Self::RunnerState, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String>;
+    /// Restores the state of a run, which must be the one at the start.
     ///
     /// # Errors
     /// A value is missing, of another type, or impossible.
-    fn restore(memory: &mut Self::Memory, layout: &Layout, source: &mut Words<'_>) -> Result<(), String>;
-    /// Name and value of the first number in the memory that is not finite.
-    fn not_finite(_memory: &Self::Memory) -> Option<(&'static str, f64)> {
+    fn restore(run: &mut Self::RunnerState, layout: &Layout, source: &mut Words<'_>) -> Result<(), String>;
+    /// Name and value of the first number in the state that is not finite.
+    fn not_finite(_memory: &Self::RunnerState) -> Option<(&'static str, f64)> {
         None
     }
 }

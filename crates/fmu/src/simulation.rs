@@ -51,7 +51,7 @@ pub struct ContinuousSimulation<M: Continuous> {
     derived: Arc<M::Derived>,
     resources: Arc<Path>,
     layout: Arc<Layout>,
-    memory: <Runner<M> as Model>::Memory,
+    run: <Runner<M> as Model>::RunnerState,
     values: ValueStore,
     time: f64,
 }
@@ -63,7 +63,7 @@ impl<M: Continuous> Clone for ContinuousSimulation<M> {
             derived: Arc::clone(&self.derived),
             resources: Arc::clone(&self.resources),
             layout: Arc::clone(&self.layout),
-            memory: self.memory.clone(),
+            run: self.run.clone(),
             values: self.values.clone(),
             time: self.time,
         }
@@ -96,14 +96,14 @@ impl<M: Continuous> ContinuousSimulation<M> {
         model.write(&mut values.view_mut(), Counts::ZERO);
         let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
         Runner::<M>::initialize(ctx, &mut values);
-        let mut memory = Runner::<M>::init(ctx, resources, &values)?;
-        Runner::<M>::init_steps(ctx, &mut memory, &mut values).map_err(|error| error.message(&layout))?;
+        let mut run = Runner::<M>::init(ctx, resources, &values)?;
+        Runner::<M>::init_steps(ctx, &mut run, &mut values).map_err(|error| error.message(&layout))?;
         Ok(Self {
             model: model.into(),
             derived: derived.into(),
             resources: resources.into(),
             layout: layout.into(),
-            memory,
+            run,
             values,
             time: 0.0,
         })
@@ -127,8 +127,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
         if self.time == 0.0 {
             let resources = Arc::clone(&self.resources);
             let (ctx, _, values) = self.context();
-            let memory = Runner::<M>::init(ctx, &resources, values);
-            self.memory = memory.unwrap_or_else(|_| unreachable!("a continuous-time model always has one"));
+            let run = Runner::<M>::init(ctx, &resources, values);
+            self.run = run.unwrap_or_else(|_| unreachable!("a continuous-time model always has one"));
         }
     }
 
@@ -154,9 +154,9 @@ impl<M: Continuous> ContinuousSimulation<M> {
         Ok(())
     }
 
-    fn context(&mut self) -> (Context<'_, Runner<M>>, &mut <Runner<M> as Model>::Memory, &mut ValueStore) {
-        let Self { model, derived, layout, memory, values, time, .. } = self;
-        (Context { p: &**model, derived: &**derived, layout, time: *time }, memory, values)
+    fn context(&mut self) -> (Context<'_, Runner<M>>, &mut <Runner<M> as Model>::RunnerState, &mut ValueStore) {
+        let Self { model, derived, layout, run, values, time, .. } = self;
+        (Context { p: &**model, derived: &**derived, layout, time: *time }, run, values)
     }
 
     /// The derived parameters.
@@ -168,8 +168,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// The outputs for these inputs.
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let (ctx, memory, values) = self.context();
-        Runner::<M>::outputs(ctx, memory, values);
+        let (ctx, run, values) = self.context();
+        Runner::<M>::outputs(ctx, run, values);
         M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
 
@@ -179,7 +179,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let (ctx, memory, values) = self.context();
+        let (ctx, run, values) = self.context();
         let time = ctx.time;
         let interval = Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false };
         let parts = Runner::<M>::parts(ctx.layout, values, interval);
@@ -188,7 +188,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
                 "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
             ));
         }
-        let advanced = Runner::<M>::step(ctx, memory, values, interval, parts as u64);
+        let advanced = Runner::<M>::step(ctx, run, values, interval, parts as u64);
         advanced.map_err(|error| error.message(ctx.layout))?;
         self.time += step;
         Ok(())

@@ -74,10 +74,10 @@ pub(crate) fn write<M: Model>(
     values.strings.iter().for_each(|value| out.text(value));
     // After the start the parameter has its value.
     out.u32(u32::from(!initialized && snapshot.is_tolerance_set));
-    // Before the start the memory follows from the values.
-    if let (true, Some(derived), Some(memory)) = (initialized, snapshot.derived.as_deref(), &snapshot.memory) {
+    // Before the start the state of the run follows from the values.
+    if let (true, Some(derived), Some(run)) = (initialized, snapshot.derived.as_deref(), &snapshot.run) {
         out.u64(M::fingerprint(derived));
-        M::save(memory, &mut |word| match word {
+        M::save(run, &mut |word| match word {
             Word::Real(value) => {
                 out.0.push(0);
                 out.f64(value);
@@ -243,7 +243,7 @@ pub(crate) fn read<M: Model>(
     let period = layout.solver.filter(|_| M::KIND == ModelKind::Discrete).map(|index| values.reals[index]);
     clock.check(protocol.interface, initialized, period)?;
     let mut snapshot =
-        Snapshot { mode, clock, values, is_tolerance_set, memory: None, derived: None, derived_are_old: true };
+        Snapshot { mode, clock, values, is_tolerance_set, run: None, derived: None, derived_are_old: true };
     if initialized {
         let fingerprint = source.u64()?;
         let parameters = snapshot.values.parameters::<M>();
@@ -252,13 +252,13 @@ pub(crate) fn read<M: Model>(
             return Err("a file that the state was made with has another content now".to_owned());
         }
         // In place: the state of a model may be large, and a thread's stack small.
-        let Snapshot { values, clock, memory, .. } = &mut snapshot;
+        let Snapshot { values, clock, run, .. } = &mut snapshot;
         derived.write(&mut values.view_mut(), layout.derived.at);
         if let Some(index) = layout.derived.reals().find(|&index| !values.reals[index].is_finite()) {
             return Err(format!("'{}' is not a finite number", layout.real_name(index)));
         }
         let ctx = Context { p: &parameters, derived: &*derived, layout, time: clock.start };
-        let memory = memory.insert(M::init(ctx, resources, values)?);
+        let run = run.insert(M::init(ctx, resources, values)?);
         let mut next = || match source.u8()? {
             0 => source.f64().map(OwnedWord::Real),
             1 => source.u64().map(OwnedWord::Whole),
@@ -270,7 +270,7 @@ pub(crate) fn read<M: Model>(
             }
             kind => Err(format!("unknown kind of value {kind}")),
         };
-        M::restore(memory, layout, &mut Words(&mut next))?;
+        M::restore(run, layout, &mut Words(&mut next))?;
         (snapshot.derived, snapshot.derived_are_old) = (Some(derived), false);
     }
     if !source.0.is_empty() {

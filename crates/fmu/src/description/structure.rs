@@ -93,24 +93,24 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
         let mut initial = values.clone();
         let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
         M::initialize(ctx, &mut initial);
-        let memory = M::init(ctx, resources, &initial)?;
-        let memory = M::with_mode(memory, &modes, mode).ok_or("values of the discrete state exclude each other")?;
-        Ok::<_, String>((p, derived, memory))
+        let run = M::init(ctx, resources, &initial)?;
+        let run = M::with_mode(run, &modes, mode).ok_or("values of the discrete state exclude each other")?;
+        Ok::<_, String>((p, derived, run))
     };
     let choices = combinations(&sizes);
     for choice in &choices {
         let mut found = Vec::new();
         match begin(&mut values, &start, choice) {
-            Ok((p, derived, memory)) => {
+            Ok((p, derived, run)) => {
                 has_derived = true;
                 let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
-                relations = relations.max(M::count_relations(ctx, &memory, &values));
+                relations = relations.max(M::count_relations(ctx, &run, &values));
                 if !is_open {
-                    match M::dependencies(ctx, &memory, &values) {
+                    match M::dependencies(ctx, &run, &values) {
                         Some(sets) => union.iter_mut().enumerate().for_each(|(i, sum)| sum.extend(sets.line(i))),
                         None => union.fill(DependencySet::all(known)),
                     }
-                    let all = M::expressions(ctx, &memory, &values);
+                    let all = M::expressions(ctx, &run, &values);
                     is_inspected |= all.is_inspected;
                     found = all.all;
                 }
@@ -139,9 +139,9 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
             let mut is_whole = true;
             for (choice, found) in choices.iter().zip(&mut expressions) {
                 match begin(&mut values, &moved, choice) {
-                    Ok((p, derived, memory)) => {
+                    Ok((p, derived, run)) => {
                         let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
-                        *found = M::expressions(ctx, &memory, &values).all;
+                        *found = M::expressions(ctx, &run, &values).all;
                     }
                     Err(_) => is_whole &= std::mem::take(found).is_empty(),
                 }

@@ -128,8 +128,8 @@ impl<M: Model> Instance<M> {
         let mut rows = Structure::default();
         let all = if knowns.len() > FEW {
             self.derive()?;
-            let (ctx, memory, values) = self.context();
-            M::dependencies(ctx, memory, values)
+            let (ctx, run, values) = self.context();
+            M::dependencies(ctx, run, values)
         } else {
             None
         };
@@ -159,9 +159,9 @@ impl<M: Model> Instance<M> {
     fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        let (ctx, memory, values) = self.context();
+        let (ctx, run, values) = self.context();
         let mut slopes = vec![0.0; ctx.layout.outputs.counts.reals + ctx.layout.states.counts.reals];
-        M::directional(ctx, memory, values, is_frozen, direction, &mut slopes);
+        M::directional(ctx, run, values, is_frozen, direction, &mut slopes);
         Ok(slopes)
     }
 

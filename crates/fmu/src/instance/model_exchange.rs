@@ -29,8 +29,8 @@ impl<M: Model> Instance<M> {
         self.check(function)?;
         self.derive()?;
         let mut clock = self.clock;
-        let (ctx, memory, values) = self.context();
-        let result = M::handle_events(ctx, memory, values, &mut clock);
+        let (ctx, run, values) = self.context();
+        let result = M::handle_events(ctx, run, values, &mut clock);
         self.clock = clock;
         self.forget_results();
         result.map_err(|error| self.failure(function, error))
@@ -41,8 +41,8 @@ impl<M: Model> Instance<M> {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
         self.derive()?;
-        let (ctx, memory, values) = self.context();
-        M::freeze_relations(ctx, memory, values);
+        let (ctx, run, values) = self.context();
+        M::freeze_relations(ctx, run, values);
         self.enter(Mode::ContinuousTime);
         self.forget_results();
         Ok(())
@@ -151,14 +151,14 @@ impl<M: Model> Instance<M> {
         self.check_length(function, "event indicators", count, indicators.len())?;
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        let (ctx, memory, values) = self.context();
+        let (ctx, run, values) = self.context();
         if is_frozen {
-            M::event_indicators(ctx, memory, values, indicators);
+            M::event_indicators(ctx, run, values, indicators);
         } else {
             // Reading does not change the state.
-            let mut memory = memory.clone();
-            M::freeze_relations(ctx, &mut memory, values);
-            M::event_indicators(ctx, &mut memory, values, indicators);
+            let mut run = run.clone();
+            M::freeze_relations(ctx, &mut run, values);
+            M::event_indicators(ctx, &mut run, values, indicators);
         }
         if let Some(at) = indicators.iter().position(|value| !value.is_finite()) {
             let message = format_args!("event indicator {at} is {} at time {} s", indicators[at], self.clock.time);

@@ -13,7 +13,7 @@ impl<M: Model> Instance<M> {
             clock: self.clock,
             values: self.values.clone(),
             is_tolerance_set: self.is_tolerance_set,
-            memory: self.memory.clone(),
+            run: self.run.clone(),
             derived: self.derived.clone(),
             derived_are_old: self.derived_are_old,
         })
@@ -25,16 +25,16 @@ impl<M: Model> Instance<M> {
         self.enter(snapshot.mode);
         self.clock = snapshot.clock;
         self.values.clone_from(&snapshot.values);
-        self.memory.clone_from(&snapshot.memory);
+        self.run.clone_from(&snapshot.run);
         self.is_tolerance_set = snapshot.is_tolerance_set;
         self.derived.clone_from(&snapshot.derived);
         self.derived_are_old = snapshot.derived_are_old;
         if self.uses_event_mode
             && !self.is_before_start()
-            && let Some(memory) = &mut self.memory
+            && let Some(run) = &mut self.run
         {
             // The instance that saved the state may have handled its events in its steps.
-            M::init_events(memory, &self.description.layout, self.clock.time);
+            M::init_events(run, &self.description.layout, self.clock.time);
         }
         self.parameters = self.values.parameters::<M>();
         self.texts = texts(&self.values.strings);

@@ -221,7 +221,7 @@ impl<M: Model> Instance<M> {
         self.parameters = self.values.parameters::<M>();
         self.derived_are_old = true;
         if self.is_before_start() {
-            self.memory = None;
+            self.run = None;
         }
     }
 

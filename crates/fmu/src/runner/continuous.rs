@@ -29,7 +29,7 @@ pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>)
 /// Discrete state, solver and events of a continuous-time model. `clone` leaves out the working memory of the solver, and `clone_from`
 /// keeps that of the target.
 #[derive(Debug)]
-pub struct Memory<D> {
+pub struct RunnerState<D> {
     pub(super) discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
     pub(super) proposed: f64,
@@ -42,7 +42,7 @@ pub struct Memory<D> {
     pub(super) before_events: Option<D>,
 }
 
-impl<D: Clone> Clone for Memory<D> {
+impl<D: Clone> Clone for RunnerState<D> {
     fn clone(&self) -> Self {
         Self {
             discrete: self.discrete.clone(),
@@ -134,7 +134,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     const EQUATIONS_READ: Option<&'static [&'static str]> = M::EQUATIONS_READ;
     type Parameters = M;
     type Derived = M::Derived;
-    type Memory = Memory<M::DiscreteState>;
+    type RunnerState = RunnerState<M::DiscreteState>;
 
     fn layout() -> Layout {
         let parameter = solver_parameter(M::SOLVER, M::INFO.step_size);
@@ -164,7 +164,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         M::fingerprint(derived)
     }
 
-    fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<Self::Memory, String> {
+    fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<Self::RunnerState, String> {
         let Context { p, derived, layout, time } = ctx;
         // Here, so that no step allocates.
         let mut scratch = Scratch::new::<M>(layout);
@@ -181,7 +181,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             scratch.branches = branches(layout, values, &discrete);
             Problem { model: p, inputs, derived }.trace(&discrete, &mut scratch);
         }
-        Ok(Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })
+        Ok(RunnerState { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })
     }
 
     fn initialize(Context { p, derived, layout, .. }: Context<'_, Self>, values: &mut ValueStore) {
@@ -217,44 +217,44 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
 
     fn step(
         ctx: Context<'_, Self>,
-        memory: &mut Self::Memory,
+        run: &mut Self::RunnerState,
         values: &mut ValueStore,
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError> {
         let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
         if !Self::HAS_EVENTS {
-            return advance(ctx, memory, values, step, parts);
+            return advance(ctx, run, values, step, parts);
         }
-        memory.before_events = None;
-        let result = advance(ctx, memory, values, step, parts);
+        run.before_events = None;
+        let result = advance(ctx, run, values, step, parts);
         if result.is_err()
-            && let Some(discrete) = memory.before_events.take()
+            && let Some(discrete) = run.before_events.take()
         {
-            memory.discrete = discrete;
+            run.discrete = discrete;
         }
         result
     }
 
-    fn outputs(ctx: Context<'_, Self>, memory: &Self::Memory, values: &mut ValueStore) {
+    fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore) {
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
-        let at = At { time, state, inputs, derived, discrete: &memory.discrete };
+        let at = At { time, state, inputs, derived, discrete: &run.discrete };
         p.outputs(at).write(&mut values.view_mut(), layout.outputs.at);
     }
 
-    fn derivatives(ctx: Context<'_, Self>, memory: &Self::Memory, values: &mut ValueStore) {
+    fn derivatives(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore) {
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
-        let at = At { time, state, inputs, derived, discrete: &memory.discrete };
+        let at = At { time, state, inputs, derived, discrete: &run.discrete };
         p.derivatives(at).write(&mut values.view_mut(), layout.derivatives.at);
     }
 
     fn directional(
         ctx: Context<'_, Self>,
-        memory: &mut Self::Memory,
+        run: &mut Self::RunnerState,
         values: &ValueStore,
         is_frozen: bool,
         direction: &[f64],
@@ -267,8 +267,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             let dual = |value, slope| Dual::new(Relational(value), Relational(slope));
             let known = |index: usize| dual(values.reals[index], slope(index));
             let time = dual(ctx.time, time_slope);
-            let mut unknowns = || Self::unknowns(ctx, &memory.discrete, &mut others, time, known);
-            let unknowns = match &mut memory.exchange {
+            let mut unknowns = || Self::unknowns(ctx, &run.discrete, &mut others, time, known);
+            let unknowns = match &mut run.exchange {
                 Some(exchange) if is_frozen => exchange.frozen(unknowns),
                 _ => unknowns(),
             };
@@ -276,7 +276,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         } else {
             let known = |index: usize| Dual64::new(values.reals[index], slope(index));
             let time = Dual64::new(ctx.time, time_slope);
-            let unknowns = Self::unknowns(ctx, &memory.discrete, &mut others, time, known);
+            let unknowns = Self::unknowns(ctx, &run.discrete, &mut others, time, known);
             result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps);
         }
     }
@@ -285,33 +285,37 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         Modes::of(&M::DiscreteState::default())
     }
 
-    fn with_mode(memory: Self::Memory, modes: &Modes, numbers: &[Option<usize>]) -> Option<Self::Memory> {
-        Some(Memory { discrete: modes.with(&memory.discrete, numbers)?, ..memory })
+    fn with_mode(run: Self::RunnerState, modes: &Modes, numbers: &[Option<usize>]) -> Option<Self::RunnerState> {
+        Some(RunnerState { discrete: modes.with(&run.discrete, numbers)?, ..run })
     }
 
-    fn dependencies(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> Option<Structure> {
+    fn dependencies(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &ValueStore) -> Option<Structure> {
         let count = ctx.layout.inputs.counts.reals + ctx.layout.states.counts.reals;
         Dependencies::trace(|| {
             let known = |index: usize| Dependencies::on(number(ctx.layout, index));
             let time = Dependencies::on(count);
-            Self::unknowns(ctx, &memory.discrete, &mut values.clone(), time, known)
+            Self::unknowns(ctx, &run.discrete, &mut values.clone(), time, known)
         })
     }
 
-    fn init_steps(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &mut ValueStore) -> Result<(), StepError> {
+    fn init_steps(
+        ctx: Context<'_, Self>,
+        run: &mut Self::RunnerState,
+        values: &mut ValueStore,
+    ) -> Result<(), StepError> {
         if M::HAS_TIME_EVENTS {
             let mut clock = Clock { time: ctx.time, ..Clock::ZERO };
-            Self::handle_events(ctx, memory, values, &mut clock)?;
-            memory.exchange = None;
+            Self::handle_events(ctx, run, values, &mut clock)?;
+            run.exchange = None;
         }
         Ok(())
     }
 
-    fn expressions(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> Expressions {
+    fn expressions(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &ValueStore) -> Expressions {
         let layout = ctx.layout;
         let time = Expression::known(usize::MAX);
         let mut others = values.clone();
-        let equations = || Self::unknowns(ctx, &memory.discrete, &mut others, time, Expression::known);
+        let equations = || Self::unknowns(ctx, &run.discrete, &mut others, time, Expression::known);
         let (reals, is_inspected) = expression::inspected(equations);
         let all = layout.variables.iter().filter_map(|variable| match (variable.role, &variable.declaration.kind) {
             (Role::Derivative, _) => {
@@ -326,30 +330,30 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         Expressions { all: all.collect(), is_inspected }
     }
 
-    fn init_events(memory: &mut Self::Memory, layout: &Layout, time: f64) {
-        memory.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
+    fn init_events(run: &mut Self::RunnerState, layout: &Layout, time: f64) {
+        run.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
     }
 
-    fn count_relations(ctx: Context<'_, Self>, memory: &Self::Memory, values: &ValueStore) -> usize {
+    fn count_relations(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &ValueStore) -> usize {
         let layout = ctx.layout;
         let mut exchange = Exchange::new(layout, 0.0);
         exchange.read(layout, values);
-        Self::eval_all(ctx, &mut exchange, &memory.discrete, values, Sides::Update);
+        Self::eval_all(ctx, &mut exchange, &run.discrete, values, Sides::Update);
         exchange.relations.count()
     }
 
     // First zero crossings, then time events, in the order of co-simulation.
     fn handle_events(
         Context { p, derived, layout, time }: Context<'_, Self>,
-        memory: &mut Self::Memory,
+        run: &mut Self::RunnerState,
         values: &mut ValueStore,
         _: &mut Clock,
     ) -> Result<Update, StepError> {
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);
-        let exchange = memory.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
+        let exchange = run.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
         let mut handled = exchange.handled;
-        let mut discrete = memory.discrete.clone();
+        let mut discrete = run.discrete.clone();
         let mut x = M::State::read(values.view(), layout.states.at);
         let event =
             |x: &mut M::State<f64>, discrete: &mut M::DiscreteState, before: &[f64], after: &[f64], is_timed| {
@@ -361,9 +365,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             };
         if layout.indicators.declared > 0 {
             let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });
-            let mut pairs = memory.crossings.iter().zip(now.as_ref());
+            let mut pairs = run.crossings.iter().zip(now.as_ref());
             if pairs.any(|(before, now)| is_crossing(*before, *now)) {
-                event(&mut x, &mut discrete, &memory.crossings, now.as_ref(), false)?;
+                event(&mut x, &mut discrete, &run.crossings, now.as_ref(), false)?;
             }
         }
         let mut next = None;
@@ -396,11 +400,11 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
         if layout.indicators.declared > 0 {
             let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });
-            memory.crossings.clear();
-            memory.crossings.extend_from_slice(now.as_ref());
+            run.crossings.clear();
+            run.crossings.extend_from_slice(now.as_ref());
         }
-        memory.discrete = discrete;
-        if let Some(exchange) = &mut memory.exchange {
+        run.discrete = discrete;
+        if let Some(exchange) = &mut run.exchange {
             exchange.handled = handled;
             exchange.announced = next.unwrap_or(f64::INFINITY);
         }
@@ -413,9 +417,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         Ok(Update { states_changed, next_event_time: next })
     }
 
-    fn freeze_relations(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &ValueStore) {
+    fn freeze_relations(ctx: Context<'_, Self>, run: &mut Self::RunnerState, values: &ValueStore) {
         let Context { layout, time, .. } = ctx;
-        let Memory { discrete, exchange, crossings, .. } = memory;
+        let RunnerState { discrete, exchange, crossings, .. } = run;
         let exchange = exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
         exchange.read(layout, values);
         if layout.indicators.relations > 0 {
@@ -449,12 +453,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
     }
 
-    fn eval_frozen(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &mut ValueStore, outputs: bool) {
+    fn eval_frozen(ctx: Context<'_, Self>, run: &mut Self::RunnerState, values: &mut ValueStore, outputs: bool) {
         let layout = ctx.layout;
-        if memory.exchange.is_none() {
-            Self::freeze_relations(ctx, memory, values);
+        if run.exchange.is_none() {
+            Self::freeze_relations(ctx, run, values);
         }
-        let Memory { discrete, exchange, .. } = memory;
+        let RunnerState { discrete, exchange, .. } = run;
         let Some(exchange) = exchange else { unreachable!("made above") };
         exchange.read(layout, values);
         let (part, range) = if outputs {
@@ -468,12 +472,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
     }
 
-    fn event_indicators(ctx: Context<'_, Self>, memory: &mut Self::Memory, values: &ValueStore, result: &mut [f64]) {
+    fn event_indicators(ctx: Context<'_, Self>, run: &mut Self::RunnerState, values: &ValueStore, result: &mut [f64]) {
         let layout = ctx.layout;
-        if memory.exchange.is_none() {
-            Self::freeze_relations(ctx, memory, values);
+        if run.exchange.is_none() {
+            Self::freeze_relations(ctx, run, values);
         }
-        let Memory { discrete, exchange, crossings, .. } = memory;
+        let RunnerState { discrete, exchange, crossings, .. } = run;
         let Some(exchange) = exchange else { unreachable!("made above") };
         let (declared, relations) = result.split_at_mut(layout.indicators.declared);
         if !declared.is_empty() {
@@ -490,48 +494,48 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
     }
 
-    fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
+    fn save(run: &Self::RunnerState, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
         if has_error_control(M::SOLVER) {
-            sink(Word::Real(memory.proposed));
+            sink(Word::Real(run.proposed));
         }
         if size_of::<M::Crossings>() > 0 {
-            sink(Word::Whole(memory.crossings.len() as u64));
-            memory.crossings.iter().for_each(|&value| sink(Word::Real(value)));
+            sink(Word::Whole(run.crossings.len() as u64));
+            run.crossings.iter().for_each(|&value| sink(Word::Real(value)));
         }
-        memory.discrete.save(sink);
+        run.discrete.save(sink);
         if MODEL_EXCHANGE || Self::HAS_EVENTS {
-            sink(Word::Whole(memory.exchange.is_some().into()));
-            if let Some(exchange) = &memory.exchange {
+            sink(Word::Whole(run.exchange.is_some().into()));
+            if let Some(exchange) = &run.exchange {
                 exchange.save(sink);
             }
         }
         Ok(())
     }
 
-    fn restore(memory: &mut Self::Memory, layout: &Layout, source: &mut Words<'_>) -> Result<(), String> {
+    fn restore(run: &mut Self::RunnerState, layout: &Layout, source: &mut Words<'_>) -> Result<(), String> {
         if has_error_control(M::SOLVER) {
-            memory.proposed = source.real("step of the solver")?;
-            if !(memory.proposed >= 0.0 && are_finite(&[memory.proposed])) {
-                return Err(format!("the step of the solver must be 0 or more, got {}", memory.proposed));
+            run.proposed = source.real("step of the solver")?;
+            if !(run.proposed >= 0.0 && are_finite(&[run.proposed])) {
+                return Err(format!("the step of the solver must be 0 or more, got {}", run.proposed));
             }
         }
         if size_of::<M::Crossings>() > 0 {
-            memory.crossings.clear();
+            run.crossings.clear();
             for _ in 0..source.whole("number of zero crossings")? {
-                memory.crossings.push(source.real("zero crossing")?);
+                run.crossings.push(source.real("zero crossing")?);
             }
         }
-        memory.discrete.load(source)?;
+        run.discrete.load(source)?;
         let has_exchange = (MODEL_EXCHANGE || Self::HAS_EVENTS) && source.whole("mark of events")? != 0;
         if has_exchange {
             let mut exchange = Exchange::new(layout, 0.0);
             exchange.restore(source)?;
-            memory.exchange = Some(exchange.into());
+            run.exchange = Some(exchange.into());
         }
         Ok(())
     }
 
-    fn not_finite(memory: &Self::Memory) -> Option<(&'static str, f64)> {
-        memory.discrete.not_finite()
+    fn not_finite(run: &Self::RunnerState) -> Option<(&'static str, f64)> {
+        run.discrete.not_finite()
     }
 }

@@ -50,7 +50,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
     const FOLLOWS: Influence = M::FOLLOWS;
     type Parameters = M;
     type Derived = M::Derived;
-    type Memory = M::State;
+    type RunnerState = M::State;
 
     fn layout() -> Layout {
         let mut declared = Declarations {

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use fmu_math::ode;
 
-use super::continuous::{ContinuousModel, Memory, branches, is_stiff};
+use super::continuous::{ContinuousModel, RunnerState, branches, is_stiff};
 use super::{Context, MOST_PARTS, Step, StepError, first_not_finite};
 use crate::discrete_state::DiscreteState as _;
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
@@ -53,7 +53,7 @@ pub(super) fn too_many_at(time: f64) -> StepError {
 /// Advances the state over a step of the master, and keeps states by `K`.
 struct Integration<'a, M: Continuous, K> {
     problem: Problem<'a, M>,
-    memory: &'a mut Memory<M::DiscreteState>,
+    run: &'a mut RunnerState<M::DiscreteState>,
     /// Time up to which time events were handled in s.
     reached: f64,
     events: u32,
@@ -100,10 +100,10 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         tolerance: f64,
         steps: &mut u64,
     ) -> Result<(K::State, f64), StepError> {
-        let Self { problem, memory, .. } = self;
+        let Self { problem, run, .. } = self;
         // At first a small part of the step, but not one that is lost in the rounding of the time.
         let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
-        let proposed = if memory.proposed > 0.0 { memory.proposed } else { first };
+        let proposed = if run.proposed > 0.0 { run.proposed } else { first };
         // No tiny step is left over before the limit.
         let mut h = if 1.01 * proposed >= limit { limit } else { proposed };
         loop {
@@ -115,21 +115,20 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                     "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
                 )));
             }
-            let Some(end) =
-                K::estimated(problem, x, Interval { time, h, discrete: &memory.discrete }, &mut memory.scratch)
+            let Some(end) = K::estimated(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch)
             else {
                 h *= 0.25;
                 continue;
             };
-            let norm = K::error_norm(x, &end, tolerance, &memory.scratch);
+            let norm = K::error_norm(x, &end, tolerance, &run.scratch);
             let factor = ode::step_factor(norm);
             if norm <= 1.0 {
                 let next = h * factor;
                 // A step cut short by the limit does not predict the following ones.
-                memory.proposed = if h < proposed { proposed.max(next) } else { next };
+                run.proposed = if h < proposed { proposed.max(next) } else { next };
                 return Ok((end, h));
             }
-            K::recycle(end, &mut memory.scratch);
+            K::recycle(end, &mut run.scratch);
             h *= if norm.is_finite() { factor.min(0.9) } else { 0.2 };
         }
     }
@@ -154,7 +153,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         self.changed_by_inputs(time, &mut x)?;
         loop {
             let next = K::show(&x, |x| {
-                let at = self.problem.at(self.reached, x, &self.memory.discrete);
+                let at = self.problem.at(self.reached, x, &self.run.discrete);
                 next_time_event(self.problem.model, at)
             })?;
             let due = next.filter(|next| *next <= end);
@@ -195,8 +194,8 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 }
                 None => {
                     self.replace(&mut x, after);
-                    self.memory.crossings.clear();
-                    self.memory.crossings.extend_from_slice(after_values.as_ref());
+                    self.run.crossings.clear();
+                    self.run.crossings.extend_from_slice(after_values.as_ref());
                 }
             }
             if is_at_limit && due.is_some() {
@@ -209,15 +208,15 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
     fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), StepError> {
         let now = self.crossings(time, x);
-        let before = std::mem::take(&mut self.memory.crossings);
+        let before = std::mem::take(&mut self.run.crossings);
         let is_changed = before.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now));
         let result = if is_changed { self.event(time, x, &before, now.as_ref(), false) } else { Ok(()) };
-        let kept = std::mem::replace(&mut self.memory.crossings, before);
+        let kept = std::mem::replace(&mut self.run.crossings, before);
         if is_changed {
-            self.memory.crossings = kept;
+            self.run.crossings = kept;
         } else {
-            self.memory.crossings.clear();
-            self.memory.crossings.extend_from_slice(now.as_ref());
+            self.run.crossings.clear();
+            self.run.crossings.extend_from_slice(now.as_ref());
         }
         result
     }
@@ -226,8 +225,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         if size_of::<M::Crossings>() == 0 {
             return Crossings(None);
         }
-        let crossings =
-            K::show(x, |x| self.problem.model.zero_crossings(self.problem.at(time, x, &self.memory.discrete)));
+        let crossings = K::show(x, |x| self.problem.model.zero_crossings(self.problem.at(time, x, &self.run.discrete)));
         Crossings(Some(crossings))
     }
 
@@ -278,8 +276,8 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     /// The state after one step of the solver, whatever its error.
     fn single(&mut self, time: f64, x: &K::State, h: f64) -> Option<K::State> {
         if has_error_control(M::SOLVER) {
-            let Self { problem, memory, .. } = self;
-            K::estimated(problem, x, Interval { time, h, discrete: &memory.discrete }, &mut memory.scratch)
+            let Self { problem, run, .. } = self;
+            K::estimated(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch)
         } else {
             Some(self.fixed(time, x, h))
         }
@@ -288,8 +286,8 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     /// The state after one step of fixed length.
     #[inline]
     fn fixed(&mut self, time: f64, x: &K::State, h: f64) -> K::State {
-        let Self { problem, memory, .. } = self;
-        K::fixed(problem, x, Interval { time, h, discrete: &memory.discrete }, &mut memory.scratch)
+        let Self { problem, run, .. } = self;
+        K::fixed(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch)
     }
 
     /// Replaces a state by another.
@@ -300,7 +298,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
 
     #[inline]
     fn recycle(&mut self, x: K::State) {
-        K::recycle(x, &mut self.memory.scratch);
+        K::recycle(x, &mut self.run.scratch);
     }
 
     fn event(
@@ -313,7 +311,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     ) -> Result<(), StepError> {
         if self.events == 0 {
             self.first_event = time;
-            self.memory.before_events = Some(self.memory.discrete.clone());
+            self.run.before_events = Some(self.run.discrete.clone());
         }
         self.events += 1;
         if self.events > MOST_EVENTS && is_timed && time <= self.first_event {
@@ -325,18 +323,18 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 self.first_event
             )));
         }
-        let Self { problem: Problem { model, inputs, derived }, memory, .. } = self;
-        let Memory { discrete, scratch, .. } = &mut **memory;
+        let Self { problem: Problem { model, inputs, derived }, run, .. } = self;
+        let RunnerState { discrete, scratch, .. } = &mut **run;
         K::change(x, |state| {
             model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
         });
         scratch.forget_structure();
         // The solution has a corner: the proposed step of the solver is not valid any more.
-        self.memory.proposed = 0.0;
+        self.run.proposed = 0.0;
         let values = self.crossings(time, x);
-        self.memory.crossings.clear();
-        self.memory.crossings.extend_from_slice(values.as_ref());
-        match self.memory.discrete.not_finite() {
+        self.run.crossings.clear();
+        self.run.crossings.extend_from_slice(values.as_ref());
+        match self.run.discrete.not_finite() {
             Some((name, value)) => Err(StepError::StateNotFinite { name, value, time }),
             None => Ok(()),
         }
@@ -357,29 +355,29 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     #[inline]
     pub(super) fn advance<K: Keep<M>>(
         ctx: Context<'_, Self>,
-        memory: &mut Memory<M::DiscreteState>,
+        run: &mut RunnerState<M::DiscreteState>,
         values: &mut ValueStore,
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError> {
         let Context { p, derived, layout, .. } = ctx;
-        if memory.scratch.is_missing::<M>() {
-            memory.scratch = Scratch::new::<M>(layout);
+        if run.scratch.is_missing::<M>() {
+            run.scratch = Scratch::new::<M>(layout);
         }
         if is_stiff::<M>() {
-            let branches = branches(layout, values, &memory.discrete);
-            if std::mem::replace(&mut memory.scratch.branches, branches) != branches {
-                memory.scratch.forget_structure();
+            let branches = branches(layout, values, &run.discrete);
+            if std::mem::replace(&mut run.scratch.branches, branches) != branches {
+                run.scratch.forget_structure();
             }
         }
         let u = M::Inputs::read(values.view(), layout.inputs.at);
-        let before = K::load(values.view(), layout.states.at, &mut memory.scratch);
-        let mut x = K::copy(&before, &mut memory.scratch);
+        let before = K::load(values.view(), layout.states.at, &mut run.scratch);
+        let mut x = K::copy(&before, &mut run.scratch);
         let problem = Problem { model: p, inputs: &u, derived };
         let end = step.time + step.step;
         let mut integration = Integration::<M, K> {
             problem,
-            memory,
+            run,
             reached: step.reached,
             events: 0,
             first_event: 0.0,
@@ -405,7 +403,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
         let (stopped, handled) = (integration.stopped, integration.handled);
         if has_events::<M>()
-            && let Some(exchange) = &mut memory.exchange
+            && let Some(exchange) = &mut run.exchange
         {
             exchange.handled = if stopped.is_some() { handled } else { end };
             exchange.announced = stopped.unwrap_or(f64::INFINITY);
@@ -413,8 +411,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         K::store(&x, &mut values.view_mut(), layout.states.at);
         first_not_finite(&values.reals, layout.states.reals(), end)
             .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
-        K::recycle(x, &mut memory.scratch);
-        K::recycle(before, &mut memory.scratch);
+        K::recycle(x, &mut run.scratch);
+        K::recycle(before, &mut run.scratch);
         Ok(stopped)
     }
 }

@@ -22,7 +22,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
     const IS_SERIALIZABLE: bool = M::SERIALIZE.is_some();
     type Parameters = M;
     type Derived = ();
-    type Memory = M::Simulation;
+    type RunnerState = M::Simulation;
 
     fn layout() -> Layout {
         Layout::new(Declarations {
