@@ -169,29 +169,38 @@ impl<T: Scalar> RealField<T> for T {
     }
 }
 
-macro_rules! plain_fields {
-    ($($type:ty, $counts:ident, $values:ident, $declare:ident;)*) => {$(
-        impl<T: Scalar> Field<T> for $type {
-            type Start = $type;
-            const COUNTS: Counts = Counts::$counts;
-            const IS_REAL: bool = false;
-            fn declare(spec: &Spec, start: Option<$type>, all: &mut Vec<Declaration>) {
-                spec.$declare(start, all);
-            }
-            #[inline]
-            fn read(values: Values<'_, T>, at: Counts) -> Self {
-                values.$values[at.$values]
-            }
-            #[inline]
-            fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-                values.$values[at.$values] = *self;
-            }
-        }
-    )*};
+impl<T: Scalar> Field<T> for i32 {
+    type Start = i32;
+    const COUNTS: Counts = Counts::INTEGER;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, start: Option<i32>, all: &mut Vec<Declaration>) {
+        spec.declare_integer(start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        values.integers[at.integers]
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.integers[at.integers] = *self;
+    }
 }
-plain_fields! {
-    i32, INTEGER, integers, declare_integer;
-    bool, BOOLEAN, booleans, declare_boolean;
+
+impl<T: Scalar> Field<T> for bool {
+    type Start = bool;
+    const COUNTS: Counts = Counts::BOOLEAN;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, start: Option<bool>, all: &mut Vec<Declaration>) {
+        spec.declare_boolean(start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        values.booleans[at.booleans]
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.booleans[at.booleans] = *self;
+    }
 }
 
 impl<T: Scalar> Field<T> for String {
