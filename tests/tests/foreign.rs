@@ -228,29 +228,41 @@ fn a_workspace_of_several_models_packs() {
     }
 }
 
-/// The crates that would be published have their readme and their licenses, and depend on no other crate of the workspace.
+/// The crates that are published have their readme and their licenses, and depend on no other crate of the workspace.
 /// Those that a model depends on are complete: a model builds from the files alone.
 #[test]
 fn a_model_builds_from_the_packaged_crates() {
     let place = Place::new();
     let target = place.path().join("packaged");
     let folder = target.to_str().expect("the path is UTF-8");
+    let output = tests::successful(
+        Command::new(tests::cargo())
+            .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
+            .current_dir(workspace()),
+    );
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
+    let members = metadata["packages"].as_array().expect("cargo lists packages");
+    // An empty list of registries is `publish = false`.
+    let published = members.iter().filter(|member| member["publish"].is_null());
+    let names: Vec<&str> = published.map(|member| member["name"].as_str().expect("a name")).collect();
+    assert!(names.contains(&"fmu") && names.contains(&"cargo-fmu") && !names.contains(&"tests"), "{names:?}");
     let package = ["package", "--no-verify", "--allow-dirty", "--offline", "--target-dir", folder];
-    let names = ["fmu", "fmu-derive", "fmu-import", "fmu-math", "fmu-system", "fmu-study", "fmu-assess", "cargo-fmu"];
     let packages = names.iter().flat_map(|name| ["--package", name]);
     tests::successful(Command::new(tests::cargo()).args(package).args(packages).current_dir(workspace()));
+    let version = env!("CARGO_PKG_VERSION");
     for name in names {
-        let file = target.join(format!("package/{name}-0.1.0.crate"));
+        let file = target.join(format!("package/{name}-{version}.crate"));
         tests::successful(Command::new("tar").arg("xzf").arg(&file).arg("-C").arg(place.path()));
         for text in ["README.md", "LICENSE-MIT", "LICENSE-APACHE"] {
-            assert!(place.path().join(format!("{name}-0.1.0/{text}")).exists(), "{name}: {text} is missing");
+            assert!(place.path().join(format!("{name}-{version}/{text}")).exists(), "{name}: {text} is missing");
         }
     }
+    let manifest = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"../fmu-VERSION\" }\n\
+                    [patch.crates-io]\nfmu-derive = { path = \"../fmu-derive-VERSION\" }\n\
+                    fmu-math = { path = \"../fmu-math-VERSION\" }\n[workspace]\n";
     place.package(
         "from-crates",
-        "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"../fmu-0.1.0\" }\n\
-         [patch.crates-io]\nfmu-derive = { path = \"../fmu-derive-0.1.0\" }\n\
-         fmu-math = { path = \"../fmu-math-0.1.0\" }\n[workspace]\n",
+        &manifest.replace("VERSION", version),
         &GAIN.replace("Widget", "FromCrates"),
     );
     place.run(&tests::cargo_fmu(), &["pack", "--debug", "--out", "../out"], &[], "from-crates");
