@@ -260,11 +260,7 @@ fn a_model_builds_from_the_packaged_crates() {
     let manifest = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"../fmu-VERSION\" }\n\
                     [patch.crates-io]\nfmu-derive = { path = \"../fmu-derive-VERSION\" }\n\
                     fmu-math = { path = \"../fmu-math-VERSION\" }\n[workspace]\n";
-    place.package(
-        "from-crates",
-        &manifest.replace("VERSION", version),
-        &GAIN.replace("Widget", "FromCrates"),
-    );
+    place.package("from-crates", &manifest.replace("VERSION", version), &GAIN.replace("Widget", "FromCrates"));
     place.run(&tests::cargo_fmu(), &["pack", "--debug", "--out", "../out"], &[], "from-crates");
     let (description, _) = place.packed("FromCrates");
     assert_eq!(description.version.as_deref(), Some("1.2.3"));

@@ -401,11 +401,14 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     assert!(first == second, "packing again gives the same bytes");
     let hint = String::from_utf8_lossy(&output.stderr);
     assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
-    // The place of the sources does not matter either: an FMU packed from the workspace itself has the same bytes.
-    // FMUs of another folder come from another machine, unless their platforms are listed.
+    // The place of the sources does not matter either: an FMU packed from the workspace itself has the same files, and the commit of
+    // its checkout if it is one. FMUs of another folder come from another machine, unless their platforms are listed.
     if std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some() {
-        let other = std::fs::read(folder().join("SuspensionMixer.fmu")).expect("it was packed");
-        assert!(second[2] == other, "SuspensionMixer.fmu differs from a new one: run `cargo fmu pack --all`");
+        let mut other = Contents::read(&folder().join("SuspensionMixer.fmu"));
+        let commit = other.files.remove("extra/io.github.chassis-fmu/commit.txt");
+        assert_eq!(commit.is_some(), workspace().join(".git").exists(), "a commit");
+        let copied = Contents::read(&copy.fmu("SuspensionMixer"));
+        assert!(copied.files == other.files, "SuspensionMixer.fmu differs from a new one: run `cargo fmu pack --all`");
     }
 
     let controller = Fmu::open(&copy.fmu("YawDamper"));

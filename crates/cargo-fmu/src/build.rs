@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 use fmu_import::loader::description_options;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use crate::platform::Platform;
 use crate::toolchain::cargo;
@@ -138,7 +139,7 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
             command.env(format!("{EXPORT}{}", model.library), "describe");
         }
         let built = artifacts(&carry_out(command, workspace, &round, &[])?)?;
-        libraries.extend(kept(built, &round, &workspace.target.join("fmu-build/described"))?);
+        libraries.extend(kept(&built, &round, &workspace.target.join("fmu-build/described"))?);
     }
     models.iter().map(|model| artifact(&libraries, model)).collect()
 }
@@ -158,31 +159,53 @@ fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
     rounds
 }
 
-/// Folders of the packages that are built from a path outside of the workspace, such as an exporter that is not published, with
-/// their names.
-fn packages_outside(workspace: &Workspace, options: &Options) -> Result<Vec<(PathBuf, String)>> {
+/// A package that cargo may build.
+#[derive(Deserialize)]
+pub(crate) struct Package {
+    pub(crate) name: String,
+    pub(crate) version: String,
+    pub(crate) license: Option<String>,
+    pub(crate) repository: Option<String>,
+    /// None for a local package.
+    pub(crate) source: Option<String>,
+    pub(crate) manifest_path: PathBuf,
+}
+
+impl Package {
+    pub(crate) fn folder(&self) -> &Path {
+        self.manifest_path.parent().unwrap_or(Path::new(""))
+    }
+}
+
+/// The packages of the workspace and all that they depend on.
+///
+/// # Errors
+/// Cargo cannot list them.
+pub(crate) fn packages(workspace: &Workspace, options: &Options) -> Result<Vec<Package>> {
     #[derive(Deserialize)]
     struct Metadata {
         packages: Vec<Package>,
     }
-    #[derive(Deserialize)]
-    struct Package {
-        name: String,
-        source: Option<String>,
-        manifest_path: PathBuf,
-    }
     let mut command = cargo();
-    command.args(["metadata", "--format-version", "1"]);
+    command.arg("metadata").current_dir(&workspace.root);
     options.apply(&mut command);
-    let output = command.current_dir(&workspace.root).output().into_diagnostic().wrap_err("cargo cannot be run")?;
+    Ok(metadata::<Metadata>(&mut command)?.packages)
+}
+
+/// Runs `cargo metadata` and reads its output.
+///
+/// # Errors
+/// Cargo cannot read the workspace.
+pub(crate) fn metadata<T: DeserializeOwned>(command: &mut Command) -> Result<T> {
+    let output = command
+        .args(["--format-version", "1"])
+        .output()
+        .into_diagnostic()
+        .wrap_err("cargo cannot be run; is it on the PATH?")?;
     if !output.status.success() {
         return Err(miette!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
     }
-    let metadata: Metadata =
-        serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")?;
-    let local = metadata.packages.into_iter().filter(|package| package.source.is_none());
-    let folders = local.filter_map(|package| Some((package.manifest_path.parent()?.to_path_buf(), package.name)));
-    Ok(folders.filter(|(folder, _)| !folder.starts_with(&workspace.root)).collect())
+    serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")
 }
 
 /// The target of this machine's compiler.
@@ -194,48 +217,69 @@ fn host() -> Result<String> {
     host.map(str::to_owned).ok_or_else(|| miette!("`rustc -vV` does not name its host"))
 }
 
-/// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
-pub(crate) fn name_and_version(id: &str) -> Option<(String, String)> {
-    let (url, fragment) = id.rsplit_once('#')?;
-    let (name, version) = fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment));
-    Some((name.to_owned(), version.to_owned()))
+/// A message of cargo about a build.
+#[derive(Deserialize)]
+#[serde(tag = "reason", rename_all = "kebab-case")]
+enum Message {
+    CompilerArtifact(Artifact),
+    #[serde(other)]
+    Other,
 }
 
-/// The dynamic libraries that a build reports, by package.
-fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
-    #[derive(Deserialize)]
-    struct Message {
-        package_id: Option<String>,
-        target: Option<Target>,
-        #[serde(default)]
-        filenames: Vec<PathBuf>,
+/// A part that a build has compiled or found up to date.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Artifact {
+    pub(crate) package_id: String,
+    pub(crate) manifest_path: PathBuf,
+    target: Target,
+    filenames: Vec<PathBuf>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Target {
+    crate_types: Vec<String>,
+}
+
+impl Artifact {
+    /// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
+    pub(crate) fn name_and_version(&self) -> Option<(&str, &str)> {
+        let (url, fragment) = self.package_id.rsplit_once('#')?;
+        Some(fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment)))
     }
-    #[derive(Deserialize)]
-    struct Target {
-        #[serde(default)]
-        crate_types: Vec<String>,
+
+    /// True if it was compiled for the target, not for this machine as procedural macros and build scripts are.
+    pub(crate) fn is_for(&self, target: &str) -> bool {
+        self.filenames.iter().any(|path| path.components().any(|part| part.as_os_str() == target))
     }
-    let mut libraries = BTreeMap::new();
-    for line in messages.lines() {
-        let message: Message =
-            serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo")?;
-        let (Some(id), Some(target)) = (message.package_id, message.target) else { continue };
-        let is_library = |path: &PathBuf| {
+
+    /// The package and the path of a dynamic library.
+    fn library(&self) -> Option<(String, PathBuf)> {
+        let is_library = |path: &&PathBuf| {
             path.extension()
                 .is_some_and(|extension| ["so", "dll", "dylib", "wasm"].iter().any(|known| extension == *known))
         };
-        if let Some((package, _)) = name_and_version(&id)
-            && target.crate_types.iter().any(|kind| kind == "cdylib")
-            && let Some(path) = message.filenames.into_iter().find(is_library)
+        let is_dynamic = self.target.crate_types.iter().any(|kind| kind == "cdylib");
+        let path = self.filenames.iter().filter(|_| is_dynamic).find(is_library)?;
+        Some((self.name_and_version()?.0.to_owned(), path.clone()))
+    }
+}
+
+/// Reads the messages of cargo, one JSON object per line.
+pub(crate) fn artifacts(messages: &str) -> Result<Vec<Artifact>> {
+    let mut artifacts = Vec::new();
+    for line in messages.lines() {
+        if let Message::CompilerArtifact(artifact) =
+            serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo")?
         {
-            libraries.insert(package, path);
+            artifacts.push(artifact);
         }
     }
-    Ok(libraries)
+    Ok(artifacts)
 }
 
 /// Copies the libraries of a round: a later round rebuilds those it depends on, without their exports.
-fn kept(built: BTreeMap<String, PathBuf>, round: &[&Model], folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
+fn kept(built: &[Artifact], round: &[&Model], folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
+    let built = built.iter().filter_map(Artifact::library).collect();
     std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("making {}", folder.display()))?;
     let copy = |model: &&Model| {
         let library = artifact(&built, model)?;
@@ -331,8 +375,8 @@ pub(crate) enum Builder {
 pub(crate) struct Built {
     /// Libraries in the order of the models.
     pub(crate) libraries: Vec<PathBuf>,
-    /// Messages of cargo in JSON, about all that was built.
-    pub(crate) messages: String,
+    /// Parts of each library.
+    pub(crate) artifacts: Vec<Vec<Artifact>>,
 }
 
 /// Returns one builder per platform, in platform order, after a check that its tools are installed.
@@ -417,8 +461,20 @@ impl Builder {
         }
     }
 
+    /// Target of the compiler.
+    ///
+    /// # Errors
+    /// The compiler cannot be run.
+    pub(crate) fn target(&self) -> Result<String> {
+        match self {
+            Self::Native(platform) if *platform == Platform::this()? => host(),
+            Self::Win64(mingw) => Ok(mingw.target().to_owned()),
+            _ => Ok(self.platform().target().to_owned()),
+        }
+    }
+
     /// Toolchain of the build, if it is not the one in use.
-    pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
+    const fn toolchain(&self) -> Option<&Toolchain> {
         match self {
             Self::Native(_) => None,
             Self::Portable(zigbuild) => zigbuild.toolchain(),
@@ -439,12 +495,15 @@ impl Builder {
         workspace: &Workspace,
         models: &[Model],
         exports: &[Export],
+        packages: &[Package],
         options: &Options,
     ) -> Result<Built> {
-        let mut messages = String::new();
+        let mut parts = Vec::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform().name();
-        let outside = packages_outside(workspace, options)?;
+        // Such as an exporter that is not published.
+        let outside = packages.iter().filter(|package| package.source.is_none());
+        let outside: Vec<_> = outside.filter(|package| !package.folder().starts_with(&workspace.root)).collect();
         for (model, export) in models.iter().zip(exports) {
             let mut command = self.command(workspace, options, &outside)?;
             // Without the ordinary library, for which cargo would leave out link-time optimization.
@@ -459,15 +518,16 @@ impl Builder {
             let built =
                 carry_out(command, workspace, &[model], &flags).wrap_err_with(|| format!("building for {platform}"))?;
             let folder = workspace.target.join("fmu-build").join(platform);
-            libraries.extend(kept(artifacts(&built)?, &[model], &folder)?);
-            messages.push_str(&built);
+            let built = artifacts(&built)?;
+            libraries.extend(kept(&built, &[model], &folder)?);
+            parts.push(built);
         }
         let libraries = models.iter().map(|model| artifact(&libraries, model)).collect::<Result<_>>()?;
-        Ok(Built { libraries, messages })
+        Ok(Built { libraries, artifacts: parts })
     }
 
     /// A call of cargo, without packages.
-    fn command(&self, workspace: &Workspace, options: &Options, outside: &[(PathBuf, String)]) -> Result<Command> {
+    fn command(&self, workspace: &Workspace, options: &Options, outside: &[&Package]) -> Result<Command> {
         let platform = self.platform();
         let mut folder = workspace.target.join("fmu-build");
         let mut sources = None;
@@ -475,16 +535,16 @@ impl Builder {
             folder = workspace.target.join(format!("fmu-build-{}", platform.name()));
             sources = Some(toolchain.sources());
         }
-        let (mut command, target) = match self {
+        let target = self.target()?;
+        let mut command = match self {
             Self::Native(_) => {
-                let target = if platform == Platform::this()? { host()? } else { platform.target().to_owned() };
                 let mut command = cargo();
                 command.args(["rustc", "--target", &target]).env_remove("CARGO_BUILD_TARGET");
-                (command, target)
+                command
             }
-            Self::Portable(zigbuild) => (zigbuild.cargo_rustc(), platform.target().to_owned()),
-            Self::Win64(mingw) => (mingw.cargo_rustc(), mingw.target().to_owned()),
-            Self::Wasm32(wasm) => (wasm.cargo_rustc(), platform.target().to_owned()),
+            Self::Portable(zigbuild) => zigbuild.cargo_rustc(),
+            Self::Win64(mingw) => mingw.cargo_rustc(),
+            Self::Wasm32(wasm) => wasm.cargo_rustc(),
         };
         let (profile, settings) = if options.debug { ("fmu-debug", &DEBUG_PROFILE[..]) } else { ("fmu", &PROFILE[..]) };
         command.args(["--profile", profile, "--target-dir"]).arg(&folder);
@@ -498,7 +558,8 @@ impl Builder {
         // others.
         let known = [(cargo_home(), "/cargo"), (Some(workspace.target.clone()), "/target"), (sources, "/rust")];
         let known = known.into_iter().filter_map(|(from, to)| Some((from?, to.to_owned())));
-        let all = known.chain(outside.iter().map(|(from, name)| (from.clone(), format!("/packages/{name}"))));
+        let all = known
+            .chain(outside.iter().map(|package| (package.folder().to_owned(), format!("/packages/{}", package.name))));
         // A debugger reads the sources where they are.
         for (from, to) in all.filter(|_| !options.debug) {
             let mut flag = OsString::from("--remap-path-prefix=");
@@ -613,13 +674,34 @@ mod tests {
         );
     }
 
+    /// The forms of cargo's documentation, "Package ID Specifications".
+    #[test]
+    fn identities_of_packages_are_read() {
+        for (id, name, version) in [
+            ("registry+https://github.com/rust-lang/crates.io-index#libm@0.2.16", "libm", "0.2.16"),
+            ("path+file:///home/me/project/road#0.1.0", "road", "0.1.0"),
+            ("path+file:///home/me/project/road#my-road@0.1.0", "my-road", "0.1.0"),
+            ("git+https://example.org/fmu?branch=main#fmu@0.2.0", "fmu", "0.2.0"),
+        ] {
+            let artifact = Artifact {
+                package_id: id.to_owned(),
+                manifest_path: PathBuf::new(),
+                target: Target { crate_types: Vec::new() },
+                filenames: Vec::new(),
+            };
+            assert_eq!(artifact.name_and_version(), Some((name, version)));
+        }
+    }
+
     /// Reference: the messages of cargo 1.95, shortened.
     #[test]
     fn libraries_are_taken_from_the_messages_of_cargo() {
-        let messages = r#"{"reason":"compiler-artifact","package_id":"path+file:///w/motor#0.1.0","target":{"crate_types":["cdylib","rlib"]},"filenames":["/w/target/x/libmotor.so","/w/target/x/libmotor.rlib"]}
-{"reason":"compiler-artifact","package_id":"registry+https://x#libc@0.2.1","target":{"crate_types":["lib"]},"filenames":["/w/target/x/liblibc.rlib"]}
+        let messages = r#"{"reason":"compiler-artifact","package_id":"path+file:///w/motor#0.1.0","manifest_path":"/w/motor/Cargo.toml","target":{"crate_types":["cdylib","rlib"]},"filenames":["/w/target/x/libmotor.so","/w/target/x/libmotor.rlib"]}
+{"reason":"compiler-artifact","package_id":"registry+https://x#libc@0.2.1","manifest_path":"/c/libc/Cargo.toml","target":{"crate_types":["lib"]},"filenames":["/w/target/x/liblibc.rlib"]}
 {"reason":"build-finished","success":true}"#;
-        let libraries = artifacts(messages).unwrap();
-        assert_eq!(libraries.into_iter().collect::<Vec<_>>(), [("motor".into(), "/w/target/x/libmotor.so".into())]);
+        let artifacts = artifacts(messages).unwrap();
+        let libraries: Vec<_> = artifacts.iter().filter_map(Artifact::library).collect();
+        assert_eq!(libraries, [("motor".to_owned(), "/w/target/x/libmotor.so".into())]);
+        assert!(artifacts.iter().all(|artifact| artifact.is_for("x") && !artifact.is_for("y")));
     }
 }

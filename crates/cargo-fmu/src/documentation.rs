@@ -72,6 +72,12 @@ pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 /// Entry of the reference run. FMI 2.0 asks for folder names in `extra` that begin with a reversed domain name.
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
+/// Entry of the commit that the FMU was packed from.
+pub(crate) const COMMIT: &str = "extra/io.github.chassis-fmu/commit.txt";
+
+/// Entry of the list of components.
+pub(crate) const SBOM: &str = "extra/io.github.chassis-fmu/sbom.cdx.json";
+
 /// Describes the call rules and capabilities of the FMU's interfaces.
 fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) -> String {
     let mut text = String::from("<p>");

@@ -1,22 +1,20 @@
 //! `documentation/licenses` of an FMU: the license of the model, and the notices of everything linked into its libraries.
 //!
 //! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). The list of linked crates comes
-//! from `cargo tree`, with the features of this build. The texts come from the crates' sources, which are on the disk because
-//! they have just been compiled. So nothing has to be installed or downloaded, and the versions are those of Cargo.lock.
-//! `cargo tree` leaves out the crates that `-Z build-std` compiles into the standard library; the messages of the build
-//! list those.
+//! from the messages of the build, so it contains those that `-Z build-std` compiles into the standard library. The texts come from the crates'
+//! sources, which are on the disk because they have just been compiled. So nothing has to be installed or downloaded.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{IntoDiagnostic, Result, WrapErr};
 use serde::Deserialize;
+use serde_json::{Value, json};
 
-use crate::build::{Builder, Options, name_and_version};
+use crate::build::{Artifact, Builder, Package};
 use crate::platform::Platform;
-use crate::toolchain::Toolchain;
-use crate::toolchain::cargo;
 use crate::workspace::{Model, Workspace};
 
 /// Entry point of the folder.
@@ -37,6 +35,8 @@ pub(crate) struct Component {
     source: String,
     /// True for a member of the workspace.
     is_member: bool,
+    /// True for a crate of a registry.
+    is_registered: bool,
     /// File names and contents.
     texts: Vec<(String, String)>,
 }
@@ -44,6 +44,28 @@ pub(crate) struct Component {
 impl Component {
     fn title(&self) -> String {
         if self.version.is_empty() { self.name.clone() } else { format!("{} {}", self.name, self.version) }
+    }
+
+    /// The component in the format CycloneDX.
+    fn cyclonedx(&self) -> Value {
+        let Self { name, version, license, source, .. } = self;
+        let mut component = json!({ "type": "library", "name": name });
+        if !version.is_empty() {
+            component["version"] = json!(version);
+        }
+        if license.contains(',') {
+            // Not an SPDX expression.
+            component["licenses"] = json!([{ "license": { "name": license } }]);
+        } else if !license.is_empty() {
+            component["licenses"] = json!([{ "expression": license }]);
+        }
+        if self.is_registered {
+            component["purl"] = json!(format!("pkg:cargo/{name}@{version}"));
+        }
+        if !source.is_empty() {
+            component["externalReferences"] = json!([{ "type": "vcs", "url": source }]);
+        }
+        component
     }
 }
 
@@ -55,6 +77,7 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
         license: license.to_owned(),
         source: source.to_owned(),
         is_member: false,
+        is_registered: false,
         texts: vec![("notices".to_owned(), text.to_owned())],
     };
     let mut parts = vec![part(
@@ -92,207 +115,78 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
     parts
 }
 
-/// Packages linked into the library of each model, the model itself first.
+/// Packages linked into the library of each model.
 ///
-/// `messages` are those of the build in JSON.
+/// `built` are the parts of each library, `packages` those that the workspace depends on.
 ///
 /// # Errors
-/// Cargo does not list the dependencies, or a file cannot be read.
+/// A file cannot be read.
 pub(crate) fn components(
     builder: &Builder,
     workspace: &Workspace,
-    models: &[Model],
-    options: &Options,
-    messages: &str,
+    packages: &[Package],
+    built: &[Vec<Artifact>],
 ) -> Result<Vec<Vec<Component>>> {
-    let messages = read(messages)?;
-    let folders = folders(&messages);
-    let of_std = standard_library(&messages)?;
-    let mut known: BTreeMap<String, Component> = BTreeMap::new();
-    let mut trees: BTreeMap<String, Vec<Component>> = BTreeMap::new();
-    let mut model = String::new();
-    for line in tree(builder, workspace, models, options)?.lines().filter(|line| !line.is_empty()) {
-        let package = Package::parse(line).ok_or_else(|| miette!("`cargo tree` printed an unknown line: {line}"))?;
-        let component = match known.get(line.trim_start_matches(|c: char| c.is_ascii_digit())) {
-            Some(component) => component.clone(),
-            None => {
-                let component = package.component(workspace, &folders)?;
-                let key = line.trim_start_matches(|c: char| c.is_ascii_digit()).to_owned();
-                known.insert(key, component.clone());
-                component
-            }
-        };
-        if package.depth == 0 {
-            model = package.name.to_owned();
+    let target = builder.target()?;
+    let mut known: BTreeMap<&str, Option<Component>> = BTreeMap::new();
+    let mut all = Vec::new();
+    for artifacts in built {
+        let mut components = toolchain(builder);
+        for artifact in artifacts.iter().filter(|artifact| artifact.is_for(&target)) {
+            let component = match known.entry(&artifact.package_id) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(entry) => entry.insert(linked(artifact, workspace, packages)?),
+            };
+            components.extend(component.clone());
         }
-        let components = trees.entry(model.clone()).or_default();
-        if !components.contains(&component) {
-            components.push(component);
-        }
+        all.push(components);
     }
-    let all = known.values().chain(&of_std);
-    for component in all.filter(|component| component.texts.is_empty() && !component.is_member) {
+    for component in known.values().flatten().filter(|component| component.texts.is_empty() && !component.is_member) {
         eprintln!(
             "warning: {} has no license file in its sources; the FMUs only name its license: {}",
             component.title(),
             if component.license.is_empty() { "none is declared" } else { &component.license }
         );
     }
-    let of = |model: &Model| {
-        let mut components = trees.get(&model.package).cloned().unwrap_or_default();
-        if components.is_empty() {
-            return Err(miette!("`cargo tree` does not list {}", model.package));
-        }
-        components.extend(of_std.iter().cloned());
-        components.extend(toolchain(builder));
-        Ok(components)
-    };
-    models.iter().map(of).collect()
+    Ok(all)
 }
 
-/// The packages that are linked, one per line with the depth in front, a tree for each model.
-fn tree(builder: &Builder, workspace: &Workspace, models: &[Model], options: &Options) -> Result<String> {
-    let mut command = builder.toolchain().map_or_else(cargo, Toolchain::cargo);
-    command.args(["tree", "--prefix", "depth", "--no-dedupe", "--edges", "normal,no-proc-macro"]);
-    command.args(["--format", "{p}\t{l}\t{r}"]);
-    if builder.platform() != Platform::this()? || matches!(builder, Builder::Portable(_)) {
-        command.args(["--target", builder.platform().target()]);
-    }
-    options.apply(&mut command);
-    for model in models {
-        command.args(["--package", &model.package]);
-    }
-    let output = command.current_dir(&workspace.root).output().into_diagnostic().wrap_err("cargo cannot be run")?;
-    if !output.status.success() {
-        return Err(miette!("cargo tree failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
-    }
-    String::from_utf8(output.stdout).into_diagnostic().wrap_err("reading the output of cargo tree")
-}
-
-/// A line of `cargo tree`: `2libm v0.2.16<tab>MIT<tab>https://…`, with the folder after the version of a local package.
-#[derive(Debug, PartialEq, Eq)]
-struct Package<'a> {
-    depth: usize,
-    name: &'a str,
-    version: &'a str,
-    license: &'a str,
-    source: &'a str,
-}
-
-impl<'a> Package<'a> {
-    fn parse(line: &'a str) -> Option<Self> {
-        let (depth, rest) = line.split_at(line.find(|c: char| !c.is_ascii_digit())?);
-        let mut columns = rest.split('\t');
-        let mut words = columns.next()?.split(' ');
-        let (name, version) = (words.next()?, words.next()?.strip_prefix('v')?);
-        Some(Self { depth: depth.parse().ok()?, name, version, license: columns.next()?, source: columns.next()? })
-    }
-
-    fn component(&self, workspace: &Workspace, folders: &Folders) -> Result<Component> {
-        let (folder, is_local) = folders
-            .get(&(self.name.to_owned(), self.version.to_owned()))
-            .ok_or_else(|| miette!("cargo did not say where {} {} is", self.name, self.version))?;
-        let is_member = *is_local && folder.starts_with(&workspace.root);
-        let texts = texts(folder, *is_local).wrap_err_with(|| format!("reading the licenses of {}", self.name))?;
-        Ok(Component {
-            name: self.name.to_owned(),
-            version: self.version.to_owned(),
-            license: self.license.replace('/', " OR "),
-            source: self.source.to_owned(),
-            is_member,
-            texts,
-        })
-    }
-}
-
-/// The fields used of a message of cargo.
-#[derive(Deserialize)]
-struct Message {
-    package_id: Option<String>,
-    manifest_path: Option<PathBuf>,
-    #[serde(default)]
-    features: Vec<String>,
-    target: Option<Target>,
-}
-
-#[derive(Deserialize)]
-struct Target {
-    kind: Vec<String>,
-}
-
-impl Message {
-    /// Name, version and folder of the package that was compiled.
-    fn package(&self) -> Option<((String, String), &Path)> {
-        Some((name_and_version(self.package_id.as_ref()?)?, self.manifest_path.as_ref()?.parent()?))
-    }
-
-    /// True for sources in the workspace or the toolchain, that is, neither from a registry nor from git.
-    fn is_local(&self) -> bool {
-        self.package_id.as_ref().is_some_and(|id| id.starts_with("path+"))
-    }
-}
-
-/// The messages of a build, one per line.
-fn read(messages: &str) -> Result<Vec<Message>> {
-    let read = |line| serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo");
-    messages.lines().map(read).collect()
-}
-
-/// Folders of packages by name and version, and whether they are local.
-type Folders = BTreeMap<(String, String), (PathBuf, bool)>;
-
-/// Folders of the packages that a build compiled.
-fn folders(messages: &[Message]) -> Folders {
-    let folder = |message: &Message| {
-        let (package, folder) = message.package()?;
-        Some((package, (folder.to_owned(), message.is_local())))
-    };
-    messages.iter().filter_map(folder).collect()
-}
-
-/// Crates from a registry that `-Z build-std` compiled into the standard library; none in other builds.
-///
-/// Each of them has the feature `rustc-dep-of-std`, which nothing else may use. The standard library's own crates are a
-/// part of the toolchain.
-fn standard_library(messages: &[Message]) -> Result<Vec<Component>> {
+/// The package of a linked part; none for the standard library's own crates, which are a part of the toolchain.
+fn linked(artifact: &Artifact, workspace: &Workspace, packages: &[Package]) -> Result<Option<Component>> {
+    /// A manifest as it is published, without inherited keys.
     #[derive(Deserialize)]
     struct Manifest {
         package: Declared,
     }
     #[derive(Deserialize)]
     struct Declared {
-        #[serde(default)]
-        license: String,
-        #[serde(default)]
-        repository: String,
+        license: Option<String>,
+        repository: Option<String>,
     }
-    let mut components = Vec::new();
-    for message in messages {
-        let is_library = message.target.as_ref().is_some_and(|target| target.kind.iter().any(|kind| kind == "lib"));
-        let is_of_std = message.features.iter().any(|feature| feature == "rustc-dep-of-std");
-        let Some(((name, version), folder)) = message.package() else { continue };
-        if !is_library || !is_of_std || message.is_local() {
-            continue;
+    let Some((name, version)) = artifact.name_and_version() else { return Ok(None) };
+    let folder = artifact.manifest_path.parent().unwrap_or(Path::new(""));
+    let is_local = artifact.package_id.starts_with("path+");
+    let (license, repository) = match packages.iter().find(|package| package.name == name && package.version == version)
+    {
+        Some(package) => (package.license.clone(), package.repository.clone()),
+        None if is_local => return Ok(None),
+        // A dependency of a standard library that is built along.
+        None => {
+            let reading = || format!("reading {}", artifact.manifest_path.display());
+            let text = std::fs::read_to_string(&artifact.manifest_path).into_diagnostic().wrap_err_with(reading)?;
+            let declared = toml::from_str::<Manifest>(&text).into_diagnostic().wrap_err_with(reading)?.package;
+            (declared.license, declared.repository)
         }
-        let manifest = folder.join("Cargo.toml");
-        let text = std::fs::read_to_string(&manifest)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("reading {}", manifest.display()))?;
-        let declared = toml::from_str::<Manifest>(&text)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("reading {}", manifest.display()))?
-            .package;
-        let texts = texts(folder, false).wrap_err_with(|| format!("reading the licenses of {name}"))?;
-        components.push(Component {
-            name,
-            version,
-            license: declared.license.replace('/', " OR "),
-            source: declared.repository,
-            is_member: false,
-            texts,
-        });
-    }
-    Ok(components)
+    };
+    Ok(Some(Component {
+        name: name.to_owned(),
+        version: version.to_owned(),
+        license: license.unwrap_or_default().replace('/', " OR "),
+        source: repository.unwrap_or_default(),
+        is_member: is_local && folder.starts_with(&workspace.root),
+        is_registered: artifact.package_id.starts_with("registry+"),
+        texts: texts(folder, is_local).wrap_err_with(|| format!("reading the licenses of {name}"))?,
+    }))
 }
 
 /// The license files of a package: in its folder, or, if it is local, in the nearest folder above with a Cargo.toml.
@@ -336,6 +230,24 @@ impl Licenses {
     /// Adds what is linked into the library of one more platform.
     pub(crate) fn add(&mut self, components: Vec<Component>) {
         self.components.extend(components);
+    }
+
+    /// A list of the components in the format CycloneDX 1.6, without a time or a serial number: the same for the same FMU.
+    pub(crate) fn sbom(&self, model: &Model) -> String {
+        let is_own = |component: &&Component| component.is_member && component.name == model.package;
+        let own = self.components.iter().find(is_own).map(Component::cyclonedx);
+        let others: Vec<_> =
+            self.components.iter().filter(|component| !is_own(component)).map(Component::cyclonedx).collect();
+        let tool = json!({ "type": "application", "name": "cargo-fmu", "version": env!("CARGO_PKG_VERSION") });
+        let bom = json!({
+            "$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json",
+            "bomFormat": "CycloneDX",
+            "specVersion": "1.6",
+            "version": 1,
+            "metadata": { "tools": { "components": [tool] }, "component": own },
+            "components": others,
+        });
+        format!("{bom:#}\n")
     }
 
     /// The files of the folder.
@@ -427,35 +339,10 @@ fn notices(others: &[&Component]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
-
-    #[test]
-    fn lines_of_cargo_tree_are_read() {
-        let registry = Package::parse("12libm v0.2.16\tMIT\thttps://github.com/rust-lang/compiler-builtins");
-        let expected = Package {
-            depth: 12,
-            name: "libm",
-            version: "0.2.16",
-            license: "MIT",
-            source: "https://github.com/rust-lang/compiler-builtins",
-        };
-        assert_eq!(registry, Some(expected));
-        let local = Package::parse("0road v0.1.0 (project/road)\tMIT OR Apache-2.0\t").unwrap();
-        assert_eq!((local.depth, local.name, local.version, local.source), (0, "road", "0.1.0", ""));
-        assert_eq!(Package::parse("road v0.1.0\t\t"), None);
-        assert_eq!(Package::parse(""), None);
-    }
-
-    /// The forms of cargo's documentation, "Package ID Specifications".
-    #[test]
-    fn identities_of_packages_are_read() {
-        let read = |id| name_and_version(id).unwrap();
-        let pair = |name: &str, version: &str| (name.to_owned(), version.to_owned());
-        assert_eq!(read("registry+https://github.com/rust-lang/crates.io-index#libm@0.2.16"), pair("libm", "0.2.16"));
-        assert_eq!(read("path+file:///home/me/project/road#0.1.0"), pair("road", "0.1.0"));
-        assert_eq!(read("path+file:///home/me/project/road#my-road@0.1.0"), pair("my-road", "0.1.0"));
-        assert_eq!(read("git+https://example.org/fmu?branch=main#fmu@0.2.0"), pair("fmu", "0.2.0"));
-    }
+    use crate::build;
 
     /// Messages as cargo 1.96 prints them for `-Z build-std`, shortened.
     #[test]
@@ -468,35 +355,36 @@ mod tests {
         )
         .unwrap();
         std::fs::write(folder.path().join("LICENSE-MIT"), "Permission is granted.").unwrap();
-        let artifact = |id: &str, kind: &str, features: &[&str]| {
-            serde_json::json!({
+        let artifact = |id: &str| {
+            let message = serde_json::json!({
                 "reason": "compiler-artifact",
                 "package_id": id,
                 "manifest_path": manifest,
-                "target": { "kind": [kind] },
-                "features": features,
-            })
-            .to_string()
+                "target": { "crate_types": ["lib"] },
+                "filenames": [],
+            });
+            build::artifacts(&message.to_string()).unwrap().remove(0)
         };
-        let registry = "registry+https://github.com/rust-lang/crates.io-index";
-        let messages = [
-            artifact(&format!("{registry}#gimli@0.32.3"), "lib", &["read", "rustc-dep-of-std"]),
-            // A build script is not linked, a model's crate is in `cargo tree`, core is a part of the toolchain.
-            artifact(&format!("{registry}#object@0.37.3"), "custom-build", &["rustc-dep-of-std"]),
-            artifact(&format!("{registry}#libm@0.2.16"), "lib", &["default"]),
-            artifact("path+file:///usr/library/proc_macro#0.0.0", "lib", &["rustc-dep-of-std"]),
-            r#"{"reason":"build-finished","success":true}"#.to_owned(),
-        ];
-        let components = standard_library(&read(&messages.join("\n")).unwrap()).unwrap();
+        let root = folder.path().join("workspace");
+        let workspace = Workspace {
+            target: root.clone(),
+            root,
+            models: Vec::new(),
+            settings: crate::workspace::Settings::default(),
+        };
+        let found = |id: &str| linked(&artifact(id), &workspace, &[]).unwrap();
+        // core is a part of the toolchain.
+        assert_eq!(found("path+file:///usr/library/core#0.0.0"), None);
         let expected = Component {
             name: "gimli".to_owned(),
             version: "0.32.3".to_owned(),
             license: "MIT OR Apache-2.0".to_owned(),
             source: "https://x".to_owned(),
             is_member: false,
+            is_registered: true,
             texts: vec![("LICENSE-MIT".to_owned(), "Permission is granted.".to_owned())],
         };
-        assert_eq!(components, [expected]);
+        assert_eq!(found("registry+https://github.com/rust-lang/crates.io-index#gimli@0.32.3"), Some(expected));
     }
 
     #[test]
@@ -518,6 +406,7 @@ mod tests {
             license: license.to_owned(),
             source: format!("https://example.org/{name}"),
             is_member,
+            is_registered: !is_member,
             texts: texts.iter().map(|(file, text)| ((*file).to_owned(), (*text).to_owned())).collect(),
         }
     }
@@ -560,6 +449,30 @@ mod tests {
         assert_eq!(notices.matches("Permission").count(), 1, "{notices}");
         assert!(notices.contains("\nalien 1.0.0: LICENSE\nzebra 1.0.0: LICENSE-MIT\n===="), "{notices}");
         assert!(notices.contains("\nvendored 1.0.0: LICENSE\n===="), "{notices}");
+    }
+
+    /// Reference: the specification of CycloneDX 1.6, which also gives the form of a package URL.
+    #[test]
+    fn a_bill_of_materials_lists_all_components() {
+        let mut licenses = Licenses::default();
+        licenses.add(vec![component("demo", "MIT", true, &[]), component("zebra", "MIT OR Apache-2.0", false, &[])]);
+        licenses.add(toolchain(&Builder::Native(Platform::Linux64)));
+        let bom: Value = serde_json::from_str(&licenses.sbom(&model("demo"))).unwrap();
+        assert_eq!((&bom["bomFormat"], &bom["specVersion"]), (&json!("CycloneDX"), &json!("1.6")));
+        assert_eq!(bom["metadata"]["component"]["name"], "demo");
+        assert_eq!(bom["metadata"]["component"]["purl"], Value::Null);
+        let [rust, library, zebra] = &bom["components"].as_array().unwrap()[..] else { panic!("{bom}") };
+        assert_eq!(library["licenses"][0]["expression"], "GPL-3.0-or-later WITH GCC-exception-3.1");
+        assert!(rust["licenses"][0]["license"]["name"].is_string() && rust["version"].is_null());
+        let expected = json!({
+            "type": "library",
+            "name": "zebra",
+            "version": "1.0.0",
+            "licenses": [{ "expression": "MIT OR Apache-2.0" }],
+            "purl": "pkg:cargo/zebra@1.0.0",
+            "externalReferences": [{ "type": "vcs", "url": "https://example.org/zebra" }],
+        });
+        assert_eq!(*zebra, expected);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model.
+//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model, and a workflow for its workspace.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -16,16 +16,41 @@ pub(crate) struct Arguments {
     /// Folder of the new package, named in kebab case, such as heat-pump or models/heat-pump
     ///
     /// The FMU gets the name in Pascal case, HeatPump.
-    path: PathBuf,
+    #[arg(required_unless_present = "ci")]
+    path: Option<PathBuf>,
     /// Kind of model
     #[arg(long, value_enum, default_value_t = Kind::Continuous)]
     kind: Kind,
     /// Folder of the crate `fmu`, if it is neither in the workspace nor in a registry
     #[arg(long, value_name = "DIR")]
     exporter_path: Option<PathBuf>,
+    /// Write a workflow that tests all models of the workspace, packs them for all platforms and checks the FMUs
+    ///
+    /// Without a folder of a new package, only the workflow is written.
+    #[arg(long, value_enum, value_name = "SERVICE")]
+    ci: Option<Ci>,
     /// Moved to another command
     #[arg(long, value_name = "FMU", hide = true)]
     plant: Option<String>,
+}
+
+/// Services that run workflows.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Ci {
+    /// GitHub Actions: .github/workflows/fmu.yml
+    Github,
+    /// GitLab CI/CD: .gitlab-ci.yml
+    Gitlab,
+}
+
+impl Ci {
+    /// Path in the workspace, and template.
+    const fn file(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Github => (".github/workflows/fmu.yml", include_str!("../templates/github.yml.in")),
+            Self::Gitlab => (".gitlab-ci.yml", include_str!("../templates/gitlab.yml.in")),
+        }
+    }
 }
 
 /// Kinds of models.
@@ -64,15 +89,36 @@ impl Kind {
     }
 }
 
-/// Writes the package or the scenario.
+/// Writes the package, the workflow, or both.
 ///
 /// # Errors
-/// The name is not in kebab case, the folder already exists, or cargo cannot add the package.
+/// The name is not in kebab case, the folder or the workflow already exists, or cargo cannot add the package.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if matches!(arguments.kind, Kind::Scenario) || arguments.plant.is_some() {
         return Err(miette!("`cargo fmu new PATH --kind scenario` is called `chassis new PATH` now"));
     }
-    let name = arguments.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    // Outside of a workspace there are no settings, and the new package is the workspace.
+    let workspace = Workspace::find();
+    let root = workspace.as_ref().ok().map(|workspace| workspace.root.clone()).or_else(|| arguments.path.clone());
+    let workflow = arguments.ci.zip(root).map(|(ci, root)| (root.join(ci.file().0), ci.file().1));
+    if let Some((path, _)) = workflow.as_ref().filter(|(path, _)| path.exists()) {
+        return Err(miette!("{} exists already; nothing was written", path.display()));
+    }
+    match (&arguments.path, workspace) {
+        (Some(path), workspace) => package(path, workspace.ok(), arguments)?,
+        (None, Err(error)) => return Err(error),
+        (None, Ok(_)) => {}
+    }
+    if let Some((path, template)) = workflow {
+        write_whole(&path, template.replace("{version}", env!("CARGO_PKG_VERSION")).as_bytes())?;
+        outln!("{} tests, packs and checks all models of the workspace.", path.display());
+    }
+    Ok(())
+}
+
+/// Writes a package.
+fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> Result<()> {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let is_word = |word: &str| {
         word.starts_with(|c: char| c.is_ascii_lowercase())
             && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())
@@ -80,9 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if !name.split('-').all(is_word) {
         return Err(miette!("`{name}` must be in kebab case: lower-case words with hyphens, such as heat-pump"));
     }
-    // Outside of a workspace there are no settings.
-    let workspace = Workspace::find().ok();
-    let folder = folder(&arguments.path, arguments.kind, workspace.as_ref());
+    let folder = folder(path, arguments.kind, workspace.as_ref());
     if folder.exists() {
         return Err(miette!("{} exists already; nothing was written", folder.display()));
     }

@@ -1,7 +1,7 @@
 //! `cargo fmu pack`: builds models and zips them to FMUs.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use fmu_import::description::{FmiVersion, ModelDescription};
@@ -9,7 +9,7 @@ use fmu_import::loader::{description_options, exported_descriptions};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use crate::build::{self, Asked, Export, Interface, Linux};
 use crate::documentation;
@@ -68,6 +68,9 @@ pub struct Settings {
     /// Their folder is set by `descriptions` in [workspace.metadata.fmu] of Cargo.toml.
     #[arg(long)]
     update_descriptions: bool,
+    /// Add a list of everything linked into the FMU, in the format CycloneDX: extra/io.github.chassis-fmu/sbom.cdx.json
+    #[arg(long)]
+    sbom: bool,
     #[command(flatten)]
     cargo: build::Options,
 }
@@ -103,7 +106,7 @@ impl Settings {
 #[derive(Clone, Copy, PartialEq)]
 enum Existing {
     Replaced,
-    /// Those with the same bytes are neither written nor listed.
+    /// Those that differ at most in their commit are neither written nor listed.
     KeptIfEqual,
 }
 
@@ -165,17 +168,19 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
         follow_convention(workspace, model, &description.parsed)?;
     }
     let exports: Vec<_> = descriptions.iter().map(|description| description.export(&format)).collect();
+    let packages = build::packages(workspace, &arguments.cargo)?;
     let mut libraries = vec![Vec::new(); models.len()];
     let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
-        let built = builder.build(workspace, &models, &exports, &arguments.cargo)?;
-        let components = licenses::components(builder, workspace, &models, &arguments.cargo, &built.messages)
+        let built = builder.build(workspace, &models, &exports, &packages, &arguments.cargo)?;
+        let components = licenses::components(builder, workspace, &packages, &built.artifacts)
             .wrap_err("collecting the licenses of what is linked")?;
         for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
             licenses[i].add(components);
             libraries[i].push((builder.platform(), library));
         }
     }
+    let commit = workspace.commit();
     let bar = ProgressBar::new(models.len() as u64).with_style(
         ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
     );
@@ -204,12 +209,19 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
             return Err(miette!("{} does not follow FMI {version}.0:\n{}", model.name, findings.join("\n")));
         }
         let readme = readme(model)?;
-        let bytes = archive(model, &libraries[i], &licenses[i], description, &readme)?;
+        let mut files = files(model, &libraries[i], &licenses[i], description, &readme)?;
+        if arguments.sbom {
+            files.insert(documentation::SBOM.to_owned(), licenses[i].sbom(model).into_bytes());
+        }
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
-        if existing == Existing::KeptIfEqual && std::fs::read(&path).is_ok_and(|old| old == bytes) {
+        if existing == Existing::KeptIfEqual && is_same_but_for_commit(&path, &description.xml, &files) {
             continue;
         }
+        if let Some(commit) = &commit {
+            files.insert(documentation::COMMIT.to_owned(), format!("{commit}\n").into_bytes());
+        }
+        let bytes = archive(&description.xml, &files)?;
         write_whole(&path, &bytes)?;
         if let Some(line) = new::placeholder(&readme) {
             placeholders.push((model.name.as_str(), line.to_owned()));
@@ -382,15 +394,15 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 /// Icon of a model that has none of its own: FMI 3.0 asks for one.
 const ICON: &[u8] = include_bytes!("icon.png");
 
-/// The bytes of the FMU: the same for the same files, on every machine.
-fn archive(
+/// The files of the FMU beside its description.
+fn files(
     model: &Model,
     libraries: &[(Platform, PathBuf)],
     licenses: &Licenses,
     description: &Description,
     readme: &str,
-) -> Result<Vec<u8>> {
-    let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+) -> Result<BTreeMap<String, Vec<u8>>> {
+    let mut files = BTreeMap::new();
     let is_fmi3 = description.parsed.fmi == FmiVersion::V3;
     for (platform, library) in libraries {
         let entry = if is_fmi3 { platform.entry_of_fmi3(&model.name) } else { platform.entry(&model.name) };
@@ -418,7 +430,30 @@ fn archive(
     if resources.exists() {
         add_folder(&resources, "resources", &mut files)?;
     }
+    Ok(files)
+}
 
+/// True if an FMU has this content, whatever commit it was packed from.
+fn is_same_but_for_commit(path: &Path, xml: &str, files: &BTreeMap<String, Vec<u8>>) -> bool {
+    let read = || -> Option<BTreeMap<String, Vec<u8>>> {
+        let mut zip = ZipArchive::new(std::fs::File::open(path).ok()?).ok()?;
+        let entries = 0..zip.len();
+        let entry = |i| {
+            let mut file = zip.by_index(i).ok()?;
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes).ok()?;
+            Some((file.name().ok()?.into_owned(), bytes))
+        };
+        entries.map(entry).collect()
+    };
+    read().is_some_and(|mut old| {
+        old.remove(documentation::COMMIT);
+        old.remove("modelDescription.xml").is_some_and(|old| old == xml.as_bytes()) && old == *files
+    })
+}
+
+/// The bytes of the FMU: the same for the same files, on every machine.
+fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>) -> Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(9))
@@ -426,10 +461,10 @@ fn archive(
         .unix_permissions(0o644);
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     // The description comes first, as readers expect; the rest is sorted by name.
-    let first = ("modelDescription.xml".to_owned(), description.xml.as_bytes().to_vec());
-    for (name, bytes) in std::iter::once(first).chain(files) {
+    let files = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
+    for (name, bytes) in std::iter::once(("modelDescription.xml", xml.as_bytes())).chain(files) {
         zip.start_file(name, options).into_diagnostic()?;
-        zip.write_all(&bytes).into_diagnostic()?;
+        zip.write_all(bytes).into_diagnostic()?;
     }
     Ok(zip.finish().into_diagnostic()?.into_inner())
 }

@@ -5,8 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use fmu_import::names::suggestion;
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{Result, WrapErr, miette};
 use serde::Deserialize;
+
+use crate::build;
+use crate::toolchain::cargo;
 
 /// A package that becomes an FMU: a `cdylib` that depends on `fmu`.
 #[derive(Clone, Debug)]
@@ -110,17 +113,7 @@ impl Workspace {
     /// # Errors
     /// Cargo cannot read the workspace.
     pub fn find() -> Result<Self> {
-        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        let output = Command::new(cargo)
-            .args(["metadata", "--no-deps", "--format-version", "1"])
-            .output()
-            .into_diagnostic()
-            .wrap_err("cargo cannot be run; is it on the PATH?")?;
-        if !output.status.success() {
-            return Err(miette!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
-        }
-        let metadata: Metadata =
-            serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")?;
+        let metadata: Metadata = build::metadata(cargo().args(["metadata", "--no-deps"]))?;
         let settings = settings(&metadata.metadata)
             .wrap_err_with(|| format!("reading {}", metadata.workspace_root.join("Cargo.toml").display()))?;
         let direct: BTreeMap<String, BTreeSet<String>> = metadata
@@ -180,6 +173,23 @@ impl Workspace {
         self.models.iter().filter(|model| fmus.contains(&model.name)).cloned().collect()
     }
 
+    /// The commit that is checked out, with `-dirty` if the files of the workspace differ from it; none outside of a git checkout.
+    pub(crate) fn commit(&self) -> Option<String> {
+        let git = |arguments: &[&str]| {
+            let output = Command::new("git").args(arguments).current_dir(&self.root).output().ok()?;
+            let text = String::from_utf8(output.stdout).ok()?;
+            (output.status.success() && !text.is_empty()).then_some(text)
+        };
+        // A workspace in an ignored folder of another checkout is not part of that.
+        git(&["ls-files", "--", "Cargo.toml"])?;
+        let status = git(&["status", "--porcelain=v2", "--branch", "--", "."])?;
+        // Before the first commit this is a word in parentheses.
+        let commit = status.lines().find_map(|line| line.strip_prefix("# branch.oid "))?;
+        let is_clean = status.lines().all(|line| line.starts_with('#'));
+        let is_hash = commit.bytes().all(|byte| byte.is_ascii_hexdigit());
+        is_hash.then(|| format!("{commit}{}", if is_clean { "" } else { "-dirty" }))
+    }
+
     /// Folder of the packed FMUs.
     pub(crate) fn fmus(&self) -> PathBuf {
         self.target.join("fmu")
@@ -230,6 +240,42 @@ mod tests {
     fn package_names_become_fmu_names() {
         assert_eq!(pascal_case("rescue-vehicle"), "RescueVehicle");
         assert_eq!(pascal_case("road"), "Road");
+    }
+
+    #[test]
+    fn the_commit_is_that_of_a_checkout() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |root: PathBuf| Workspace {
+            target: root.join("target"),
+            root,
+            models: Vec::new(),
+            settings: Settings::default(),
+        };
+        let workspace = at(folder.path().to_owned());
+        std::fs::write(folder.path().join("Cargo.toml"), "").unwrap();
+        assert_eq!(workspace.commit(), None, "not a checkout");
+        let git = |arguments: &[&str]| {
+            let identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"];
+            let command =
+                Command::new("git").args(identity).args(arguments).current_dir(folder.path()).output().unwrap();
+            assert!(command.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&command.stderr));
+            String::from_utf8(command.stdout).unwrap().trim().to_owned()
+        };
+        git(&["init", "--quiet"]);
+        assert_eq!(workspace.commit(), None, "not in the checkout");
+        std::fs::write(folder.path().join(".gitignore"), "/ignored\n").unwrap();
+        git(&["add", "."]);
+        assert_eq!(workspace.commit(), None, "nothing is committed");
+        git(&["commit", "--quiet", "--message", "Begin"]);
+        let commit = git(&["rev-parse", "HEAD"]);
+        assert_eq!(workspace.commit().as_ref(), Some(&commit));
+        let ignored = folder.path().join("ignored");
+        std::fs::create_dir(&ignored).unwrap();
+        std::fs::write(ignored.join("Cargo.toml"), "").unwrap();
+        assert_eq!(workspace.commit().as_ref(), Some(&commit), "ignored files do not count");
+        assert_eq!(at(ignored).commit(), None, "an ignored folder is not in the checkout");
+        std::fs::write(folder.path().join("new.rs"), "").unwrap();
+        assert_eq!(workspace.commit(), Some(format!("{commit}-dirty")));
     }
 
     #[test]

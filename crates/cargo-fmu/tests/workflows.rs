@@ -1,0 +1,32 @@
+//! The workflows that `cargo fmu new --ci` writes.
+//!
+//! References: the files in `tests/data/workflows`. The one for GitHub has no findings of zizmor 1.32 (`--pedantic`).
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn new(folder: &Path, service: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    command.args(["fmu", "new", "--ci", service]).current_dir(folder).output().unwrap()
+}
+
+#[test]
+fn workflows_are_those_of_the_snapshots() {
+    for (service, file, snapshot) in [
+        ("github", ".github/workflows/fmu.yml", include_str!("data/workflows/github.yml")),
+        ("gitlab", ".gitlab-ci.yml", include_str!("data/workflows/gitlab.yml")),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let error = String::from_utf8(new(folder.path(), service).stderr).unwrap();
+        assert!(error.contains("could not find `Cargo.toml`"), "{error}");
+        std::fs::write(folder.path().join("Cargo.toml"), "[workspace]\nresolver = \"3\"\n").unwrap();
+        // The workflow is that of the workspace, wherever the command is called.
+        let inside = folder.path().join("models");
+        std::fs::create_dir(&inside).unwrap();
+        let output = new(&inside, service);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let written = std::fs::read_to_string(folder.path().join(file)).unwrap();
+        assert_eq!(written.replace(env!("CARGO_PKG_VERSION"), "VERSION"), snapshot);
+        let error = String::from_utf8(new(&inside, service).stderr).unwrap();
+        assert!(error.contains("exists already; nothing was written"), "{error}");
+    }
+}
