@@ -8,11 +8,10 @@ use std::process::{Command, Stdio};
 use fmu_import::loader::description_options;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
 use crate::platform::Platform;
 use crate::toolchain::cargo;
-use crate::toolchain::{self, Toolchain};
+use crate::toolchain::{self, Toolchain, metadata};
 use crate::wasm32::{self, Wasm};
 use crate::win64::Mingw;
 use crate::workspace::{Model, Workspace};
@@ -190,22 +189,6 @@ pub(crate) fn packages(workspace: &Workspace, options: &Options) -> Result<Vec<P
     command.arg("metadata").current_dir(&workspace.root);
     options.apply(&mut command);
     Ok(metadata::<Metadata>(&mut command)?.packages)
-}
-
-/// Runs `cargo metadata` and reads its output.
-///
-/// # Errors
-/// Cargo cannot read the workspace.
-pub(crate) fn metadata<T: DeserializeOwned>(command: &mut Command) -> Result<T> {
-    let output = command
-        .args(["--format-version", "1"])
-        .output()
-        .into_diagnostic()
-        .wrap_err("cargo cannot be run; is it on the PATH?")?;
-    if !output.status.success() {
-        return Err(miette!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
-    }
-    serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")
 }
 
 /// The target of this machine's compiler.

@@ -6,6 +6,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use miette::{IntoDiagnostic, WrapErr, miette};
+use serde::de::DeserializeOwned;
+
 use crate::platform::Platform;
 
 /// A call of the cargo in use.
@@ -125,4 +128,20 @@ fn usable(root: &Path, target: &str) -> Result<(), String> {
 fn output(program: &OsStr, arguments: &[&str]) -> Option<String> {
     let output = Command::new(program).args(arguments).output().ok()?;
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// Runs `cargo metadata` and reads its output.
+///
+/// # Errors
+/// Cargo cannot read the workspace.
+pub(crate) fn metadata<T: DeserializeOwned>(command: &mut Command) -> miette::Result<T> {
+    let output = command
+        .args(["--format-version", "1"])
+        .output()
+        .into_diagnostic()
+        .wrap_err("cargo cannot be run; is it on the PATH?")?;
+    if !output.status.success() {
+        return Err(miette!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
+    }
+    serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")
 }

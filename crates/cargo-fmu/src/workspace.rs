@@ -8,8 +8,7 @@ use fmu_import::names::suggestion;
 use miette::{Result, WrapErr, miette};
 use serde::Deserialize;
 
-use crate::build;
-use crate::toolchain::cargo;
+use crate::toolchain::{cargo, metadata};
 
 /// A package that becomes an FMU: a `cdylib` that depends on `fmu`.
 #[derive(Clone, Debug)]
@@ -113,7 +112,7 @@ impl Workspace {
     /// # Errors
     /// Cargo cannot read the workspace.
     pub fn find() -> Result<Self> {
-        let metadata: Metadata = build::metadata(cargo().args(["metadata", "--no-deps"]))?;
+        let metadata: Metadata = metadata(cargo().args(["metadata", "--no-deps"]))?;
         let settings = settings(&metadata.metadata)
             .wrap_err_with(|| format!("reading {}", metadata.workspace_root.join("Cargo.toml").display()))?;
         let direct: BTreeMap<String, BTreeSet<String>> = metadata
