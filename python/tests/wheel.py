@@ -14,6 +14,10 @@ root, folder = (Path(argument) for argument in sys.argv[1:])
 scenario = root / "scenarios" / "esp_car_braking.toml"
 package = next(iter(cf.fmus().values())).parents[1]
 assert "site-packages" in package.parts, package
+# The bill of materials lists the crates of the command and of the native code, without paths of this machine.
+(bom,) = package.parent.glob("chassis_fmu-*.dist-info/sboms/*.json")
+assert {"chassis", "pyo3"} <= {part["name"] for part in json.loads(bom.read_text())["components"]}
+assert str(root) not in bom.read_text()
 loop = cf.Scenario(scenario, stop=2.0)
 here = loop.run({"plant:body.mass": 1300.0})
 (there,) = loop.run_many([{"plant:body.mass": 1300.0}], workers=1)
