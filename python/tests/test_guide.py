@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -73,6 +78,123 @@ def test_every_block_has_a_language(path: Path) -> None:
     }
 
 
+def with_blocks(language: str) -> list[Path]:
+    """Return README and the pages of the guide that have blocks of a language."""
+    return [path for path in (ROOT / "README.md", *sorted(GUIDE.glob("*.md"))) if blocks(path, language)]
+
+
+def name_of(path: Path) -> str:
+    return path.name
+
+
+# The words before a command of this project, and the program that has its options.
+COMMANDS = {
+    "chassis": ["chassis"],
+    "cargo fmu": ["cargo-fmu"],
+    "scripts/run": ["chassis", "run"],
+    "scripts/study": ["chassis", "study"],
+    "scripts/assess": ["chassis", "bench", "run"],
+}
+# Folders whose files are there in every clone, and a file that a page tells to write.
+SHIPPED = re.compile(r"(crates|examples|modelDescription|python|scenarios|scripts|studies|web)/(?!mass\.toml)[\w./-]+")
+
+
+@cache
+def help_of(program: str, verbs: tuple[str, ...]) -> str:
+    return subprocess.run([built(program), *verbs, "--help"], check=True, capture_output=True, text=True).stdout
+
+
+def calls(text: str) -> Iterator[list[str]]:
+    """Return the words of each command of a shell block, also of those that other commands get as an argument."""
+    for line in text.replace("\\\n", " ").splitlines():
+        lexer = shlex.shlex(line, posix=True, punctuation_chars="&;|>")
+        lexer.whitespace_split = True
+        for is_separator, words in itertools.groupby(lexer, lambda word: set(word) <= set("&;|>")):
+            command = list(words)
+            if not is_separator:
+                yield command
+                yield from (call for word in command if " " in word and "scripts/" in word for call in calls(word))
+
+
+@pytest.mark.parametrize("path", with_blocks("sh"), ids=name_of)
+def test_shell_blocks_have_commands_and_options_that_exist(path: Path) -> None:
+    for text in blocks(path, "sh"):
+        subprocess.run(["bash", "-n", "-c", text], check=True)
+        for call in calls(text):
+            words = " ".join(call).removeprefix(".venv/bin/")
+            prefix = next((prefix for prefix in COMMANDS if f"{words} ".startswith(f"{prefix} ")), None)
+            if prefix is not None:
+                rest = words.removeprefix(prefix).split()
+                program, *verbs = COMMANDS[prefix]
+                # Verbs stand in front of the first argument that is not one.
+                while rest and re.search(rf"^  {re.escape(rest[0])} ", help_of(program, tuple(verbs)), re.MULTILINE):
+                    verbs.append(rest.pop(0))
+                assert verbs, words
+                for option in (word.partition("=")[0] for word in rest if re.match("--?[a-z]", word)):
+                    assert re.search(rf"(?<![\w-]){option}(?![\w-])", help_of(program, tuple(verbs))), words
+            for word in call:
+                assert not SHIPPED.fullmatch(word) or (ROOT / word).exists(), words
+
+
+@pytest.mark.parametrize("path", with_blocks("toml"), ids=name_of)
+def test_toml_blocks_are_understood(path: Path, tmp_path: Path) -> None:
+    (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
+    file = tmp_path / "guide" / "file.toml"
+    file.parent.mkdir()
+    out = ["--out", tmp_path / "out"]
+
+    def messages(program: str, *arguments: str | Path) -> str:
+        done = subprocess.run([built(program), *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+        return done.stderr if done.returncode else ""
+
+    for text in blocks(path, "toml"):
+        file.write_text(text, encoding="utf-8")
+        if "[workspace." in text:
+            (tmp_path / "Cargo.toml").write_text(f"[workspace]\n{text}", encoding="utf-8")
+            assert "this workspace has no package" in messages("cargo-fmu", "pack", "--no-portable")
+        elif "[signals]" in text:
+            # Read, and compared with the signals of a plant that has others.
+            assert "`delta`" in messages("chassis", "bench", "run", "EspCar", "--vehicle", file, "--fmus", FOLDER, *out)
+        elif "method =" in text:
+            # One of the runs.
+            runs = text.partition("runs = ")[2].split()[0]
+            assert not messages("chassis", "study", file, "--shard", f"1/{runs}", "--fmus", FOLDER, *out)
+        else:
+            # A part of a scenario lacks others, but has only keys and words that exist.
+            found = messages("chassis", "plan", file, "--fmus", FOLDER)
+            assert not re.search("unknown (key|word)|must be", found), found
+            assert not ("[simulation]" in text and found), found
+
+
+@pytest.mark.parametrize("path", with_blocks("python"), ids=name_of)
+def test_python_blocks_compile(path: Path) -> None:
+    for text in blocks(path, "python"):
+        compile(text, path.name, "exec")
+
+
+@pytest.mark.parametrize("path", with_blocks("yaml"), ids=name_of)
+def test_yaml_blocks_are_lists_of_documents(path: Path) -> None:
+    for text in blocks(path, "yaml"):
+        assert all(document["kind"] for document in yaml.safe_load_all(text))
+
+
+@pytest.mark.parametrize("name", ["interfaces.md", "steady-states.md", "studies.md"])
+def test_the_python_of_a_page_runs(name: str) -> None:
+    # FMI 3.0 has both interfaces as well, and this FMU is packed for the tests of it.
+    code = blocks(GUIDE / name, "python")[-1].replace("target/fmu/BouncingBall", "target/fmu3/BouncingBall")
+    run_python(code, ROOT)
+
+
+def test_the_steady_state_is_that_of_the_page() -> None:
+    page = GUIDE / "steady-states.md"
+    (command,), (shown,) = blocks(page, "sh"), blocks(page, "text")
+    options = command.split()[4:-2]
+    trim = [built("cargo-fmu"), "trim", str(FOLDER / "EspCar.fmu"), *options]
+    output = subprocess.run(trim, check=True, capture_output=True, text=True).stdout
+    printed = [line.split() for line in output.splitlines()]
+    assert [line for line in shown.splitlines() if line.strip() != "…" and line.split() not in printed] == []
+
+
 def run_python(code: str, folder: Path) -> str:
     return subprocess.run([sys.executable, "-c", code], cwd=folder, check=True, capture_output=True, text=True).stdout
 
@@ -95,6 +217,7 @@ def test_the_readme_counts_its_lines_as_the_benchmarks_do() -> None:
     assert re.findall(r"Export a model in (\d+) lines", text) == [str(len(lines))]
 
 
+@cache
 def built(name: str) -> str:
     """Build a command; returns its path."""
     subprocess.run(["cargo", "build", "--quiet", "--locked", "--package", name], cwd=ROOT, check=True)
