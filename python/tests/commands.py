@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+
+
+def patience(seconds: float) -> float:
+    """Return a limit of wall-clock time, s; CHASSIS_TEST_PATIENCE is the factor of all limits on a slow machine."""
+    return seconds * float(os.environ.get("CHASSIS_TEST_PATIENCE", "1"))
+
+
+def until(is_so: Callable[[], bool], what: str) -> None:
+    """Wait for something that another process does."""
+    end = time.monotonic() + patience(90.0)
+    while not is_so():
+        assert time.monotonic() < end, what
+        time.sleep(0.01)
 
 
 def _call(command: Sequence[str | Path]) -> tuple[int, str]:

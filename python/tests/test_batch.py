@@ -8,9 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -20,6 +18,7 @@ from msgspec.structs import replace
 from chassis_fmu.execution import batch
 from chassis_fmu.files import results, temporary
 from chassis_fmu.files.plan import Component, Plan, Setting, Wire
+from tests.commands import until
 
 SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
 
@@ -195,14 +194,6 @@ def test_a_folder_is_private_and_stale_ones_are_removed(tmp_path: Path, monkeypa
     assert [p.name for p in tmp_path.iterdir()] == ["other.lock"]
 
 
-def until(is_so: Callable[[], bool]) -> None:
-    """Wait for something that another process does."""
-    begin = time.monotonic()
-    while not is_so():
-        assert time.monotonic() - begin < 60.0
-        time.sleep(0.01)
-
-
 def is_alive(process: str) -> bool:
     """Whether a process is there and not only waits for its end to be noticed."""
     try:
@@ -242,11 +233,11 @@ def test_an_end_by_signal_leaves_no_process_and_no_folder(tmp_path: Path, number
     program.write_text(PROGRAM.format(**values, out=str(tmp_path / "runs")))
     environment = {**os.environ, "TMPDIR": str(folder)}
     with subprocess.Popen([sys.executable, str(program)], env=environment, stderr=subprocess.DEVNULL) as process:
-        until(note.exists)
+        until(note.exists, "the note")
         worker = note.read_text()
         assert is_alive(worker)
         process.send_signal(number)
         process.wait()
-    until(lambda: not is_alive(worker))
+    until(lambda: not is_alive(worker), "the end of the worker")
     left = [p.name for p in folder.iterdir() if p.name.startswith("cargo-fmu-")]
     assert bool(left) == (number == signal.SIGKILL)

@@ -24,6 +24,8 @@ import pytest
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
+from tests.commands import patience
+
 Array = NDArray[np.float64]
 
 pytestmark = pytest.mark.ci
@@ -260,7 +262,7 @@ def test_the_lane_change_is_optimal(example: ModuleType, folder: Path) -> None:
 def test_the_example_prints_its_table_and_draws(folder: Path, tmp_path: Path) -> None:
     picture = tmp_path / "lane_change.png"
     command = [sys.executable, str(EXAMPLE), str(folder / "SingleTrack.fmu"), "--plot", str(picture)]
-    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False, timeout=patience(60))
     assert done.returncode == 0, done.stderr
     table = dict(re.findall(r"^(.*?) {2,}(\S+)", done.stdout, re.MULTILINE))
     assert float(table["final lateral position"]) == pytest.approx(3.5, abs=1e-6)

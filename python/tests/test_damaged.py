@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.commands import patience
+
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 NAME = "RescueVehicle"
@@ -85,7 +87,9 @@ def _cosim(fmu: bytes, folder: Path) -> tuple[int, str]:
         str(folder / "out"),
     ]
     environment = {**os.environ, "TMPDIR": str(temporary), "COLUMNS": "1000"}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=patience(300), check=False
+    )
     assert list(temporary.iterdir()) == [], "temporary files are left"
     assert not list(folder.rglob("evil")), "a file was written outside"
     assert not list((folder / "out").rglob("runs/*.csv")), "a run with a damaged FMU has results"

@@ -10,8 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from chassis_fmu.program import PACKAGE
 from chassis_fmu.study import app, bundle
 from chassis_fmu.study import cluster as study_cluster
 from chassis_fmu.study.job import Task
+from tests.commands import patience, until
 from tests.study_system import build, vary, write
 
 pytestmark = pytest.mark.ci
@@ -32,14 +32,6 @@ STUDY = 'method = "sample"\nruns = 60\n' + vary("p", "f:a", 'distribution = "uni
 TWELVE = 'method = "sample"\nruns = 12\ncases = ["plain"]\n' + STUDY.partition("runs = 60\n")[2]
 # A fifth of a second for the two steps of a run, so that there is a middle in which something can be killed.
 SLOW = "usleep(100000)"
-
-
-def until(is_so: Callable[[], bool], what: str) -> None:
-    """Wait for something that another process does."""
-    begin = time.monotonic()
-    while not is_so():
-        assert time.monotonic() - begin < 90.0, what
-        time.sleep(0.05)
 
 
 def free_port() -> int:
@@ -207,7 +199,7 @@ def test_no_scheduler_is_explained(tmp_path: Path) -> None:
 
 def text_of(study: subprocess.Popen[str], seconds: float = 120.0) -> tuple[int, str]:
     """Wait for a study; returns its exit code and what it wrote."""
-    out, _ = study.communicate(timeout=seconds)
+    out, _ = study.communicate(timeout=patience(seconds))
     return study.returncode, out
 
 

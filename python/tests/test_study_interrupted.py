@@ -6,7 +6,6 @@ import io
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from tqdm import tqdm
 from chassis_fmu.study import app
 from chassis_fmu.study.execute import WHOLE, Folder, Shard
 from chassis_fmu.study.job import Done
+from tests.commands import patience, until
 from tests.study_system import build, vary, write
 
 STUDY = 'method = "sample"\nruns = 60\n' + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0')
@@ -37,13 +37,10 @@ def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
     program = ["env", "--default-signal=INT", sys.executable, "-m", "chassis_fmu.study"]
     program += arguments(tmp_path, "stopped")
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as study:
-        begin = time.monotonic()
-        while not rows.exists() or rows.read_text().count("\n") < 10:
-            assert study.poll() is None, "it goes on"
-            assert time.monotonic() - begin < 90.0, "some rows"
-            time.sleep(0.05)
+        until(lambda: rows.exists() and rows.read_text().count("\n") >= 10, "some rows")
+        assert study.poll() is None, "it goes on"
         study.send_signal(signal.SIGINT)
-        _, said = study.communicate(timeout=60)
+        _, said = study.communicate(timeout=patience(60))
     assert study.returncode == 130
     assert said == "interrupted; --resume goes on\n"
     kept = rows.read_text().splitlines()
