@@ -99,7 +99,7 @@ class Env(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Go back to the start time.
 
-        `seed` seeds `np_random`, which nothing of the scenario uses; `options` is not used.
+        `seed` seeds `np_random`, which the scenario does not use; `options` is ignored.
         """
         super().reset(seed=seed, options=options)
         with run_error():
@@ -115,8 +115,13 @@ class Env(gymnasium.Env[Array, Array]):
         if self._before is None or self._session.is_over:
             raise gymnasium.error.ResetNeeded("the episode has ended or not begun: call `reset` before `step`")
         given = np.asarray(action, dtype=np.float64)
-        if given.shape != self._low.shape or any(map(math.isnan, given)):
-            raise ValueError(f"the action is {action}; give {len(self.acted)} numbers, one for each of {self.acted}")
+        if given.shape != self._low.shape:
+            raise ValueError(
+                f"the action has the shape {given.shape}; give a number for each of {', '.join(self.acted)}"
+            )
+        if any(map(math.isnan, given)):
+            unset = [name for name, value in zip(self.acted, given, strict=True) if math.isnan(value)]
+            raise ValueError(f"the action is not a number (NaN) for {', '.join(unset)}")
         before, self._before = self._before, None
         with run_error():
             # Faster than numpy.clip for few numbers.

@@ -355,7 +355,7 @@ def test_names_of_an_environment_are_checked(steer: cf.Scenario) -> None:
             environment(steer, **options)
     env = environment(steer)
     env.reset()
-    with pytest.raises(ValueError, match="give 3 numbers"):
+    with pytest.raises(ValueError, match=r"the shape \(2,\); give a number for each of plant:steer"):
         env.step(np.zeros(2))
 
 
