@@ -195,7 +195,7 @@ def test_an_interrupted_study_goes_on(
     assert run(tmp_path, study) == 0
     whole = table(tmp_path)
     assert run(tmp_path, study) == 2
-    assert "--resume goes on with it, --overwrite begins anew" in capsys.readouterr().err
+    assert "--resume continues it, --overwrite starts over" in capsys.readouterr().err
 
     execute = Local.execute
 

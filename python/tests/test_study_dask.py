@@ -255,7 +255,7 @@ def test_a_worker_that_cannot_open_the_scenario_is_explained(tmp_path: Path, clu
         code, text = text_of(study)
     assert code == 2
     assert "a Dask worker could not execute a batch: " in text
-    assert "--resume goes on" in text
+    assert "--resume continues" in text
 
 
 def test_a_run_that_kills_its_worker_is_a_row(tmp_path: Path, cluster: Cluster) -> None:

@@ -42,7 +42,7 @@ def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
         study.send_signal(signal.SIGINT)
         _, said = study.communicate(timeout=patience(60))
     assert study.returncode == 130
-    assert said == "interrupted; --resume goes on\n"
+    assert said == "interrupted; --resume continues\n"
     kept = rows.read_text().splitlines()
     assert 10 <= len(kept) < 121
     assert not (tmp_path / "stopped" / "study" / "runs.parquet").exists()

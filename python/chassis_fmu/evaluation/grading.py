@@ -62,7 +62,7 @@ MEANINGS = {
     Status.REPRODUCED: f"a change has the same sign as the paper's and is within {100 * CHANGE_SHARE:g} % of it or "
     f"{CHANGE_POINTS:g} percentage points, and over several seeds the {100 * CONFIDENCE:g} % interval of the paired "
     f"difference excludes zero; an absolute value is within {100 * VALUE_SHARE:g} %",
-    Status.CALIBRATED: "something was fitted to the paper's number, whatever came of it",
+    Status.CALIBRATED: "a parameter was fitted to the paper's number",
     Status.PARTLY: "a change has the same sign as the paper's, but is further away or lost in the scatter",
     Status.NOT_REPRODUCED: f"a change has the other sign, or is none: below {NO_CHANGE:g} % and lost in the scatter, "
     "or below it where the paper's is not; an absolute value is further away",
@@ -91,7 +91,7 @@ class Interval:
 
     @property
     def is_clear(self) -> bool:
-        """Tell whether the interval does not contain zero."""
+        """Return whether the interval does not contain zero."""
         return abs(self.mean) > self.half
 
     @staticmethod
@@ -125,7 +125,7 @@ def of_sign(difference: Interval, expected: int, percent: float | None = None) -
 
 
 def of_change(difference: Interval, percent: float | None, paper: float) -> Status:
-    """Decide on a change in percent (None: in percent of next to nothing) against the paper's."""
+    """Grade a change in percent (None: of a negligible baseline) against the paper's."""
     if paper == 0.0:
         return Status.NOT_REPRODUCED if percent is None else of_no_change(difference, percent)
     if percent is not None and percent * paper <= 0.0:
@@ -144,14 +144,14 @@ def of_change(difference: Interval, percent: float | None, paper: float) -> Stat
 
 
 def of_value(value: float, paper: float) -> Status:
-    """Decide on an absolute value. There is no "partly": that a magnitude has the same sign says nothing."""
+    """Grade an absolute value. "Partly" does not occur: the sign of a magnitude carries no information."""
     return Status.REPRODUCED if abs(value - paper) <= VALUE_SHARE * abs(paper) else Status.NOT_REPRODUCED
 
 
 def of_no_change(difference: Interval, percent: float) -> Status:
-    """Decide on the claim that nothing changes: within the percentage points that a change of zero allows.
+    """Grade the claim that nothing changes: within the percentage points that a change of zero allows.
 
-    A larger change that cannot be told from the scatter refutes nothing.
+    A larger change within the scatter does not refute it.
     """
     if abs(percent) <= CHANGE_POINTS:
         return Status.REPRODUCED

@@ -25,7 +25,7 @@ SIMILAR = 0.75
 
 
 def remark(cell: Row) -> str:
-    """Say in words how our numbers compare with those of the paper."""
+    """Describe how our numbers compare with those of the paper."""
     if cell.ours is None:
         return ""
     parts = []
@@ -89,7 +89,7 @@ def significant(value: float, digits: int) -> str:
 
 
 def _percent_decimals(percent: float) -> int:
-    """Return how many decimals a change in percent is shown with: one, unless it has three digits without."""
+    """Return the number of decimals of a change in percent: one below 100 %, otherwise none."""
     return 1 if abs(percent) < 99.95 else 0
 
 
@@ -117,7 +117,7 @@ def _minus(text: str) -> str:
 
 
 def spread(statistic: Statistic | None, digits: int | None, seeds: int = 1) -> str:
-    """Format a mean with its standard deviation if the seeds matter, and how many of them it is of if not of all."""
+    """Format a mean, with its standard deviation if the seeds matter, and the number of seeds if some are missing."""
     if statistic is None:
         return "–"
     text = number(statistic.mean, digits)
@@ -182,11 +182,11 @@ HEADER = ("Metric", "Point", "Case", "Paper", "Ours", "Change, paper", "Change, 
 FIRST_NUMBER = HEADER.index("Paper")
 
 # What the dash of a change means.
-NEGLIGIBLE = "A dash instead of a change: the baseline is next to nothing beside the other values of the metric."
+NEGLIGIBLE = "A dash instead of a change: the baseline is negligible compared with the other values of the metric."
 
 
 def _text_rows(plan: Plan, cells: Sequence[Row]) -> tuple[list[str], list[list[str]], int]:
-    """Return header and rows for people without the columns that would be empty, and how many stand on the left."""
+    """Return header and rows without empty columns, and the number of left-aligned columns."""
     rows = [
         [
             with_unit(c.metric.title, c.metric.conversion.unit),

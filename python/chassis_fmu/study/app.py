@@ -192,7 +192,7 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) 
             given += [word for path in options.fmus or () for word in ("--fmus", str(path))]
             print(
                 f"{folder.journal(shard)}\n"
-                f"`chassis study --merge {shlex.join(given)}` makes the tables when all parts are there"
+                f"`chassis study --merge {shlex.join(given)}` makes the tables when all parts are done"
             )
             return 0
         execute.write(job, folder, result)
@@ -208,7 +208,7 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) 
     print(f"\n{folder.path / 'index.html'}")
     failed = [share for share in numbers.shares() if not share.holds]
     if not any(done.status == "ok" for done in result.rows.values()) and job.study.method != "worst_case":
-        raise StudyError("all runs failed, the page says how")
+        raise StudyError("all runs failed; the page lists the errors")
     return 1 if failed and not options.no_fail else 0
 
 
@@ -224,12 +224,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return UNABLE
     except KeyboardInterrupt:
-        print("interrupted; --resume goes on", file=sys.stderr)
+        print("interrupted; --resume continues", file=sys.stderr)
         return 130
     except Exception:
         # A mistake of this program. Python's own exit code would mean that a requirement is not met.
         traceback.print_exc()
-        print(
-            "error: this is a mistake of the program, please report it; the rows that are there stay", file=sys.stderr
-        )
+        print("error: this is a mistake of the program, please report it; existing rows are kept", file=sys.stderr)
         return UNABLE

@@ -7,7 +7,7 @@ go wrong:
 - A worker is lost: Dask gives its batches to others.
 - A batch whose workers end again and again (`KilledWorker`) is halved until a single run is left; its rows have the
   status `crashed`, and the study goes on.
-- The scheduler is lost: the rows that are there stay, and the rest is submitted again when it is back.
+- The scheduler is lost: existing rows are kept, and the rest is submitted again when it is back.
 - Workers have no package, another version of it, or raise an exception: the study ends and says so, for no number of
   repetitions would help. The rows stay for `--resume`.
 """
@@ -66,7 +66,7 @@ def _advice(what: str, error: BaseException, here: str) -> str:
     version = sys.version.partition(" ")[0]
     return (
         f"{what}: {kind}: {error}\nScheduler and workers need chassis_fmu {here}, as this client with Python "
-        f"{version}: install the same wheel on all machines, or start them from the same .venv; --resume goes on"
+        f"{version}: install the same wheel on all machines, or start them from the same .venv; --resume continues"
     )
 
 
@@ -204,7 +204,9 @@ class Dask:
                     return turn()
             except _LostError as error:
                 if self._cluster is not None:
-                    raise StudyError(f"the Dask scheduler of this machine ended ({error}); --resume goes on") from error
+                    raise StudyError(
+                        f"the Dask scheduler of this machine ended ({error}); --resume continues"
+                    ) from error
                 self._reconnect(error)
 
     @contextlib.contextmanager
@@ -335,7 +337,7 @@ class Dask:
             except (OSError, ValueError) as error:
                 if time.monotonic() > until:
                     raise StudyError(
-                        f"the Dask scheduler at {self._address} did not come back: {error}; --resume goes on"
+                        f"the Dask scheduler at {self._address} did not come back: {error}; --resume continues"
                     ) from error
                 time.sleep(1.0)
             else:

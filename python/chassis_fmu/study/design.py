@@ -195,7 +195,7 @@ def check(study: Study, found: Sequence[Sequence[Any]], path: Path) -> None:
     if study.method == "sensitivity" and values(study, shares(study)) != [list(column) for column in found]:
         raise StudyError(
             f"{path} was sampled by another version of SALib or SciPy, with which the indices would be wrong: "
-            "go on with that version, or --overwrite"
+            "continue with that version, or use --overwrite"
         )
 
 

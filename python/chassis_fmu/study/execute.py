@@ -44,7 +44,7 @@ class Shard:
         except ValueError:
             shard = cls(0, 0)
         if not slash or not 1 <= shard.number <= shard.of:
-            raise ValueError(f"{text} is no part of a study, expected for example 3/20")
+            raise ValueError(f"{text} is not a part of a study, expected for example 3/20")
         return shard
 
     @property
@@ -105,7 +105,7 @@ class Folder:
         if overwrite:
             self.clear(shard)
         elif not resume and self.journal(shard).exists():
-            raise StudyError(f"{self.journal(shard)} is there: --resume goes on with it, --overwrite begins anew")
+            raise StudyError(f"{self.journal(shard)} already exists: --resume continues it, --overwrite starts over")
 
 
 @dataclass

@@ -108,7 +108,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
         if not values:
             raise FactorError("values is empty")
         if len(set(map(repr, values))) < len(values):
-            raise FactorError("a value stands twice in values; weights make one more frequent")
+            raise FactorError("a value appears twice in `values`; use `weights` to make it more frequent")
         kinds = {"text" if isinstance(v, str) else "switch" if isinstance(v, bool) else "number" for v in values}
         if len(kinds) > 1:
             raise FactorError("values has numbers and others, expected one kind")
@@ -135,7 +135,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
             raise FactorError(f"count is {self.count}, expected at least 2")
         is_log = self.distribution == "log_uniform" or self.scale == "log"
         if is_log and (low is None or low <= 0.0):
-            raise FactorError("min has to be above 0 for a logarithmic scale")
+            raise FactorError("min must be above 0 for a logarithmic scale")
         if self.distribution == "lognormal" and low is not None and low < 0.0:
             raise FactorError(f"min is {low:g}, but a lognormal value is above 0")
 

@@ -246,7 +246,7 @@ def _problems(study: Study) -> list[str]:
         except FactorError as error:
             found.append(f"{place}: {error}")
         if names.count(factor.name) > 1:
-            found.append(f"{place}: the name stands twice")
+            found.append(f"{place}: the name appears twice")
         if factor.name in TAKEN or not factor.name:
             found.append(f"{place}: the tables have a column of that name, choose another one")
     if study.runs is not None and study.runs < 1:

@@ -78,7 +78,7 @@ def check(path: Path, found: str, expected: str) -> None:
     except (ValueError, TypeError):
         is_other_design = False
     what = "another design.parquet" if is_other_design else "another version of the study, its scenario or its FMUs"
-    raise StudyError(f"{path} belongs to {what}: --overwrite begins anew, another folder (--out) keeps both")
+    raise StudyError(f"{path} belongs to {what}: --overwrite starts over, another folder (--out) keeps both")
 
 
 def parse(lines: list[str]) -> Iterator[Done]:
