@@ -5,8 +5,7 @@
     loop = cf.Scenario("scenarios/esp_car_braking.toml")
     loop.run({"antilock:pressure.rise_rate": 30.0}, case="individual")
 
-The names are loaded when they are used first: the processes that execute FMUs load none of them, `Env` needs
-gymnasium, and `linearize` needs control.
+Names are loaded on first use. `Env` needs gymnasium, and `linearize` needs control.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tables, figures and page of a scenario: what `chassis run` has done after its runs, which may be those of FMPy.
+"""Tables, figures and page of a scenario. `chassis run` calls this module after its runs, or for runs in FMPy.
 
 `chassis run` passes a request as JSON on the standard input: `python -m chassis_fmu.app`.
 """
@@ -55,7 +55,7 @@ class AppError(Exception):
 
 
 def _of_baseline(scenario: Plan, run: Run, runs: Path, failures: dict[str, str]) -> Recording | None:
-    """Return what metrics need of the run of the baseline, at the same point with the same seed; None without one."""
+    """Return the signals that metrics need from the baseline's run at the same point with the same seed, or None."""
     names = {scenario.columns[c].name for m in scenario.metrics if m.from_baseline for c in m.columns}
     name = next(c.baseline for c in scenario.cases if c.name == run.case)
     if not names or name is None:
@@ -72,7 +72,7 @@ def _value(metric: Metric, scenario: Plan, recording: Recording, baseline: Recor
 
 
 def _collect(scenario: Plan, runs: Path, failures: dict[str, str]) -> tuple[Values, figures.Recordings]:
-    """Compute the metrics of all runs, and keep what the figures show of them."""
+    """Compute the metrics of all runs, and keep the data of the figures."""
     values: dict[tuple[str, str, str | None, int | None], float] = {}
     shown = figures.Recordings(scenario)
     measured = {scenario.columns[c].name for m in scenario.metrics for c in metrics.columns_of(m)}
@@ -96,7 +96,7 @@ def _collect(scenario: Plan, runs: Path, failures: dict[str, str]) -> tuple[Valu
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """What was written: table, findings and requirements for the terminal, and the numbers."""
+    """Table, findings and requirements for the terminal, and their numbers."""
 
     text: str
     numbers: Numbers
@@ -114,7 +114,7 @@ def _aligned(rows: Sequence[tuple[str, str]]) -> str:
 
 
 def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> Report:
-    """Write tables, figures and page of whole runs; `failures` says why the others are not."""
+    """Write tables, figures and page of the complete runs; `failures` has the messages of the others."""
     values, recordings = _collect(scenario, folder / "runs", failures)
     finished = {r.id for r in scenario.runs} - set(failures)
     numbers = Numbers(scenario, values, finished)
@@ -147,7 +147,7 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
 
 
 def _outcome(request: Request, scenario: Plan) -> tuple[str, batch.Outcome]:
-    """Execute the runs, or take those that are there; returns what executed them, too."""
+    """Execute the runs, or read existing ones; returns the name of their master, too."""
     runs = request.folder / "runs"
     if request.csv is not None:
         # The folder of a scenario's results is as good as the folder of the files in it.

@@ -33,7 +33,7 @@ ScenarioError = _native.ScenarioError
 
 
 class RunError(Exception):
-    """A run that failed: its status, the time of the failure (s) and what happened."""
+    """A run that failed: its status, the time of the failure (s) and the message."""
 
     def __init__(self, status: Status, time: float | None, message: str) -> None:
         at = "" if time is None else f" at {time:g} s"
@@ -82,7 +82,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Sample:
-    """Values, and the indices of the runs of the plan that they are tried in."""
+    """Values, and the indices of the runs of the plan that use them."""
 
     values: tuple[tuple[str, Value], ...]
     runs: tuple[int, ...]
@@ -90,7 +90,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run with the values of a sample."""
+    """Result of a run with the values of a sample."""
 
     sample: int
     run: int
@@ -189,7 +189,7 @@ class Scenario:
         return tuple(metric.name for metric in self.plan.metrics)
 
     def variable(self, name: str) -> Variable:
-        """Return what is known of `component:variable`; raises `ScenarioError` if it cannot be set."""
+        """Return the variable `component:variable`; raises `ScenarioError` if it cannot be set."""
         base, unit, units, least, greatest, value, description = self._native.variable(*_split(name))
         conversions = tuple(plan.Conversion(*u) for u in units)
         return Variable(name, base, unit, conversions, least, greatest, value, description or "")
@@ -276,7 +276,7 @@ class Scenario:
         self._native.start(worker_program(), jobs, timeout, libpython.find())
 
     def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
-        """Execute samples in the processes of `start`; `take` gets outcomes in no order and says whether to go on."""
+        """Execute samples in the processes of `start`. `take` gets outcomes in any order; the first False ends that."""
         changes = [(self._changes(s), list(s.runs)) for s in samples]
         with self._named(*samples):
             self._native.execute(changes, lambda row: take(self._outcome(row)))
@@ -364,7 +364,7 @@ class Scenario:
 
     @contextmanager
     def _named(self, *samples: Sample) -> Iterator[None]:
-        """Say what there is instead of a component or variable that does not exist."""
+        """Suggest names similar to a component or variable that does not exist."""
         try:
             yield
         except ScenarioError as error:

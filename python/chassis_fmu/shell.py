@@ -26,7 +26,7 @@ def set_options(options: argparse.Namespace, names: Sequence[str]) -> list[str]:
 
 
 def from_root(arguments: Sequence[str]) -> list[str]:
-    """Name files as seen from the project, where they lie in it, as messages and pages do."""
+    """Return the arguments with files of the project relative to its folder."""
     prefix = f"{ROOT}{os.sep}"
     return [a.removeprefix(prefix) for a in arguments]
 

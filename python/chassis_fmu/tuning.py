@@ -98,7 +98,7 @@ class Group:
 
     @property
     def objectives(self) -> list[float]:
-        """What the seeds found, best first; infinite where nothing feasible was found."""
+        """Best objectives of the seeds, best first; infinite where nothing feasible was found."""
         return sorted(math.inf if m.best is None else m.best.objective for m in self.methods)
 
 
@@ -126,7 +126,7 @@ class Study:
 
     @property
     def references(self) -> tuple[tuple[str, Candidate], ...]:
-        """What the methods are compared with: the scenario's own values first."""
+        """References of the methods, the scenario's own values first."""
         return (self.baseline, *self.comparisons)
 
     @property
@@ -395,7 +395,7 @@ def _value(value: float | None) -> str:
 
 
 def definitions(raw: dict[str, Any]) -> list[str]:
-    """Say how each term of the objective is computed: formula, window and how many rows are used."""
+    """Describe the computation of each term of the objective: formula, window and number of rows."""
     found = []
     for term, rows in zip(raw["terms"], raw.get("rows") or [None] * len(raw["terms"]), strict=True):
         squared = "²" if term["kind"] == "mean_square" else ""

@@ -1,1 +1,1 @@
-"""The page of an assessment: what the test bench, `chassis bench run`, says of a vehicle, with figures."""
+"""The page of an assessment by the test bench, `chassis bench run`, with figures."""

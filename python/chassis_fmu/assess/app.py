@@ -1,4 +1,4 @@
-"""The page of an assessment: what `chassis bench run` makes after its runs."""
+"""The page of an assessment, which `chassis bench run` makes after its runs."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
     reason_without: str | None = None
     words: dict[Name, str] = {}
     bounds: dict[Name, str] = {}
-    """What is known of a number that is missing, such as `< 30`."""
+    """Bound of a missing number, such as `< 30`."""
     compared: Compared | None = None
     incomparable: str | None = None
 

@@ -87,7 +87,7 @@ def _chart(source: Source, name: str, title: str, kind: str, caption: str, panel
 
 
 def _speed(source: Source, maneuver: str) -> str:
-    """Say at which speed a maneuver begins, or at which speeds its runs do."""
+    """Describe the initial speed of a maneuver, or the range of its runs."""
     parameters = [run.parameters for _, runs in source.runs(maneuver) for run in runs]
     speeds = [3.6 * known["speed"] for known in parameters if "speed" in known]
     if not speeds:
@@ -285,7 +285,7 @@ def _mirrored(run: Run, values: Array) -> Array:
 
 
 def sine_with_dwell(source: Source) -> Chart | None:
-    """Yaw rates of all runs over the steering, with marks where they are judged."""
+    """Yaw rates of all runs over the steering, with marks at the times of the criteria."""
     panels = []
     for case, runs in source.runs("sine_with_dwell"):
         lines: list[Line] = []
@@ -322,7 +322,7 @@ def sine_with_dwell(source: Source) -> Chart | None:
 
 
 def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
-    """Show what sine with dwell is judged by, over the amplitude."""
+    """Show the criteria of sine with dwell over the amplitude."""
     amplitude = Axis("Largest steering wheel angle", (Conversion("°"),))
     panels = []
     row = source.assessment.by_name.get("sine_with_dwell.lateral_displacement")
@@ -469,7 +469,7 @@ def _rollover(maneuver: str, title: str) -> Make:
 
 
 def braking(source: Source) -> Chart | None:
-    """Speed over the way while braking."""
+    """Speed over the distance while braking."""
     lines = []
     for case, recording in source.recordings("braking"):
         v = recording.values

@@ -71,7 +71,7 @@ ROAD = "c"
 
 @dataclass(frozen=True)
 class Context:
-    """How the assessment was made, for whoever repeats it."""
+    """Command, programs and files with which the assessment was made."""
 
     command: str
     versions: Sequence[tuple[str, str]]
@@ -91,7 +91,7 @@ class Section:
 
     @property
     def has_amplitude(self) -> bool:
-        """Tell whether a metric is in multiples of the amplitude A."""
+        """Return whether a metric is in multiples of the amplitude A."""
         return any(row.unit == "A" for _, rows in self.maneuvers for row in rows)
 
     @property
@@ -118,13 +118,13 @@ def shown(value: Number, row: Row) -> str:
 
 
 def value(row: Row, system: Name) -> str:
-    """Write the number of a system, or what is known of it."""
+    """Write the number of a system, or its bound."""
     number = row.without if system == "without" else row.with_
     return row.bounds.get(system, "–") if number is None else shown(number, row)
 
 
 def notes(row: Row, cases: Sequence[Case]) -> list[str]:
-    """Say why numbers are missing or cannot be compared, and where they were compared."""
+    """Describe why numbers are missing or cannot be compared, and where they were compared."""
     if len(cases) == 1:
         return [row.reason] if row.reason else []
     found = []
@@ -144,7 +144,7 @@ def notes(row: Row, cases: Sequence[Case]) -> list[str]:
 
 
 def unit_of(row: Row) -> tuple[float, str]:
-    """Return the factor and the unit in which people read a metric."""
+    """Return the factor and the unit in which a metric is shown."""
     if row.unit.startswith("rad"):
         return 180.0 / math.pi, tables.pretty_unit("deg" + row.unit.removeprefix("rad"))
     return 1.0, tables.pretty_unit(row.unit)
@@ -276,7 +276,7 @@ def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
 
 
 def is_signal(value: str) -> bool:
-    """Tell whether the test bench writes an input from a signal, such as `driver.steer`, not with a constant."""
+    """Return whether the test bench writes an input from a signal, such as `driver.steer`, not with a constant."""
     return re.fullmatch(r"[A-Za-z]\w*\.[A-Za-z][\w.]*", value) is not None
 
 

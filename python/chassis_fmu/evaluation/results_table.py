@@ -123,7 +123,7 @@ class Numbers:
         return scales
 
     def is_negligible(self, cell: Cell) -> bool:
-        """Tell whether a value is next to nothing beside the largest one of its metric."""
+        """Return whether a value is negligible compared with the largest one of its metric."""
         found = self.statistic(cell)
         return found is not None and abs(found.mean) < RESOLUTION * self._scales[self.metric(cell).name]
 
@@ -168,7 +168,7 @@ class Numbers:
         return None if value is None or base is None else change(value, base)
 
     def is_calibrated(self, cell: Cell, against: Cell | None = None) -> bool:
-        """Tell whether something was fitted to the paper's number."""
+        """Return whether a parameter was fitted to the paper's number."""
         paper = self.metric(cell).paper
         fitted = (paper.calibrated if paper else None) or frozenset()
         return cell.key in fitted or (against is not None and f"{cell.key}/{against.key}" in fitted)
@@ -183,7 +183,7 @@ class Numbers:
         return None
 
     def _is_cut_off(self, metric: Metric) -> bool:
-        """Tell whether the runs were cut short before the end of what a metric is computed from."""
+        """Return whether the runs were cut short before the end of a metric's window."""
         if metric.uses:
             return any(self._is_cut_off(self.plan.metrics[index]) for index in metric.uses)
         window = metric.window

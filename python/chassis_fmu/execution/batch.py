@@ -56,7 +56,7 @@ class _Task:
 
 @dataclass(frozen=True)
 class _Verdict:
-    """The end of a run: what went wrong, or what the components logged although nothing did."""
+    """The end of a run: the error, or the log messages of a run without one."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -115,7 +115,7 @@ class Outcome:
 
 
 def write_statuses(plan: Plan, folder: Path, outcome: Outcome) -> None:
-    """Write how the runs ended, in the order of the plan, to the folder of their rows."""
+    """Write the status of the runs, in the order of the plan, to the folder of their rows."""
     runs = [vars(outcome.statuses[run.id]) for run in plan.runs if run.id in outcome.statuses]
     results.write_text(folder / STATUS_FILE, json.dumps({"format": 1, "runs": runs}, indent=2) + "\n")
 
@@ -172,7 +172,7 @@ def _end_with_parent() -> None:
 
 
 def _execute(task: _Task, pipe: Connection) -> None:
-    """Body of a process: simulates one run, writes its files, sends numbers of steps and in the end a verdict."""
+    """Body of a process: simulates one run, writes its files, and sends its progress and its outcome."""
     family.divide(lambda programs: pipe.send(_Left(programs)))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # An interrupt from the keyboard reaches all processes; the first one ends the others.
@@ -209,7 +209,7 @@ def _execute(task: _Task, pipe: Connection) -> None:
 
 
 def _write(run: Run, simulation: Simulation, names: Sequence[str], out: Path, memory: Any) -> float | None:
-    """Write the rows that are in the memory of a run, if there are any; return the time of the last one."""
+    """Write the buffered rows of a run, if any; return the time of the last one."""
     times, rows = master.rows_in(np.frombuffer(memory), run, simulation)
     if not len(times):
         return None

@@ -16,7 +16,7 @@ NOTE = "page.json"
 
 @dataclass(frozen=True)
 class Entry:
-    """What the index says about a page: its title, where its experiment is from, and its badges with their numbers."""
+    """Entry of a page in the index: its title, the reference of its experiment, and the counts of its badges."""
 
     title: str
     reference: str = ""
@@ -24,12 +24,12 @@ class Entry:
 
 
 def note(folder: Path, entry: Entry) -> None:
-    """Leave beside a page what the index says about it."""
+    """Write the index entry of a page beside it."""
     results.write_text(folder / NOTE, json.dumps(asdict(entry), ensure_ascii=False, indent=2) + "\n")
 
 
 def _read(folder: Path) -> Entry:
-    """Return what is noted beside a page; its folder's name if nothing is."""
+    """Return the entry beside a page; its folder's name without one."""
     try:
         data = json.loads((folder / NOTE).read_text(encoding="utf-8"))
         known = {status.value for status in Status}

@@ -185,7 +185,7 @@ def _default(setting: Setting, variable: Variable | None) -> str:
 
 
 def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
-    """Say a value once if it is the same in all runs, else by case or point, whichever it depends on."""
+    """List a value once if it is the same in all runs, otherwise by the case or point on which it depends."""
     cases = plan.case_titles
     points = plan.point_titles
     if len(set(values.values())) == 1:

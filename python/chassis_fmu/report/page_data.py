@@ -31,7 +31,7 @@ ON_GRID = 1e-6
 
 @dataclass(frozen=True)
 class Interactive:
-    """What makes a page interactive: its data, and style and code that are bundled from the sources in `web/`."""
+    """Parts of an interactive page: its data, and the style and code bundled from the sources in `web/`."""
 
     data: markupsafe.Markup
     style: markupsafe.Markup

@@ -84,7 +84,7 @@ STYLE = {
 
 
 class Drawn(Protocol):
-    """What the figures are of: its cases have colors, the panels of its points stand side by side. A plan is one."""
+    """Source of figures, such as a plan: its cases have colors, and the panels of its points are side by side."""
 
     @property
     def cases(self) -> Sequence[Case]:
@@ -111,7 +111,7 @@ class Drawing:
 
 
 def is_noisy(values: Array) -> bool:
-    """Tell whether a line goes up and down all the time."""
+    """Return whether a line oscillates."""
     return bool(np.abs(np.diff(values)).sum() > NOISY * np.ptp(values))
 
 

@@ -103,7 +103,7 @@ def _single(form: str, cell: Cell, against: Cell | None, numbers: Numbers) -> fl
 
 
 def check(item: Check, numbers: Numbers) -> str:
-    """Say what a check compares, with the numbers that decide."""
+    """Describe a check, with the numbers that it compares."""
     metric = numbers.metric(item.cell)
     unit = metric.conversion.unit
     plan = numbers.plan
@@ -155,7 +155,7 @@ def check(item: Check, numbers: Numbers) -> str:
 
 
 def definition(metric: Metric, plan: Plan) -> str:
-    """Say how a number is computed: signals, window, formula and how many rows are used."""
+    """Describe the computation of a number: signals, window, formula and number of rows."""
     if metric.value is not None:
         return f"{metric.value}, of the numbers of the same run"
     names = ", ".join(plan.columns[index].name for index in metric.columns)
@@ -193,7 +193,7 @@ def definition(metric: Metric, plan: Plan) -> str:
 
 
 def limits(metric: Metric) -> str:
-    """Say what is required of a metric, with what demands it."""
+    """Describe the limits of a metric and their source."""
     required = metric.requirement
     if required is None:
         return ""
@@ -203,7 +203,7 @@ def limits(metric: Metric) -> str:
 
 
 def requirement(item: Verdict, numbers: Numbers) -> str:
-    """Say what a requirement is about and what was found."""
+    """Describe a requirement and its result."""
     metric = item.metric
     seeds = len(numbers.plan.seeds)
     place = ", ".join(filter(None, (metric.title, numbers.plan.place(item.case, item.point))))
