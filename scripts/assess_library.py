@@ -444,8 +444,8 @@ def turning(found: Assessment, controllers: Sequence[str]) -> str:
 COMPARED_HEAD = """
 ## Beside an independent implementation
 
-The specification of the bench comes with numbers of another implementation of bench, driver, vehicles and controllers,
-in the digits given here. Where a number of the tables above is another quantity, the last column says so.
+The reference numbers are from an independent implementation of the bench, the driver, the vehicles and the controllers.
+If a table above defines a quantity differently, the last column describes the difference.
 
 | vehicle | quantity | controllers | reference | ours | |
 |---|---|---|---|---|---|
