@@ -254,7 +254,7 @@ impl Table {
             let help = if cells.len() == count + 1 && cells.last().is_some_and(|last| last.is_empty()) {
                 "remove the delimiter at the end of the rows, or add one to the header".to_owned()
             } else if mistakes.is_empty() && self.lines.is_empty() {
-                "the header is the first line that is neither empty nor a comment (#, %): remove what stands above it"
+                "the header is the first line that is neither empty nor a comment (#, %): remove the lines above it"
                     .to_owned()
             } else {
                 "give every row a cell for each column; a cell may be empty".to_owned()

@@ -322,7 +322,7 @@ impl System {
         reject_foreign(folder, overwrite)?;
         let name = folder.file_name().ok_or_else(|| ExportError::Write {
             path: folder.to_path_buf(),
-            cause: io::Error::new(io::ErrorKind::InvalidInput, "this is no name of a folder"),
+            cause: io::Error::new(io::ErrorKind::InvalidInput, "this is not a folder name"),
         })?;
         // Beside the folder, so that it can be renamed.
         let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

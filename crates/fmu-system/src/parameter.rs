@@ -216,7 +216,7 @@ pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
             if !range.contains(v) {
                 let (least, most, data_type) = (range.start(), range.end(), variable.data_type);
                 return Err(match (i32::try_from(*least), i32::try_from(*most)) {
-                    (Ok(i32::MIN), Ok(i32::MAX)) => format!("`{name}` is {v}, which has more than 32 bits"),
+                    (Ok(i32::MIN), Ok(i32::MAX)) => format!("`{name}` is {v}, which does not fit in 32 bits"),
                     _ => format!("`{name}` is {v}, expected a whole number from {least} to {most} ({data_type})"),
                 });
             }

@@ -69,7 +69,7 @@ pub struct Collector {
 pub(crate) struct Context {
     /// Name in messages.
     pub(crate) label: String,
-    /// True if it changes what is written elsewhere. It is then named even if there is no other context.
+    /// True if it overrides values of other places. It is then named even if there is no other context.
     pub(crate) is_special: bool,
 }
 

@@ -225,7 +225,7 @@ pub enum Expect {
     Higher,
     /// About as much as that.
     Unchanged,
-    /// It falls against its baseline, and by a larger share than what it is compared with does against its own.
+    /// It falls relative to its baseline, by a larger share than the cell that it is compared with.
     FallsMore,
     /// Less than a level.
     Below,
@@ -294,7 +294,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns true if the number belongs to the metric, whatever the cell.
+    /// Returns true if the number belongs to the metric, for any cell.
     pub(crate) fn is_of_metric(self) -> bool {
         matches!(self, Self::Threshold | Self::From | Self::To | Self::Band)
     }

@@ -163,7 +163,7 @@ impl Signals {
 /// Error while evaluating a requirement.
 #[derive(Debug, thiserror::Error)]
 pub enum RequirementError {
-    /// A metric has no number, whatever the signals.
+    /// A metric has no number for any signals.
     #[error("metric {metric}: {source}")]
     Metric {
         /// Its name.

@@ -61,7 +61,7 @@ pub struct OtherFmu {
     pub component: String,
     /// Name of the FMU.
     pub fmu: String,
-    /// True if the component's own parameters apply to it, as far as it has them.
+    /// True if it gets the component's parameters that it has.
     pub keep_parameters: bool,
 }
 

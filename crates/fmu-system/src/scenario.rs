@@ -26,7 +26,7 @@ pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Opti
     assembled(own, files, problems)
 }
 
-/// Parses the text of a file, whose places begin at `from`.
+/// Parses the text of a file; its places start at `from`.
 fn written(text: &str, from: usize, problems: &mut Collector) -> Option<Written> {
     match toml::from_str(text) {
         Ok(written) => Some(written),

@@ -47,7 +47,7 @@ pub struct RunError {
     pub time: Option<f64>,
     /// Component, function, status and messages logged by the component.
     pub cause: Box<FmusError>,
-    /// The rows before it, if a [`master`](crate::master) recorded some.
+    /// The rows before the failure, if a [`master`](crate::master) recorded some.
     pub recorded: Option<Box<Recording>>,
 }
 
@@ -200,7 +200,7 @@ impl Component {
         Ok(())
     }
 
-    /// Sets the inputs of this component, which has that index, whose values come from the caller.
+    /// Sets the inputs of the component with this index to the values of the caller.
     fn set_overwritten(&mut self, index: usize, inputs: &[Overwritten]) -> Result<(), CallError> {
         for input in inputs.iter().filter(|input| input.member == index) {
             let (references, Some(value)) = ([input.reference], input.value) else { continue };

@@ -69,8 +69,8 @@ impl Run {
         }
         let component = self.components.iter().find(|component| component.steady.is_some());
         let message = format!(
-            "the inputs at the start change with the steady state again and again, {ROUNDS} times: the components pass on at \
-             once what they read from each other"
+            "the steady state and the inputs at the start do not converge in {ROUNDS} iterations: the components form an \
+             algebraic loop"
         );
         Err(failed(component.map_or("", |component| &component.name), message))
     }

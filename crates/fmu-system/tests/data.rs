@@ -287,7 +287,7 @@ fn round_brackets_hold_units_too() {
 #[test]
 fn rows_of_other_lengths_have_a_remedy() {
     for (text, help) in [
-        ("Logger 5;A\ntime;a;b\n0;1;2\n", "remove what stands above it"),
+        ("Logger 5;A\ntime;a;b\n0;1;2\n", "remove the lines above it"),
         ("time;a\n0;1;\n1;2;\n", "remove the delimiter at the end of the rows, or add one to the header"),
         ("time;a\n0;1\n1\n", "give every row a cell for each column; a cell may be empty"),
     ] {

@@ -51,6 +51,16 @@ fn lines(error: &ResolveError) -> String {
     }
 }
 
+/// All mistakes of a scenario that has some, one per line and with their help.
+fn explained(plan: Result<Plan, ResolveError>) -> String {
+    match plan.expect_err("a mistake") {
+        ResolveError::Problems(problems) => {
+            problems.problems.iter().map(|p| p.explained()).collect::<Vec<_>>().join("\n")
+        }
+        other => other.to_string(),
+    }
+}
+
 fn parameter(plan: &Plan, run: &str, component: &str, name: &str) -> Option<Value> {
     let run = plan.runs.iter().find(|r| r.id == run).unwrap();
     let component = run.components.iter().find(|u| u.name == component).unwrap();
@@ -267,33 +277,20 @@ fn points_and_seeds_reach_another_fmu() {
 
 #[test]
 fn mistakes_name_their_case() {
-    for (line, expected) in [
-        ("fmu.driver = \"Drver\"", "there is no Drver.fmu in memory"),
-        (
-            "fmu.driver = \"Steering\"",
-            "Steering has the input `driver.steer`, which Driver does not have; nothing writes the input `driver.steer` of \
-             `driver`, in case `other` (fmu.driver = \"Steering\")",
-        ),
-        (
-            "fmu.driver = \"Vehicle\"",
-            "`driver.speed` of `driver` is an input, expected an output, in case `other` (fmu.driver = \"Vehicle\")",
-        ),
-        ("without = [\"driver\"]", "nothing writes the input `driver.steer` of `steering`, in case `other`"),
-        (
-            "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
-            "OtherSteering has no parameter `strategy`, in case `other` (fmu.steering = \"OtherSteering\")",
-        ),
-        ("parameters.steering = { stratgy = 1 }", "Steering has no parameter `stratgy`, in case `other`"),
-        ("inputs.vehicle = { \"road*\" = -1 }", "expected at least 0, in case `other`"),
-        ("fmu.driver = { fmu = \"Driver\", keep = true }", "unknown key `keep`, expected `fmu` or `keep_parameters`"),
-        (
-            "fmu.driver = 3",
-            "`fmu.driver` must be the name of an FMU or { fmu = \"Name\", keep_parameters = true }, got 3",
-        ),
-    ] {
-        let error = lines(&plan_of(&with_case(line), &Options::default()).expect_err(line));
-        assert!(error.contains(expected), "{line}\n  expected {expected}\n  got {error}");
-    }
+    let lines_of_case = [
+        "fmu.driver = \"Drver\"",
+        "fmu.driver = \"Steering\"",
+        "fmu.driver = \"Vehicle\"",
+        "without = [\"driver\"]",
+        "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
+        "parameters.steering = { stratgy = 1 }",
+        "inputs.vehicle = { \"road*\" = -1 }",
+        "fmu.driver = { fmu = \"Driver\", keep = true }",
+        "fmu.driver = 3",
+    ];
+    let report =
+        lines_of_case.map(|line| format!("{line}\n{}", explained(plan_of(&with_case(line), &Options::default()))));
+    insta::assert_snapshot!(report.join("\n\n"));
     // Patterns of recorded signals: in no case, or not with another FMU.
     let other = include_str!("data/Steering.xml").replace("steer.front", "steer.rear");
     let mut fmus = fmus();
@@ -556,32 +553,31 @@ fn metrics_of_metrics_and_requirements() {
         (Some(0.0), &["passive", "active", "manual"].map(String::from)[..])
     );
 
-    for (written, expected) in [
-        ("value = \"roll_rms / rol_peak\"", "119:21: unknown metric `rol_peak`"),
-        ("value = \"roll_rms /\"", "expected a number or a metric"),
-        ("value = \"more + 1\"", "a metric cannot be part of its own `value`"),
-        ("value = \"1\"\nsignal = \"body.roll\"", "a metric with a `value` has no `signal`"),
-        ("value = \"1\"\nkind = \"rms\"", "a metric with a `value` has no `kind`"),
-        ("value = \"1\"\nthreshold = 1.0", "a metric with a `value` has no `threshold`"),
-        ("signal = \"body.roll\"", "a metric needs a `kind` and a `signal`, or a `value` made of other metrics"),
-        ("value = \"1\"\nmin = 2.0\nmax = 1.0", "min is 2, above max, 1"),
-        ("value = \"1\"\nmax = nan", "expected a finite number"),
-        ("value = \"1\"\nmax = 1.0\nrequired_of = [\"activ\"]", "unknown case `activ`"),
-        ("value = \"1\"\nmax = 1.0\nrequired_of = []", "expected at least one case"),
-        ("value = \"1\"\nrequired_by = \"A standard\"", "`required_by` belongs to a `min` or a `max`"),
-        ("value = \"1\"\nshare = 0.5", "`share` belongs to a `min` or a `max`"),
-        ("value = \"1\"\nmax = 2.0\nshare = 0.0", "share is 0, expected above 0, up to 1"),
-    ] {
-        let found = lines(&plan_with(written, "").unwrap_err());
-        assert!(found.contains(expected), "{written}: {found}");
-    }
+    let mistakes = [
+        "value = \"roll_rms / rol_peak\"",
+        "value = \"roll_rms /\"",
+        "value = \"more + 1\"",
+        "value = \"1\"\nsignal = \"body.roll\"",
+        "value = \"1\"\nkind = \"rms\"",
+        "value = \"1\"\nthreshold = 1.0",
+        "signal = \"body.roll\"",
+        "value = \"1\"\nmin = 2.0\nmax = 1.0",
+        "value = \"1\"\nmax = nan",
+        "value = \"1\"\nmax = 1.0\nrequired_of = [\"activ\"]",
+        "value = \"1\"\nmax = 1.0\nrequired_of = []",
+        "value = \"1\"\nrequired_by = \"A standard\"",
+        "value = \"1\"\nshare = 0.5",
+        "value = \"1\"\nmax = 2.0\nshare = 0.0",
+    ];
+    let mut report: Vec<String> =
+        mistakes.iter().map(|written| format!("{written}\n{}", explained(plan_with(written, "")))).collect();
     let below = SCENARIO.replacen(
         "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"\nwindow = [0.5, 2.0]",
         "value = \"roll_peak\"",
         1,
     );
-    let found = lines(&plan_of(&below, &Options::default()).unwrap_err());
-    assert!(found.contains("`roll_peak` stands below"), "{found}");
+    report.push(explained(plan_of(&below, &Options::default())));
+    insta::assert_snapshot!(report.join("\n\n"));
 }
 
 /// The first row of a discrete-time model holds start values (FMI 2.0.4, section 2.2.7, `initial = exact`).
@@ -649,32 +645,19 @@ fn figures_of_every_kind() {
     assert_eq!(figure("kind = \"distribution\"\nmetrics = [\"roll_rms\"]").kind, FigureKind::Distribution);
     let time = figure("kind = \"time\"\nsignals = [\"body.roll\"]\nright = \"vehicle.speed\"\nsame_scale = true");
     assert!(time.right.is_some() && time.same_scale);
-    for (written, expected) in [
-        ("kind = \"xy\"\nsignals = [\"body.roll\"]", "needs `over`, the signal on the abscissa"),
-        ("kind = \"scatter\"\nmetrics = [\"roll_rms\"]", "needs `over`, the metric on the abscissa"),
-        ("kind = \"scatter\"\nmetrics = [\"roll_rms\"]\nover = \"roll_pek\"", "unknown metric `roll_pek`"),
-        ("kind = \"transfer\"\nmetrics = [\"roll_rms\"]\nover = \"body.roll\"", "has `signals`, no `metrics`"),
-        (
-            "kind = \"time\"\nsignals = [\"body.roll\"]\nover = \"steer.front\"",
-            "only a figure of kind \"xy\" or \"transfer\" or \"scatter\" has `over`",
-        ),
-        (
-            "kind = \"xy\"\nsignals = [\"body.roll\"]\nover = \"vehicle.speed\"\nequal_axes = true",
-            "is in m/s, but `body.roll` is in rad",
-        ),
-        (
-            "kind = \"time\"\nsignals = [\"body.roll\", \"vehicle.speed\"]\nsame_scale = true",
-            "is in m/s, but `body.roll` is in rad",
-        ),
-        ("kind = \"spectrum\"\nsignals = [\"body.roll\"]\nband = [2.0, 1.0]", "expected a band [from, to]"),
-        (
-            "kind = \"distribution\"\nmetrics = [\"roll_rms\"]\nwindow = [0.0, 1.0]",
-            "the `window` of a figure of metrics",
-        ),
-    ] {
-        let found = lines(&plan_with("", written).unwrap_err());
-        assert!(found.contains(expected), "{written}: {found}");
-    }
+    let mistakes = [
+        "kind = \"xy\"\nsignals = [\"body.roll\"]",
+        "kind = \"scatter\"\nmetrics = [\"roll_rms\"]",
+        "kind = \"scatter\"\nmetrics = [\"roll_rms\"]\nover = \"roll_pek\"",
+        "kind = \"transfer\"\nmetrics = [\"roll_rms\"]\nover = \"body.roll\"",
+        "kind = \"time\"\nsignals = [\"body.roll\"]\nover = \"steer.front\"",
+        "kind = \"xy\"\nsignals = [\"body.roll\"]\nover = \"vehicle.speed\"\nequal_axes = true",
+        "kind = \"time\"\nsignals = [\"body.roll\", \"vehicle.speed\"]\nsame_scale = true",
+        "kind = \"spectrum\"\nsignals = [\"body.roll\"]\nband = [2.0, 1.0]",
+        "kind = \"distribution\"\nmetrics = [\"roll_rms\"]\nwindow = [0.0, 1.0]",
+    ];
+    let report = mistakes.map(|written| format!("{written}\n{}", explained(plan_with("", written))));
+    insta::assert_snapshot!(report.join("\n\n"));
 }
 
 #[test]
@@ -859,270 +842,171 @@ fn a_wrong_constant_is_the_only_mistake() {
     assert!(error.contains("expected at least 0") && !error.contains("nothing writes"), "{error}");
 }
 
-/// A change to the scenario, the marked place, and the message.
 #[test]
 fn mistakes_are_reported_with_their_place() {
-    let cases: &[(&str, &str, &str)] = &[
-        ("stop = 2.0", "stopp = 2.0", "5:1: unknown key `stopp`"),
-        ("title = \"Step\"", "titel = \"Step\"", "1:1: unknown key `titel`"),
-        ("step = 0.001", "step = 0.0011", "5:8: from start 0 s to stop"),
-        ("step = 0.001", "step = -1.0", "6:8: step is -1"),
-        ("stop = 2.0", "stop = -2", "5:8: stop is -2"),
-        ("stop = 2.0", "stop = \"a\"", "5:8: `stop` must be a number, got the string \"a\""),
-        ("name = \"driver\"", "name = \"Driver\"", "the name of a component is made of"),
-        ("name = \"driver\"", "name = \"vehicle\"", "the component `vehicle` is there twice"),
-        ("fmu = \"Driver\"", "fmu = \"Drivr\"", "11:7: there is no Drivr.fmu in memory"),
-        ("fmu = \"Driver\"", "fmu = \"../Driver\"", "file stem"),
-        ("fmu = \"Driver\"", "fmu = \"Driver.fmu\"", "file stem"),
-        ("fmu = \"Driver\"", "fmu = \"..\"", "file stem"),
-        ("maneuver = 1", "manouver = 1", "Driver has no parameter `manouver`"),
-        ("maneuver = 1", "maneuver = 10", "12:27: `maneuver` is 10, expected one of straight (0)"),
-        ("maneuver = 1", "maneuver = 1.0", "12:27: `maneuver` must be a whole number, got 1.0"),
-        ("maneuver = 1", "maneuver = true", "`maneuver` must be a whole number, got true"),
-        ("maneuver = 1", "maneuver = 5000000000", "more than 32 bits"),
-        ("maneuver = 1", "driver.speed = 1", "Driver has no parameter `driver`"),
-        ("maneuver = 1", "\"driver.speed\" = 1", "is not a parameter but an output"),
-        ("strategy = 1, ", "gain = 1, ", "not a parameter but a calculated parameter"),
-        ("unit = \"deg\" } }", "unit = \"grad\" } }", "cannot be given in `grad`, expected one of rad, deg"),
-        ("value = 30.0, unit = \"deg\"", "value = 300.0, unit = \"deg\"", "expected at most 1"),
-        ("value = 30.0, unit = \"deg\"", "value = 30.0", "expected a value or { value"),
-        ("value = 30.0, unit", "value = nan, unit", "expected a finite number"),
-        ("\"tire.mode\" = 0", "\"tire.mode\" = 4", "expected one of magic (0), linear (1)"),
-        ("label = \"car\"", "label = 1", "`label` must be a string, got 1"),
-        ("\"road_friction.*\" = 1.0, ", "", "nothing writes the input `road_friction.r` of `vehicle`"),
-        ("\"road_friction.*\" = 1.0", "\"road_friktion.*\" = 1.0", "`vehicle` has no input `road_friktion.*`"),
-        ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = 1.0, \"road*\" = 1.0", "both match `road_friction.l`"),
-        ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", "expected at least 0"),
-        ("\"road_friction.*\" = 1.0", "\"*\" = 1.0", "has this constant but is written by `driver`"),
-        ("from = \"driver:driver.speed\"", "from = \"driver:driver.sped\"", "`driver` has no output `driver.sped`"),
-        ("from = \"driver:driver.speed\"", "from = \"diver:driver.speed\"", "unknown component `diver`"),
-        ("from = \"driver:driver.speed\"", "from = \"driver.speed\"", "expected \"component:variable\""),
-        ("from = \"driver:driver.speed\"", "from = \"driver:maneuver\"", "is a parameter, expected an output"),
-        (
-            "from = \"driver:driver.speed\"",
-            "from = \"driver:driver.steer\"",
-            "is in rad, but its target `steering:vehicle.speed` is in m/s",
-        ),
-        ("to = \"steering:vehicle.speed\"", "to = \"steering:steer.front\"", "is an output, expected an input"),
+    let changes = [
+        ("stop = 2.0", "stopp = 2.0"),
+        ("title = \"Step\"", "titel = \"Step\""),
+        ("step = 0.001", "step = 0.0011"),
+        ("step = 0.001", "step = -1.0"),
+        ("stop = 2.0", "stop = -2"),
+        ("stop = 2.0", "stop = \"a\""),
+        ("name = \"driver\"", "name = \"Driver\""),
+        ("name = \"driver\"", "name = \"vehicle\""),
+        ("fmu = \"Driver\"", "fmu = \"Drivr\""),
+        ("fmu = \"Driver\"", "fmu = \"../Driver\""),
+        ("fmu = \"Driver\"", "fmu = \"Driver.fmu\""),
+        ("fmu = \"Driver\"", "fmu = \"..\""),
+        ("maneuver = 1", "manouver = 1"),
+        ("maneuver = 1", "maneuver = 10"),
+        ("maneuver = 1", "maneuver = 1.0"),
+        ("maneuver = 1", "maneuver = true"),
+        ("maneuver = 1", "maneuver = 5000000000"),
+        ("maneuver = 1", "driver.speed = 1"),
+        ("maneuver = 1", "\"driver.speed\" = 1"),
+        ("strategy = 1, ", "gain = 1, "),
+        ("unit = \"deg\" } }", "unit = \"grad\" } }"),
+        ("value = 30.0, unit = \"deg\"", "value = 300.0, unit = \"deg\""),
+        ("value = 30.0, unit = \"deg\"", "value = 30.0"),
+        ("value = 30.0, unit", "value = nan, unit"),
+        ("\"tire.mode\" = 0", "\"tire.mode\" = 4"),
+        ("label = \"car\"", "label = 1"),
+        ("\"road_friction.*\" = 1.0, ", ""),
+        ("\"road_friction.*\" = 1.0", "\"road_friktion.*\" = 1.0"),
+        ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = 1.0, \"road*\" = 1.0"),
+        ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0"),
+        ("\"road_friction.*\" = 1.0", "\"*\" = 1.0"),
+        ("from = \"driver:driver.speed\"", "from = \"driver:driver.sped\""),
+        ("from = \"driver:driver.speed\"", "from = \"diver:driver.speed\""),
+        ("from = \"driver:driver.speed\"", "from = \"driver.speed\""),
+        ("from = \"driver:driver.speed\"", "from = \"driver:maneuver\""),
+        ("from = \"driver:driver.speed\"", "from = \"driver:driver.steer\""),
+        ("to = \"steering:vehicle.speed\"", "to = \"steering:steer.front\""),
         (
             "[[case]]\nname = \"passive\"",
             "[[connection]]\nfrom = \"vehicle:vehicle.speed\"\nto = \"steering:vehicle.speed\"\n[[case]]\nname = \"passive\"",
-            "a second connection writes `steering:vehicle.speed`",
         ),
         (
             "[[case]]\nname = \"passive\"",
             "[[component]]\nname = \"second\"\nfmu = \"Driver\"\n[[case]]\nname = \"passive\"",
-            "the input `driver.steer` of `steering` has several writers: `driver` and `second`",
         ),
         (
             "to = \"steering:vehicle.speed\"",
             "to = \"steering:vehicle.sp*\"\n[[connection]]\nfrom = \"driver:driver.*\"\nto = \"vehicle:fuel.*\"",
-            "no input of `vehicle` matches `fuel.*`",
         ),
-        (
-            "to = \"steering:vehicle.speed\"",
-            "to = \"steering:*.sp*\"",
-            "each end of a connection can have only one `*`",
-        ),
-        (
-            "from = \"driver:driver.speed\"",
-            "from = \"driver:driver.*\"",
-            "`driver:driver.*` has a `*`, but `steering:vehicle.speed` has none",
-        ),
-        ("without = [\"steering\"]", "without = [\"stearing\"]", "unknown component `stearing`"),
-        ("without = [\"steering\"]", "without = [\"steering\", \"driver\", \"vehicle\"]", "leaves all components out"),
-        (
-            "without = [\"steering\"]",
-            "without = [\"steering\"]\nparameters.steering = { strategy = 1 }",
-            "this case leaves the component `steering` out",
-        ),
-        ("baseline = \"passive\"", "baseline = \"pasive\"", "unknown case `pasive`"),
-        ("values = [3, 7]", "values = [3, 3]", "this seed is there twice"),
-        ("values = [3, 7]", "values = []", "at least one seed"),
-        ("values = [3, 7]", "values = [-3]", "`seed` is -3, expected at least 0"),
-        ("parameter = \"driver:seed\"", "parameter = \"driver:sed\"", "Driver has no parameter `sed`"),
-        (
-            "parameter = \"driver:seed\"",
-            "parameter = \"steering:strategy\"",
-            "this case leaves out the component `steering`, which takes the seeds",
-        ),
-        ("[sweep]\ntitle = \"Speed\"\nunit = \"km/h\"\n", "", "points need a [sweep]"),
-        ("value = 5.0\n", "value = inf\n", "expected a finite number"),
-        ("\"vehicle:*\"", "\"vehicle:wheel*\"", "no output matches `vehicle:wheel*`"),
-        ("\"vehicle:*\"", "\"vehikle:*\"", "unknown component `vehikle`"),
-        ("every = 2", "every = 0", "every is 0, expected at least 1"),
-        ("kind = \"rms\"", "kind = \"rmss\"", "`kind`: unknown word `rmss`"),
-        ("signal = \"body.roll\"", "signal = \"body.rol\"", "there is no output `body.rol`"),
-        ("signal = \"body.roll\"", "signal = \"driver.steer\"", "`driver.steer` is not recorded"),
-        (
-            "unit = \"deg\"\nwindow",
-            "unit = \"m\"\nwindow",
-            "`body.roll` cannot be shown in `m`, expected one of rad, deg",
-        ),
-        ("window = [0.5, 2.0]", "window = [0.5, 3.0]", "expected a window [from, to]"),
-        ("\"passive@slow\" = 1.5", "\"passiv@slow\" = 1.5", "unknown case `passiv`"),
-        ("\"passive@slow\" = 1.5", "\"passive@slo\" = 1.5", "unknown point `slo`"),
-        ("\"passive@slow\" = 1.5", "passive = 1.5", "with a sweep the paper's values"),
-        ("metrics = [\"roll_rms\"]", "metrics = [\"roll_rsm\"]", "unknown metric `roll_rsm`"),
-        ("metrics = [\"roll_rms\"]", "signals = [\"body.roll\"]", "has `metrics`, no `signals`"),
-        ("kind = \"rms\"", "kind = \"share\"", "a metric of this kind needs a `threshold`"),
-        ("kind = \"rms\"", "kind = \"rms\"\nthreshold = 0.8", "a metric of this kind has no `threshold`"),
-        ("kind = \"rms\"", "kind = \"crossing\"\nthreshold = nan", "expected a finite number"),
-        ("kind = \"rms\"", "kind = \"magnitude_crossing\"", "a metric of this kind needs a `threshold`"),
-        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\" }", "either `above` or `below`"),
-        (
-            "kind = \"rms\"",
-            "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, below = 2.0 }",
-            "either `above` or `below`",
-        ),
-        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = inf }", "a finite number"),
-        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.rol\", above = 1.0 }", "no output `body.rol`"),
-        (
-            "kind = \"rms\"",
-            "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, unit = \"m\" }",
-            "cannot be shown in `m`",
-        ),
-        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"body.rol\"", "no output `body.rol`"),
-        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
-        (
-            "\"active@slow\" = 1.2 }",
-            "\"active@slow\" = 1.2 }\ncalibrated = [\"passive@slo\"]",
-            "unknown value of the paper `passive@slo`",
-        ),
-        ("kind = \"time\"", "kind = \"time\"\nagainst = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
-        (
-            "kind = \"sweep\"",
-            "kind = \"sweep\"\nagainst = \"body.roll\"",
-            "only a figure of kind \"time\" has `against`",
-        ),
-        ("kind = \"time\"", "kind = \"time\"\ncases = [\"activ\"]", "unknown case `activ`"),
-        ("kind = \"time\"", "kind = \"time\"\ncases = []", "expected at least one case"),
-        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ value = nan, title = \"\" }]", "expected a finite number"),
-        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ valu = 1.0, title = \"\" }]", "unknown key `valu`"),
-        ("kind = \"sweep\"", "kind = \"sweep\"\nseparate = true", "only a figure of kind \"time\" has `separate`"),
-        (
-            "kind = \"sweep\"",
-            "kind = \"sweep\"\nlevels = [{ value = 1.0, title = \"\" }]",
-            "only a figure of kind \"time\" has `levels`",
-        ),
-        ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"spectrum\" has `signals`"),
-        ("expect = \"lower\"", "expect = \"less\"", "`expect`: unknown word `less`"),
-        ("expect = \"lower\"", "expect = \"below\"", "need a `level`"),
-        ("expect = \"lower\"", "expect = \"lower\", level = 1.0", "only \"below\" and \"above\" have a `level`"),
-        ("level = 0.1", "level = inf", "expected a finite number"),
-        ("[\"roll_peak.active\"], expect", "[\"roll_peak.activ\"], expect", "105:16: unknown case `activ`"),
-        ("[\"roll_peak.active\"], expect", "[\"roll_pek.active\"], expect", "unknown metric `roll_pek`"),
-        ("[\"roll_peak.active\"], expect", "[\"roll_peak.active@slw\"], expect", "unknown point `slw`"),
-        ("[\"roll_peak.active\"], expect", "[\"roll_peak\"], expect", "expected \"metric.case\""),
-        (
-            "[\"roll_peak.active\"], expect",
-            "[\"roll_peak.manual\"], expect",
-            "`manual` has no baseline to compare with",
-        ),
-        (
-            "[\"roll_peak.active\"], expect = \"lower\"",
-            "[\"roll_peak.active\"]",
-            "the paper gives no number for `active@slow`",
-        ),
-        ("[\"roll_peak.active\"], expect", "[], expect", "expected at least one cell"),
-        ("expect = \"below\", level = 0.1", "expect = \"paper_value\"", "no paper makes a claim of one's own"),
-        ("expect = \"below\", level = 0.1", "expect = \"falls_more\"", "`manual` has no baseline to compare with"),
-        (
-            "[{ cells = [\"roll_peak.manual@slow\"], expect = \"below\", level = 0.1 }]",
-            "[]",
-            "a finding needs at least one check",
-        ),
-        ("{roll_peak.active@fast}", "{roll_pek.active@fast}", "99:18: unknown metric `roll_pek`"),
-        ("{roll_peak.active@fast}", "{roll_peak.active@fast:chang}", "99:18: unknown format `chang`"),
-        ("{roll_peak.active@fast}", "{roll_peak.active@fast:paper}", "the paper gives no such number"),
-        ("{roll_peak.active@fast}", "{roll_peak.active@fast", "a `{` without a `}`"),
-        ("{roll_rms:from}", "{roll_rms:threshold}", "the metric `roll_rms` has no such number"),
-        // In a string over several lines the place is that of the number, too.
-        ("{roll_rms.active:by}", "{roll_rms.activ:by}", "108:4: unknown case `activ`"),
-        ("\"active@fast\" = -30.0", "\"activ@fast\" = -30.0", "unknown case `activ`"),
-        ("\"active@fast\" = -30.0", "\"manual@fast\" = -30.0", "`manual` has no baseline to compare with"),
-        ("signal = \"body.roll\"", "combine = \"min\"", "a metric needs a `signal` or `signals`"),
-        ("signal = \"body.roll\"", "signals = [\"body.roll\"]", "several `signals` need a `combine`"),
-        ("signal = \"body.roll\"", "signal = \"body.roll\"\ncombine = \"min\"", "`combine` needs several `signals`"),
-        (
-            "signal = \"body.roll\"",
-            "signal = \"body.roll\"\nsignals = [\"steer.front\"]",
-            "either a `signal` or `signals`",
-        ),
-        (
-            "signal = \"body.roll\"",
-            "signals = [\"body.roll\", \"vehicle.speed\"]\ncombine = \"max\"",
-            "is in m/s, but `body.roll` is in rad",
-        ),
+        ("to = \"steering:vehicle.speed\"", "to = \"steering:*.sp*\""),
+        ("from = \"driver:driver.speed\"", "from = \"driver:driver.*\""),
+        ("without = [\"steering\"]", "without = [\"stearing\"]"),
+        ("without = [\"steering\"]", "without = [\"steering\", \"driver\", \"vehicle\"]"),
+        ("without = [\"steering\"]", "without = [\"steering\"]\nparameters.steering = { strategy = 1 }"),
+        ("baseline = \"passive\"", "baseline = \"pasive\""),
+        ("values = [3, 7]", "values = [3, 3]"),
+        ("values = [3, 7]", "values = []"),
+        ("values = [3, 7]", "values = [-3]"),
+        ("parameter = \"driver:seed\"", "parameter = \"driver:sed\""),
+        ("parameter = \"driver:seed\"", "parameter = \"steering:strategy\""),
+        ("[sweep]\ntitle = \"Speed\"\nunit = \"km/h\"\n", ""),
+        ("value = 5.0\n", "value = inf\n"),
+        ("\"vehicle:*\"", "\"vehicle:wheel*\""),
+        ("\"vehicle:*\"", "\"vehikle:*\""),
+        ("every = 2", "every = 0"),
+        ("kind = \"rms\"", "kind = \"rmss\""),
+        ("signal = \"body.roll\"", "signal = \"body.rol\""),
+        ("signal = \"body.roll\"", "signal = \"driver.steer\""),
+        ("unit = \"deg\"\nwindow", "unit = \"m\"\nwindow"),
+        ("window = [0.5, 2.0]", "window = [0.5, 3.0]"),
+        ("\"passive@slow\" = 1.5", "\"passiv@slow\" = 1.5"),
+        ("\"passive@slow\" = 1.5", "\"passive@slo\" = 1.5"),
+        ("\"passive@slow\" = 1.5", "passive = 1.5"),
+        ("metrics = [\"roll_rms\"]", "metrics = [\"roll_rsm\"]"),
+        ("metrics = [\"roll_rms\"]", "signals = [\"body.roll\"]"),
+        ("kind = \"rms\"", "kind = \"share\""),
+        ("kind = \"rms\"", "kind = \"rms\"\nthreshold = 0.8"),
+        ("kind = \"rms\"", "kind = \"crossing\"\nthreshold = nan"),
+        ("kind = \"rms\"", "kind = \"magnitude_crossing\""),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\" }"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, below = 2.0 }"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = inf }"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.rol\", above = 1.0 }"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, unit = \"m\" }"),
+        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"body.rol\""),
+        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"vehicle.speed\""),
+        ("\"active@slow\" = 1.2 }", "\"active@slow\" = 1.2 }\ncalibrated = [\"passive@slo\"]"),
+        ("kind = \"time\"", "kind = \"time\"\nagainst = \"vehicle.speed\""),
+        ("kind = \"sweep\"", "kind = \"sweep\"\nagainst = \"body.roll\""),
+        ("kind = \"time\"", "kind = \"time\"\ncases = [\"activ\"]"),
+        ("kind = \"time\"", "kind = \"time\"\ncases = []"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ value = nan, title = \"\" }]"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ valu = 1.0, title = \"\" }]"),
+        ("kind = \"sweep\"", "kind = \"sweep\"\nseparate = true"),
+        ("kind = \"sweep\"", "kind = \"sweep\"\nlevels = [{ value = 1.0, title = \"\" }]"),
+        ("kind = \"sweep\"", "kind = \"spectrum\""),
+        ("expect = \"lower\"", "expect = \"less\""),
+        ("expect = \"lower\"", "expect = \"below\""),
+        ("expect = \"lower\"", "expect = \"lower\", level = 1.0"),
+        ("level = 0.1", "level = inf"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.activ\"], expect"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_pek.active\"], expect"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.active@slw\"], expect"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak\"], expect"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.manual\"], expect"),
+        ("[\"roll_peak.active\"], expect = \"lower\"", "[\"roll_peak.active\"]"),
+        ("[\"roll_peak.active\"], expect", "[], expect"),
+        ("expect = \"below\", level = 0.1", "expect = \"paper_value\""),
+        ("expect = \"below\", level = 0.1", "expect = \"falls_more\""),
+        ("[{ cells = [\"roll_peak.manual@slow\"], expect = \"below\", level = 0.1 }]", "[]"),
+        ("{roll_peak.active@fast}", "{roll_pek.active@fast}"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:chang}"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:paper}"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast"),
+        ("{roll_rms:from}", "{roll_rms:threshold}"),
+        ("{roll_rms.active:by}", "{roll_rms.activ:by}"),
+        ("\"active@fast\" = -30.0", "\"activ@fast\" = -30.0"),
+        ("\"active@fast\" = -30.0", "\"manual@fast\" = -30.0"),
+        ("signal = \"body.roll\"", "combine = \"min\""),
+        ("signal = \"body.roll\"", "signals = [\"body.roll\"]"),
+        ("signal = \"body.roll\"", "signal = \"body.roll\"\ncombine = \"min\""),
+        ("signal = \"body.roll\"", "signal = \"body.roll\"\nsignals = [\"steer.front\"]"),
+        ("signal = \"body.roll\"", "signals = [\"body.roll\", \"vehicle.speed\"]\ncombine = \"max\""),
         (
             "signal = \"body.roll\"",
             "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"norm\"\nweights = [1.0, 2.0]",
-            "only `combine = \"squares\"` has `weights`",
         ),
         (
             "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"",
             "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nkind = \"mean\"",
-            "needs `weights`",
         ),
         (
             "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"",
             "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nweights = [1.0]\nkind = \"mean\"",
-            "expected 2 weights",
         ),
         (
             "signal = \"body.roll\"",
             "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nweights = [1.0, 2.0]",
-            "a weighted sum of squares has no `unit`",
         ),
-        ("kind = \"rms\"", "kind = \"rms\"\nband = [1.0, 2.0]", "only a metric of kind \"band_power\" has a `band`"),
-        ("kind = \"rms\"", "kind = \"band_power\"", "needs a `band`"),
-        ("kind = \"rms\"", "kind = \"band_power\"\nband = [2.0, 1.0]", "expected a band [from, to]"),
-        (
-            "kind = \"sweep\"\nmetrics = [\"roll_rms\"]",
-            "kind = \"running\"\nmetrics = [\"roll_peak\"]",
-            "drawn as it grows",
-        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nband = [1.0, 2.0]"),
+        ("kind = \"rms\"", "kind = \"band_power\""),
+        ("kind = \"rms\"", "kind = \"band_power\"\nband = [2.0, 1.0]"),
+        ("kind = \"sweep\"\nmetrics = [\"roll_rms\"]", "kind = \"running\"\nmetrics = [\"roll_peak\"]"),
+        ("maneuver = 1", "manuver = 1"),
+        ("signal = \"body.roll\"", "signal = \"driver:body.roll\""),
+        ("signal = \"body.roll\"", "signal = \"roll_angle\""),
+        ("signal = \"body.roll\"", "signal = \"driver:slip\""),
+        ("\"vehicle:*\"", "\"vehicle:roll*\""),
+        ("unit = \"km/h\" } }", "unit = \"kmh\" } }"),
+        ("unit = \"deg\"\nwindow", "unit = \"degs\"\nwindow"),
+        ("kind = \"rms\"", "kind = \"RMS\""),
+        ("stop = 2.0", "stop = 2.0\norder = \"sequental\""),
+        ("kind = \"time\"", "kind = \"tiem\""),
+        ("expect = \"lower\"", "expect = \"lowr\""),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:ratoi}"),
     ];
-    for (from, to, expected) in cases {
+    let report = changes.map(|(from, to)| {
         assert!(SCENARIO.contains(from), "not in the scenario: {from}");
-        let text = SCENARIO.replacen(from, to, 1);
-        let error = plan_of(&text, &Options::default()).err();
-        let error = lines(&error.unwrap_or_else(|| panic!("no mistake found: {to}")));
-        assert!(error.contains(expected), "{to}\n  expected {expected}\n  got {error}");
-        assert!(error.starts_with("scenarios/step.toml:"), "{error}");
-    }
-}
-
-#[test]
-fn near_names_are_suggested() {
-    for (from, to, expected) in [
-        ("fmu = \"Driver\"", "fmu = \"Drivr\"", "did you mean `Driver`?"),
-        ("maneuver = 1", "manuver = 1", "did you mean `maneuver`?"),
-        ("signal = \"body.roll\"", "signal = \"body.rol\"", "did you mean `body.roll`?"),
-        ("signal = \"body.roll\"", "signal = \"driver:body.roll\"", "did you mean `vehicle:body.roll`?"),
-        ("signal = \"body.roll\"", "signal = \"roll_angle\"", "similar names: `body.roll`, `body.roll_rate`"),
-        (
-            "signal = \"body.roll\"",
-            "signal = \"driver:slip\"",
-            "the outputs of `driver`: `driver.speed`, `driver.steer`",
-        ),
-        ("\"vehicle:*\"", "\"vehicle:roll*\"", "similar names: `body.roll`, `body.roll_rate`"),
-        ("unit = \"km/h\" } }", "unit = \"kmh\" } }", "did you mean `km/h`?"),
-        ("unit = \"deg\"\nwindow", "unit = \"degs\"\nwindow", "did you mean `deg`?"),
-        // Keys and words of the layout.
-        ("kind = \"rms\"", "kind = \"RMS\"", "did you mean `rms`?"),
-        ("stop = 2.0", "stopp = 2.0", "did you mean `stop`?"),
-        ("stop = 2.0", "stop = 2.0\norder = \"sequental\"", "did you mean `sequential`?"),
-        ("kind = \"rms\"", "kind = \"rmss\"", "did you mean `rms`?"),
-        ("kind = \"time\"", "kind = \"tiem\"", "did you mean `time`?"),
-        ("expect = \"lower\"", "expect = \"lowr\"", "did you mean `lower`?"),
-        ("{roll_peak.active@fast}", "{roll_peak.active@fast:ratoi}", "did you mean `ratio`?"),
-    ] {
-        let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).unwrap_err();
-        let ResolveError::Problems(problems) = error else { panic!("{error}") };
-        let help = miette::Diagnostic::help(&problems.problems[0]).unwrap().to_string();
-        assert_eq!(help, expected);
-    }
+        let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default());
+        format!("{from}  ->  {to}\n{}", explained(error))
+    });
+    insta::assert_snapshot!(report.join("\n\n"));
 }
 
 /// FMUs in memory, and others that can be built.
@@ -1462,5 +1346,5 @@ fn mistakes_name_the_included_file() {
     assert!(found.contains("step.toml:2:12: unknown component `drivr`"), "{found}");
     // Two files that have the same case.
     let found = broken(|files| files[0].1.push_str("\n[[case]]\nname = \"passive\"\ntitle = \"Again\"\n"));
-    assert!(found.contains("step.toml:") && found.contains("the case `passive` is there twice"), "{found}");
+    assert!(found.contains("step.toml:") && found.contains("the case `passive` appears twice"), "{found}");
 }

@@ -89,7 +89,7 @@ fn mistakes_of_sweeps_are_named() {
         ("driver:speed.initial", "drivr:speed.initial", "unknown component `drivr`"),
         ("driver:speed.initial", "driver:speed.initia", "`speed.initia`"),
         ("values = [36.0, 72.0]", "values = []", "expected at least one value"),
-        ("values = [36.0, 72.0]", "values = [36.0, 36.0]", "is there twice"),
+        ("values = [36.0, 72.0]", "values = [36.0, 36.0]", "appears twice"),
         (second, "", "the second axis of the sweep needs a `parameter` and `values`, too"),
         ("[sweep]", &format!("{point}[sweep]"), "its points are not written one by one"),
         ("heat_map", "sweep", "is shown by a figure of kind \"heat_map\""),

@@ -153,7 +153,7 @@ impl Table {
                     let message = format!("the file has no column `time`, but {}{more}", shown.join(", "));
                     let help = match self.columns().len() {
                         1 => {
-                            "the first line names the columns, separated by tab, `;`, `,` or `|`: remove what stands above it"
+                            "the first line names the columns, separated by tab, `;`, `,` or `|`: remove the lines above it"
                         }
                         _ => "call the column of times `time`, `Time` or `t`",
                     };
@@ -200,8 +200,8 @@ impl Table {
                     "sort the rows by time, or correct the time",
                 )
             } else if now == before && options.duplicates == Duplicates::Error {
-                let message = format!("time {now} is there twice, lines {} and {}", lines.0, lines.1);
-                (message, "remove one of the rows, or say which counts (`duplicates`)")
+                let message = format!("time {now} appears twice, lines {} and {}", lines.0, lines.1);
+                (message, "remove one of the rows, or choose one with `duplicates`")
             } else {
                 continue;
             };

@@ -3,7 +3,7 @@
 /// Rounding of a sum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Summation {
-    /// Once: the result is the double nearest to the exact sum, whatever the order of the numbers.
+    /// Rounded once: the result is the double nearest to the exact sum, for any order of the numbers.
     Exact,
     /// After each number, in their order. The objectives of studies are computed in this way, because a study is continued
     /// from its journal only if its objectives stay bit-identical.

@@ -41,7 +41,7 @@ pub(super) fn paper_changes(
             if other.metric == own {
                 changes.insert(change_key(cell, other), *percent);
             } else {
-                resolver.problems.add(key.span(), "a change of the paper is between two cells of its own metric");
+                resolver.problems.add(key.span(), "a change in the paper needs two cells of the same metric");
             }
         }
     }
@@ -92,7 +92,7 @@ impl Resolver<'_> {
         if let (true, Some(span)) =
             (own, written.expect.as_ref().filter(|e| e.get_ref().is_of_paper()).map(|e| e.span()))
         {
-            self.problems.add(span, "no paper makes a claim of one's own, so that none has numbers for it");
+            self.problems.add(span, "a finding with `own = true` has no number in the paper");
         }
         if written.cells.get_ref().is_empty() {
             self.problems.add(written.cells.span(), "expected at least one cell, \"metric.case\"");
@@ -109,7 +109,7 @@ impl Resolver<'_> {
                     self.problems.add_with_help(
                         cell.span(),
                         format!("the paper gives no number for `{}` of `{}`", of.key(), self.name(of.metric)),
-                        Some("say what to `expect`: lower, higher, unchanged, below, above or never".to_string()),
+                        Some("set `expect` to lower, higher, unchanged, below, above or never".to_string()),
                     );
                     continue;
                 };

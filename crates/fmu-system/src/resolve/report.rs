@@ -64,8 +64,14 @@ impl Resolver<'_> {
             return Some((1.0, 0.0));
         };
         let name = unit.get_ref();
-        if column.unit.as_ref() == Some(name) {
+        // A signal without a unit is a plain number.
+        if column.unit.as_deref().unwrap_or("1") == name {
             return Some((1.0, 0.0));
+        }
+        if column.unit.is_none() {
+            let message = format!("`{}` has no unit of measure, so it cannot be shown in `{name}`", column.name);
+            self.problems.add_with_help(unit.span(), message, Some("leave out `unit`".to_string()));
+            return None;
         }
         let found = column.units.iter().find(|u| u.name == *name);
         if found.is_none() {
@@ -211,7 +217,7 @@ impl Resolver<'_> {
                 ("a metric cannot be part of its own `value`".to_string(), None)
             }
             Problem::Unknown(name) if metrics.iter().any(|metric| metric.name.get_ref() == name) => {
-                (format!("`{name}` stands below; a `value` is made of the metrics above it"), None)
+                (format!("`{name}` is defined below; a `value` can only use metrics above it"), None)
             }
             Problem::Unknown(name) => {
                 let above = metrics[..index].iter().map(|metric| metric.name.get_ref().as_str());

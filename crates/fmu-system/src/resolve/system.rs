@@ -41,7 +41,7 @@ impl CaseComponent<'_> {
         self.all(causality).filter(|(_, v)| v.base_type != BaseType::String && !v.is_array())
     }
 
-    /// The names of a variable: its own, and the aliases of an input in FMI 3.0. An alias of an output is an output of its own.
+    /// The names of a variable: its own, and the aliases of an input in FMI 3.0. An alias of an output is a separate output.
     pub(super) fn names(&self, index: usize) -> impl Iterator<Item = &str> {
         let aliases = self.found.description.variables.iter().filter(move |v| v.alias_of == Some(index));
         let aliases = aliases.filter(|v| v.causality != Causality::Output);

@@ -19,7 +19,7 @@ use std::ops::Range;
 enum Names {
     /// All; another name is a mistake.
     All,
-    /// Those that the component's own FMU has as well, with the same type and unit of measure.
+    /// Parameters that the component's own FMU has with the same type and unit of measure.
     Shared,
 }
 
@@ -418,12 +418,14 @@ fn convert_unit(
     unit: &str,
 ) -> Result<Value, Mistake> {
     let name = &variable.name;
-    let Some(own) = &variable.unit else {
-        return Err((format!("`{name}` has no unit of measure"), None));
-    };
-    if own == unit {
+    // A variable without a unit is a plain number.
+    if variable.unit.as_deref().unwrap_or("1") == unit {
         return Ok(Value::Real(number));
     }
+    let Some(own) = &variable.unit else {
+        let message = format!("`{name}` has no unit of measure, so it cannot be given in `{unit}`");
+        return Err((message, Some("leave out `unit`".to_string())));
+    };
     let display_units = description.display_units(variable);
     match display_units.iter().find(|u| u.name == unit) {
         Some(u) => Ok(Value::Real((number - u.offset) / u.factor)),

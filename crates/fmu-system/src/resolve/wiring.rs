@@ -53,7 +53,7 @@ fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -
     system.members.iter().enumerate().find_map(change)
 }
 
-/// Returns place and description of a change that a swap makes for some inputs.
+/// Returns the place and the description of a swap that changes the writers of some inputs.
 fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
     let component = system.members[m].component;
     let (own, written) = (component.fmu.get_ref(), replacement(system.case, component));
@@ -149,7 +149,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Reports inputs of a member without a writer, those that a swap has left without one separately.
+    /// Reports inputs of a component without a writer; those that lost it by a swap are listed separately.
     fn report_missing(&mut self, system: &System<'_>, m: usize, missing: &[&str], outputs: &Outputs<'_>) {
         let member = &system.members[m];
         let name = member.name();

@@ -49,7 +49,7 @@ impl Scenario {
         }
         for (name, span) in self.fmus() {
             if name.trim_matches('.').is_empty() || name.contains(['/', '\\']) || name.ends_with(".fmu") {
-                problems.add(span, "an FMU is named by its file stem, without folder and extension");
+                problems.add(span, "give the file stem of the FMU, without folder and extension");
             }
         }
         for case in &self.cases {
@@ -83,7 +83,7 @@ impl Scenario {
             let mut seen = BTreeSet::new();
             for seed in seeds.values.get_ref() {
                 if !seen.insert(*seed.get_ref()) {
-                    problems.add(seed.span(), "this seed is there twice");
+                    problems.add(seed.span(), "this seed appears twice");
                 }
             }
             if seen.is_empty() {
@@ -310,7 +310,10 @@ impl Metric {
             ];
             for (name, span) in others {
                 if let Some(span) = span {
-                    problems.add(span, format!("a metric with a `value` has no `{name}`: the metrics in it have"));
+                    problems.add(
+                        span,
+                        format!("a metric with a `value` has no `{name}`: set it in the metrics that it uses"),
+                    );
                 }
             }
             return;
@@ -417,11 +420,13 @@ fn names<'a>(
         let text = name.get_ref().as_str();
         let plain = text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
         if !plain || !text.starts_with(|c: char| c.is_ascii_lowercase()) {
-            problems
-                .add(name.span(), format!("the name of a {what} is made of a-z, 0-9 and _ and starts with a letter"));
+            problems.add(
+                name.span(),
+                format!("the name of a {what} must consist of a-z, 0-9 and _ and start with a letter"),
+            );
         }
         if !seen.insert(text) {
-            problems.add(name.span(), format!("the {what} `{text}` is there twice"));
+            problems.add(name.span(), format!("the {what} `{text}` appears twice"));
         }
     }
     seen
