@@ -232,6 +232,12 @@ fn a_state_that_cannot_rest_is_named() {
         (("tire_load.fl", 20.0), &[], "`tire_load.fl` must be a parameter, an input or a state"),
         (("steer.front", 0.0), &["--free", "steer.front"], "`steer.front` has a value by --set"),
         (("steer.front", 0.0), &["--free", "tire.friction"], "`tire.friction` must be an input"),
+        (("vehicle.speed", 10.0), &["--set", "driver.speed=12"], "`vehicle.speed` is set twice"),
+        (
+            ("wheel.initial_slip.fl", 0.2),
+            &[],
+            "--set wheel.initial_slip.fl: the steady state determines this parameter",
+        ),
     ] {
         let message = trimmed("EspCar", &settings(&[given]), options).unwrap_err();
         assert!(message.contains(expected), "{message}");

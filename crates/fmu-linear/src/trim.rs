@@ -51,10 +51,8 @@ impl SteadyState {
     #[must_use]
     pub fn settings(&self) -> Vec<(String, String)> {
         let text = |value: &Value| match value {
-            Value::Real(value) => format!("{value:?}"),
-            Value::Integer(value) => value.to_string(),
-            Value::Boolean(value) => value.to_string(),
             Value::String(value) => value.clone(),
+            other => other.to_string(),
         };
         self.starts.iter().map(|(name, value)| (name.clone(), text(value))).collect()
     }
@@ -133,6 +131,10 @@ impl Request {
             let index = variable.alias_of.unwrap_or(index);
             let variable = &description.variables[index];
             let value = parse(variable, text).map_err(in_setting)?;
+            let is_there = request.held.iter().any(|(held, _)| *held == index);
+            if is_there || request.given.iter().any(|(given, _)| *given == index) {
+                return Err(in_setting(format!("`{}` is set twice", variable.name)));
+            }
             match (states.contains(&index), variable.causality, value) {
                 (_, Causality::Parameter | Causality::Input, value) => request.given.push((index, value)),
                 (true, _, Value::Real(value)) => request.held.push((index, Some(value))),
@@ -204,7 +206,7 @@ pub fn check(description: &ModelDescription) -> Result<(), String> {
     for unknown in &description.derivatives {
         let derivative = &description.variables[unknown.variable];
         if derivative.derivative_of.is_none() {
-            return Err(format!("`{}` is listed as a derivative but does not say of what", derivative.name));
+            return Err(format!("`{}` is listed as a derivative but has no attribute `derivative`", derivative.name));
         }
         if derivative.is_array() {
             return Err(format!("`{}` is an array; only FMUs with scalar states can be trimmed", derivative.name));
@@ -222,7 +224,17 @@ pub fn trim(path: &Path, settings: &[(String, String)], free: &[Vec<String>]) ->
     let fmu = Fmu::open_for(path, interface(&description).0).map_err(|error| error.to_string())?;
     check(&description)?;
     let request = Request::new(&description, settings, free)?;
-    steady(&description, &request, &mut || fmu.instantiate("trim").map_err(|error| error.to_string()))
+    let steady = steady(&description, &request, &mut || fmu.instantiate("trim").map_err(|error| error.to_string()))?;
+    for (index, given) in &request.given {
+        let name = &description.variables[*index].name;
+        if let Some((_, found)) = steady.starts.iter().find(|(start, value)| start == name && value != given) {
+            return Err(format!(
+                "--set {name}: the steady state determines this parameter ({found}); leave the option out, or set the state \
+                 that starts from it"
+            ));
+        }
+    }
+    Ok(steady)
 }
 
 /// Finds the steady state of an FMU, with instances from `instantiate`, of which one lives at a time.
