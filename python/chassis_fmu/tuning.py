@@ -143,7 +143,7 @@ def parse(text: str) -> Study:
         if raw["format"] != FORMAT:
             raise StudyError(
                 f"summary of format {raw['format']}, this version reads {FORMAT}: "
-                "--resume makes it anew from the history"
+                "--resume regenerates it from the history"
             )
         parameters = tuple(
             Parameter(p["name"], p["symbol"], p["unit"] or "1", p["min"], p["max"], p["log"]) for p in raw["parameters"]

@@ -59,7 +59,7 @@ class Source:
     def recordings(self, run: str) -> Iterator[tuple[Case, Recording]]:
         """Return the signals of a run in each system that has them.
 
-        Of a maneuver with several runs, of which one is recorded, that one.
+        If a maneuver has several runs and one is recorded, it is the recorded one.
         """
         for case in self.cases:
             names = [
