@@ -726,7 +726,7 @@ fn a_call_that_cannot_begin_says_why() {
         (vec!["EspCar", "--set", "esp_car:body.masses=1300"], vec!["has no parameter `body.masses`", "body.mass"]),
         (
             vec!["EspCar", "--suite", "braking", "--require", "braking.mfd=6"],
-            vec!["there is no metric `braking.mfd` to require", "braking.mfdd"],
+            vec!["these maneuvers have no metric `braking.mfd`", "braking.mfdd"],
         ),
     ] {
         let found = assess(&arguments);

@@ -46,7 +46,7 @@ pub struct Options {
     pub jobs: NonZeroUsize,
 }
 
-/// Progress of an assessment: number of maneuvers that are done, of all maneuvers, and of runs that are done.
+/// Progress of an assessment: finished maneuvers, all maneuvers, and finished runs.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, usize) + Sync);
 
 /// Signals of runs for figures: system, run, trace.
@@ -201,7 +201,7 @@ impl<'a> Place<'a> {
 }
 
 impl Bench<'_> {
-    /// Mass by the tire loads of the first row, kg.
+    /// Mass from the tire loads of the first row, kg.
     fn weighed(&self) -> Option<f64> {
         let spec = RunSpec::new("weighing", Driving::OpenLoop, self.speed(), STEP);
         let run = drive(self, vec![spec]).pop()?;
@@ -328,7 +328,7 @@ fn require(found: &mut [Results], name: &str, limit: f64) -> Result<(), SetupErr
             Direction::Down => Limit::at_most(limit, REQUIRED),
             Direction::None => {
                 return Err(SetupError::new(format!(
-                    "`{name}` cannot be required: neither more nor less of it is better"
+                    "`--require` needs a metric with a preferred direction; `{name}` has none"
                 )));
             }
         });
@@ -338,5 +338,5 @@ fn require(found: &mut [Results], name: &str, limit: f64) -> Result<(), SetupErr
     }
     let names = found.iter().flat_map(|results| &results.metrics).map(|metric| metric.id.as_str());
     let help = fmu_import::names::suggestion(name, names);
-    Err(SetupError { message: format!("there is no metric `{name}` to require"), help })
+    Err(SetupError { message: format!("`--require {name}={limit}`: these maneuvers have no metric `{name}`"), help })
 }

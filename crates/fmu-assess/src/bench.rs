@@ -74,7 +74,7 @@ impl Bench<'_> {
         self.system.speed == Speed::Pedals
     }
 
-    /// Returns the reason that limits for coasting cars do not apply; `None` if they do.
+    /// Returns the reason that limits for coasting cars do not apply, or `None` if they apply.
     pub(crate) fn not_applicable(&self) -> Option<&'static str> {
         match self.system.speed {
             _ if !self.is_car() => Some("the limit is that of cars"),

@@ -115,7 +115,9 @@ pub(crate) fn find(
         let similar = suggestion(fmu, names.iter().map(String::as_str));
         let help = similar.unwrap_or_else(|| {
             let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            format!("Pack it (`cargo fmu pack {fmu}`), or say where it is by --fmus. There are {known}.")
+            format!(
+                "Pack it with `cargo fmu pack {fmu}`, or give its folder with `--fmus`. The FMUs found are {known}."
+            )
         });
         return Err(SetupError::with_help(format!("there is no FMU {fmu} in {}", source.place()), help));
     };

@@ -42,7 +42,7 @@ pub enum Form {
 /// Value of an option that is not given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fallback {
-    /// The option has to be given.
+    /// The option is required.
     Required,
     /// The option may be left out; its meaning describes the consequence.
     Absent,
@@ -55,7 +55,7 @@ pub enum Fallback {
 /// Options that an evaluator does not accept.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum OptionError {
-    /// They are not an object of JSON.
+    /// The text is not a JSON object.
     #[error("the options must be an object such as {{\"steer.ratio\": 16}}, got {0}")]
     NotAnObject(String),
     /// The evaluator has no such option.

@@ -40,7 +40,7 @@ pub enum Judgment {
     Same,
     /// By at least one percent in the bad direction.
     Worse,
-    /// A number is missing, a run ended early, or both have no condition in common.
+    /// A number is missing, a run ended early, or the systems share no condition.
     NotComparable,
 }
 
@@ -78,7 +78,7 @@ pub struct Row {
     pub words: BTreeMap<&'static str, &'static str>,
     /// Bounds of numbers that are missing, such as `< 30`, by system.
     pub bounds: BTreeMap<&'static str, String>,
-    /// Numbers that can be compared, where those of the systems come from runs under different conditions.
+    /// Comparable numbers of two systems whose own numbers come from runs under different conditions.
     pub compared: Option<Compared>,
     /// Reason that the systems cannot be compared.
     pub incomparable: Option<String>,
@@ -99,7 +99,7 @@ pub struct Row {
     pub reason: Option<String>,
     /// Reason for no number without the controllers.
     pub reason_without: Option<String>,
-    /// True for each system that has the metric: some exist only after a maneuver that went well, others only after one that did not.
+    /// True for each system that has the metric. Some metrics exist only after a passed maneuver, others only after a failed one.
     #[serde(skip)]
     present: [bool; 2],
 }
@@ -246,7 +246,7 @@ enum Comparison {
     Numbers(f64, f64, Option<Compared>),
     /// Truth values.
     Booleans(bool, bool),
-    /// Only a bound of one number is known, but the other one is beyond it: true if the number rises.
+    /// A number, and a bound of the other one that it is beyond. True if the number rises.
     Rises(bool),
     /// Nothing, with the reason.
     None(String),
@@ -431,14 +431,11 @@ impl Assessment {
             let is_first = !is_with && self.systems.len() > 1;
             let reason = if is_first { &row.reason_without } else { &row.reason };
             let reason = reason.as_deref().unwrap_or_default();
-            let mut said = format!("{value} {}", row.unit);
+            let mut said = if value.is_null() { format!("no number: {reason}") } else { with_unit(value, &row.unit) };
             if let Some(words) = row.words.get(system) {
                 let _ = write!(said, " ({words})");
             }
-            if value.is_null() {
-                let _ = write!(said, "({reason})");
-            }
-            let limit = if row.limit.is_null() { String::new() } else { format!(", limit {}", row.limit) };
+            let limit = required(&row.limit, &row.unit);
             let (class, name) = (escaped(&row.id), escaped(&row.title));
             let _ = write!(text, "    <testcase classname=\"{class}\" name=\"{name}\">");
             let _ = match of(row) {
@@ -461,6 +458,25 @@ impl Assessment {
         }
         text.push_str("  </testsuite>\n");
     }
+}
+
+/// A value with five significant digits and its unit.
+fn with_unit(value: &Value, unit: &str) -> String {
+    let number = value.as_f64().and_then(|number| format!("{number:.4e}").parse::<f64>().ok());
+    match (number, value.as_bool()) {
+        (Some(number), _) if unit == "1" => number.to_string(),
+        (Some(number), _) => format!("{number} {unit}"),
+        (_, Some(holds)) => if holds { "yes" } else { "no" }.to_owned(),
+        _ => value.to_string(),
+    }
+}
+
+/// The limit of a row as text that follows its value.
+fn required(limit: &Value, unit: &str) -> String {
+    let source = limit["source"].as_str().unwrap_or_default();
+    let texts = [("is", ""), ("min", "at least "), ("max", "at most ")];
+    let found = texts.iter().find_map(|(key, word)| Some(format!("{word}{}", with_unit(limit.get(key)?, unit))));
+    found.map_or(String::new(), |text| format!(", required {text} ({source})"))
 }
 
 fn escaped(text: &str) -> String {

@@ -169,7 +169,7 @@ mod tests {
     /// A signal: its name, its value, and from which row on another value.
     type Signal = (&'static str, f64, Option<(usize, f64)>);
 
-    /// A recording of 1 s, cut: a signal has its value in all rows, or from a row on another one. Its rows begin at 0 s, those of
+    /// A recording of 1 s, cut: a signal is constant, or changes its value at a row. Its rows begin at 0 s, those of
     /// a run one step later.
     fn run(spec: RunSpec, signals: &[Signal], failure: Option<&str>) -> RunResult {
         let rows = 1001;

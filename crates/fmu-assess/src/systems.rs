@@ -134,7 +134,7 @@ impl Systems {
             if let Some(given) = given.filter(|given| Some(*given) != own) {
                 let own = own.unwrap_or("1");
                 return Err(SetupError::new(format!(
-                    "`{name}` of {} is given in {given}: give it in {own}",
+                    "`{name}` of {} is given in {given}; give it in {own}",
                     component.name
                 )));
             }

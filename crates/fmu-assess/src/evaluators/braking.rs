@@ -155,7 +155,7 @@ pub(super) fn before_braking(rows: &Rows<'_>) -> Result<usize, Reason> {
     match rows.column("driver.brake")?.iter().position(|pedal| *pedal > 0.0) {
         None => Err(Reason::new("`driver.brake` is never above 0")),
         Some(0) => {
-            Err(Reason::new("`driver.brake` is above 0 in the first row, so the begin of braking is not recorded"))
+            Err(Reason::new("`driver.brake` is above 0 in the first row, so the start of braking is not recorded"))
         }
         Some(row) => Ok(row - 1),
     }

@@ -88,7 +88,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "entry_speed",
             "Entry speed",
             "m/s",
-            "Speed when the reference point passes the begin of the first section.",
+            "Speed when the reference point passes the start of the first section.",
         )
         .up(),
         Definition::new(
@@ -162,7 +162,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         crossing.ok_or_else(|| Reason::new(format!("the reference point does not pass {what} at {level} m")))
     };
     let (entry, exit) =
-        (passes(first.begin, "the begin of the first section"), passes(last.end, "the end of the last section"));
+        (passes(first.begin, "the start of the first section"), passes(last.end, "the end of the last section"));
     let speed = |time: &Result<f64, Reason>| {
         let (time, speed) = (time.clone()?, rows.column("vehicle.speed")?);
         at(rows.times, speed, time).ok_or_else(|| Reason::new("the recording ends before"))

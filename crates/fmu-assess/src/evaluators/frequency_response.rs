@@ -102,7 +102,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     Ok(())
 }
 
-/// The Fourier sums of the last 20 s of a column at the lines. Steering has to have a share of each.
+/// The Fourier sums of the last 20 s of a column at the lines. The steering must contain all of them.
 fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let values = rows.column(column)?;
     let Some(begin) = values.len().checked_sub(rows.count(SPAN)) else {

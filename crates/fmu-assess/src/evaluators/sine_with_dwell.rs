@@ -163,7 +163,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     Ok(())
 }
 
-/// True if all ratios keep their limits. A single ratio beyond its limit decides.
+/// True if all ratios keep their limits; false if one exceeds its limit, even if others are missing.
 fn is_stable(ratios: [(Result<f64, Reason>, f64); 2]) -> Result<bool, Reason> {
     let exceeds = |(ratio, limit): &(Result<f64, Reason>, f64)| ratio.as_ref().is_ok_and(|ratio| ratio.abs() > *limit);
     if ratios.iter().any(exceeds) {

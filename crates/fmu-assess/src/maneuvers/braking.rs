@@ -129,7 +129,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         "Largest change of the yaw angle",
         "rad",
         yaw,
-        "Largest change of the yaw angle from the begin of braking, of both sides.",
+        "Largest change of the yaw angle from the start of braking, of both sides.",
     );
 }
 

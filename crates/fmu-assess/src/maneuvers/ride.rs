@@ -95,7 +95,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             }
         };
         let of_all = "Root of the sum of the squares of the weighted heave, roll and pitch accelerations, mean of three roads. \
-             ISO 2631-1 calls it by the words beside it; where its ranges overlap, these are of the lower end.";
+             The label is its comfort class in ISO 2631-1; where the ranges of the standard overlap, that of the lower end.";
         let total = mean(&found, "vibration_total");
         add("vibration_total", "Weighted acceleration", "m/s2", of_all, total);
         let of_heave = "RMS of the heave acceleration weighted by W_k (ISO 2631-1), mean of three roads.";

@@ -49,7 +49,7 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
         .set_limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies)
         .set_definition("Whether the tires of one side never lose the road for 20 ms, at any speed of the series.");
     if !is_known {
-        metric.set_reason("no run tells the tire loads");
+        metric.set_reason("no run has tire loads");
     }
     let metric =
         results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));

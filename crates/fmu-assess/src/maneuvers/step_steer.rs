@@ -34,7 +34,7 @@ fn unsteady(run: &RunResult) -> Option<String> {
         return Some(reason);
     }
     if run.has("spun") {
-        return Some("the vehicle spun: nothing is steady".to_owned());
+        return Some("the vehicle spun and reached no steady state".to_owned());
     }
     let times = run.trace.times();
     let first = times.partition_point(|time| *time < times.last().map_or(0.0, |last| last - 1.0));

@@ -3,7 +3,7 @@
 use crate::metric::Reason;
 use crate::trace::Trace;
 
-/// A row may be this share of the step away from its place in an even grid. Times that are rounded, and clocks that jitter, pass.
+/// Largest deviation of a row from an even grid, as a share of the step. It allows for rounded times and jitter of clocks.
 const UNEVENNESS: f64 = 0.5;
 
 /// A time may be this share of a step beyond a limit and still count: times are rounded.

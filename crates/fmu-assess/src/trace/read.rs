@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 const LONGEST_GAP: f64 = 0.5;
 /// Remedy for a longer gap.
 const NOT_BRIDGED: &str = "a gap of more than 0.5 s is not bridged: cut the file before or after it";
-/// A distance of two rows of this many median distances is a gap.
+/// Rows farther apart than this many median distances have a gap between them.
 const GAP: f64 = 1.9;
 /// A row may be this share of the step away from its place in an even grid, as in `Rows`.
 const UNEVENNESS: f64 = 0.5;
 /// A larger share changes speeds and rates by more than 2 % of a row's.
 const JITTER: f64 = 0.02;
-/// Part of the distance of the rows by which two times may differ and still be the same instant.
+/// Times that differ by less than this share of the distance of the rows are the same instant.
 const SAME_TIME: f64 = 1e-6;
 
 /// Options for reading a file as a recording.
