@@ -125,7 +125,7 @@ const DEFECTS: &[(&str, &str, &str)] = &[
         "has a start value, although it is calculated",
     ),
     ("valueReference=\"7\"", "valueReference=\"6\"", "setting one sets the other"),
-    ("guid=\"{", "generationDateAndTime=\"yesterday\" guid=\"{", "no date and time"),
+    ("guid=\"{", "generationDateAndTime=\"yesterday\" guid=\"{", "not a date and time"),
     ("guid=\"{", "guid=\"{0", "; the library and modelDescription.xml do not belong together"),
     ("modelIdentifier=\"YawRateReference\"", "modelIdentifier=\"YawRate\"", "YawRate.so"),
     ("modelName=", "modelMaker=\"me\" modelName=", "no attribute `modelMaker`"),
@@ -206,7 +206,7 @@ fn the_model_structure() {
     let with_input = format!("{state}{} ", number("steer.front"));
     let loops = outputs.replacen(&state, &with_input, 1);
     assert_ne!(loops, outputs);
-    rescue().describe(outputs, &loops).has(Severity::Warning, "an algebraic loop that is not there");
+    rescue().describe(outputs, &loops).has(Severity::Warning, "an algebraic loop that does not exist");
 }
 
 /// Position of a variable in the list.

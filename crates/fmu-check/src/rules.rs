@@ -67,7 +67,7 @@ fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
     if let Some(time) = &description.generation_date_and_time
         && !is_date_time(time)
     {
-        let message = format!("\"{time}\" is no date and time such as 2026-01-31T12:00:00Z");
+        let message = format!("\"{time}\" is not a date and time such as 2026-01-31T12:00:00Z");
         findings.push(Finding::error("generationDateAndTime", message));
     }
     if !matches!(description.variable_naming_convention.as_str(), "flat" | "structured") {
@@ -254,7 +254,7 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
     let starts = variable.start.iter().chain(&variable.starts).filter_map(number).chain(written);
     for start in starts {
         if !start.is_finite() {
-            error(format!("its start value {start} is no finite number"));
+            error(format!("its start value {start} is not a finite number"));
         } else if !(min..=max).contains(&start) {
             error(format!("its start value {start} is outside of its limits, {min} to {max}"));
         }
@@ -264,7 +264,7 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
         if let (Some(items), Value::Integer(value)) = (items, start)
             && !items.contains(value)
         {
-            error(format!("its start value {start} is none of its items"));
+            error(format!("its start value {start} is not one of its items"));
         }
     }
     if variable.nominal.is_some_and(|nominal| !(nominal.is_finite() && nominal > 0.0)) {

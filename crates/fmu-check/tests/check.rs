@@ -106,7 +106,7 @@ fn a_state_that_lacks_something_is_found() {
         ("STATE_WITHOUT_INPUTS", "error: fmi2SetFMUstate: leaves `u` at 0.001, it was "),
         ("NO_STATE", "error: saved states: fmi2GetFMUstate returned fmi2Error"),
         ("BYTES_WITHOUT_PARAMETERS", "error: fmi2DeSerializeFMUstate: leaves `gain` at 1.0, it was 1.001 when"),
-        ("BYTES_WITHOUT_STATES", "error: fmi2DeSerializeFMUstate: a state read from its bytes goes on otherwise"),
+        ("BYTES_WITHOUT_STATES", "error: fmi2DeSerializeFMUstate: a state read from its bytes continues differently"),
         ("NO_BYTES", "error: saved states: fmi2SerializedFMUstateSize returned fmi2Error"),
     ] {
         only(&added(&[defect], FLAGS, &[]), expected);
@@ -116,7 +116,7 @@ fn a_state_that_lacks_something_is_found() {
 /// A difference is a note as large as rounding errors, a warning within the tolerance, and an error beyond.
 #[test]
 fn a_state_that_goes_on_otherwise_is_graded() {
-    let otherwise = "fmi2SetFMUstate: a restored state goes on otherwise; first `x`: ";
+    let otherwise = "fmi2SetFMUstate: a restored state continues differently; first `x`: ";
     for (relative, severity, end) in [
         ("1e-14", "note", " of the peak, as by rounding"),
         ("1e-6", "warning", " of the peak, within the tolerance 1e-4"),

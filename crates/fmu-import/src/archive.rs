@@ -491,7 +491,7 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
         }
         // Also `a/b` and `a/./b`, or a name in another encoding: they are one file.
         if !paths.insert(path.trim_end_matches('/').to_owned()) {
-            return Err(format!("the entry `{name}` is there twice"));
+            return Err(format!("the entry `{name}` appears twice"));
         }
         names.push(path);
     }
@@ -627,7 +627,7 @@ mod tests {
         // The same file by both separators.
         let entries = [("modelDescription.xml", VEHICLE), (table, "1"), ("resources/tables/tire.csv", "2")];
         let error = Archive::open(&fmu(&folder, &entries)).err().unwrap().to_string();
-        assert!(error.ends_with("the entry `resources/tables/tire.csv` is there twice"), "{error}");
+        assert!(error.ends_with("the entry `resources/tables/tire.csv` appears twice"), "{error}");
     }
 
     #[test]
@@ -651,7 +651,7 @@ mod tests {
     #[test]
     fn one_file_by_two_names_and_control_characters_are_rejected() {
         for (name, expected) in [
-            ("resources/./table.csv", "the entry `resources/./table.csv` is there twice"),
+            ("resources/./table.csv", "the entry `resources/./table.csv` appears twice"),
             ("resources/a\u{1b}[2Jb", "has control characters in its name"),
             ("resources/gpj.\u{202e}exe", "has control characters in its name"),
         ] {

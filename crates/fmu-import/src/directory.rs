@@ -113,7 +113,7 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<Vec<Entry>, Directory
     let entries = entries(&bytes(file, place.start, place.size)?, place.entries)?;
     let mut names = HashSet::new();
     if let Some(entry) = entries.iter().find(|entry| !names.insert(&entry.name)) {
-        return Err(rejected(format!("the entry `{}` is there twice", entry.shown())));
+        return Err(rejected(format!("the entry `{}` appears twice", entry.shown())));
     }
     check_contents(file, &entries, place.start)?;
     Ok(entries)
@@ -412,8 +412,8 @@ mod tests {
     fn a_name_that_is_there_twice_is_rejected() {
         let mut zip = Zip::sound();
         zip.add("a", b"other text");
-        rejects(zip.finished(b""), "the entry `a` is there twice");
-        rejects(zip.finished_64(3, NARROW), "the entry `a` is there twice");
+        rejects(zip.finished(b""), "the entry `a` appears twice");
+        rejects(zip.finished_64(3, NARROW), "the entry `a` appears twice");
         // Hidden by another number of entries in one of the end records.
         rejects(zip.finished_64(2, NARROW), "the list of its entries has 3, its end record states 2");
         let real = [3, zip.list.concat().len(), zip.bytes.len()];

@@ -93,7 +93,7 @@ impl ParameterSet {
         for element in list.children.iter().filter(|c| local(c) == "Parameter") {
             let name = element.required("name")?;
             if parameters.iter().any(|p| p.name == name) {
-                return Err(element.place.error(format!("the parameter `{name}` is there twice")));
+                return Err(element.place.error(format!("the parameter `{name}` appears twice")));
             }
             parameters.push(parameter(element, name)?);
         }
@@ -302,7 +302,7 @@ mod tests {
             (real("value=\"abc\""), "expected a number"),
             (real("value=\"nan\""), "no finite value"),
             (real(""), "no finite value"),
-            (real("value=\"1\"/></s:Parameter><s:Parameter name=\"x\"><s:Real value=\"1\""), "`x` is there twice"),
+            (real("value=\"1\"/></s:Parameter><s:Parameter name=\"x\"><s:Real value=\"1\""), "`x` appears twice"),
         ] {
             let error = ParameterSet::parse(&text).expect_err(&text).to_string();
             assert!(error.contains(expected), "{text}: {error}");

@@ -64,7 +64,8 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
         description.derivatives.iter().map(|unknown| &description.variables[unknown.variable]).collect();
     let state = |derivative: &&Variable| {
         let state = derivative.derivative_of.map(|state| &description.variables[state]);
-        state.ok_or_else(|| format!("`{}` is listed as a derivative but does not say of what", derivative.name))
+        state
+            .ok_or_else(|| format!("`{}` is listed as a derivative but has no attribute `derivative`", derivative.name))
     };
     let states: Vec<&Variable> = derivatives.iter().map(state).collect::<Result<_, _>>()?;
     let real = |causality: Causality| -> Vec<&Variable> {
@@ -193,7 +194,7 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
         Value::Real(value) => instance.set_real(&references, &[value]),
         Value::Integer(value) => instance.set_integer(&references, &[value]),
         Value::Boolean(value) => instance.set_boolean(&references, &[i32::from(value)]),
-        Value::String(_) => return Err(format!("`{name}` is a String, on which no linear model depends")),
+        Value::String(_) => return Err(format!("`{name}` is a String; a linear model depends on numbers only")),
     };
     result.map_err(|error| error.to_string())
 }

@@ -180,8 +180,8 @@ impl Trial<'_> {
             if names_inputs {
                 let name = &self.variable(unknown.variable).name;
                 let message = format!(
-                    "names inputs among its dependencies in {}, but followed none of them in any trial: masters may solve \
-                     an algebraic loop that is not there",
+                    "lists inputs among its dependencies in {}, but depends on none of them in any trial: masters may \
+                     solve an algebraic loop that does not exist",
                     search.list
                 );
                 found(report, Finding::warning(format!("variable `{name}`"), message));

@@ -65,9 +65,9 @@ impl Trial<'_> {
         }
         let again = self.go(instance, self.steps / 2..self.steps, 1)?;
         let message = if function.ends_with("SetFMUstate") || function.ends_with("SetFMUState") {
-            "a restored state goes on otherwise"
+            "a restored state continues differently"
         } else {
-            "a state read from its bytes goes on otherwise in another instance"
+            "a state read from its bytes continues differently in another instance"
         };
         Ok(self.compare(report, function, message, expected, &again))
     }

@@ -45,7 +45,7 @@ fn pass_on(mut from: impl BufRead, printed: &dyn Fn(&str)) {
         match from.by_ref().take(MAX_LINE).read_until(b'\n', &mut line) {
             Ok(0) => return,
             Ok(_) if count < MAX_LINES => printed(&printable(&line)),
-            Ok(_) if count == MAX_LINES => printed("(what FMUs print from here on is left out)"),
+            Ok(_) if count == MAX_LINES => printed("(further output of FMUs is omitted)"),
             // The pipe is still emptied, so that no writer blocks.
             Ok(_) => (),
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => (),
