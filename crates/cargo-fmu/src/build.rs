@@ -365,7 +365,7 @@ pub(crate) struct Built {
 /// Returns one builder per platform, in platform order, after a check that its tools are installed.
 ///
 /// # Errors
-/// A platform cannot be built here; the message says what is missing and how to install it.
+/// A platform cannot be built here; the message lists what is missing and how to install it.
 pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux, version: i32) -> Result<Vec<Builder>> {
     let this = Platform::this()?;
     let mut wanted = if wanted.is_empty() { vec![this] } else { wanted.to_vec() };

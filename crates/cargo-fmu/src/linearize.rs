@@ -199,7 +199,7 @@ mod tests {
         arguments: Arguments,
     }
 
-    /// Split by POSIX rules, the command gives the original arguments, whatever they contain.
+    /// Split by POSIX rules, the command gives the original arguments, even with quotes and spaces.
     #[test]
     fn the_command_is_complete_and_quoted() {
         let given = [

@@ -391,7 +391,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()))
 }
 
-/// Icon of a model that has none of its own: FMI 3.0 asks for one.
+/// Icon of a model without one: FMI 3.0 recommends an icon.
 const ICON: &[u8] = include_bytes!("icon.png");
 
 /// The files of the FMU beside its description.

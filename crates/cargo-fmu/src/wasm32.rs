@@ -32,7 +32,7 @@ impl Wasm {
     /// Looks for what is needed.
     ///
     /// # Errors
-    /// Something is missing; the message says what, where it was looked for, and how to install it.
+    /// Something is missing; the message names it, the places searched, and the way to install it.
     pub(crate) fn find() -> Result<Self> {
         let linker = std::env::var_os(VARIABLE)
             .map(PathBuf::from)
@@ -43,18 +43,17 @@ impl Wasm {
                 let mut missing = Vec::new();
                 let mut help = Vec::new();
                 if let Err(rejected) = toolchain {
-                    missing
-                        .push(format!("there is no Rust that can build its standard library for {TARGET}: {rejected}"));
+                    missing.push(format!("no Rust here can build the standard library for {TARGET}: {rejected}"));
                     help.push(format!(
                         "On Debian: `apt-get install --no-install-recommends {PACKAGES}`; with rustup: `rustup component add \
-                         rust-src`. A toolchain elsewhere that has the sources of its standard library is named by {}=FOLDER, \
-                         with FOLDER/bin/cargo in it.",
+                         rust-src`. For another toolchain that has the sources of its standard library, set {}=FOLDER, \
+                         where FOLDER contains bin/cargo.",
                         Platform::Wasm32.variable()
                     ));
                 }
                 if linker.is_none() {
                     missing.push(format!("the Rust in use has no {LINKER}"));
-                    help.push(format!("Use a Rust that rustup installed, which has {LINKER}, or name a linker for WebAssembly by {VARIABLE}=FILE."));
+                    help.push(format!("Use a Rust that rustup installed, which has {LINKER}, or set {VARIABLE}=FILE to a linker for WebAssembly."));
                 }
                 Err(miette!(help = help.join(" "), "wasm32 cannot be built here: {}", missing.join("; ")))
             }

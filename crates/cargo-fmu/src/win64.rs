@@ -29,7 +29,7 @@ impl Mingw {
     /// Looks for what is needed. A toolchain that the user names comes first, then the standard library of the Rust in use.
     ///
     /// # Errors
-    /// Something is missing; the message says what, where it was looked for, and how to install it.
+    /// Something is missing; the message names it, the places searched, and the way to install it.
     pub(crate) fn find() -> Result<Self> {
         let mut missing = Vec::new();
         if !toolchain::runs(LINKER, "--version") {
@@ -43,7 +43,7 @@ impl Mingw {
         };
         if let Err(rejected) = &toolchain {
             missing.push(format!(
-                "there is no Rust that can build for Windows: the Rust in use has no standard library for {ORDINARY}, and none has \
+                "no Rust here can build for Windows: the Rust in use has no standard library for {ORDINARY}, and none has \
                  the sources of its own ({rejected})"
             ));
         }
@@ -54,8 +54,8 @@ impl Mingw {
                     "With rustup: `rustup target add {ORDINARY}`, and mingw-w64 for the linker, on Debian `apt-get install \
                      --no-install-recommends gcc-mingw-w64-x86-64-win32`. Without rustup, or for Windows 7, on Debian: `apt-get \
                      install --no-install-recommends gcc-mingw-w64-x86-64-win32 {PACKAGES}`; they do not get in the way of a Rust \
-                     in the home directory. A toolchain elsewhere that has the sources of its standard library (rustup: the \
-                     component rust-src) is named by {}=FOLDER, with FOLDER/bin/cargo in it.",
+                     in the home directory. For another toolchain that has the sources of its standard library (rustup: \
+                     the component rust-src), set {}=FOLDER, where FOLDER contains bin/cargo.",
                     Platform::Win64.variable()
                 ),
                 "win64 cannot be built here: {}",

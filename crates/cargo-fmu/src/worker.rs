@@ -28,7 +28,7 @@ pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
 pub fn run(arguments: &Arguments, jobs: &[Job]) -> Result<()> {
     let job = jobs.iter().find(|(name, _)| *name == arguments.job);
     let (_, serve) = job.ok_or_else(|| miette::miette!("unknown worker job `{}`", arguments.job))?;
-    serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
+    serve(&arguments.board).into_diagnostic().wrap_err("workers are started by other commands")
 }
 
 /// Default of the longest time for a step.

@@ -32,7 +32,7 @@ impl Zigbuild {
     /// `reason` names the option or setting that asks for it.
     ///
     /// # Errors
-    /// cargo-zigbuild or zig is missing; the message says what was found and how to install the rest.
+    /// cargo-zigbuild or zig is missing; the message names the one that was found and how to install the other.
     pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<Self> {
         let (program, python) = programs(root).map_err(|problem| {
             miette!(
@@ -49,7 +49,7 @@ impl Zigbuild {
     /// For a Linux with another processor than this machine, or from another system.
     ///
     /// # Errors
-    /// cargo-zigbuild, zig or a standard library is missing; the message says what, and how to install it.
+    /// cargo-zigbuild, zig or a standard library is missing; the message names it and how to install it.
     pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Self> {
         let (name, target) = (platform.name(), platform.target());
         let mut missing = Vec::new();
@@ -75,8 +75,8 @@ impl Zigbuild {
                 ));
                 help.push(format!(
                     "Run `rustup target add {target}`. Without rustup, on Debian: `apt-get install --no-install-recommends \
-                     {PACKAGES}`; cargo then builds the standard library from these sources. A toolchain elsewhere that has \
-                     them (rustup: the component rust-src) is named by {}=FOLDER, with FOLDER/bin/cargo in it.",
+                     {PACKAGES}`; cargo then builds the standard library from these sources. For another toolchain \
+                     that has them (rustup: the component rust-src), set {}=FOLDER, where FOLDER contains bin/cargo.",
                     platform.variable()
                 ));
                 None
@@ -142,7 +142,7 @@ fn has_ziglang(python: &Path) -> bool {
     python.is_file() && succeeds(Command::new(python).args(["-m", "ziglang", "version"]))
 }
 
-/// True if cargo-zigbuild finds zig by itself. It looks in this order.
+/// True if cargo-zigbuild finds zig by itself. The places are in the order of its search.
 fn has_zig() -> bool {
     let named = |variable: &str, program: &str| std::env::var_os(variable).unwrap_or_else(|| program.into());
     succeeds(Command::new(named(PYTHON, "python3")).args(["-m", "ziglang", "version"]))

@@ -77,7 +77,7 @@ fn ask(options: &CMAESOptions, known: &[f64]) -> Option<Vec<Vec<f64>>> {
     (!points.is_empty()).then_some(points)
 }
 
-/// Reflects at 0 and 1 as often as it takes, so that every point of the normal distribution is a candidate.
+/// Reflects at 0 and 1 until the point is between them, so every point of the normal distribution is a candidate.
 fn mirror(x: f64) -> f64 {
     let t = x.rem_euclid(2.0);
     if t > 1.0 { 2.0 - t } else { t }

@@ -46,17 +46,17 @@ pub enum Existing {
 #[derive(Debug, thiserror::Error)]
 pub enum ExecutionError {
     /// Results exist.
-    #[error("{} is there: `--resume` goes on with it, `--overwrite` begins anew", .0.display())]
+    #[error("{} already exists: `--resume` continues it, `--overwrite` starts over", .0.display())]
     Exists(PathBuf),
     /// The results are those of another study.
     #[error(
-        "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` begins anew", .0.display()
+        "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` starts over", .0.display()
     )]
     Changed(PathBuf),
     /// The results have more evaluations than the budget allows.
     #[error(
         "{} has {evaluations} evaluations, more than the budget of {budget}, and a shorter search would replace better \
-         results by worse ones: `--resume` needs a budget of at least {evaluations}; `--overwrite` begins anew, another \
+         results by worse ones: `--resume` needs a budget of at least {evaluations}; `--overwrite` starts over, another \
          folder (`--out`) keeps both", path.display()
     )]
     Budget {

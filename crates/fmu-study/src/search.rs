@@ -106,7 +106,7 @@ pub(crate) fn mutate(code: &mut [u16], probability: f64, random: &mut Random) {
     }
 }
 
-/// Affinity or fitness of an objective: its reciprocal. Objectives are not negative; next to 0 all are equally good.
+/// Affinity or fitness of an objective: its reciprocal. Objectives are not negative; those near 0 count as equal.
 pub(crate) fn affinity(objective: f64) -> f64 {
     1.0 / objective.max(1e-300)
 }

@@ -70,7 +70,7 @@ pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
         let name = entry.name.as_ref().unwrap_or(&entry.kind);
         let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if name.get_ref().is_empty() || !name.get_ref().chars().all(plain) {
-            problems.add(name.span(), "the name of a method is made of a-z, 0-9 and _");
+            problems.add(name.span(), "the name of a method must consist of a-z, 0-9 and _");
         }
         let group = entry.title.clone().unwrap_or_else(|| title.to_string());
         let one = |seed, name: String, title: String| Method { name, title, group: group.clone(), seed, search };
@@ -93,7 +93,7 @@ pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
         };
         for run in runs {
             if methods.iter().any(|m| m.name == run.name) {
-                problems.add(name.span(), format!("the method `{}` is there twice; give it a name", run.name));
+                problems.add(name.span(), format!("the method `{}` appears twice; give it a name", run.name));
             }
             methods.push(run);
         }

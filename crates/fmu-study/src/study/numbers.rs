@@ -1,4 +1,4 @@
-//! Numbers that have to be positive.
+//! Numbers that must be positive.
 
 use fmu_system::problem::Collector;
 use serde_spanned::Spanned;

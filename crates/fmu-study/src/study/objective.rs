@@ -22,7 +22,7 @@ pub(super) fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weig
         }
         match (&term.weight, &objective.judgments) {
             (None, None) => problems.add(term.signal.span(), "this term needs a weight, or the objective judgments"),
-            (Some(weight), Some(_)) => problems.add(weight.span(), "with judgments the weights follow from them"),
+            (Some(weight), Some(_)) => problems.add(weight.span(), "the judgments determine the weights"),
             (Some(weight), None) if !(weight.get_ref().is_finite() && *weight.get_ref() >= 0.0) => {
                 problems.add(weight.span(), format!("weight is {:?}, expected 0 or more", weight.get_ref()));
             }

@@ -35,7 +35,7 @@ pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> 
             problems.add(parameter.name.span(), "expected \"component:parameter\"");
         }
         if !seen.insert(name) {
-            problems.add(parameter.name.span(), format!("the parameter `{name}` is there twice"));
+            problems.add(parameter.name.span(), format!("the parameter `{name}` appears twice"));
         }
         let (min, max) = (*parameter.min.get_ref(), *parameter.max.get_ref());
         if !min.is_finite() {
@@ -52,12 +52,14 @@ pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> 
         let text = symbol.get_ref().as_str();
         let is_letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
         if text.starts_with(|c: char| c.is_ascii_digit()) || text.is_empty() || !text.chars().all(is_letter) {
-            problems
-                .add(symbol.span(), "a name in constraints is made of letters, digits and _ and starts with no digit");
+            problems.add(
+                symbol.span(),
+                "a name in constraints must consist of letters, digits and _ and not start with a digit",
+            );
         } else if FUNCTIONS.contains(&text) {
             problems.add(symbol.span(), format!("`{text}` is a function"));
         } else if names.contains(&text) {
-            problems.add(symbol.span(), format!("the name `{text}` is there twice"));
+            problems.add(symbol.span(), format!("the name `{text}` appears twice"));
         }
         names.push(text);
     }
@@ -71,7 +73,7 @@ pub(super) fn constraints(file: &File, symbols: &[&str], problems: &mut Collecto
     let mut constraints: Vec<Constraint> = Vec::new();
     for entry in &file.constraints {
         if constraints.iter().any(|c| c.name == *entry.name.get_ref()) {
-            problems.add(entry.name.span(), format!("the constraint `{}` is there twice", entry.name.get_ref()));
+            problems.add(entry.name.span(), format!("the constraint `{}` appears twice", entry.name.get_ref()));
         }
         match Inequality::parse(entry.inequality.get_ref(), symbols) {
             Ok(inequality) => constraints.push(Constraint { name: entry.name.get_ref().clone(), inequality }),
@@ -152,7 +154,11 @@ pub(super) fn comparisons(
             let Some(index) = file.parameters.iter().position(is) else {
                 let names = file.parameters.iter().flat_map(|p| [Some(&p.name), p.symbol.as_ref()]).flatten();
                 let help = suggestion(key.get_ref(), names.map(|n| n.get_ref().as_str()));
-                problems.add_with_help(key.span(), format!("`{}` is no parameter of this study", key.get_ref()), help);
+                problems.add_with_help(
+                    key.span(),
+                    format!("`{}` is not a parameter of this study", key.get_ref()),
+                    help,
+                );
                 continue;
             };
             if let Some((component, name)) = file.parameters[index].name.get_ref().split_once(':') {
