@@ -95,7 +95,7 @@ pub struct Regulator {
 /// * [`RiccatiError::Dimensions`] if the sizes do not fit each other,
 /// * [`RiccatiError::NotFinite`] if an element is infinite or NaN,
 /// * [`RiccatiError::NotPositiveDefinite`] if R is not positive definite to rounding,
-/// * [`RiccatiError::NoConvergence`] if there is no stabilizing solution, see the [module](self),
+/// * [`RiccatiError::NoConvergence`] if no stabilizing solution exists, see the [module](self),
 /// * [`RiccatiError::Unstable`] or [`RiccatiError::Inaccurate`] if the result fails its checks.
 ///
 /// # Example

@@ -80,7 +80,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Reads columns that all have to be there. `path` only appears in messages. [`Columns::column`] counts them in the
+    /// Reads columns, all of which are required. `path` only appears in messages. [`Columns::column`] counts them in the
     /// order of `names`.
     ///
     /// # Errors
@@ -92,7 +92,7 @@ impl Columns {
         Self::read(text, path, names, &expected, |found| found.len() == names.len())
     }
 
-    /// Reads those of the columns that the file has; `is_complete` tells from their names whether these are enough.
+    /// Reads the listed columns that the file has; `is_complete` decides from their names whether these are enough.
     fn read(
         text: &str,
         path: &str,
@@ -118,7 +118,7 @@ impl Columns {
                 ));
             }
             if names[..index].contains(name) {
-                return Err(format!("{path}:{header_line}: column `{name}` is there twice"));
+                return Err(format!("{path}:{header_line}: column `{name}` appears twice"));
             }
         }
         if !is_complete(&names) {
@@ -194,7 +194,7 @@ pub struct Table {
 impl Table {
     /// Reads a table.
     ///
-    /// `path` only appears in messages. `abscissa` is the column that has to be there, `columns` are those
+    /// `path` only appears in messages. `abscissa` is the required column, `columns` are those
     /// that may be there, in the order in which [`Table::at`] counts them.
     ///
     /// # Errors
@@ -256,7 +256,7 @@ impl Table {
     }
 }
 
-/// FNV-1a hash (64 bit) of a file's content: tells whether a saved state belongs to this content.
+/// FNV-1a hash (64 bit) of a file's content, which detects a saved state of another content.
 ///
 /// Not cryptographic; it guards against mistakes, not against intent.
 ///
@@ -294,7 +294,7 @@ mod tests {
         for (text, message) in [
             ("", "a.csv: the file is empty, expected columns `time` and any of `steer`, `speed`"),
             ("time,wheel\n", "a.csv:1: the name of column 2 is unknown, expected `time` and any of `steer`, `speed`"),
-            ("time,time\n", "a.csv:1: column `time` is there twice"),
+            ("time,time\n", "a.csv:1: column `time` appears twice"),
             ("\nsteer\n1\n", "a.csv:2: expected columns `time` and any of `steer`, `speed`, found only `steer`"),
             ("time\n1\n", "a.csv:1: expected columns `time` and any of `steer`, `speed`, found only `time`"),
             ("time,steer\n", "a.csv:1: no row after the column names"),

@@ -125,7 +125,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     let keys = Keys::parse(arguments, errors);
     let is_attribute = |attribute: &syn::Attribute| is_model(attribute.path());
     if let Some(second) = block.attrs.iter().find(|attribute| is_attribute(attribute)) {
-        errors.add(Error::new_spanned(second, "the attribute is there twice; remove one of them"));
+        errors.add(Error::new_spanned(second, "the attribute appears twice; remove one of them"));
         block.attrs.retain(|attribute| !is_attribute(attribute));
     }
     // The derive of the parameters reports type parameters where they are declared.

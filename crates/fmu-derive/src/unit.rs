@@ -364,7 +364,7 @@ fn unknown(letters: &str, text: &str, span: Span) -> Error {
             .map(|(.., name)| name)
     };
     let hint = alias.or_else(nearest).map_or_else(
-        || "; the guide lists all units and tells how to make one of your own".to_owned(),
+        || "; the guide lists all units and explains how to define your own".to_owned(),
         |name| format!("; did you mean `{name}`?"),
     );
     let whole = if letters == text { String::new() } else { format!(" in `{text}`") };
@@ -443,7 +443,7 @@ mod tests {
         }
         assert_eq!(
             error("furlong"),
-            "unknown unit `furlong`; the guide lists all units and tells how to make one of your own"
+            "unknown unit `furlong`; the guide lists all units and explains how to define your own"
         );
         assert_eq!(error("degC/s"), "`degC` has an offset, so it cannot be part of the unit `degC/s`; use K");
         assert_eq!(error("1/rad.s"), "write parentheses around the denominator of `1/rad.s`, as in `1/(rad.s)`");

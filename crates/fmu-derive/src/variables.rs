@@ -347,7 +347,7 @@ fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
             "an FMU has a fixed number of variables: write an array, as in `[f64; 4]`; what is computed from parameters belongs \
              into a field of the derived parameters without `#[var]`"
         }
-        "Option" => "a variable always has a value: write its type, and a `bool` that tells whether it counts",
+        "Option" => "a variable always has a value: write its type, and a `bool` that is true if the value is valid",
         "f32" | "i8" | "i16" | "i64" | "u8" | "u16" | "u32" | "u64" | "char" => "",
         // The elements of an array, perhaps.
         _ => return mistaken(element(ty)?, parameter),
@@ -536,7 +536,7 @@ fn no_state(ty: &syn::Type) -> Option<&'static str> {
             "a step does not allocate: write an array, or a box of one if it is large, as in `Box<[f64; 1000]>`; a model with \
              other state implements `Stateful`",
         ),
-        "Option" => Some("write the type of the value, and a `bool` that tells whether it counts"),
+        "Option" => Some("write the type of the value, and a `bool` that is true if the value is valid"),
         _ => no_state(element(ty)?),
     }
 }

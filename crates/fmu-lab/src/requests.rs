@@ -346,7 +346,7 @@ pub struct Metric {
     pub definition: String,
     /// One for each system.
     pub values: Vec<Option<MetricValue>>,
-    /// Reason that the first system has none.
+    /// Reason that the first system has no number.
     pub reason: String,
     /// `pass`, `fail` or `info`, of the first system.
     pub verdict: Option<&'static str>,

@@ -133,7 +133,7 @@ pub fn powi(x: f64, n: i32) -> f64 {
     if n < 0 { 1.0 / power } else { power }
 }
 
-/// Holds if the squares of both and their sum neither overflow nor lose anything that counts.
+/// True if the squares of both and their sum neither overflow nor lose significant digits.
 #[inline(always)]
 fn hypot_kernel(x: f64, y: f64) -> (f64, u64) {
     const LARGE: u64 = 1e150f64.to_bits();

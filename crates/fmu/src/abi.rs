@@ -204,7 +204,7 @@ fn words(payload: &(dyn Any + Send)) -> &str {
 }
 
 /// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. Computations run in the
-/// default floating-point environment, whatever the caller's.
+/// default floating-point environment, independent of the caller's.
 #[inline]
 unsafe fn call<E: Export>(
     component: Component,

@@ -141,7 +141,7 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
 fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     if !info.name.starts_with(|c: char| c.is_ascii_alphabetic()) || !info.name.chars().all(is_word) {
-        return Some("the name is not an identifier of C, as modelIdentifier has to be".to_owned());
+        return Some("the name must be an identifier of C: it is the modelIdentifier".to_owned());
     }
     for (what, value) in [("stop_time", info.stop_time), ("step_size", info.step_size)] {
         if !(value.is_finite() && value > 0.0) {

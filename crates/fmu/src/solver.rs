@@ -488,7 +488,7 @@ pub(crate) struct Inputs {
     strings: Vec<String>,
 }
 
-/// Working memory of the solvers; keeps only data that follows from the equations from one step to the next.
+/// Working memory of the solvers. From one step to the next, it keeps only data that follows from the equations.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     n: usize,

@@ -300,7 +300,7 @@ pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _v
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct EventInfo {
-    /// Always false: one call of fmi2NewDiscreteStates handles all events of a time.
+    /// Always false: one call of fmi2NewDiscreteStates handles all events at a time.
     pub new_discrete_states_needed: Boolean,
     /// Always false.
     pub terminate_simulation: Boolean,
