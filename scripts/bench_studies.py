@@ -16,6 +16,7 @@ import re
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -25,7 +26,6 @@ import fmpy
 import fmpy.fmi2
 import pyarrow.parquet
 
-from chassis_fmu.files import temporary
 from chassis_fmu.program import ROOT
 from chassis_fmu.scenario import Outcome, Scenario, processors
 from chassis_fmu.shell import positive
@@ -268,11 +268,11 @@ def instances() -> Iterator[str]:
     components = Scenario(SCENARIO).plan.runs[-1].components
     saved = 0.0
     for path in dict.fromkeys(component.fmu for component in components):
-        with temporary.folder() as folder:
-            fmpy.extract(str(path), str(folder))
-            about = fmpy.read_model_description(str(folder))
+        with tempfile.TemporaryDirectory() as folder:
+            fmpy.extract(str(path), folder)
+            about = fmpy.read_model_description(folder)
             identifier = about.coSimulation.modelIdentifier
-            fmu = fmpy.fmi2.FMU2Slave(guid=about.guid, unzipDirectory=str(folder), modelIdentifier=identifier)
+            fmu = fmpy.fmi2.FMU2Slave(guid=about.guid, unzipDirectory=folder, modelIdentifier=identifier)
             times: dict[str, list[float]] = {"instance": [], "initialization": [], "reset": []}
             for _ in range(TIMES):
                 begin = time.perf_counter()

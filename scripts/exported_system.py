@@ -24,7 +24,7 @@ from lxml import etree
 
 from chassis_fmu.execution.bus import Array
 from chassis_fmu.execution.master import FmpyInstance, simulate
-from chassis_fmu.files.plan import Component, Kind, Run, Setting, Simulation, Wire
+from chassis_fmu.files.plan import BaseType, Component, Run, Setting, Simulation, Wire
 from chassis_fmu.files.results import Recording, replacing
 
 NAMESPACES = {
@@ -43,7 +43,7 @@ OUT = "out."
 Order = Literal["sequential", "jacobi"]
 
 # Component, name and type of a recorded output.
-Output = tuple[str, str, Kind]
+Output = tuple[str, str, BaseType]
 
 
 class StructureError(Exception):
@@ -99,7 +99,7 @@ class Structure:
         """Return the times of the rows: the start and the end of every step."""
         return self.start + np.arange(self.steps + 1) * self.step
 
-    def connectors(self, component: Any, kind: str) -> list[tuple[str, Kind]]:
+    def connectors(self, component: Any, kind: str) -> list[tuple[str, BaseType]]:
         """Name and type of the inputs or outputs of a component that are connectors."""
         found = []
         for connector in component.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
@@ -107,7 +107,7 @@ class Structure:
                 found.append((connector.get("name"), _kind(connector, "ssc")[0]))
         return found
 
-    def values(self, component: Any) -> list[tuple[str, Kind, str]]:
+    def values(self, component: Any) -> list[tuple[str, BaseType, str]]:
         """Name, type and text of the values of a component."""
         if component.get("name") not in self._sets:
             return []
@@ -121,7 +121,7 @@ class Structure:
             for c in self._all("ssd:System/ssd:Connections/ssd:Connection")
         }
 
-    def wires(self) -> Iterator[tuple[Kind, tuple[str, str], tuple[str, str]]]:
+    def wires(self) -> Iterator[tuple[BaseType, tuple[str, str], tuple[str, str]]]:
         """Type, output and input of every connection; the latter two are pairs of component and variable."""
         writers = self.writers()
         for component in self.components:
@@ -134,17 +134,17 @@ class Structure:
         return self.path.parent / Path(component.get("source")).name
 
 
-def _kind(element: Any, prefix: str) -> tuple[Kind, str]:
+def _kind(element: Any, prefix: str) -> tuple[BaseType, str]:
     """Type of a connector or parameter, and its value if it has one."""
-    for kind in get_args(Kind):
+    for kind in get_args(BaseType):
         found = element.find(f"{prefix}:{kind}", NAMESPACES)
         if found is not None:
             return kind, found.get("value", "")
     raise StructureError(f"{element.get('name')} has no type that this version reads")
 
 
-def _value(kind: Kind, text: str) -> float | int | bool | str:
-    convert: Mapping[Kind, Callable[[str], float | int | bool | str]] = {
+def _value(kind: BaseType, text: str) -> float | int | bool | str:
+    convert: Mapping[BaseType, Callable[[str], float | int | bool | str]] = {
         "Real": float,
         "Integer": int,
         "Boolean": lambda t: t in ("true", "1"),
@@ -188,11 +188,11 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                     parameters=tuple(s for s in settings if variables[s.name].causality != "input"),
                     constants=tuple(s for s in settings if variables[s.name].causality == "input"),
                     inputs=tuple(
-                        Wire(variables[v].valueReference, kind, slots[writers[name, v]], v)
+                        Wire(v, variables[v].valueReference, kind, slots[writers[name, v]])
                         for v, kind in structure.connectors(component, "input")
                     ),
                     outputs=tuple(
-                        Wire(variables[v].valueReference, kind, slots[name, v], v)
+                        Wire(v, variables[v].valueReference, kind, slots[name, v])
                         for v, kind in structure.connectors(component, "output")
                     ),
                 )
@@ -282,7 +282,7 @@ def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") 
         "Boolean": observer.last_boolean_values,
     }
     # One call for the outputs of a component and type.
-    groups: dict[tuple[str, Kind], list[tuple[int, str]]] = {}
+    groups: dict[tuple[str, BaseType], list[tuple[int, str]]] = {}
     for column, (owner, name, kind) in enumerate(structure.outputs):
         groups.setdefault((owner, kind), []).append((column, name))
     reads = []

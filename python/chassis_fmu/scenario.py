@@ -162,7 +162,7 @@ class Scenario:
     def _connect(self) -> None:
         replaced = {component: (fmu, self._keep_parameters) for component, fmu in self._replace.items()}
         self._native = _native.System(self.file, self._folders, self._stop, None, replaced)
-        self.plan = plan.parse(self._native.plan(), Path())
+        self.plan = plan.Plan.parse(self._native.plan(), Path())
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in vars(self).items() if key not in ("_native", "plan")}

@@ -15,6 +15,7 @@ from typing import Any
 
 import markupsafe
 import matplotlib as mpl
+import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute
@@ -57,18 +58,26 @@ class StudyError(Exception):
     """Results of a study that cannot be read, or a call that cannot be made."""
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(msgspec.Struct, frozen=True):
     """Values of the parameters and their objective; `reason` says why they are not feasible."""
 
     values: tuple[float | None, ...]
     objective: float
     reason: str | None = None
+    title: str = ""
     evaluation: int | None = None
 
 
-@dataclass(frozen=True)
-class Method:
+class Comparison(msgspec.Struct, frozen=True):
+    """Values of some parameters that the methods are compared with."""
+
+    title: str
+    values: dict[str, float]
+    objective: float
+    reason: str | None
+
+
+class Method(msgspec.Struct, frozen=True):
     """A method, how far it came and what it found."""
 
     name: str
@@ -102,32 +111,33 @@ class Group:
         return sorted(math.inf if m.best is None else m.best.objective for m in self.methods)
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(msgspec.Struct, frozen=True):
     """A parameter and its range."""
 
     name: str
     symbol: str | None
-    unit: str
+    unit: str | None
     min: float
     max: float
     log: bool
 
 
-@dataclass(frozen=True)
-class Study:
+class Study(msgspec.Struct, frozen=True):
     """The summary that `chassis study` writes."""
 
-    raw: dict[str, Any]
     parameters: tuple[Parameter, ...]
     methods: tuple[Method, ...]
-    baseline: tuple[str, Candidate]
-    comparisons: tuple[tuple[str, Candidate], ...]
+    baseline: Candidate
+    comparisons: tuple[Comparison, ...]
+    improved: bool
+    raw: dict[str, Any] = {}
 
     @property
-    def references(self) -> tuple[tuple[str, Candidate], ...]:
+    def references(self) -> tuple[Candidate, ...]:
         """References of the methods, the scenario's own values first."""
-        return (self.baseline, *self.comparisons)
+        names = [parameter.name for parameter in self.parameters]
+        others = (Candidate(tuple(map(c.values.get, names)), c.objective, c.reason, c.title) for c in self.comparisons)
+        return (self.baseline, *others)
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -145,33 +155,9 @@ def parse(text: str) -> Study:
                 f"summary of format {raw['format']}, this version reads {FORMAT}: "
                 "--resume regenerates it from the history"
             )
-        parameters = tuple(
-            Parameter(p["name"], p["symbol"], p["unit"] or "1", p["min"], p["max"], p["log"]) for p in raw["parameters"]
-        )
-        methods = tuple(
-            Method(
-                **{k: m[k] for k in ("name", "title", "group", "kind", "seed", "settings", "end")},
-                **{k: m[k] for k in ("evaluations", "generations", "infeasible")},
-                best=None
-                if m["best"] is None
-                else Candidate(tuple(m["best"]["values"]), m["best"]["objective"], None, m["best"]["evaluation"]),
-            )
-            for m in raw["methods"]
-        )
-        own = raw["baseline"]
-        baseline = (own["title"], Candidate(tuple(own["values"]), own["objective"], own["reason"]))
-        if not isinstance(raw["improved"], bool):
-            raise TypeError("improved is not a boolean")
-        comparisons = tuple(
-            (
-                c["title"],
-                Candidate(tuple(c["values"].get(p.name) for p in parameters), c["objective"], c["reason"]),
-            )
-            for c in raw["comparisons"]
-        )
-    except (ValueError, KeyError, TypeError) as error:
+        return msgspec.convert(raw | {"raw": raw}, Study)
+    except (ValueError, KeyError, TypeError, msgspec.ValidationError) as error:
         raise StudyError(f"not a summary of a study: {error!r}") from error
-    return Study(raw, parameters, methods, baseline, comparisons)
 
 
 def read_history(study: Study, folder: Path) -> pa.Table:
@@ -194,7 +180,7 @@ def read_history(study: Study, folder: Path) -> pa.Table:
 
 def write_history(study: Study, table: pa.Table, path: Path) -> None:
     """Write the histories as Parquet, units of measure as field metadata."""
-    units = {p.name: p.unit for p in study.parameters}
+    units = {p.name: p.unit or "1" for p in study.parameters}
     fields = [f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema]
     with results.replacing(path) as temporary:
         pyarrow.parquet.write_table(table.cast(pa.schema(fields)), temporary, compression="zstd")
@@ -316,7 +302,7 @@ def convergence(study: Study, table: pa.Table) -> Convergence | None:
             lines.append(Line("run", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
     if not lines:
         return None
-    levels = [(t, c.objective) for t, c in study.references if c.reason is None]
+    levels = [(c.title, c.objective) for c in study.references if c.reason is None]
     scale = Scale.of(groups, [v for _, v in levels])
     x = Axis("Evaluations", (Conversion(""),))
     y = Axis("Objective", (Conversion(""),), log=scale.logarithmic, range=(scale.bottom, scale.top))
@@ -413,11 +399,11 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
     """Return the page. `data` is what the figure shows, as JSON (`page_data`)."""
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
-    columns += [(title, candidate, None) for title, candidate in study.references]
+    columns += [(candidate.title, candidate, None) for candidate in study.references]
     return rendering.render(
         "tuning.html.j2",
         study=study.raw,
-        paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
+        paragraphs=rendering.paragraphs(study.raw["description"]),
         groups=study.groups,
         parameters=study.parameters,
         columns=columns,
@@ -432,7 +418,7 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         definitions=definitions(study.raw),
         value=_value,
         breakable=_breakable,
-        unit=tables.pretty_unit,
+        unit=lambda unit: tables.pretty_unit(unit or "1"),
     )
 
 

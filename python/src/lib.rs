@@ -12,7 +12,7 @@ use pyo3::pymodule;
 mod _native {
     #[pymodule_export]
     use super::metrics::{
-        MetricError, cross, evaluate, formula, holds, is_enough, requirement_status, running, spectrum, transfer,
+        MetricError, cross, formula, holds, is_enough, limits, number, running, scientific, spectrum, transfer, unit,
         value, window,
     };
     #[pymodule_export]

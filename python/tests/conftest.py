@@ -15,7 +15,7 @@ ROOT = HERE.parents[1]
 
 @pytest.fixture
 def scenario() -> plan.Plan:
-    return plan.parse((HERE / "plan.json").read_text(encoding="utf-8"), HERE)
+    return plan.Plan.parse((HERE / "plan.json").read_text(encoding="utf-8"), HERE)
 
 
 @pytest.fixture

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import signal
 import subprocess
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 
@@ -16,7 +14,7 @@ import pytest
 from msgspec.structs import replace
 
 from chassis_fmu.execution import batch
-from chassis_fmu.files import results, temporary
+from chassis_fmu.files import results
 from chassis_fmu.files.plan import Component, Plan, Setting, Wire
 from tests.commands import until
 
@@ -56,7 +54,7 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
     for name, gain in (("bad", 1.0), ("good", 0.5)):
         gains = (Setting("gain", "Real", 2, gain),)
         inputs = (Setting("u", "Real", 0, 2.0),)
-        component = Component("ramp", fmu, "2.0", "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0, "y"),))
+        component = Component("ramp", fmu, "2.0", "Ramp", "Ramp", gains, inputs, (), (Wire("y", 1, "Real", 0),))
         runs.append(replace(scenario.runs[0], id=name, components=(component,), series=(), slots=1, columns=(0, None)))
     return replace(scenario, runs=tuple(runs))
 
@@ -72,7 +70,7 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
 )
 def test_an_fmu_costs_its_run_only(scenario: Plan, tmp_path: Path, end: str, expected: str) -> None:
     plan = planned(scenario, build(tmp_path, f"if (t > 0.05 && i->v.real[2] == 1) {{ {end}; }}"))
-    outcome = batch.execute(plan, tmp_path / "runs", 2, 2.0)
+    outcome = batch.execute(plan, tmp_path / "unpacked", tmp_path / "runs", 2, 2.0)
     assert outcome.failures == {"bad": f"component ramp, fmi2DoStep at t = 0.1 s: {expected}"}
     # exact but for the rounding of three sums
     recording = results.read_csv(tmp_path / "runs" / "good.csv")
@@ -88,7 +86,7 @@ def test_an_fmu_costs_its_run_only(scenario: Plan, tmp_path: Path, end: str, exp
 @pytest.mark.parametrize(("code", "expected"), [(2, "discarded"), (3, "failed")])
 def test_a_discarded_step_is_told_apart_from_an_error(scenario: Plan, tmp_path: Path, code: int, expected: str) -> None:
     plan = planned(scenario, build(tmp_path, f"if (t > 0.05 && i->v.real[2] == 1) return {code};"))
-    outcome = batch.execute(plan, tmp_path / "runs", 2, 60.0)
+    outcome = batch.execute(plan, tmp_path / "unpacked", tmp_path / "runs", 2, 60.0)
     assert set(outcome.failures) == {"bad"}
     statuses = batch.read_statuses(tmp_path / "runs")
     assert (statuses["good"].status, statuses["bad"].status) == ("completed", expected)
@@ -96,22 +94,22 @@ def test_a_discarded_step_is_told_apart_from_an_error(scenario: Plan, tmp_path: 
 
 def test_rows_of_earlier_runs_are_replaced_by_those_that_are_taken(scenario: Plan, tmp_path: Path) -> None:
     source, out = tmp_path / "source", tmp_path / "out"
-    batch.execute(planned(scenario, build(tmp_path, "")), out, 2, 60.0)
+    batch.execute(planned(scenario, build(tmp_path, "")), tmp_path / "unpacked", out, 2, 60.0)
     assert len(results.read_csv(out / "bad.csv").times) == scenario.simulation.rows
     plan = planned(scenario, build(tmp_path, "if (t > 0.05 && i->v.real[2] == 1) return 3;"))
-    batch.execute(plan, source, 2, 60.0)
+    batch.execute(plan, tmp_path / "unpacked", source, 2, 60.0)
     batch.take(plan, source, out)
     kept = source / "bad.csv"
     assert (out / "bad.csv").read_bytes() == kept.read_bytes()
     assert batch.read_statuses(out) == batch.read_statuses(source)
     # Rows that are not there any more are not those of the earlier run.
-    batch.execute(planned(scenario, build(tmp_path, "")), out, 2, 60.0)
+    batch.execute(planned(scenario, build(tmp_path, "")), tmp_path / "unpacked", out, 2, 60.0)
     kept.unlink()
     batch.take(plan, source, out)
     assert not (out / "bad.csv").exists()
     assert batch.read_statuses(out)["bad"].file is None
     # Neither are those of a run that cannot be read.
-    batch.execute(planned(scenario, build(tmp_path, "")), out, 2, 60.0)
+    batch.execute(planned(scenario, build(tmp_path, "")), tmp_path / "unpacked", out, 2, 60.0)
     (source / "good.csv").unlink()
     assert set(batch.take(plan, source, out).failures) == {"bad", "good"}
     assert not (out / "good.csv").exists()
@@ -119,7 +117,7 @@ def test_rows_of_earlier_runs_are_replaced_by_those_that_are_taken(scenario: Pla
 
 def test_rows_that_are_taken_from_their_own_folder_stay(scenario: Plan, tmp_path: Path) -> None:
     plan = planned(scenario, build(tmp_path, ""))
-    batch.execute(plan, tmp_path / "runs", 2, 60.0)
+    batch.execute(plan, tmp_path / "unpacked", tmp_path / "runs", 2, 60.0)
     (tmp_path / "link").symlink_to(tmp_path / "runs")
     assert not batch.take(plan, tmp_path / "link", tmp_path / "runs").failures
 
@@ -136,7 +134,7 @@ def test_what_an_fmu_starts_ends_with_its_run(scenario: Plan, tmp_path: Path, en
     daemon = f"if (fork() == 0) {{ setsid(); if (fork() == 0) {{ {start} }} _exit(0); }}"
     daemon += f' while (access("{note}", 0)) usleep(1000);'
     plan = planned(scenario, build(tmp_path, f"if (t > 0.15 && i->v.real[2] == 1) {{ {daemon} {end}; }}"))
-    outcome = batch.execute(replace(plan, runs=plan.runs[:1]), tmp_path / "runs", 1, 2.0)
+    outcome = batch.execute(replace(plan, runs=plan.runs[:1]), tmp_path / "unpacked", tmp_path / "runs", 1, 2.0)
     assert set(outcome.failures) == ({"bad"} if end else set())
     assert "that an FMU had started (a copy of " in "".join(outcome.warnings["bad"])
     assert not is_alive(note.read_text())
@@ -146,7 +144,7 @@ def test_the_rounding_mode_of_an_fmu_stays_its_own(scenario: Plan, tmp_path: Pat
     # FE_UPWARD of <fenv.h>; the times are start + k step, rounded to the nearest number.
     upward = {"x86_64": 0x800, "aarch64": 0x400000}[platform.machine()]
     plan = planned(scenario, build(tmp_path, f"int fesetround(int); fesetround({upward})"))
-    outcome = batch.execute(plan, tmp_path / "runs", 1, 60.0)
+    outcome = batch.execute(plan, tmp_path / "unpacked", tmp_path / "runs", 1, 60.0)
     assert not outcome.failures
     assert "fmi2DoStep changes the rounding mode" in "".join(outcome.warnings["good"])
     times = results.read_csv(tmp_path / "runs" / "good.csv").times
@@ -157,7 +155,7 @@ def test_the_rounding_mode_of_an_fmu_stays_its_own(scenario: Plan, tmp_path: Pat
 
 def test_a_status_that_is_none_of_fmi_is_an_error(scenario: Plan, tmp_path: Path) -> None:
     plan = planned(scenario, build(tmp_path, "if (t > 0.15 && i->v.real[2] == 1) return -1;"))
-    outcome = batch.execute(plan, tmp_path / "runs", 1, 60.0)
+    outcome = batch.execute(plan, tmp_path / "unpacked", tmp_path / "runs", 1, 60.0)
     assert set(outcome.failures) == {"bad"}
     assert "fmi2DoStep" in outcome.failures["bad"]
     assert "status -1 (unknown)" in outcome.failures["bad"]
@@ -170,28 +168,14 @@ def test_an_archive_with_backslashes_is_unpacked(scenario: Plan, tmp_path: Path)
     with zipfile.ZipFile(fmu, "w") as archive:
         for name, content in entries.items():
             archive.writestr(name, content)
-    assert not batch.execute(planned(scenario, fmu), tmp_path / "runs", 1, 60.0).failures
+    assert not batch.execute(planned(scenario, fmu), tmp_path / "unpacked", tmp_path / "runs", 1, 60.0).failures
 
 
 def test_a_library_that_does_not_load_in_time_is_named(scenario: Plan, tmp_path: Path) -> None:
     fmu = build(tmp_path, "", "__attribute__((constructor)) static void begin(void) { for (;;) sleep(1); }")
     expected = "component ramp, loading or fmi2Instantiate: not done after 2 s (--timeout), stopped"
-    outcome = batch.execute(planned(scenario, fmu), tmp_path / "runs", 2, 2.0)
+    outcome = batch.execute(planned(scenario, fmu), tmp_path / "unpacked", tmp_path / "runs", 2, 2.0)
     assert outcome.failures == {"bad": expected, "good": expected}
-
-
-def test_a_folder_is_private_and_stale_ones_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    (tmp_path / "cargo-fmu-dead").mkdir()
-    (tmp_path / "cargo-fmu-dead.lock").touch()
-    (tmp_path / "other.lock").touch()
-    with temporary.folder() as folder:
-        assert folder.stat().st_mode & 0o777 == 0o700
-        with temporary.folder() as second:
-            assert second != folder
-            assert folder.exists()
-        assert sorted(p.name for p in tmp_path.iterdir()) == [folder.name, f"{folder.name}.lock", "other.lock"]
-    assert [p.name for p in tmp_path.iterdir()] == ["other.lock"]
 
 
 def is_alive(process: str) -> bool:
@@ -213,8 +197,8 @@ if __name__ == "__main__":
     # Whoever runs the tests may have asked to ignore these, as nohup and background jobs of a shell do.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    scenario = plan.parse(Path({plan!r}).read_text(), Path("."))
-    batch.execute(planned(scenario, Path({fmu!r})), Path({out!r}), 1, 600.0)
+    scenario = plan.Plan.parse(Path({plan!r}).read_text(), Path("."))
+    batch.execute(planned(scenario, Path({fmu!r})), Path({folder!r}), Path({out!r}), 1, 600.0)
 """
 
 
@@ -222,22 +206,18 @@ if __name__ == "__main__":
 # test is never skipped there.
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
-def test_an_end_by_signal_leaves_no_process_and_no_folder(tmp_path: Path, number: int) -> None:
-    note, folder = tmp_path / "number", tmp_path / "temporary"
-    folder.mkdir()
+def test_an_end_by_signal_leaves_no_process(tmp_path: Path, number: int) -> None:
+    note = tmp_path / "number"
     writing = f'{{ FILE *f = fopen("{note}.part", "w"); fprintf(f, "%d", getpid()); fclose(f);'
     fmu = build(tmp_path, f'{writing} rename("{note}.part", "{note}"); }} for (;;) sleep(1)')
     here = Path(__file__).parent
     values = {"paths": [str(here.parent), str(here)], "plan": str(here / "plan.json"), "fmu": str(fmu)}
     program = tmp_path / "program.py"
-    program.write_text(PROGRAM.format(**values, out=str(tmp_path / "runs")))
-    environment = {**os.environ, "TMPDIR": str(folder)}
-    with subprocess.Popen([sys.executable, str(program)], env=environment, stderr=subprocess.DEVNULL) as process:
+    program.write_text(PROGRAM.format(**values, folder=str(tmp_path / "unpacked"), out=str(tmp_path / "runs")))
+    with subprocess.Popen([sys.executable, str(program)], stderr=subprocess.DEVNULL) as process:
         until(note.exists, "the note")
         worker = note.read_text()
         assert is_alive(worker)
         process.send_signal(number)
         process.wait()
     until(lambda: not is_alive(worker), "the end of the worker")
-    left = [p.name for p in folder.iterdir() if p.name.startswith("cargo-fmu-")]
-    assert bool(left) == (number == signal.SIGKILL)

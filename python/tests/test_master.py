@@ -179,10 +179,10 @@ def test_a_connection_converts_between_real_and_boolean(scenario: Plan, run: Run
         values[13] = values[11]
         return OK
 
-    source = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], kind="Real"),))
+    source = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], type="Real"),))
     wire, output = run.components[1].inputs[0], run.components[1].outputs[0]
     # The Boolean output of the plant is recorded as 0 or 1, which is what a Real input would get.
-    wires = {"inputs": (replace(wire, kind="Boolean"),), "outputs": (replace(output, kind="Boolean"),)}
+    wires = {"inputs": (replace(wire, type="Boolean"),), "outputs": (replace(output, type="Boolean"),)}
     plant = replace(run.components[1], **wires)
     converting = replace(run, components=(source, plant))
     _, rows = master.simulate(converting, replace(scenario.simulation, steps=4, stop=0.4), System(rise, follow))
@@ -362,7 +362,7 @@ def test_a_component_that_rejects_a_value_is_only_the_messenger(scenario: Plan, 
         values[30] = float("inf")
         return OK
 
-    real = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], kind="Real"),))
+    real = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], type="Real"),))
     system = System(source=explode)
     exploding = replace(run, components=(real, run.components[1]))
     with pytest.raises(master.RunError) as caught:
@@ -385,12 +385,12 @@ def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
 
 def test_an_integer_that_does_not_fit_is_an_error(scenario: Plan, run: Run) -> None:
     """A constant and a signal beyond 32 bits; ctypes and NumPy would wrap them around."""
-    constant = Setting(name="mode", kind="Integer", reference=40, value=2**31)
+    constant = Setting(name="mode", type="Integer", reference=40, value=2**31)
     constants = replace(run, components=(run.components[0], replace(run.components[1], constants=(constant,))))
     with pytest.raises(master.RunError, match=r"fmi2SetInteger.*mode = 2147483648"):
         master.simulate(constants, scenario.simulation, System())
     feed = InputSeries(slot=2, interpolation="hold", times=(0.0,), values=(2.0**31,))
-    wire = Wire(reference=40, kind="Integer", slot=2, name="mode")
+    wire = Wire(reference=40, type="Integer", slot=2, name="mode")
     reader = replace(run.components[1], inputs=(*run.components[1].inputs, wire))
     fed = replace(run, components=(run.components[0], reader), series=(feed,), slots=3)
     with pytest.raises(master.RunError, match=r"fmi2SetInteger.*does not fit the type"):

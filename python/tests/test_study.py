@@ -774,7 +774,7 @@ def test_files_that_fmus_read_are_part_of_the_study(tmp_path: Path, place: str) 
     first = job(tmp_path, study, scenario)
     assert first.data_files() == [data]
     # Wherever it is executed: the path is absolute where it is a parameter.
-    settings = [s for unit in first.plan.runs[0].components for s in unit.parameters if s.kind == "String"]
+    settings = [s for unit in first.plan.runs[0].components for s in unit.parameters if s.type == "String"]
     assert [s.value for s in settings] == ([str(data)] if place == "parameter" else [])
     before = first.fingerprint()
     assert job(tmp_path, study, scenario).fingerprint() == before
@@ -801,7 +801,7 @@ def test_a_file_in_a_folder_above_the_scenario_is_found_on_other_machines(tmp_pa
     deep = unpacked.joinpath("scenario", "l0", "l1", "l2", "l3")
     assert (deep / "../data/road.csv").read_text() == "first"
     opened = replace(first.sources[0], file=deep / first.sources[0].file.name).open()
-    settings = [s for unit in opened.plan.runs[0].components for s in unit.parameters if s.kind == "String"]
+    settings = [s for unit in opened.plan.runs[0].components for s in unit.parameters if s.type == "String"]
     assert [Path(str(s.value)).read_text() for s in settings] == ["first"] * (place == "parameter")
     data.write_text("other")
     assert job(folder, study, scenario).fingerprint() != before

@@ -281,7 +281,7 @@ def test_without_anything_feasible_there_is_a_page_but_no_plot(folder: Path) -> 
     [
         ("summary.json", "{", "not a summary of a study"),
         ("summary.json", '{"format": 1}', "summary of format 1, this version reads 3: --resume"),
-        ("summary.json", '{"format": 3}', "not a summary of a study: KeyError"),
+        ("summary.json", '{"format": 3}', "not a summary of a study: .*missing required field"),
         ("pacsa/history.csv", HISTORY.replace("0.2,", "a,"), "cannot read the history"),
     ],
 )

@@ -153,7 +153,7 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
 
     def wire(name: str, slot: int) -> plan.Wire:
         found = variable(description, name)
-        return plan.Wire(found.valueReference, found.type, slot, name)
+        return plan.Wire(name, found.valueReference, found.type, slot)
 
     def setting(name: str, value: float) -> plan.Setting:
         found = variable(description, name)

@@ -30,7 +30,7 @@ from PIL import Image
 
 from chassis_fmu.files.plan import Conversion
 from chassis_fmu.report import panels, plots
-from chassis_fmu.report.tables import SUPERSCRIPTS, pretty_unit
+from chassis_fmu.report.tables import pretty_unit
 from model_pictures import demos
 
 WIDTH = 400.0
@@ -202,7 +202,8 @@ def scaled(result: Result) -> Result:
     if peak == 0.0 or SHORT[0] <= peak < SHORT[1]:
         return result
     power = 3 * math.floor(math.log10(peak) / 3.0)
-    unit = f"10{str(power).translate(SUPERSCRIPTS)} {result.unit}".strip()
+    exponent = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    unit = f"10{exponent} {result.unit}".strip()
     lines = {name: values / 10.0**power for name, values in result.lines.items()}
     return Result(result.title, unit, result.times, lines)
 

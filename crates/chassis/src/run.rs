@@ -12,7 +12,7 @@ use fmu_import::terminal::{escaped, indented};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
-use fmu_system::requirements::{self, Signals, Status};
+use fmu_system::requirements::{self, RunNumbers, Signals, Status, Verdict};
 use fmu_system::results::{self, RunStatus, RunStatuses};
 use fmu_system::run::Run;
 use fmu_system::worker::{Failure, FailureKind, Pool, Task};
@@ -100,9 +100,22 @@ impl Arguments {
         Ok(if self.no_page { None } else { Python::find_or_note() })
     }
 
-    /// The request to Python for tables and page.
-    fn request(&self, plan: &Plan) -> miette::Result<String> {
-        let absolute = |path: &Path| std::path::absolute(path).into_diagnostic();
+    /// The request to Python for runs by FMPy, or for those in CSV files.
+    fn runs_request(&self, plan: &Plan, runs: &Path, unpacked: &Path) -> miette::Result<String> {
+        let request = serde_json::json!({
+            "plan": plan,
+            "runs": absolute(runs)?,
+            "csv": self.from_csv.as_deref().map(absolute).transpose()?,
+            "temporary": unpacked,
+            "jobs": jobs(self.jobs),
+            "timeout": self.workers.timeout().as_secs_f64(),
+        });
+        serde_json::to_string(&request).into_diagnostic()
+    }
+
+    /// The request to Python for tables and page. A run without numbers in `results` is not complete.
+    fn page_request(&self, plan: &Plan, folder: &Path, results: &Results<'_>) -> miette::Result<String> {
+        let incomplete = results.statuses.runs.iter().filter(|run| run.status != "completed");
         let cut = [
             self.selection.stop.map(|stop| format!("--stop {stop}")),
             self.selection.seeds.map(|n| format!("--seeds {n}")),
@@ -113,21 +126,80 @@ impl Arguments {
             (None, Engine::Native) => "native",
             (None, Engine::Fmpy) => "fmpy",
         };
+        let verdicts = results
+            .verdicts
+            .iter()
+            .map(|verdict| serde_json::json!({ "status": verdict.outcome.status.name(), "text": verdict.text(plan) }));
         let request = serde_json::json!({
             "plan": plan,
-            "folder": absolute(&self.out.join(&plan.name))?,
+            "folder": absolute(folder)?,
             "engine": engine,
             "command": python::command(),
-            "csv": self.from_csv.as_deref().map(absolute).transpose()?,
-            "jobs": jobs(self.jobs),
-            "timeout": self.workers.timeout().as_secs_f64(),
+            "numbers": results.numbers,
+            "verdicts": verdicts.collect::<Vec<_>>(),
+            "incomplete": incomplete.map(|run| (&run.run, run.reason())).collect::<BTreeMap<_, _>>(),
             "parquet": self.parquet,
-            "junit": self.junit.as_deref().map(absolute).transpose()?,
-            "no_fail": self.no_fail,
             "inputs": self.selection.inputs.as_ref().and_then(|file| file.file_name()).map(|name| name.to_string_lossy()),
             "shortened": (!cut.is_empty()).then(|| cut.join(" ")),
         });
         serde_json::to_string(&request).into_diagnostic()
+    }
+}
+
+fn absolute(path: &Path) -> miette::Result<PathBuf> {
+    std::path::absolute(path).into_diagnostic()
+}
+
+/// Messages of the runs that are not complete, by run.
+#[derive(Default)]
+struct Incomplete {
+    /// Runs that failed.
+    failures: Vec<(String, String)>,
+    /// Runs that an FMU ended.
+    ended: Vec<(String, String)>,
+}
+
+impl Incomplete {
+    fn of(statuses: &RunStatuses) -> Self {
+        let mut found = Self::default();
+        for status in &statuses.runs {
+            let message = (status.run.clone(), format!("run {}: {}", status.run, status.reason()));
+            match &*status.status {
+                "completed" => (),
+                "terminated" => found.ended.push(message),
+                _ => found.failures.push(message),
+            }
+        }
+        found
+    }
+}
+
+/// Numbers of the complete runs, and verdicts on them.
+struct Results<'a> {
+    statuses: RunStatuses,
+    numbers: RunNumbers<'a>,
+    verdicts: Vec<Verdict<'a>>,
+}
+
+impl<'a> Results<'a> {
+    /// Evaluates the files of the runs. With `is_only_required`, metrics that no requirement needs are left out.
+    fn of(plan: &'a Plan, runs: &Path, statuses: RunStatuses, is_only_required: bool) -> miette::Result<Self> {
+        let completed = statuses.runs.iter().filter(|status| status.status == "completed");
+        let completed: BTreeSet<&str> = completed.map(|status| status.run.as_str()).collect();
+        let read = |run: &Run, columns: &BTreeSet<usize>| {
+            if !completed.contains(run.id.as_str()) {
+                return None;
+            }
+            let names: Vec<&str> = columns.iter().map(|index| plan.columns[*index].name.as_str()).collect();
+            let read = results::read_csv(&runs.join(results::file_name(run)), &names);
+            Some(read.map(|(times, values)| {
+                let columns = columns.iter().zip(values).filter_map(|(index, values)| Some((*index, values?)));
+                Signals { times, columns: columns.collect() }
+            }))
+        };
+        let numbers = requirements::numbers(plan, is_only_required, &read).into_diagnostic()?;
+        let verdicts = requirements::verdicts(plan, &numbers);
+        Ok(Self { statuses, numbers, verdicts })
     }
 }
 
@@ -163,33 +235,80 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         }
         plan
     };
+    let folder = arguments.out.join(&plan.name);
+    let runs = folder.join("runs");
     let is_native = arguments.engine == Engine::Native && arguments.from_csv.is_none();
-    if is_native {
-        execute(arguments, &plan, python.is_some())?;
+    let (statuses, Incomplete { failures, ended }) = match &python {
+        Some(python) if !is_native => {
+            try_to_write(&runs)?;
+            if arguments.engine == Engine::Fmpy {
+                // The native master finds them itself.
+                find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
+            }
+            let unpacked = fmu_import::temporary::Folder::new().into_diagnostic()?;
+            run_python(python, "execution", &arguments.runs_request(&plan, &runs, unpacked.path())?)?;
+            let path = runs.join(results::STATUS_FILE);
+            let reading = || format!("reading {}", path.display());
+            let text = std::fs::read(&path).into_diagnostic().wrap_err_with(reading)?;
+            let statuses = serde_json::from_slice(&text).into_diagnostic().wrap_err_with(reading)?;
+            let incomplete = Incomplete::of(&statuses);
+            (statuses, incomplete)
+        }
+        _ => execute(arguments, &plan, &runs)?,
+    };
+    let results = Results::of(&plan, &runs, statuses, python.is_none())?;
+    if let Some(path) = &arguments.junit {
+        write_whole(path, requirements::junit(&plan, &results.verdicts, &failures).as_bytes())?;
     }
-    let Some(python) = python else { return Ok(()) };
-    if arguments.engine == Engine::Fmpy {
-        // The native master finds them itself.
-        find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
+    let python = python.filter(|_| {
+        // The page of an earlier call is better than one without numbers.
+        let is_empty = is_native && failures.len() == plan.runs.len();
+        if is_empty {
+            errln!("note: no page is made without a complete run");
+        }
+        !is_empty
+    });
+    if let Some(python) = &python {
+        run_python(python, "app", &arguments.page_request(&plan, &folder, &results)?)?;
     }
-    match python.call("app", &[], Some(&arguments.request(&plan)?))? {
+    for (_, message) in &ended {
+        errln!("note: {}", indented(message, "  "));
+    }
+    let unmet = print_verdicts(&plan, &results.verdicts);
+    if python.is_some() {
+        outln!("\n{}", folder.join("index.html").display());
+    }
+    if !failures.is_empty() {
+        let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
+        return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));
+    }
+    match unmet {
+        0 => Ok(()),
+        _ if arguments.no_fail => Ok(()),
+        1 => Err(miette!(help = NO_FAIL, "1 requirement is not met")),
+        _ => Err(miette!(help = NO_FAIL, "{unmet} requirements are not met")),
+    }
+}
+
+/// Runs a module of the Python package, which reports its errors; its exit code becomes that of this program.
+fn run_python(python: &Python, module: &str, request: &str) -> miette::Result<()> {
+    match python.call(module, &[], Some(request))? {
         0 => Ok(()),
         code => python::exit(code),
     }
 }
 
-/// Executes the runs by the master of this program. With `is_reported`, failed runs and verdicts are left to the page.
-fn execute(arguments: &Arguments, plan: &Plan, is_reported: bool) -> miette::Result<()> {
-    let folder = arguments.out.join(&plan.name).join("runs");
+/// Executes the runs by the master of this program. Returns their outcomes, and messages that say where a run failed and which rows it has.
+fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
-    try_to_write(&folder)?;
-    remove_old(plan, &folder)?;
+    try_to_write(folder)?;
+    remove_old(plan, folder)?;
     let bar = progress_bar(plan)?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = jobs(arguments.jobs);
     // An FMU may change the folder of its process.
-    let target = std::path::absolute(&folder).into_diagnostic()?;
+    let target = absolute(folder)?;
     let mut settings = arguments.workers.settings(lines, jobs)?;
     if let Some(writable) = &mut settings.sandbox {
         std::fs::create_dir_all(&target).into_diagnostic().wrap_err_with(|| format!("making {}", target.display()))?;
@@ -212,7 +331,7 @@ fn execute(arguments: &Arguments, plan: &Plan, is_reported: bool) -> miette::Res
     bar.finish_and_clear();
 
     let mut done = Vec::new();
-    let (mut failures, mut ended, mut statuses) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut incomplete, mut statuses) = (Incomplete::default(), Vec::new());
     for (index, outcome) in outcomes.into_inner().unwrap_or_else(PoisonError::into_inner) {
         let run = &plan.runs[index];
         match outcome {
@@ -222,31 +341,17 @@ fn execute(arguments: &Arguments, plan: &Plan, is_reported: bool) -> miette::Res
             }
             Err(failure) => {
                 statuses.push(RunStatus::of(run, &failure));
-                let of_kind = if failure.kind == FailureKind::Terminated { &mut ended } else { &mut failures };
+                let Incomplete { failures, ended } = &mut incomplete;
+                let of_kind = if failure.kind == FailureKind::Terminated { ended } else { failures };
                 of_kind.push((run.id.clone(), described(&failure)));
             }
         }
     }
-    let statuses = serde_json::to_string_pretty(&RunStatuses::new(statuses)).into_diagnostic()?;
-    write_whole(&folder.join(results::STATUS_FILE), (statuses + "\n").as_bytes())?;
-    print_summary(plan, &done, ended.len(), &folder, began.elapsed());
-    if is_reported {
-        return Ok(());
-    }
-    for (_, message) in &ended {
-        errln!("note: {}", indented(message, "  "));
-    }
-    let failed = report_verdicts(plan, &folder, [&failures[..], &ended[..]], arguments)?;
-    if !failures.is_empty() {
-        let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
-        return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));
-    }
-    match failed {
-        0 => Ok(()),
-        _ if arguments.no_fail => Ok(()),
-        1 => Err(miette!(help = NO_FAIL, "1 requirement is not met")),
-        _ => Err(miette!(help = NO_FAIL, "{failed} requirements are not met")),
-    }
+    let statuses = RunStatuses::new(statuses);
+    let text = serde_json::to_string_pretty(&statuses).into_diagnostic()?;
+    write_whole(&folder.join(results::STATUS_FILE), (text + "\n").as_bytes())?;
+    print_summary(plan, &done, incomplete.ended.len(), folder, began.elapsed());
+    Ok((statuses, incomplete))
 }
 
 /// The reason that a run is incomplete, and its last row.
@@ -264,37 +369,12 @@ fn described(failure: &Failure) -> String {
 /// Hint on options, for requirements that are not met.
 const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
 
-/// Prints the verdicts on the requirements and writes them as JUnit XML. Returns the number of unmet requirements. `failures` and
-/// `ended` (by an FMU) hold ids and messages of runs whose rows do not cover the whole run.
-fn report_verdicts(
-    plan: &Plan,
-    folder: &Path,
-    [failures, ended]: [&[(String, String)]; 2],
-    arguments: &Arguments,
-) -> miette::Result<usize> {
-    let read = |run: &Run, columns: &BTreeSet<usize>| {
-        if failures.iter().chain(ended).any(|(other, _)| *other == run.id) {
-            return None;
-        }
-        let names: Vec<&str> = columns.iter().map(|index| plan.columns[*index].name.as_str()).collect();
-        let read = results::read_csv(&folder.join(results::file_name(run)), &names);
-        Some(read.map(|(times, values)| {
-            let columns = columns.iter().zip(values).filter_map(|(index, values)| Some((*index, values?)));
-            Signals { times, columns: columns.collect() }
-        }))
-    };
-    let verdicts = if plan.metrics.iter().any(|metric| metric.requirement.is_some()) {
-        requirements::verdicts(plan, &read).into_diagnostic()?
-    } else {
-        Vec::new()
-    };
-    if let Some(path) = &arguments.junit {
-        write_whole(path, requirements::junit(plan, &verdicts, failures).as_bytes())?;
-    }
+/// Prints the verdicts on the requirements. Returns the number of those that are not met.
+fn print_verdicts(plan: &Plan, verdicts: &[Verdict<'_>]) -> usize {
     if !verdicts.is_empty() {
         let width = verdicts.iter().map(|verdict| verdict.outcome.status.title().len()).max().unwrap_or(0);
         outln!("\nRequirements");
-        for verdict in &verdicts {
+        for verdict in verdicts {
             outln!("{:width$}  {}", verdict.outcome.status.title(), escaped(&verdict.text(plan)));
         }
         match verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Open).count() {
@@ -305,7 +385,7 @@ fn report_verdicts(
             }
         }
     }
-    Ok(verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Failed).count())
+    verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Failed).count()
 }
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.

@@ -7,7 +7,7 @@
 //!   finds the steady states in which components start,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the numbers,
-//!   [`requirements`] gives verdicts on those that have limits,
+//!   [`requirements`] gives verdicts on those that have limits, [`typography`] formats numbers and units,
 //! - [`data`] reads CSV files of any origin,
 //! - [`export`] writes a run for other masters, [`compat`] finds the FMUs whose signals fit a plant.
 //!
@@ -53,6 +53,7 @@ pub mod run;
 pub mod session;
 pub mod steady;
 pub mod trial;
+pub mod typography;
 #[cfg(not(target_family = "wasm"))]
 pub mod worker;
 

@@ -190,6 +190,7 @@ pub struct Column {
 
 /// A unit to show values in: shown value = factor * value + offset.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[schemars(rename = "DisplayUnit")]
 pub struct Conversion {
     /// Name of the unit.
     pub name: String,

@@ -245,6 +245,7 @@ pub enum Part {
     /// Words.
     Words(String),
     /// A number of the results.
+    #[schemars(title = "Number")]
     Number {
         /// Number to show, and its format.
         format: Format,

@@ -1,11 +1,12 @@
 //! Requirements: verdicts on the numbers of the runs by the limits of the metrics, as numbers, text and JUnit XML.
 //!
-//! This is the only implementation of the rules: `chassis run` and the Python package call [`evaluate`].
+//! This is the only implementation of the rules.
 
 use crate::metrics::{Columns, Definition, Kind, MetricError};
 use crate::plan::Plan;
 use crate::report::{Metric, Requirement, Source};
 use crate::run::Run;
+use crate::typography;
 use fmu_import::terminal::escaped;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -182,27 +183,36 @@ pub type Read<'a> = &'a dyn Fn(&Run, &BTreeSet<usize>) -> Option<std::io::Result
 /// Numbers of the metrics of a run, by index.
 type Numbers = Vec<Option<f64>>;
 
-/// The verdicts on a plan, ordered by metric, case, point.
+/// Numbers of the metrics of the complete runs, by the id of the run.
+pub type RunNumbers<'a> = BTreeMap<&'a str, Numbers>;
+
+/// Computes the numbers of the metrics of all runs. With `is_only_required`, those that no requirement needs are left out.
 ///
 /// # Errors
 /// Signals cannot be read, or a metric has no number.
-pub fn verdicts<'a>(plan: &'a Plan, read: Read<'_>) -> Result<Vec<Verdict<'a>>, RequirementError> {
-    let metrics = needed(plan);
+pub fn numbers<'a>(plan: &'a Plan, is_only_required: bool, read: Read<'_>) -> Result<RunNumbers<'a>, RequirementError> {
+    let metrics = if is_only_required { needed(plan) } else { (0..plan.metrics.len()).collect() };
+    if is_only_required && metrics.is_empty() {
+        return Ok(RunNumbers::new());
+    }
     let columns: BTreeSet<usize> = definitions(plan, &metrics).flat_map(Definition::needed_columns).collect();
     let compares = definitions(plan, &metrics).any(|definition| definition.from_baseline);
-    let mut numbers: BTreeMap<(&str, Option<&str>), Vec<Numbers>> = BTreeMap::new();
+    let mut found = RunNumbers::new();
     for run in &plan.runs {
-        let place = numbers.entry((run.case.as_str(), run.point.as_deref())).or_default();
-        let Some(signals) = read(run, &columns) else { continue };
-        let signals = signals?;
+        let Some(signals) = read(run, &columns).transpose()? else { continue };
         let baseline = plan.cases.iter().find(|case| case.name == run.case).and_then(|case| case.baseline.as_ref());
         let baseline = baseline.filter(|_| compares).and_then(|name| {
             plan.runs.iter().find(|other| other.case == *name && other.point == run.point && other.seed == run.seed)
         });
         let baseline = baseline.and_then(|other| read(other, &columns)).transpose()?;
-        place.push(of_run(plan, &metrics, &signals, baseline.as_ref())?);
+        found.insert(&run.id, of_run(plan, &metrics, &signals, baseline.as_ref())?);
     }
-    let runs = plan.seeds.len().max(1);
+    Ok(found)
+}
+
+/// The verdicts on a plan, ordered by metric, case, point.
+#[must_use]
+pub fn verdicts<'a>(plan: &'a Plan, numbers: &RunNumbers<'_>) -> Vec<Verdict<'a>> {
     let points: Vec<Option<&str>> =
         if plan.points.is_empty() { vec![None] } else { plan.points.iter().map(|p| Some(p.name.as_str())).collect() };
     let mut found = Vec::new();
@@ -215,15 +225,16 @@ pub fn verdicts<'a>(plan: &'a Plan, read: Read<'_>) -> Result<Vec<Verdict<'a>>, 
         let rows = if plan.is_cut && is_cut_off(plan, index) { Rows::Cut(kind) } else { Rows::All };
         for case in &requirement.cases {
             for point in &points {
-                let of_runs = numbers.get(&(case.as_str(), *point)).map_or(&[][..], Vec::as_slice);
-                let values: Vec<Option<f64>> = of_runs.iter().map(|run| run[index]).collect();
+                let runs = plan.runs.iter().filter(|run| run.case == *case && run.point.as_deref() == *point);
+                let values: Vec<Option<f64>> =
+                    runs.filter_map(|run| numbers.get(run.id.as_str())).map(|of_run| of_run[index]).collect();
                 let limits = [requirement.min, requirement.max];
-                let outcome = evaluate(limits, requirement.share, &values, runs, rows);
+                let outcome = evaluate(limits, requirement.share, &values, plan.seeds.len().max(1), rows);
                 found.push(Verdict { metric, requirement, case, point: *point, outcome });
             }
         }
     }
-    Ok(found)
+    found
 }
 
 /// The numbers of some metrics of a run, by the index of the metric.
@@ -269,12 +280,12 @@ impl Verdict<'_> {
             .into_iter()
             .filter(|text| !text.is_empty())
             .collect();
-        let unit = words::unit(metric.unit.as_deref().unwrap_or_default());
+        let unit = typography::unit(metric.unit.as_deref().unwrap_or_default());
         let seeds = plan.seeds.len();
         let mut found = Vec::new();
         if let Some(worst) = outcome.worst {
             let of = if seeds > 1 { format!(" in the worst of {seeds} seeds") } else { String::new() };
-            found.push(format!("{}{of}", words::with_unit(&words::number(worst, metric.digits), &unit)));
+            found.push(format!("{}{of}", typography::with_unit(&typography::number(worst, metric.digits), &unit)));
         }
         match outcome.missing {
             0 => (),
@@ -282,16 +293,10 @@ impl Verdict<'_> {
             missing => found.push(format!("no number in {missing} of {seeds} seeds")),
         }
         let found = if found.is_empty() { "–".to_owned() } else { found.join("; ") };
-        let ends = [("at least", requirement.min), ("at most", requirement.max)];
-        let limits: Vec<String> = ends
-            .into_iter()
-            .filter_map(|(word, limit)| {
-                Some(format!("{word} {}", words::with_unit(&words::significant(limit?, 6), &unit)))
-            })
-            .collect();
-        let mut text = format!("{}: {found}, required {}", place.join(", "), limits.join(" and "));
+        let limits = typography::limits([requirement.min, requirement.max], &unit);
+        let mut text = format!("{}: {found}, required {limits}", place.join(", "));
         if requirement.share < 1.0 {
-            let _ = write!(text, " in {} % of the runs", words::significant(100.0 * requirement.share, 6));
+            let _ = write!(text, " in {} % of the runs", typography::significant(100.0 * requirement.share, 6));
         }
         if let Some(source) = requirement.source.as_ref().filter(|source| !source.is_empty()) {
             let _ = write!(text, " ({source})");
@@ -341,95 +346,6 @@ fn content(text: &str) -> String {
 
 fn attribute(text: &str) -> String {
     content(text).replace('"', "&quot;").replace('\r', "&#13;").replace('\n', "&#10;").replace('\t', "&#09;")
-}
-
-/// Numbers and units as text, as `chassis_fmu.report.tables` writes them.
-mod words {
-    /// Numbers below `SMALL` and from `LARGE` on are written with a power of ten.
-    const SMALL: f64 = 1e-4;
-    const LARGE: f64 = 1e9;
-
-    /// Formats a number with these decimals, or with four significant digits.
-    pub(super) fn number(value: f64, digits: Option<u8>) -> String {
-        let size = value.abs();
-        if size >= LARGE || (digits.is_none() && size > 0.0 && size < SMALL) {
-            return significant(value, 6);
-        }
-        let decimals = digits.map_or_else(
-            || if size > 0.0 && size.is_finite() { (3 - size.log10().floor() as i32).max(0) as usize } else { 3 },
-            usize::from,
-        );
-        minus(&format!("{value:.decimals$}"))
-    }
-
-    /// Formats a number with up to `digits` significant digits, and with a power of ten where that is shorter: C's format `g`.
-    pub(super) fn significant(value: f64, digits: usize) -> String {
-        if !value.is_finite() {
-            return minus(&value.to_string().to_lowercase());
-        }
-        let scientific = format!("{value:.*e}", digits - 1);
-        let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-        let power: i32 = exponent.parse().unwrap_or(0);
-        let trimmed = |text: &str| {
-            if text.contains('.') {
-                text.trim_end_matches('0').trim_end_matches('.').to_owned()
-            } else {
-                text.to_owned()
-            }
-        };
-        if (-4..digits as i32).contains(&power) {
-            return minus(&trimmed(&format!("{value:.*}", (digits as i32 - 1 - power).max(0) as usize)));
-        }
-        format!("{}×10{}", minus(&trimmed(mantissa)), raised(&power.to_string()))
-    }
-
-    /// Replaces the hyphen with a minus sign and drops it for a negative zero.
-    fn minus(text: &str) -> String {
-        match text.strip_prefix('-') {
-            Some(size) if size.chars().all(|c| matches!(c, '0' | '.')) => size.to_owned(),
-            _ => text.replace('-', "−"),
-        }
-    }
-
-    fn raised(text: &str) -> String {
-        let of = |c: char| match c.to_digit(10) {
-            Some(digit) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize],
-            None => '⁻',
-        };
-        text.chars().map(of).collect()
-    }
-
-    /// Formats a unit: rad/s2 as rad/s², N.m as N·m, deg as °, 1 as an empty text.
-    pub(super) fn unit(name: &str) -> String {
-        if name == "1" {
-            return String::new();
-        }
-        let is_word = |c: char| c.is_alphanumeric() || c == '_';
-        let letters: Vec<char> = name.replace('.', "·").chars().collect();
-        let mut out = String::new();
-        let mut at = 0;
-        while at < letters.len() {
-            let before = at.checked_sub(1).map(|i| letters[i]);
-            let end = letters[at..].iter().position(|c| !is_word(*c)).map_or(letters.len(), |length| at + length);
-            let starts_word = is_word(letters[at]) && !before.is_some_and(is_word);
-            if starts_word && letters[at..end] == ['d', 'e', 'g'] {
-                out.push('°');
-                at = end;
-            } else if letters[at].is_ascii_digit() && before.is_some_and(|c| c.is_ascii_alphabetic() || c == ')') {
-                let count = letters[at..].iter().take_while(|c| c.is_ascii_digit()).count();
-                out += &raised(&letters[at..at + count].iter().collect::<String>());
-                at += count;
-            } else {
-                out.push(letters[at]);
-                at += 1;
-            }
-        }
-        out
-    }
-
-    pub(super) fn with_unit(number: &str, unit: &str) -> String {
-        if unit.is_empty() { number.to_owned() } else { format!("{number} {unit}") }
-    }
 }
 
 #[cfg(test)]
@@ -487,36 +403,5 @@ mod tests {
         assert_eq!(of(Kind::Rms, AT_MOST, &too_high), Status::Open);
         // One of two runs is enough.
         assert_eq!(evaluate(AT_MOST, 0.5, &too_high, 2, Rows::Cut(Some(Kind::Peak))).status, Status::Open);
-    }
-
-    /// References: Python's formats `.6g` and `.2f`, and `chassis_fmu.report.tables`.
-    #[test]
-    fn numbers_and_units_are_written_as_on_the_page() {
-        for (value, text) in [
-            (0.35, "0.35"),
-            (-0.0, "0"),
-            (123_456.7, "123457"),
-            (1_234_567.0, "1.23457×10⁶"),
-            (1e-5, "1×10⁻⁵"),
-            (-2.5e-7, "−2.5×10⁻⁷"),
-            (999_999.96, "1×10⁶"),
-        ] {
-            assert_eq!(words::significant(value, 6), text);
-        }
-        assert_eq!(words::number(0.012_345, None), "0.01235");
-        assert_eq!(words::number(12_345.6, None), "12346");
-        assert_eq!(words::number(-0.001, Some(2)), "0.00");
-        assert_eq!(words::number(0.0, None), "0.000");
-        assert_eq!(words::number(5e-5, None), "5×10⁻⁵");
-        for (name, text) in [
-            ("1", ""),
-            ("rad/s2", "rad/s²"),
-            ("N.m", "N·m"),
-            ("deg/s", "°/s"),
-            ("(m/s)2", "(m/s)²"),
-            ("10 deg", "10 °"),
-        ] {
-            assert_eq!(words::unit(name), text);
-        }
     }
 }

@@ -72,6 +72,7 @@ pub struct Component {
     /// Name, also of the instance.
     pub name: String,
     /// Path of the `.fmu` file.
+    #[schemars(extend("format" = "path"))]
     pub fmu: String,
     /// Version of FMI.
     pub fmi: FmiVersion,

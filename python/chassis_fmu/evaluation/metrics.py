@@ -1,12 +1,11 @@
-"""Metrics of recordings: numbers, spectra and running values.
+"""Spectra and running values of recordings, and formulas of metrics.
 
 The definitions are those of the native code, the Rust module `metrics`; this module passes recordings to it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,40 +26,6 @@ def columns_of(metric: Metric) -> set[int]:
     return {*metric.columns, *(c for c in others if c is not None)}
 
 
-def _columns(metric: Metric, plan: Plan, recording: Recording) -> dict[int, NDArray[np.float64]]:
-    """Return those columns of a metric that a recording has."""
-    names = {index: plan.columns[index].name for index in columns_of(metric)}
-    return {i: _native_array(recording.values[name]) for i, name in names.items() if name in recording.values}
-
-
-def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Recording | None = None) -> float | None:
-    """Compute a metric of a recording, in its unit. `baseline` is the recording of the baseline's run.
-
-    None: the metric is undefined for this signal, a signal that it needs was not recorded, or there is no baseline that
-    it refers to.
-
-    Raises MetricError for an unknown kind, a threshold or band that is missing, and a window without rows.
-    """
-    return _native.value(
-        metric,
-        _native_array(recording.times),
-        _columns(metric, plan, recording),
-        None if baseline is None else _columns(metric, plan, baseline),
-        plan.simulation.step,
-    )
-
-
-def of_metrics(metric: Metric, plan: Plan, values: Mapping[str, float]) -> float | None:
-    """Compute a metric of other metrics of the same run; `values` has the numbers of those that have one.
-
-    None: a metric that it needs has no number, or the result is not a finite number, as after a division by 0.
-
-    Raises MetricError for a formula that cannot be read.
-    """
-    needed = {plan.metrics[index].name: values.get(plan.metrics[index].name) for index in metric.uses}
-    return _native.evaluate(metric.value or "", needed)
-
-
 def formula(metric: Metric) -> str:
     """Return in words how the number is computed from the rows of its window; empty for one made of other metrics."""
     return "" if metric.kind is None else formula_of(metric.kind)
@@ -79,7 +44,9 @@ def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Ar
     Raises MetricError for a kind that has no such values.
     """
     times = _native_array(recording.times)
-    found = _native.running(metric, times, _columns(metric, plan, recording), plan.simulation.step)
+    names = {index: plan.columns[index].name for index in columns_of(metric)}
+    columns = {i: _native_array(recording.values[name]) for i, name in names.items() if name in recording.values}
+    found = _native.running(msgspec.json.encode(metric), times, columns, plan.simulation.step)
     if found is None:
         return None
     first, end, values = found

@@ -7,7 +7,8 @@ import statistics
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from .. import _native
+import msgspec
+
 from ..files.plan import Cell, Check, Finding, Metric, Plan
 from . import grading
 from .grading import Status
@@ -66,34 +67,31 @@ class Row:
         return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Whether one metric of one case at one point keeps its limits.
+class Verdict(msgspec.Struct, frozen=True):
+    """Whether a metric of a case at a point keeps its limits: a badge, and what is required and was found."""
 
-    `worst` is the number that comes closest to a limit or exceeds it most; None: no run has one. `missing` counts runs
-    that took place and have no number.
-    """
-
-    metric: Metric
-    case: str
-    point: str | None
     status: Status
-    worst: float | None
-    missing: int
+    text: str
 
 
 class Numbers:
     """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
 
-    `finished` has the ids of the runs that took place; None: all of them did.
+    `finished` has the ids of the runs that took place; None: all of them did. `verdicts` are those on the requirements.
     """
 
-    def __init__(self, plan: Plan, values: Values, finished: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        values: Values,
+        finished: Collection[str] | None = None,
+        verdicts: Sequence[Verdict] = (),
+    ) -> None:
         self.plan = plan
+        self.verdicts = verdicts
         self._values = values
         runs = [r for r in plan.runs if finished is None or r.id in finished]
         self._finished = {(r.case, r.point) for r in runs}
-        self._finished_seeds = {(r.case, r.point, r.seed) for r in runs}
 
     def metric(self, cell: Cell) -> Metric:
         """Return the metric of a cell."""
@@ -170,8 +168,15 @@ class Numbers:
     def is_calibrated(self, cell: Cell, against: Cell | None = None) -> bool:
         """Return whether a parameter was fitted to the paper's number."""
         paper = self.metric(cell).paper
-        fitted = (paper.calibrated if paper else None) or frozenset()
+        fitted = (paper.calibrated if paper else None) or ()
         return cell.key in fitted or (against is not None and f"{cell.key}/{against.key}" in fitted)
+
+    def _origin(self, cell: Cell) -> str:
+        """Say how our number for one of the paper came about; empty if the scenario does not say."""
+        paper = self.metric(cell).paper
+        if paper is None or paper.calibrated is None or cell.key not in paper.values:
+            return ""
+        return "calibrated" if self.is_calibrated(cell) else "predicted"
 
     def status_of(self, cell: Cell) -> Status | None:
         """Return the badge of a number of the paper: of its change where there is one, else of its value."""
@@ -247,32 +252,6 @@ class Numbers:
             return status
         return Status.OWN_RESULT if status is Status.REPRODUCED else Status.REFUTED
 
-    def requirements(self) -> list[Verdict]:
-        """Judge the metrics that have limits, ordered by metric, case, point."""
-        return [
-            self._verdict(Cell(index, case, point))
-            for index, metric in enumerate(self.plan.metrics)
-            if metric.requirement is not None
-            for case in metric.requirement.cases
-            for point in self.plan.point_names
-        ]
-
-    def _verdict(self, cell: Cell) -> Verdict:
-        metric = self.metric(cell)
-        limits = metric.requirement
-        found = self.by_seed(cell)
-        done = [seed for seed in self.plan.seed_values if (cell.case, cell.point, seed) in self._finished_seeds]
-        status, worst, missing = _native.requirement_status(
-            None if limits is None else limits.min,
-            None if limits is None else limits.max,
-            1.0 if limits is None else limits.share,
-            [found.get(seed) for seed in done],
-            len(self.plan.seed_values),
-            self._is_cut_off(metric),
-            metric.kind,
-        )
-        return Verdict(metric, cell.case, cell.point, Status(status), worst, missing)
-
     def table(self) -> list[Row]:
         """Put the numbers of all metrics beside those of the paper, ordered by metric, point, case."""
         rows = []
@@ -290,7 +269,7 @@ class Numbers:
                             change=None if against is None else self.change(cell, against),
                             paper=self.paper_value(cell),
                             paper_change=None if against is None else self.paper_change(cell, against),
-                            origin=metric.paper.origin(cell.key) if metric.paper else "",
+                            origin=self._origin(cell),
                             status=self.status_of(cell),
                             negligible=against is not None and self.is_negligible(against),
                         )

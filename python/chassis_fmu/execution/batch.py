@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ..files import results, temporary
+from ..files import results
 from ..files.plan import Plan, Run, Simulation
 from . import calls, family, master
 from .calls import Board
@@ -246,8 +246,8 @@ def _unpack(fmu: Path, folder: Path) -> None:
             archive.extract(entry, folder)
 
 
-def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
-    """Execute all runs of the plan, at most `jobs` at a time; their files go to `out`.
+def execute(plan: Plan, folder: Path, out: Path, jobs: int, timeout: float) -> Outcome:
+    """Execute all runs of the plan, at most `jobs` at a time; their files go to `out`, the unpacked FMUs to `folder`.
 
     Every run has a process of its own: an FMU that crashes takes only its run with it, and so does one of whose steps
     takes longer than the timeout (s). A run that is not whole keeps its rows up to there; `status.json` says so. Files
@@ -262,10 +262,8 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
     names = tuple(c.name for c in plan.columns)
     _remove(plan, out)
     running: dict[Connection, _Running] = {}
-    with (
-        temporary.folder() as folder,
-        tqdm(total=plan.simulation.steps * len(plan.runs), unit="step", unit_scale=True, disable=None) as bar,
-    ):
+    total = plan.simulation.steps * len(plan.runs)
+    with tqdm(total=total, unit="step", unit_scale=True, disable=None) as bar:
         folders, broken = _extract(plan, folder)
         waiting = []
         for run in plan.runs:
@@ -392,8 +390,7 @@ def take(plan: Plan, source: Path, out: Path) -> Outcome:
             outcome.add(RunStatus(run.id, f"{run.stem}.csv", "completed", end, end, None, None))
         except results.ResultsError as error:
             outcome.add(RunStatus(run.id, None, "failed", None, None, None, str(error)))
-    if is_elsewhere:
-        write_statuses(plan, out, outcome)
+    write_statuses(plan, out, outcome)
     return outcome
 
 

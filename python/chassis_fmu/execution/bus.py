@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.plan import Kind, Wire
+from ..files.plan import BaseType, Wire
 
 Array = NDArray[np.floating[Any]]
 
@@ -66,7 +66,7 @@ class WholeGroup(_Group):
     Integers that may have more than 32 bits are a group of their own.
     """
 
-    def __init__(self, wires: Sequence[Wire], bus: Array, kind: Kind, wide: bool = False) -> None:
+    def __init__(self, wires: Sequence[Wire], bus: Array, kind: BaseType, wide: bool = False) -> None:
         super().__init__(wires, bus)
         self.kind = kind
         self.buffer = np.zeros(self.count, dtype=np.int64 if wide else np.int32)
@@ -87,6 +87,6 @@ class WholeGroup(_Group):
         self.bus[self.slots] = self.buffer != 0 if self.kind == "Boolean" else self.buffer
 
 
-def of_type(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
+def of_type(wires: Iterable[Wire], kind: BaseType) -> list[Wire]:
     """Return the wires of a type."""
-    return [w for w in wires if w.kind == kind]
+    return [w for w in wires if w.type == kind]

@@ -277,19 +277,19 @@ class Slave:
         """Set parameters or constant inputs, one call each."""
         for s in settings:
             value: Any
-            if s.kind == "Real":
+            if s.type == "Real":
                 value = (ctypes.c_double * 1)(float(s.value))
-            elif s.kind == "Integer":
+            elif s.type == "Integer":
                 value = ((ctypes.c_int64 if s.reference in self._wide else ctypes.c_int) * 1)(int(s.value))
                 if value[0] != s.value:
                     # ctypes wraps integers around.
                     self.check(ERROR, "fmi2SetInteger", time, f"{s.name} = {s.value!r}")
-            elif s.kind == "Boolean":
+            elif s.type == "Boolean":
                 value = (ctypes.c_int * 1)(int(bool(s.value)))
             else:
                 value = (ctypes.c_char_p * 1)(str(s.value).encode())
             reference = (ctypes.c_uint * 1)(s.reference)
-            self._call(f"fmi2Set{s.kind}", time, reference, 1, value, subject=f"{s.name} = {s.value!r}")
+            self._call(f"fmi2Set{s.type}", time, reference, 1, value, subject=f"{s.name} = {s.value!r}")
 
     def enter(self, time: float) -> None:
         """Enter the initialization mode."""

@@ -1,1 +1,1 @@
-"""Files of scenarios and runs: plans, recordings, descriptions of FMUs, temporary folders."""
+"""Files of scenarios and runs: plans, recordings, descriptions of FMUs."""

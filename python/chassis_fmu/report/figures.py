@@ -129,7 +129,7 @@ def _windows(plan: Plan, kind: str, run: Run, recording: Recording) -> Iterator[
 def columns_of(plan: Plan, figure: Figure) -> set[int]:
     """Return the columns that a figure shows, or computes what it shows from."""
     running = figure.metrics if figure.kind == "running" else ()
-    of_metrics = {c for m in running for c in plan.metrics[m].columns}
+    of_metrics = {c for m in running for c in metrics.columns_of(plan.metrics[m])}
     over = figure.over if figure.kind in ("xy", "transfer") else None
     beside = (c for c in (figure.against, figure.right, over) if c is not None)
     return {*figure.columns, *beside, *of_metrics}

@@ -159,11 +159,11 @@ def _places(plan: Plan, point: Point | None) -> tuple[str, str] | None:
 
 def _value(setting: Setting, variable: Variable | None) -> str:
     value = setting.value
-    if isinstance(value, bool) or setting.kind == "Boolean":
+    if isinstance(value, bool) or setting.type == "Boolean":
         return "on" if value else "off"
-    if isinstance(value, str) or setting.kind == "String":
+    if isinstance(value, str) or setting.type == "String":
         return str(value)
-    if variable is None or setting.kind == "Integer":
+    if variable is None or setting.type == "Integer":
         return f"{value:.9g}"
     shown = variable.unit
     text = tables.scientific(value * shown.factor + shown.offset)
@@ -178,10 +178,10 @@ def _default(setting: Setting, variable: Variable | None) -> str:
     if variable is None or variable.start is None:
         return ""
     try:
-        start = msgspec.convert(variable.start, _TYPES[setting.kind], strict=False)
+        start = msgspec.convert(variable.start, _TYPES[setting.type], strict=False)
     except msgspec.ValidationError:
         return variable.start
-    return _value(Setting(setting.name, setting.kind, setting.reference, start), variable)
+    return _value(Setting(setting.name, setting.type, setting.reference, start), variable)
 
 
 def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
@@ -284,7 +284,7 @@ def _of(run: Run, component: str, parameter: str) -> object:
 def counts(numbers: Numbers) -> dict[Status, int]:
     """Count the badges of findings and requirements, best first."""
     found = [numbers.finding(f) for f in numbers.plan.findings]
-    found += [verdict.status for verdict in numbers.requirements()]
+    found += [verdict.status for verdict in numbers.verdicts]
     return {status: found.count(status) for status in TITLES if status in found}
 
 
@@ -296,7 +296,7 @@ def legend(cells: Sequence[Row], articles: Sequence[Article]) -> list[tuple[Stat
 
 def verdict_meanings(numbers: Numbers) -> list[tuple[Status, str]]:
     """Define the badges of the requirements that the page shows."""
-    shown = {verdict.status for verdict in numbers.requirements()}
+    shown = {verdict.status for verdict in numbers.verdicts}
     runs = "run and seed" if len(numbers.plan.seeds) > 1 else "run"
     meanings = {
         Status.PASSED: f"the number of every {runs} keeps the limits",
@@ -337,7 +337,7 @@ def render(
         has_status=any(c.status for c in cells),
         negligible=tables.NEGLIGIBLE if any(c.negligible for c in cells) else "",
         counts=counts(numbers),
-        verdicts=[(v.status, texts.requirement(v, numbers)) for v in numbers.requirements()],
+        verdicts=[(verdict.status, verdict.text) for verdict in numbers.verdicts],
         verdict_meanings=verdict_meanings(numbers),
         findings=findings,
         legend=legend(cells, findings),

@@ -5,20 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import math
-import re
 from collections.abc import Sequence
 
 from tabulate import tabulate
 
+from .. import _native
 from ..evaluation.grading import NO_CHANGE
 from ..evaluation.results_table import Row, Statistic
 from ..files.plan import Plan
 
 # Numbers below this are shown with a power of ten.
 SMALL = 1e-4
-
-# From here on numbers are shown with a power of ten, too: those of a run that diverges.
-LARGE = 1e9
 
 # Changes whose ratio lies between this and its inverse are called similar.
 SIMILAR = 0.75
@@ -55,11 +52,7 @@ def _decimals(value: float) -> int:
 
 def number(value: float | None, digits: int | None) -> str:
     """Format a number with `digits` decimals, or four significant digits; a dash for None."""
-    if value is None:
-        return "–"
-    if abs(value) >= LARGE or (digits is None and 0.0 < abs(value) < SMALL):
-        return scientific(value)
-    return _minus(f"{value:.{_decimals(value) if digits is None else digits}f}")
+    return "–" if value is None else _native.number(value, digits)
 
 
 def printed(value: float | None, digits: int | None) -> str:
@@ -69,15 +62,12 @@ def printed(value: float | None, digits: int | None) -> str:
 
 def scientific(value: float) -> str:
     """Format a number of any size with up to six significant digits, powers of ten where that is shorter."""
-    text = f"{value:.6g}"
-    mantissa, _, exponent = text.partition("e")
-    return _minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if exponent else "")
+    return _native.scientific(value)
 
 
 def limits(least: float | None, most: float | None, unit: str) -> str:
     """Write limits, of which one may be missing, in a unit as `pretty_unit` gives it."""
-    ends = (("at least", least), ("at most", most))
-    return " and ".join(f"{word} {scientific(limit)} {unit}".rstrip() for word, limit in ends if limit is not None)
+    return _native.limits(least, most, unit)
 
 
 def significant(value: float, digits: int) -> str:
@@ -141,15 +131,9 @@ def spread_percent(statistic: Statistic | None) -> str:
     return text
 
 
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
 def pretty_unit(unit: str) -> str:
     """Turn a unit name into typography: rad/s2 becomes rad/s², N.m becomes N·m, 1 becomes nothing."""
-    if unit == "1":
-        return ""
-    out = re.sub(r"\bdeg\b", "°", unit.replace(".", "·"))
-    return re.sub(r"(?<=[A-Za-z)])\d+", lambda power: power[0].translate(SUPERSCRIPTS), out)
+    return _native.unit(unit)
 
 
 def with_unit(title: str, unit: str) -> str:

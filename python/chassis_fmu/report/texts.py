@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 
 from ..evaluation import metrics
 from ..evaluation.grading import Status, paired
-from ..evaluation.results_table import Numbers, Statistic, Verdict
-from ..files.plan import Cell, Check, Metric, Number, Plan, Text
+from ..evaluation.results_table import Numbers, Statistic
+from ..files.plan import Cell, Check, Metric, Number, Part, Plan
 from . import tables
 
 NONE = "–"
 
 
-def fill(text: Text, numbers: Numbers) -> str:
+def fill(text: Sequence[Part], numbers: Numbers) -> str:
     """Return a text with its numbers."""
     return " ".join("".join(p if isinstance(p, str) else number(p, numbers) for p in text).split())
 
@@ -190,30 +190,6 @@ def definition(metric: Metric, plan: Plan) -> str:
     count = f"{rows.stop - rows.start:,}".replace(",", " ")
     text += f" ({'at most ' if metric.until else ''}{count} rows)"
     return text + (f"; in {unit}" if unit else "")
-
-
-def limits(metric: Metric) -> str:
-    """Describe the limits of a metric and their source."""
-    required = metric.requirement
-    if required is None:
-        return ""
-    words = tables.limits(required.min, required.max, tables.pretty_unit(metric.conversion.unit))
-    share = "" if required.share == 1.0 else f" in {100.0 * required.share:g} % of the runs"
-    return words + share + (f" ({required.source})" if required.source else "")
-
-
-def requirement(item: Verdict, numbers: Numbers) -> str:
-    """Describe a requirement and its result."""
-    metric = item.metric
-    seeds = len(numbers.plan.seeds)
-    place = ", ".join(filter(None, (metric.title, numbers.plan.place(item.case, item.point))))
-    unit = tables.pretty_unit(metric.conversion.unit)
-    found = [] if item.worst is None else [f"{tables.number(item.worst, metric.digits)} {unit}".rstrip()]
-    if seeds > 1 and item.worst is not None:
-        found[0] += f" in the worst of {seeds} seeds"
-    if item.missing:
-        found.append("no number" if seeds < 2 else f"no number in {item.missing} of {seeds} seeds")
-    return f"{place}: {'; '.join(found) or NONE}, required {limits(metric)}"
 
 
 def checks(items: Sequence[Check], numbers: Numbers) -> list[tuple[Status, str]]:

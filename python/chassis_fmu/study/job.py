@@ -302,7 +302,7 @@ class Job:
         """Iterate over the Strings of all scenarios: parameter or input with its component, and value."""
         for unit in (unit for s in self.scenarios for run in s.plan.runs for unit in run.components):
             for setting in (*unit.parameters, *unit.constants):
-                if setting.kind == "String":
+                if setting.type == "String":
                     yield f"`{setting.name}` of `{unit.name}`", str(setting.value)
 
     def _levels(self) -> dict[str, Path]:

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 /// The unit of the number is that of the signal unless an entry says otherwise, see [`Kind::unit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(rename = "MetricKind")]
 pub enum Kind {
     /// Root mean square: sqrt(sum(x\[i\]^2)/n).
     Rms,

@@ -69,7 +69,7 @@ pub enum MetricError {
 pub type Columns<'a> = BTreeMap<usize, &'a [f64]>;
 
 /// Definition of a metric: x = factor * signal + offset over the rows of a window.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Definition {
     /// Indices of the columns; several are combined row by row.
     pub columns: Vec<usize>,
@@ -92,8 +92,10 @@ pub struct Definition {
     /// Level that the kind refers to, in the unit the signal is converted to.
     pub threshold: Option<f64>,
     /// Factor that the signal is multiplied with before.
+    #[schemars(extend("default" = 1.0))]
     pub factor: f64,
     /// Offset that is added to it then.
+    #[schemars(extend("default" = 0.0))]
     pub offset: f64,
 }
 
@@ -122,7 +124,7 @@ pub enum Combine {
 
 /// The end of a window: the rows from the first one on where a signal is above or below a level do not count. Without such a
 /// row in the window there is no number.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Until {
     /// Index of the column.
     pub column: usize,

@@ -3,13 +3,14 @@
 use super::file_name;
 use crate::failure::{Failure, FailureKind};
 use crate::run::Run;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Name of the file in the folder of the runs.
 pub const STATUS_FILE: &str = "status.json";
 
 /// Content of the file: the outcome of each run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RunStatuses {
     /// Version of the file.
     format: u32,
@@ -18,12 +19,14 @@ pub struct RunStatuses {
 }
 
 /// Outcome of a run. Only a run that is `completed` has the rows of a whole run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RunStatus {
-    run: String,
+    /// Its id.
+    pub run: String,
     /// Its file of rows; `None` if there is no row.
     file: Option<String>,
-    status: &'static str,
+    /// `completed`, `terminated` by an FMU, `discarded` or `failed`.
+    pub status: Cow<'static, str>,
     /// Time of the last row, s.
     end: Option<f64>,
     /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s.
@@ -47,12 +50,18 @@ impl RunStatus {
         Self {
             run: run.id.clone(),
             file: end.map(|_| file_name(run)),
-            status: "completed",
+            status: Cow::Borrowed("completed"),
             end,
             at: end,
             component: None,
             message: None,
         }
+    }
+
+    /// Reason that the run is not complete.
+    #[must_use]
+    pub fn reason(&self) -> &str {
+        self.message.as_deref().unwrap_or(&self.status)
     }
 
     /// A run that is not complete.
@@ -66,6 +75,6 @@ impl RunStatus {
         };
         let Failure { time, component, message, .. } = failure;
         let (component, message) = (component.clone(), Some(message.clone()));
-        Self { status, at: *time, component, message, ..Self::completed(run, end) }
+        Self { status: Cow::Borrowed(status), at: *time, component, message, ..Self::completed(run, end) }
     }
 }

@@ -1,0 +1,240 @@
+"""Methods of the types of a plan.
+
+A plan is complete: every connection is a pair of bus slots, every parameter has its value reference and its value in
+the unit of the variable. Both masters execute it, so every error of a scenario has one source.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from . import plan
+
+FORMAT = 7
+
+
+class PlanError(Exception):
+    """The text is not a plan this version understands."""
+
+
+class Conversion(msgspec.Struct, frozen=True):
+    """A unit of measure with its conversion: shown value = factor * value + offset."""
+
+    unit: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+class ComponentMixin:
+    """An FMU instance of a run."""
+
+    __slots__ = ()
+    name: str
+    parameters: tuple[plan.Setting, ...]
+    steady: tuple[plan.Setting, ...] | None
+
+    @property
+    def starts(self) -> tuple[plan.Setting, ...]:
+        """What is set before initialization, in this order."""
+        if self.steady is None:
+            return self.parameters
+        if not self.steady:
+            raise PlanError(
+                f"the steady state in which `{self.name}` starts has not been found; `chassis plan --json` finds it"
+            )
+        return self.parameters + self.steady
+
+
+class RunMixin:
+    """One simulation: a case at a point with a seed."""
+
+    __slots__ = ()
+    id: str
+
+    @property
+    def stem(self) -> str:
+        """File name of the results of the run, without extension."""
+        return self.id.replace("@", "_").replace("#", "_")
+
+
+class SimulationMixin:
+    """Time grid (s), recording interval in steps, and order of execution."""
+
+    __slots__ = ()
+    start: float
+    stop: float
+    step: float
+    steps: int
+    every: int
+
+    def step_size(self, time: float) -> float:
+        """Return the size of the step from a time: the communication step, or what is left of it before the stop time.
+
+        An FMU that was told the stop time may refuse to go beyond it, and the sum of the two may do so by rounding.
+        """
+        return self.stop - time if time + self.step > self.stop else self.step
+
+    @property
+    def rows(self) -> int:
+        """Number of recorded rows, the first one at the start time."""
+        return self.steps // self.every + 1
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of the recorded rows, s."""
+        return self.start + self.step * self.every * np.arange(self.rows, dtype=np.float64)
+
+
+class ColumnMixin:
+    """A recorded signal."""
+
+    __slots__ = ()
+    unit: str | None
+    display_unit: str | None
+    factor: float
+    offset: float
+
+    @property
+    def shown(self) -> Conversion:
+        """Unit for people."""
+        if self.display_unit is None:
+            return Conversion(self.unit or "")
+        return Conversion(self.display_unit, self.factor, self.offset)
+
+
+class CellMixin:
+    """A cell of the table of metrics."""
+
+    __slots__ = ()
+    case: str
+    point: str | None
+
+    @property
+    def key(self) -> str:
+        """Return the name that the paper's numbers have: `case` or `case@point`."""
+        return self.case if self.point is None else f"{self.case}@{self.point}"
+
+
+class MetricMixin:
+    """A number computed from signals, or from other metrics."""
+
+    __slots__ = ()
+    unit: str | None
+    factor: float
+    offset: float
+
+    @property
+    def conversion(self) -> Conversion:
+        """Unit of the number, and how the signal is converted before."""
+        return Conversion(self.unit or "", self.factor, self.offset)
+
+
+class FigureMixin:
+    """A figure to draw."""
+
+    __slots__ = ()
+    unit: str | None
+    factor: float
+    offset: float
+
+    @property
+    def conversion(self) -> Conversion | None:
+        """Unit of the signals; None: that of each column."""
+        return None if self.unit is None else Conversion(self.unit, self.factor, self.offset)
+
+
+class Unread(msgspec.Struct, frozen=True):
+    """Outputs of a component that nothing reads, and in which cases."""
+
+    component: str
+    outputs: tuple[str, ...]
+    cases: tuple[str, ...]
+
+
+P = TypeVar("P", bound="PlanMixin")
+
+
+class PlanMixin:
+    """A resolved scenario."""
+
+    __slots__ = ()
+    cases: tuple[plan.Case, ...]
+    points: tuple[plan.Point, ...]
+    seeds: tuple[int, ...]
+    runs: tuple[plan.Run, ...]
+    wiring: tuple[plan.Wiring, ...]
+
+    @classmethod
+    def parse(cls: type[P], text: str, root: Path) -> P:
+        """Read a plan; relative paths of FMUs are relative to `root`.
+
+        Raises PlanError if the text is not JSON, has another format number, or does not have the fields of a plan.
+        """
+
+        def path(_type: type, value: str) -> Path:
+            return root / value
+
+        try:
+            found = msgspec.json.decode(text, type=_Version).format
+            if found != FORMAT:
+                raise PlanError(
+                    f"plan format {found}, expected {FORMAT}: `chassis` and the Python package differ in version"
+                )
+            return msgspec.json.decode(text, type=cls, dec_hook=path)
+        except msgspec.ValidationError as error:
+            raise PlanError(f"the plan does not have the expected fields: {error}") from error
+        except msgspec.DecodeError as error:
+            raise PlanError(f"the plan is not JSON: {error}") from error
+
+    def run(self, case: str, point: str | None, seed: int | None) -> plan.Run:
+        """Return the run of a case, point and seed."""
+        for run in self.runs:
+            if (run.case, run.point, run.seed) == (case, point, seed):
+                return run
+        raise KeyError(f"the plan has no run for case {case}, point {point}, seed {seed}")
+
+    @property
+    def case_titles(self) -> dict[str, str]:
+        """Titles of the cases by their names."""
+        return {case.name: case.title for case in self.cases}
+
+    @property
+    def point_titles(self) -> dict[str | None, str]:
+        """Titles of the points by their names; an empty one without a sweep."""
+        return {None: "", **{point.name: point.title for point in self.points}}
+
+    def place(self, case: str, point: str | None) -> str:
+        """Return the title of a case at a point."""
+        return ", ".join(filter(None, (self.case_titles[case], self.point_titles[point])))
+
+    @property
+    def point_names(self) -> tuple[str | None, ...]:
+        """Names of the points; a single None without a sweep."""
+        return tuple(p.name for p in self.points) or (None,)
+
+    @property
+    def seed_values(self) -> tuple[int | None, ...]:
+        """Values of the seeds; a single None without seeds."""
+        return self.seeds or (None,)
+
+    @property
+    def unread(self) -> tuple[Unread, ...]:
+        """Group the outputs that nothing reads by component; cases that leave the same ones are joined."""
+        cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for case in self.wiring:
+            components: dict[str, list[str]] = {}
+            for signal in case.unread:
+                components.setdefault(signal.component, []).append(signal.variable)
+            for component, outputs in components.items():
+                cases.setdefault((component, tuple(outputs)), []).append(case.case)
+        return tuple(Unread(component, outputs, tuple(names)) for (component, outputs), names in cases.items())
+
+
+class _Version(msgspec.Struct):
+    format: int
