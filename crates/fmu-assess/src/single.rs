@@ -92,6 +92,21 @@ pub struct Maneuver {
 
 const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
 
+/// A maneuver along a path, to be completed.
+const PATH: Maneuver = Maneuver {
+    id: "",
+    title: "",
+    is_free: false,
+    values: &[],
+    driving: Driving::Path,
+    outputs: POSITION,
+    needs_pedals: false,
+    evaluator: "",
+    make: |_, _| None,
+};
+/// The same with steering as a function of time.
+const OPEN_LOOP: Maneuver = Maneuver { driving: Driving::OpenLoop, outputs: &[], ..PATH };
+
 /// All maneuvers, and free driving.
 pub static MANEUVERS: [Maneuver; 13] = [
     Maneuver {
@@ -99,167 +114,132 @@ pub static MANEUVERS: [Maneuver; 13] = [
         title: "Drive yourself",
         is_free: true,
         values: &[speed(60.0)],
-        driving: Driving::OpenLoop,
-        outputs: &[],
-        needs_pedals: false,
-        evaluator: "",
         make: |_, chosen| {
             let spec = RunSpec::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
             Some((spec.maneuver("ramp_step").drivers(&[("steer.amplitude", 0.0)]), json!({})))
         },
+        ..OPEN_LOOP
     },
     Maneuver {
         id: "iso3888_1",
         title: "Double lane change, ISO 3888-1",
-        is_free: false,
         values: &[speed(60.0)],
-        driving: Driving::Path,
-        outputs: POSITION,
-        needs_pedals: false,
         evaluator: "cones",
         make: |bench, chosen| double_lane_change(bench, Part::One, chosen),
+        ..PATH
     },
     Maneuver {
         id: "iso3888_2",
         title: "Obstacle avoidance, ISO 3888-2",
-        is_free: false,
         values: &[speed(50.0)],
-        driving: Driving::Path,
-        outputs: POSITION,
-        needs_pedals: false,
         evaluator: "cones",
         make: |bench, chosen| double_lane_change(bench, Part::Two, chosen),
+        ..PATH
     },
     Maneuver {
         id: "single_lane_change",
         title: "Single lane change, ISO 14791",
-        is_free: false,
         values: &[speed(80.0)],
-        driving: Driving::Path,
-        outputs: POSITION,
-        needs_pedals: false,
         evaluator: "single_lane_change",
         make: |bench, chosen| Some((lane_change::spec(bench, chosen.value("speed")), json!({}))),
+        ..PATH
     },
     Maneuver {
         id: "sine_with_dwell",
         title: "Sine with dwell, FMVSS 126",
-        is_free: false,
         values: &[speed(80.0), wheel(90.0)],
-        driving: Driving::OpenLoop,
-        outputs: &[],
-        needs_pedals: false,
         evaluator: "sine_with_dwell",
         make: |bench, chosen| {
             let steer = chosen.value("steering_wheel") / bench.ratio();
             let spec = sine_with_dwell::spec("sine_with_dwell".to_owned(), chosen.value("speed"), steer);
             Some((spec, json!({ "steer.ratio": bench.ratio() })))
         },
+        ..OPEN_LOOP
     },
     Maneuver {
         id: "step_steer",
         title: "Step steer, ISO 7401",
-        is_free: false,
         values: &[speed(60.0), wheel(45.0)],
-        driving: Driving::OpenLoop,
-        outputs: &[],
-        needs_pedals: false,
         evaluator: "step_steer",
         make: |bench, chosen| {
             let steer = chosen.value("steering_wheel") / bench.ratio();
             Some((step_steer::spec("step_steer".to_owned(), chosen.value("speed"), steer), json!({})))
         },
+        ..OPEN_LOOP
     },
     Maneuver {
         id: "fishhook",
         title: "Fishhook, NHTSA",
-        is_free: false,
         values: &[speed(60.0), wheel(180.0)],
-        driving: Driving::Path,
-        outputs: POSITION,
-        needs_pedals: false,
         evaluator: "rollover",
         make: |bench, chosen| {
             let wheel = chosen.value("steering_wheel").to_degrees();
             let id = "fishhook".to_owned();
             Some((rollover::fishhook_spec(bench, id, chosen.value("speed"), wheel), json!({})))
         },
+        ..PATH
     },
     Maneuver {
         id: "j_turn",
         title: "J-turn, NHTSA",
-        is_free: false,
         values: &[speed(60.0), wheel(180.0)],
-        driving: Driving::OpenLoop,
-        outputs: &[],
-        needs_pedals: false,
         evaluator: "rollover",
         make: |bench, chosen| {
             let wheel = chosen.value("steering_wheel").to_degrees();
             let id = "j_turn".to_owned();
             Some((rollover::j_turn_spec(bench, id, chosen.value("speed"), wheel), json!({})))
         },
+        ..OPEN_LOOP
     },
     Maneuver {
         id: "constant_radius",
         title: "Constant radius, ISO 4138",
-        is_free: false,
-        values: &[],
-        driving: Driving::Path,
-        outputs: POSITION,
-        needs_pedals: false,
         evaluator: "constant_radius",
         make: |bench, _| steady_state::circle(bench),
+        ..PATH
     },
     Maneuver {
         id: "braking",
         title: "Straight braking, UN R13-H",
-        is_free: false,
         values: &[speed(100.0)],
-        driving: Driving::Path,
-        outputs: POSITION,
         needs_pedals: true,
         evaluator: "braking",
         make: |_, chosen| Some((braking::spec("braking".to_owned(), chosen.value("speed")), json!({}))),
+        ..PATH
     },
     Maneuver {
         id: "split_friction",
         title: "Braking on split friction, UN R13-H",
-        is_free: false,
         values: &[speed(50.0)],
-        driving: Driving::Path,
-        outputs: POSITION,
         needs_pedals: true,
         evaluator: "braking",
         make: |bench, chosen| {
             let id = "split_friction".to_owned();
             Some((braking::split_spec(bench, id, chosen.value("speed"), true), json!({})))
         },
+        ..PATH
     },
     Maneuver {
         id: "brake_in_turn",
         title: "Braking in a turn, ISO 7975",
-        is_free: false,
-        values: &[],
-        driving: Driving::Path,
         outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
         needs_pedals: true,
         evaluator: "brake_in_turn",
         make: |_, _| Some((braking::turn_spec(), json!({}))),
+        ..PATH
     },
     Maneuver {
         id: "ride",
         title: "Ride, ISO 8608 and ISO 2631-1",
-        is_free: false,
         values: &[speed(60.0)],
         driving: Driving::Ride,
         outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
-        needs_pedals: false,
         evaluator: "ride",
         make: |bench, chosen| {
             let spec = ride::spec(bench, "road", f64::from(chosen.class.unwrap_or(3)), f64::from(chosen.seed));
             Some((RunSpec { speed: chosen.value("speed"), ..spec }, json!({ "begin": ride::BEGIN })))
         },
+        ..PATH
     },
 ];
 
