@@ -91,9 +91,9 @@ impl Systems {
         if found.plant.has_inputs("road_height.") {
             drivings.push((Driving::Ride, Road::Rough));
         }
-        found.wire("without", &found.base.clone(), source, &drivings)?;
+        found.systems.push(found.system("without", &found.base, source, &drivings)?);
         if !found.with.is_empty() {
-            found.wire("with", &found.all.clone(), source, &drivings)?;
+            found.systems.push(found.system("with", &found.all, source, &drivings)?);
         }
         Ok(found)
     }
@@ -106,20 +106,78 @@ impl Systems {
         road: Road,
     ) -> Result<Self, SetupError> {
         let mut found = Self::found(subject, source)?;
-        found.wire("with", &found.all.clone(), source, &[(driving, road)])?;
+        found.systems.push(found.system("with", &found.all, source, &[(driving, road)])?);
         Ok(found)
     }
 
-    fn wire(
-        &mut self,
+    /// Wires a system for some kinds of driving.
+    fn system(
+        &self,
         name: &'static str,
         components: &[Component],
         source: &dyn Descriptions,
         drivings: &[(Driving, Road)],
-    ) -> Result<(), SetupError> {
-        let system = system(name, &self.plant, components, &self.drivers, &self.set, source, drivings)?;
-        self.systems.push(system);
-        Ok(())
+    ) -> Result<System, SetupError> {
+        let Self { plant, drivers, .. } = self;
+        let mut written: BTreeMap<&str, &str> = BTreeMap::new();
+        for component in drivers.iter().rev().chain([&plant.component]) {
+            written.extend(component.signals(Causality::Output).map(|output| (output, component.fmu.as_str())));
+        }
+        for component in components {
+            for output in component.signals(Causality::Output) {
+                if let Some(other) = written.insert(output, &component.fmu) {
+                    return Err(SetupError::with_help(
+                        format!("{other} and {} both write `{output}`", component.fmu),
+                        "Leave one of them out.",
+                    ));
+                }
+            }
+        }
+        let reads = |signal: &str| {
+            plant.has_input(signal) || components.iter().any(|component| component.has(Causality::Input, signal))
+        };
+        let acts = |component: &&Component| component.signals(Causality::Output).any(reads);
+        let idle =
+            components.iter().filter(|component| !acts(component)).map(|component| component.fmu.clone()).collect();
+        let has_pedals = components.iter().any(|component| {
+            component
+                .signals(Causality::Output)
+                .any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
+        });
+        let speed = if plant.has_input("driver.speed") {
+            Speed::Prescribed
+        } else if has_pedals {
+            Speed::Pedals
+        } else {
+            Speed::Own
+        };
+        let mut plans = Vec::new();
+        let mut columns = Vec::new();
+        let mut unwritten: Vec<(String, String)> = Vec::new();
+        for &(driving, road) in drivings {
+            let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
+            // Each driver has parameters that the other one does not have, and no run has all components.
+            let description = drivers.iter().find(|component| component.fmu == driver).map(Component::description);
+            let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
+                "driver" => description.is_none_or(|description| description.variable(name).is_some()),
+                _ => true,
+            };
+            let set: Vec<_> = self.set.iter().filter(is_of_system).cloned().collect();
+            let mut wiring =
+                Wiring { plant, components: ordered(components), driving, road, driver, unwritten: Vec::new() };
+            let text = wiring.scenario(&set)?;
+            let options = Options::default();
+            let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
+                .map_err(|error| SetupError::new(explained(&error)))?;
+            columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
+            plans.push((driving, plan));
+            for entry in wiring.unwritten {
+                if !unwritten.iter().any(|(signal, _)| *signal == entry.0) {
+                    unwritten.push(entry);
+                }
+            }
+        }
+        Ok(System { name, speed, plans, unwritten, idle, columns })
     }
 
     /// Finds the FMUs.
@@ -160,73 +218,6 @@ impl Systems {
         });
         Ok(Self { plant, base, with, all, drivers, set, is_mirrored, systems: Vec::new() })
     }
-}
-
-fn system(
-    name: &'static str,
-    plant: &Plant,
-    components: &[Component],
-    drivers: &[Component],
-    set: &[(String, String, String)],
-    source: &dyn Descriptions,
-    drivings: &[(Driving, Road)],
-) -> Result<System, SetupError> {
-    let mut written: BTreeMap<&str, &str> = BTreeMap::new();
-    for component in drivers.iter().rev().chain([&plant.component]) {
-        written.extend(component.signals(Causality::Output).map(|output| (output, component.fmu.as_str())));
-    }
-    for component in components {
-        for output in component.signals(Causality::Output) {
-            if let Some(other) = written.insert(output, &component.fmu) {
-                return Err(SetupError::with_help(
-                    format!("{other} and {} both write `{output}`", component.fmu),
-                    "Leave one of them out.",
-                ));
-            }
-        }
-    }
-    let reads = |signal: &str| {
-        plant.has_input(signal) || components.iter().any(|component| component.has(Causality::Input, signal))
-    };
-    let acts = |component: &&Component| component.signals(Causality::Output).any(reads);
-    let idle = components.iter().filter(|component| !acts(component)).map(|component| component.fmu.clone()).collect();
-    let has_pedals = components.iter().any(|component| {
-        component.signals(Causality::Output).any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
-    });
-    let speed = if plant.has_input("driver.speed") {
-        Speed::Prescribed
-    } else if has_pedals {
-        Speed::Pedals
-    } else {
-        Speed::Own
-    };
-    let mut plans = Vec::new();
-    let mut columns = Vec::new();
-    let mut unwritten: Vec<(String, String)> = Vec::new();
-    for &(driving, road) in drivings {
-        let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
-        // Each driver has parameters that the other one does not have, and no run has all components.
-        let description = drivers.iter().find(|component| component.fmu == driver).map(Component::description);
-        let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
-            "driver" => description.is_none_or(|description| description.variable(name).is_some()),
-            _ => true,
-        };
-        let set: Vec<_> = set.iter().filter(is_of_system).cloned().collect();
-        let mut wiring =
-            Wiring { plant, components: ordered(components), driving, road, driver, unwritten: Vec::new() };
-        let text = wiring.scenario(&set)?;
-        let options = Options::default();
-        let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
-            .map_err(|error| SetupError::new(explained(&error)))?;
-        columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
-        plans.push((driving, plan));
-        for entry in wiring.unwritten {
-            if !unwritten.iter().any(|(signal, _)| *signal == entry.0) {
-                unwritten.push(entry);
-            }
-        }
-    }
-    Ok(System { name, speed, plans, unwritten, idle, columns })
 }
 
 /// The bench's name of a column. The column has the name of its component in front if a component before it has the signal, too.
