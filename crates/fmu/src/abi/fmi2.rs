@@ -159,7 +159,7 @@ pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Stat
 
 macro_rules! values {
     ($($name:ident $type:ty;)*) => {$(
-        #[doc = concat!("See [`values::", stringify!($name), "`].")]
+        #[doc = concat!("The function `", stringify!($name), "` of both versions.")]
         pub unsafe fn $name<E: Export>(
             component: Component,
             references: *const ValueReference,

@@ -157,7 +157,7 @@ pub unsafe fn enter_initialization_mode<E: Export>(
 
 macro_rules! values {
     ($($name:ident $type:ty, $shared:ident;)*) => {$(
-        #[doc = concat!("See [`values::", stringify!($shared), "`].")]
+        #[doc = concat!("The function `", stringify!($shared), "` of both versions.")]
         pub unsafe fn $name<E: Export>(
             component: Component,
             references: *const ValueReference,
