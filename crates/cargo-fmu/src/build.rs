@@ -297,25 +297,17 @@ fn user_flags(root: &Path, target: &str) -> Vec<OsString> {
     let files = root.ancestors().map(|folder| folder.join(".cargo/config.toml")).chain(home);
     let tables: Vec<toml::Table> =
         files.filter_map(|file| std::fs::read_to_string(file).ok()).filter_map(|text| text.parse().ok()).collect();
-    let read = |path: &[&str]| -> Vec<OsString> {
-        let mut all = Vec::new();
-        for table in &tables {
-            let found = path.iter().try_fold(None::<&toml::Value>, |value, key| match value {
-                None => table.get(*key).map(Some),
-                Some(value) => value.get(*key).map(Some),
-            });
-            match found.flatten() {
-                Some(toml::Value::String(text)) => all.extend(split(text.as_ref(), ' ')),
-                Some(toml::Value::Array(flags)) => {
-                    all.extend(flags.iter().filter_map(toml::Value::as_str).map(OsString::from));
-                }
-                _ => {}
-            }
-        }
-        all
+    let read = |section: &str, keys: &[&str]| -> Vec<OsString> {
+        let value =
+            |table: &toml::Table| keys.iter().try_fold(table.get(section)?, |value, key| value.get(key)).cloned();
+        let flags = |value| match value {
+            toml::Value::Array(flags) => flags.iter().filter_map(toml::Value::as_str).map(OsString::from).collect(),
+            value => split(value.as_str().unwrap_or_default().as_ref(), ' '),
+        };
+        tables.iter().filter_map(value).flat_map(flags).collect()
     };
-    let of_target = read(&["target", target, "rustflags"]);
-    if of_target.is_empty() { read(&["build", "rustflags"]) } else { of_target }
+    let of_target = read("target", &[target, "rustflags"]);
+    if of_target.is_empty() { read("build", &["rustflags"]) } else { of_target }
 }
 
 fn cargo_home() -> Option<PathBuf> {

@@ -10,7 +10,7 @@ use crate::variables::{lengths, start};
 const STYLE: &str = include_str!("documentation.css");
 
 /// Text in HTML.
-fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -9,18 +9,15 @@ use nalgebra::Complex;
 use super::model::{LinearModel, Signal};
 use super::page_data::{Axis, Block, CASE, Figure, Line, Panel};
 use super::picture::{Scale, number, svg};
+use crate::documentation::escape;
 
-const STYLE: &str = include_str!("../../../../python/chassis_fmu/page.css");
-const INTERACTIVE_STYLE: &str = include_str!("../../../../python/chassis_fmu/web/page.css");
-const CODE: &str = include_str!("../../../../python/chassis_fmu/web/page.js");
+// Links to the files of the Python package: a published crate contains their content.
+const STYLE: &str = include_str!("../../templates/page.css.link");
+const INTERACTIVE_STYLE: &str = include_str!("../../templates/interactive.css.link");
+const CODE: &str = include_str!("../../templates/page.js.link");
 
 /// Number of Bode plots of a page if none is chosen.
 const FEW: usize = 3;
-
-/// Text in HTML.
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
 
 /// An input and an output, by their indices.
 pub(super) type Pair = (usize, usize);
