@@ -241,8 +241,7 @@ fn assembled(
         found.iter().filter(|results| results.system == system).flat_map(|results| &results.metrics).collect()
     };
     let rows = rows(&of("without"), (systems.systems.len() > 1).then(|| of("with")).as_deref());
-    let mut skipped: Vec<_> = found.iter().filter_map(|results| results.skipped.clone()).collect();
-    skipped.dedup();
+    let skipped = found.iter().filter_map(|results| results.skipped.clone()).collect();
     let described = |component: &Component| {
         let description = &component.found.description;
         let sha256 = std::fs::read(&component.found.path).ok().map(|bytes| {

@@ -1,6 +1,6 @@
 //! One run of a maneuver at chosen values, for programs that make its steps themselves: the lab.
 //!
-//! The runs are those of the bench, with the same wiring, runs and evaluators. Results that need a series of runs (limits of
+//! The runs are those of the bench, with the same wiring and evaluators. Results that need a series of runs (limits of
 //! regulations, a largest speed) need the bench.
 
 use crate::bench::{self, Bench, Runs};
@@ -10,7 +10,6 @@ use crate::evaluators::{self, Evaluation};
 use crate::maneuvers::{
     braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
 };
-use crate::plant::Plant;
 use crate::run_spec::RunSpec;
 use crate::subject::Subject;
 use crate::systems::Systems;
@@ -286,17 +285,13 @@ pub fn not_applicable(
     if maneuver.needs_pedals && !has_pedals {
         return Ok(Some("it has no pedals".to_owned()));
     }
-    if maneuver.id == "split_friction" && !plant.inputs().iter().any(|name| name.starts_with("road_friction.")) {
+    if maneuver.id == "split_friction" && !plant.has_inputs("road_friction.") {
         return Ok(Some("it has no inputs `road_friction.*`".to_owned()));
     }
-    if maneuver.driving == Driving::Ride && !can_be_rough(plant) {
+    if maneuver.driving == Driving::Ride && !plant.has_inputs("road_height.") {
         return Ok(Some("it has no inputs `road_height.*`".to_owned()));
     }
     Ok(None)
-}
-
-fn can_be_rough(plant: &Plant) -> bool {
-    plant.inputs().iter().any(|name| name.starts_with("road_height."))
 }
 
 /// FMUs that a plant needs in every system.
@@ -370,7 +365,7 @@ pub fn single(
     let is_rough = road.class.is_some() || maneuver.driving == Driving::Ride;
     let on = if is_rough { Road::Rough } else { Road::Flat };
     let systems = Systems::only(subject, source, maneuver.driving, on)?;
-    if is_rough && !can_be_rough(&systems.plant) {
+    if is_rough && !systems.plant.has_inputs("road_height.") {
         return Err(SetupError::new(format!("{} has no inputs `road_height.*`", subject.plant)));
     }
     let vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
