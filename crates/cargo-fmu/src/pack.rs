@@ -1,15 +1,16 @@
 //! `cargo fmu pack`: builds models and zips them to FMUs.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{Cursor, Read as _, Write};
+use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
+use fmu_import::archive::Archive;
 use fmu_import::description::{FmiVersion, ModelDescription};
 use fmu_import::loader::{description_options, exported_descriptions};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::build::{self, Asked, Export, Interface, Linux};
 use crate::documentation;
@@ -180,7 +181,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
             libraries[i].push((builder.platform(), library));
         }
     }
-    let commit = workspace.commit();
+    let commit = workspace.commit().map(|commit| format!("{commit}\n").into_bytes());
     let bar = ProgressBar::new(models.len() as u64).with_style(
         ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
     );
@@ -215,13 +216,12 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
         }
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
-        if existing == Existing::KeptIfEqual && is_same_but_for_commit(&path, &description.xml, &files) {
+        let commit_of_old = Archive::open(&path).and_then(|mut old| old.entry(documentation::COMMIT)).ok().flatten();
+        let bytes = archive(&description.xml, &files, commit_of_old.as_deref())?;
+        if existing == Existing::KeptIfEqual && std::fs::read(&path).is_ok_and(|old| old == bytes) {
             continue;
         }
-        if let Some(commit) = &commit {
-            files.insert(documentation::COMMIT.to_owned(), format!("{commit}\n").into_bytes());
-        }
-        let bytes = archive(&description.xml, &files)?;
+        let bytes = archive(&description.xml, &files, commit.as_deref())?;
         write_whole(&path, &bytes)?;
         if let Some(line) = new::placeholder(&readme) {
             placeholders.push((model.name.as_str(), line.to_owned()));
@@ -433,27 +433,8 @@ fn files(
     Ok(files)
 }
 
-/// True if an FMU has this content, whatever commit it was packed from.
-fn is_same_but_for_commit(path: &Path, xml: &str, files: &BTreeMap<String, Vec<u8>>) -> bool {
-    let read = || -> Option<BTreeMap<String, Vec<u8>>> {
-        let mut zip = ZipArchive::new(std::fs::File::open(path).ok()?).ok()?;
-        let entries = 0..zip.len();
-        let entry = |i| {
-            let mut file = zip.by_index(i).ok()?;
-            let mut bytes = Vec::new();
-            file.read_to_end(&mut bytes).ok()?;
-            Some((file.name().ok()?.into_owned(), bytes))
-        };
-        entries.map(entry).collect()
-    };
-    read().is_some_and(|mut old| {
-        old.remove(documentation::COMMIT);
-        old.remove("modelDescription.xml").is_some_and(|old| old == xml.as_bytes()) && old == *files
-    })
-}
-
 /// The bytes of the FMU: the same for the same files, on every machine.
-fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>) -> Result<Vec<u8>> {
+fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>, commit: Option<&[u8]>) -> Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(9))
@@ -461,8 +442,9 @@ fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>) -> Result<Vec<u8>> {
         .unix_permissions(0o644);
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     // The description comes first, as readers expect; the rest is sorted by name.
-    let files = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
-    for (name, bytes) in std::iter::once(("modelDescription.xml", xml.as_bytes())).chain(files) {
+    let mut entries: BTreeMap<_, _> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
+    entries.extend(commit.map(|commit| (documentation::COMMIT, commit)));
+    for (name, bytes) in std::iter::once(("modelDescription.xml", xml.as_bytes())).chain(entries) {
         zip.start_file(name, options).into_diagnostic()?;
         zip.write_all(bytes).into_diagnostic()?;
     }
