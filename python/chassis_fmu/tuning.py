@@ -196,7 +196,7 @@ def best_so_far(table: pa.Table, method: str) -> Array:
 
 
 def _short(value: float) -> str:
-    return tables.scientific(float(f"{value:.4g}"))
+    return tables.scientific(value, 4)
 
 
 def median(curves: Sequence[Array]) -> Array:

@@ -96,7 +96,7 @@ def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int)
     data = read(page_data.of_plan(swept, found))
     roll = next(p for f in data["figures"] for p in f["panels"] if p["title"] == "Roll angle")
     assert [unit["name"] for unit in roll["y"]["units"]] == ["°", "rad"]
-    assert roll["y"]["title"] == "Angle"
+    assert roll["y"]["title"] == "Roll angle"
     means = [line for line in roll["lines"] if line["kind"] == "mean"]
     assert len(means) == (0 if seeds == 1 else 2)
     if seeds > 1:

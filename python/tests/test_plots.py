@@ -84,10 +84,10 @@ def test_states_have_whole_ticks(scenario: Plan) -> None:
 
     def labels(states: list[float]) -> list[str]:
         drawing = draw(scenario, figure, {("passive", None): Recording(times, {name: np.array(states)})})
-        return [t for t in ("1.50", "2.50") if f"<!-- {t} -->" in drawing.svg]
+        return [t for t in ("1.5", "2.5") if f"<!-- {t} -->" in drawing.svg]
 
     assert labels([1.0, 1.0, 3.0, 3.0]) == []
-    assert labels([1.0, 1.1, 3.0, 3.0]) == ["1.50", "2.50"]
+    assert labels([1.0, 1.1, 3.0, 3.0]) == ["1.5", "2.5"]
 
 
 def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:

@@ -71,6 +71,10 @@ class Page:
         (of,) = [f for f in self._data["figures"] if f["name"] == figure]
         return {(p["title"], p["note"]): p for p in of["panels"]}
 
+    def cases(self, figure: str | None = None) -> list[dict[str, Any]]:
+        """Return the cases of the page, or those that one figure has alone."""
+        return [case for case in self._data["cases"] if case.get("figure") == figure]
+
     def values(self, column: dict[str, Any]) -> Array:
         """Return the numbers of a column of the page's data (`web/page-data.schema.json`)."""
         assert not column["log"]
@@ -234,6 +238,11 @@ def test_choices_are_compared(tmp_path: Path) -> None:
     build(tmp_path, "a + 10 * b + 100.2 * c - 1", name="Other")
     law = '[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
     page = Page(tmp_path, f'method = "sample"\nruns = 25\n{law}{THREE}')
+    # Each FMU has a color and a switch of its own, and the points of its runs.
+    titles = [f"{case}, {name}" for case in ("Plain", "Shifted") for name in ("Function", "Other")]
+    assert [(case["title"], case["color"]) for case in page.cases()] == [(t, i) for i, t in enumerate(titles)]
+    lines = page.panels("y_factors")["Value over p", ""]["lines"]
+    assert [(line["title"], line["x"]["count"]) for line in lines] == [(title, 25) for title in titles]
     for case, title in (("plain", "Plain"), ("shifted", "Shifted")):
         first, second = (page.column("y", case, law=name) for name in ("Function", "Other"))
         assert len(first) == len(second) == 25
@@ -340,3 +349,21 @@ def test_a_histogram_and_a_cumulative_distribution(tmp_path: Path) -> None:
         is_drawn(page, histogram["lines"][at], np.repeat(edges, 2), np.array([0.0, *np.repeat(shares, 2), 0.0]))
         steps = np.repeat(np.arange(51) / 50.0, 2)[1:-1]
         is_drawn(page, cumulative["lines"][at], np.repeat(y, 2), steps)
+
+
+def test_recorded_runs_have_colors_and_values_of_their_own(tmp_path: Path) -> None:
+    build(tmp_path)
+    factor = vary("p", "f:a", 'distribution = "log_uniform"\nmin = 0.01\nmax = 10.0')
+    page = Page(tmp_path, f'method = "sample"\nruns = 12\n{PLAIN}{factor}[series]\nmetric = "y"\nworst = 3\n')
+    runs = page.cases("histories")
+    assert [run["color"] for run in runs] == [0, 1, 2]
+    values = page.column("p")
+    worst = sorted(np.argsort(-page.column("y"))[:3])
+    for run, sample in zip(runs, worst, strict=True):
+        title, factors = run["title"].split(": ")
+        assert title == f"Plain, sample {sample}"
+        assert number(factors.split()[1]) == near(values[sample], 3)
+    (panel,) = page.panels("histories").values()
+    assert [line["case"] for line in panel["lines"]] == [run["name"] for run in runs]
+    # What is drawn at random on a logarithmic scale is shown on one.
+    assert page.panels("y_factors")["Value over p", ""]["x"]["log"]

@@ -2,11 +2,12 @@
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
-import { axisTitle, convert, text } from "./format";
-import type { Line, PageData, Panel } from "./page-data";
-import { type Range, type Values, Frame, axisStyle, coordinates, tickTexts } from "./panel";
+import { axisTitle, convert, text, withRoom } from "./format";
+import type { Axis, Line, PageData, Panel } from "./page-data";
+import { type Range, type Values, Frame, axisStyle, coordinates } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
+import { ticks } from "./ticks";
 
 /** The cursor that plots over time share. */
 const TIME = "Time (s)";
@@ -15,6 +16,13 @@ const HEIGHT = 340;
 const ROOM = 0.05;
 /** Radius of marks, px. */
 const MARK = 3.5;
+/** So many points of a cloud are opaque; more of them are translucent, so that their density shows. */
+const OPAQUE = 40;
+const LEAST_OPAQUE = 0.25;
+/** Heights of a map, px: what it shows decides. */
+const MAP: Range = [120, 420];
+/** Width of the numbers and titles beside a map, px. */
+const BESIDE = 74;
 
 interface Drawn {
   line: Line;
@@ -33,12 +41,6 @@ function extent(values: number[]): Range {
   return [values.reduce((m, v) => Math.min(m, v), Infinity), values.reduce((m, v) => Math.max(m, v), -Infinity)];
 }
 
-function withRoom([low, high]: Range): Range {
-  if (!(low <= high)) return [0, 1];
-  const room = high > low ? ROOM * (high - low) : Math.abs(high) || 1;
-  return [low - room, high + room];
-}
-
 export class Curve extends Frame {
   readonly #words: Uint16Array;
   #drawn: Drawn[] = [];
@@ -54,6 +56,7 @@ export class Curve extends Frame {
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
     super(data, panel, state);
     this.#words = words;
+    this.element.classList.toggle("is-map", this.#isMap);
     // The cursor of plots over time; uPlot calls its members by this function.
     const follower = { pub: (_: string, plot: uPlot, x: number) => this.#follow(x < 0 ? null : plot.posToVal(x, "x")) };
     uPlot.sync(TIME).sub(follower as unknown as uPlot);
@@ -62,8 +65,16 @@ export class Curve extends Frame {
     });
   }
 
-  protected get height(): number {
-    return HEIGHT;
+  protected get ownHeight(): number {
+    if (!this.#isMap) return HEIGHT;
+    const [[left, right], [low, high]] = [this.full, this.#room(this.panel.y, this.#drawn.flatMap(({ ys }) => ys))];
+    const wanted = ((this.body.clientWidth - BESIDE) * (high - low)) / (right - left);
+    return Math.round(Math.max(MAP[0], Math.min(MAP[1], wanted + 56)));
+  }
+
+  /** The range of an axis: its own, or that of the values. */
+  #room(axis: Axis, values: number[]): Range {
+    return axis.range === null ? withRoom(...extent(values), axis.log, ROOM) : [axis.range[0], axis.range[1]];
   }
 
   /** Points per unit are the same on both axes. */
@@ -98,8 +109,7 @@ export class Curve extends Frame {
           digits: recorded === null ? [digits(line.x), digits(line.y)] : [6, 6],
         };
       });
-    const fixed = this.panel.x.range;
-    this.full = fixed === null ? withRoom(extent(this.#drawn.flatMap((drawn) => drawn.xs))) : [fixed[0], fixed[1]];
+    this.full = this.#room(this.panel.x, this.#drawn.flatMap(({ xs }) => xs));
     this.#at.clear();
     this.#isOwn = false;
     this.plot?.destroy();
@@ -115,14 +125,17 @@ export class Curve extends Frame {
     const options = {
       mode: 2,
       width,
-      height: HEIGHT,
+      height: this.height,
       series: [null, ...series],
       legend: { show: false },
       padding: [10, 12, 0, 0],
-      scales: { x: { time: false, auto: false, range: this.full }, y: { auto: false, range: [0, 1] } },
+      scales: {
+        x: { time: false, auto: false, distr: this.panel.x.log ? 3 : 1, range: this.full },
+        y: { auto: false, distr: this.panel.y.log ? 3 : 1, range: [1, 10] },
+      },
       axes: [
-        { ...axis, scale: "x", label: axisTitle(this.panel.x, across), labelSize: 20, size: 32, values: tickTexts },
-        { ...axis, scale: "y", label: axisTitle(this.panel.y, up), labelSize: 18, size: 44, values: tickTexts },
+        { ...axis, scale: "x", label: axisTitle(this.panel.x, across), labelSize: 20, size: 32, ...ticks(this.panel.x) },
+        { ...axis, scale: "y", label: axisTitle(this.panel.y, up), labelSize: 18, size: 44, ...ticks(this.panel.y) },
       ],
       cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
       hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
@@ -150,7 +163,7 @@ export class Curve extends Frame {
     if (plot === null) return;
     let [min, max] = range ?? this.full;
     const inside = this.#drawn.flatMap(({ xs, ys }) => ys.filter((_, i) => xs[i]! >= min && xs[i]! <= max));
-    let [low, high] = this.panel.y.range === null ? withRoom(extent(inside)) : [this.panel.y.range[0], this.panel.y.range[1]];
+    let [low, high] = this.#room(this.panel.y, inside);
     if (this.#isMap) {
       const shape = plot.bbox.height / plot.bbox.width;
       const height = (max - min) * shape;
@@ -202,7 +215,7 @@ export class Curve extends Frame {
     ctx.strokeStyle = ctx.fillStyle = this.stroke(line);
     ctx.lineWidth = 1.6 * devicePixelRatio;
     ctx.lineJoin = "round";
-    ctx.setLineDash(this.dash(line).map((length) => length * devicePixelRatio));
+    ctx.setLineDash([...this.dash(line)].map((length) => length * devicePixelRatio));
     const at = (i: number): [number, number] => [plot.valToPos(xs[i]!, "x", true), plot.valToPos(drawn.ys[i]!, "y", true)];
     if (line.apart !== true) {
       ctx.beginPath();
@@ -211,10 +224,21 @@ export class Curve extends Frame {
     }
     if (line.marks === true || line.apart === true) {
       ctx.setLineDash([]);
+      if (line.apart === true) ctx.globalAlpha = Math.max(LEAST_OPAQUE, Math.min(1, OPAQUE / xs.length));
+      const size = MARK * devicePixelRatio;
       xs.forEach((_, i) => {
+        const [x, y] = at(i);
         ctx.beginPath();
-        ctx.arc(...at(i), MARK * devicePixelRatio, 0, 2 * Math.PI);
-        ctx.fill();
+        if (line.crosses === true) {
+          for (const sign of [-1, 1]) {
+            ctx.moveTo(x - size, y - sign * size);
+            ctx.lineTo(x + size, y + sign * size);
+          }
+          ctx.stroke();
+        } else {
+          ctx.arc(x, y, size, 0, 2 * Math.PI);
+          ctx.fill();
+        }
       });
     }
     ctx.restore();

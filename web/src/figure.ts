@@ -7,6 +7,7 @@ import type { Figure, PageData } from "./page-data";
 import { type Range, type View, scaled, shifted } from "./panel";
 import { Plot } from "./plot";
 import type { State } from "./state";
+import { caseSwitches } from "./switches";
 
 /** Makes a figure interactive. `place` is the element with the static picture. */
 export function enhance(place: HTMLElement, figure: Figure, data: PageData, state: State, words: Uint16Array): void {
@@ -36,7 +37,7 @@ export function enhance(place: HTMLElement, figure: Figure, data: PageData, stat
   panels.append(...plots.map((plot) => plot.element));
   const interactive = document.createElement("div");
   interactive.className = "interactive";
-  interactive.append(buttons, panels);
+  interactive.append(caseSwitches(data, state, "Runs", figure.name), buttons, panels);
   place.append(interactive);
   place.classList.add("is-interactive");
 }

@@ -2,6 +2,9 @@
 
 import type { Axis, Unit } from "./page-data";
 
+/** Signs of a power of ten. */
+const RAISED: Record<string, string> = Object.fromEntries([..."-0123456789"].map((sign, i) => [sign, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"[i]!]));
+
 /** A number with so many significant digits, with a true minus sign and without zeros at the end. */
 export function text(value: number, digits: number): string {
   if (value === 0) return "0";
@@ -9,7 +12,7 @@ export function text(value: number, digits: number): string {
   const plain =
     size >= 1e-4 && size < 1e7
       ? String(Number(value.toPrecision(digits)))
-      : value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace("e+", "e");
+      : value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace(/e\+?(-?\d+)/, (_, power: string) => `×10${[...power].map((sign) => RAISED[sign]).join("")}`);
   return plain.replaceAll("-", "−");
 }
 
@@ -21,8 +24,15 @@ export function cell(value: number): string {
 
 /** The title of an axis with its unit. */
 export function axisTitle(axis: Axis, unit: Unit): string {
-  if (axis.title === "") return unit.name;
-  return unit.name === "" ? axis.title : `${axis.title} (${unit.name})`;
+  return `${axis.title} (${unit.name === "" ? "–" : unit.name})`;
+}
+
+/** Ends of a range about numbers, with free space beside them; on a logarithmic axis by ratio. */
+export function withRoom(low: number, high: number, log: boolean, share = 0.06): [number, number] {
+  if (!(low <= high)) return log ? [1, 10] : [0, 1];
+  if (log) return low < high ? [low * (low / high) ** share, high * (high / low) ** share] : [low / 2, high * 2];
+  const room = high > low ? share * (high - low) : Math.abs(high) || 1;
+  return [low - room, high + room];
 }
 
 /** A value in a unit. */

@@ -4,8 +4,9 @@ import uPlot from "uplot";
 import { digits, numbers } from "./data";
 import { axisTitle, cell, convert, text } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
-import { type Range, Frame, axisStyle, coordinates, tickTexts } from "./panel";
+import { type Range, Frame, axisStyle, coordinates } from "./panel";
 import type { State } from "./state";
+import { ticks } from "./ticks";
 
 const HEIGHT = 340;
 /** Cells narrower or lower than this have no number in them, px. */
@@ -69,7 +70,7 @@ export class Heat extends Frame {
     this.body.setAttribute("aria-label", `${panel.title}${panel.note === "" ? "" : `, ${panel.note}`}: heat map with a cursor. Arrow keys go from cell to cell, plus and minus zoom, Escape shows everything.`);
   }
 
-  protected get height(): number {
+  protected get ownHeight(): number {
     return HEIGHT;
   }
 
@@ -108,12 +109,12 @@ export class Heat extends Frame {
     this.plot?.destroy();
     const axis = axisStyle();
     const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
-    const ticks = (centers: number[]) => (centers.length <= MOST_TICKS ? { splits: () => centers } : {});
+    const atCells = (centers: number[]) => (centers.length <= MOST_TICKS ? { splits: () => centers } : {});
     const distribution = (of: Axis) => (of.log ? 3 : 1);
     const options = {
       mode: 2,
       width,
-      height: HEIGHT,
+      height: this.height,
       series: [null, { facets, paths: (plot: uPlot) => this.#paint(plot) }],
       legend: { show: false },
       padding: [10, 12, 0, 0],
@@ -122,8 +123,8 @@ export class Heat extends Frame {
         y: { auto: false, distr: distribution(this.panel.y), range: vertical },
       },
       axes: [
-        { ...axis, grid: { show: false }, scale: "x", label: axisTitle(this.panel.x, this.unitOf(this.panel.x)), labelSize: 20, size: 32, values: tickTexts, ...ticks(this.#xs) },
-        { ...axis, grid: { show: false }, scale: "y", label: axisTitle(this.panel.y, this.unitOf(this.panel.y)), labelSize: 18, size: 44, values: tickTexts, ...ticks(this.#ys) },
+        { ...axis, grid: { show: false }, scale: "x", label: axisTitle(this.panel.x, this.unitOf(this.panel.x)), labelSize: 20, size: 32, ...ticks(this.panel.x), ...atCells(this.#xs) },
+        { ...axis, grid: { show: false }, scale: "y", label: axisTitle(this.panel.y, this.unitOf(this.panel.y)), labelSize: 18, size: 44, ...ticks(this.panel.y), ...atCells(this.#ys) },
       ],
       cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
       hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },

@@ -9,7 +9,7 @@ import { switches } from "./switches";
 import { enhanceTable } from "./table";
 
 async function start(): Promise<void> {
-  for (const table of document.querySelectorAll<HTMLTableElement>("table.headline, table.results")) enhanceTable(table);
+  for (const table of document.querySelectorAll("table")) enhanceTable(table);
   const data = read();
   // An old browser keeps the pictures.
   if (data === null || data.figures.length === 0 || !("DecompressionStream" in window)) return;

@@ -2,11 +2,16 @@
 
 import uPlot from "uplot";
 import { numbers } from "./data";
-import { text } from "./format";
+import { axisTitle } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
 import type { State } from "./state";
 
-const DASHES = [[], [8, 4], [2, 4]];
+export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 4]];
+/** Marks of a key. */
+const DOT = '<circle cx="12" cy="5" r="3.5"/>';
+const CROSS = '<path d="m8.5 1.5 7 7m-7 0 7-7"/>';
+/** Height of the title and the numbers of the abscissa, px. */
+const ACROSS = 66;
 
 export type Values = (number | null)[];
 export type Range = [number, number];
@@ -29,15 +34,26 @@ export function color(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
+/** What a line looks like; without dashes (null) only its mark. */
+export function lineKey(stroke: string, dashes: readonly number[] | null, mark = "", fill = stroke): Element {
+  const key = document.createElement("span");
+  key.innerHTML = `<svg class="plot-key" viewBox="0 0 24 10" aria-hidden="true">${dashes === null ? "" : `<path d="M0 5h24" stroke-dasharray="${dashes.join(" ")}"/>`}${mark}</svg>`;
+  const svg = key.firstElementChild as SVGElement;
+  Object.assign(svg.style, { stroke, fill });
+  return svg;
+}
+
 /** What the axes of all plots look like. */
 export function axisStyle(): uPlot.Axis {
   const font = `12px ${getComputedStyle(document.body).fontFamily}`;
   return { stroke: () => color("muted"), grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false }, font, labelFont: font };
 }
 
-/** The numbers beside the ticks of an axis; none where a logarithmic axis leaves one out. */
-export function tickTexts(_: uPlot, ticks: (number | null)[]): string[] {
-  return ticks.map((tick) => (tick === null ? "" : text(tick, 6)));
+/** Width of a text on an axis, px. */
+function widthOf(title: string): number {
+  const context = document.createElement("canvas").getContext("2d")!;
+  context.font = axisStyle().font as string;
+  return context.measureText(title).width;
 }
 
 export abstract class Frame implements View {
@@ -86,8 +102,15 @@ export abstract class Frame implements View {
 
   abstract zoom(range: Range | null): void;
 
-  /** Height of the plot, px. */
-  protected abstract get height(): number;
+  /** Height that the kind of plot has, px. */
+  protected abstract get ownHeight(): number;
+
+  /** Height of the plot, px: the titles of its vertical axes are whole. */
+  protected get height(): number {
+    const axes = [this.panel.y, ...(this.panel.right === undefined ? [] : [this.panel.right])];
+    const titles = axes.flatMap((axis) => axis.units.map((unit) => axisTitle(axis, unit)));
+    return Math.max(this.ownHeight, ...titles.map((title) => widthOf(title) + ACROSS));
+  }
 
   get range(): Range {
     const x = this.plot?.scales["x"];
@@ -107,20 +130,19 @@ export abstract class Frame implements View {
     return found === undefined || line.kind === "reference" ? color("ink") : color(`series-${found.color}`);
   }
 
-  protected dash(line: Line): number[] {
+  protected dash(line: Line): readonly number[] {
     if (line.right === true) return [1.5, 2.5];
     if (line.kind === "reference") return [3, 3];
     if (line.kind === "paper") return [5, 4];
     return DASHES[this.data.cases.find((one) => one.name === line.case)?.dash ?? 0] ?? [];
   }
 
-  /** The key of a line and its title, to which a readout appends values. */
+  /** The key of a line, with its dashes and marks, and its title, to which a readout appends values. */
   protected entry(line: Line): HTMLSpanElement {
     const entry = document.createElement("span");
-    const key = document.createElement("i");
-    key.className = "plot-key";
-    key.style.background = this.stroke(line);
-    entry.append(key, line.title);
+    const mark = line.crosses === true ? CROSS : line.marks === true || line.apart === true ? DOT : "";
+    const stroke = this.stroke(line);
+    entry.append(lineKey(stroke, line.apart === true ? null : this.dash(line), mark, line.kind === "paper" ? color("card") : stroke), line.title);
     return entry;
   }
 

@@ -2,11 +2,12 @@
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
-import { axisTitle, convert, revert, text } from "./format";
+import { axisTitle, convert, revert, text, withRoom } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
-import { type Range, type Values, Frame, axisStyle, color, coordinates, tickTexts } from "./panel";
+import { type Range, type Values, Frame, axisStyle, color, coordinates } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
+import { ticks } from "./ticks";
 
 const HEIGHT = 240;
 const AXIS_WIDTH = 62;
@@ -79,7 +80,7 @@ export class Plot extends Frame {
     set({ left, top: left < 0 ? -10 : plot.bbox.height / devicePixelRatio / 2 }, true, false);
   }
 
-  protected get height(): number {
+  protected get ownHeight(): number {
     return HEIGHT;
   }
 
@@ -142,7 +143,7 @@ export class Plot extends Frame {
       drawn.series = add(drawn.line, drawn.x, drawn.y, {
         stroke,
         width: thin ? 0.7 : 1.6,
-        dash: this.dash(drawn.line),
+        dash: [...this.dash(drawn.line)],
         ...(drawn.line.steps === true ? { paths: uPlot.paths.stepped!({ align: 1 }) } : {}),
         ...(drawn.line.apart === true ? { paths: () => null } : {}),
         points: {
@@ -169,11 +170,11 @@ export class Plot extends Frame {
     const axis = axisStyle();
     const log = this.panel.y.log;
     const right = this.panel.right;
-    const vertical = (of: Panel["y"], name: string): uPlot.Axis => ({ ...axis, label: axisTitle(of, this.unitOf(of)), labelSize: 18, size: AXIS_WIDTH - 18, scale: name, values: tickTexts });
+    const vertical = (of: Panel["y"], name: string): uPlot.Axis => ({ ...axis, label: axisTitle(of, this.unitOf(of)), labelSize: 18, size: AXIS_WIDTH - 18, scale: name, ...ticks(of) });
     this.plot = new uPlot(
       {
         width,
-        height: HEIGHT,
+        height: this.height,
         series,
         bands,
         legend: { show: false },
@@ -181,10 +182,10 @@ export class Plot extends Frame {
         scales: {
           x: { time: false, distr: this.panel.x.log ? 3 : 1, range: (_, min, max) => [min, max] },
           y: { distr: log ? 3 : 1, range: (_, min, max) => this.#yRange(min, max) },
-          ...(right === undefined ? {} : { right: { range: (_, min, max) => this.#withRoom(min, max) } }),
+          ...(right === undefined ? {} : { right: { range: (_, min, max) => withRoom(min ?? 0, max ?? 1, false) } }),
         },
         axes: [
-          { ...axis, label: axisTitle(this.panel.x, this.#xUnit), labelSize: 20, size: 32 },
+          { ...axis, label: axisTitle(this.panel.x, this.#xUnit), labelSize: 20, size: 32, ...ticks(this.panel.x) },
           vertical(this.panel.y, "y"),
           ...(right === undefined ? [] : [{ ...vertical(right, "right"), side: 1, grid: { show: false } }]),
         ],
@@ -224,27 +225,15 @@ export class Plot extends Frame {
       const room = low === 0 && high === 1 ? 0.03 : 0;
       return [low - room, high + room];
     }
-    if (this.panel.y.log) {
-      // Whole decades.
-      if (min === null || max === null || min <= 0) return [0.1, 10];
-      const [low, high] = [Math.floor(Math.log10(min)), Math.ceil(Math.log10(max))];
-      // A constant that is a power of ten has a decade on both sides.
-      return low < high ? [10 ** low, 10 ** high] : [10 ** (low - 1), 10 ** (high + 1)];
-    }
-    let [low, high] = [min ?? 0, max ?? 1];
+    let [low, high] = [min ?? NaN, max ?? NaN];
+    if (this.panel.y.log) return withRoom(low, high, true);
     for (const level of this.panel.levels) {
       const value = convert(revert(level.value, this.panel.y.units[0]), this.#yUnit());
       [low, high] = [Math.min(low, value), Math.max(high, value)];
     }
     if (this.panel.y.zero) [low, high] = [Math.min(low, 0), Math.max(high, 0)];
-    const [bottom, top] = this.#withRoom(low, high);
+    const [bottom, top] = withRoom(low, high, false);
     return [this.panel.y.zero && low === 0 ? 0 : bottom, this.panel.y.zero && high === 0 ? 0 : top];
-  }
-
-  #withRoom(min: number | null, max: number | null): Range {
-    const [low, high] = [min ?? 0, max ?? 1];
-    const room = high > low ? 0.06 * (high - low) : Math.abs(high) || 1;
-    return [low - room, high + room];
   }
 
   #drawn(plot: uPlot): void {
@@ -256,19 +245,32 @@ export class Plot extends Frame {
   /** Draws the levels with their titles. */
   #levels(plot: uPlot): void {
     const { ctx, bbox } = plot;
+    const [card, ink, size] = [color("card"), color("ink"), 11 * devicePixelRatio];
+    /** Right ends of the titles, and their heights. */
+    const taken: [number, number][] = [];
     ctx.save();
-    ctx.strokeStyle = ctx.fillStyle = color("ink");
+    ctx.strokeStyle = ink;
     ctx.lineWidth = devicePixelRatio;
     ctx.setLineDash([5 * devicePixelRatio, 3 * devicePixelRatio]);
-    ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(document.body).fontFamily}`;
+    ctx.font = `${size}px ${getComputedStyle(document.body).fontFamily}`;
     ctx.textAlign = "left";
+    ctx.textBaseline = "bottom";
     for (const level of this.panel.levels) {
       const y = plot.valToPos(convert(revert(level.value, this.panel.y.units[0]), this.#yUnit()), "y", true);
       ctx.beginPath();
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      ctx.fillText(level.title, bbox.left + 5 * devicePixelRatio, y - 4 * devicePixelRatio);
+      // Readable over lines, and beside the title of a level that is close.
+      const width = ctx.measureText(level.title).width;
+      const left = Math.max(bbox.left, ...taken.filter(([, other]) => Math.abs(other - y) < 1.5 * size).map(([end]) => end)) + size / 2;
+      taken.push([left + width, y]);
+      ctx.globalAlpha = 0.8;
+      ctx.fillStyle = card;
+      ctx.fillRect(left - size / 4, y - 1.3 * size, width + size / 2, 1.2 * size);
+      ctx.globalAlpha = 1;
+      ctx.fillStyle = ink;
+      ctx.fillText(level.title, left, y - size / 5);
     }
     ctx.restore();
   }

@@ -2,6 +2,7 @@
 
 import { group, toggle } from "./controls";
 import type { PageData } from "./page-data";
+import { DASHES, lineKey } from "./panel";
 import type { State } from "./state";
 
 /** More seeds than this have one list instead of a switch each. */
@@ -31,23 +32,25 @@ function seedList(seeds: number[], state: State): HTMLElement {
   return list;
 }
 
-/** The bar of switches; empty if there is nothing to switch. */
-export function switches(data: PageData, state: State): HTMLElement {
+/** A bar with switches of the cases of one figure, or of those of the page; empty if there is nothing to switch. */
+export function caseSwitches(data: PageData, state: State, title: string, figure?: string): HTMLElement {
   const bar = document.createElement("div");
   bar.className = "switches";
+  const lines = data.figures.flatMap((one) => one.panels.flatMap((panel) => panel.lines));
+  const cases = data.cases.filter((one) => one.figure === figure && lines.some((line) => line.case === one.name));
+  const toggles = cases.map((one) => {
+    const element = toggle(one.title, one.title, true, (on) => state.change(() => put(state.cases, one.name, on)));
+    element.prepend(lineKey(`var(--series-${one.color})`, DASHES[one.dash] ?? []));
+    return element;
+  });
+  if (toggles.length > 1) bar.append(group(title, toggles));
+  return bar;
+}
+
+/** The bar of switches of the page. */
+export function switches(data: PageData, state: State): HTMLElement {
+  const bar = caseSwitches(data, state, "Cases");
   const lines = data.figures.flatMap((figure) => figure.panels.flatMap((panel) => panel.lines));
-  const cases = data.cases.filter((one) => lines.some((line) => line.case === one.name));
-  if (cases.length > 1) {
-    const toggles = cases.map((one) => {
-      const element = toggle(one.title, one.title, true, (on) => state.change(() => put(state.cases, one.name, on)));
-      const key = document.createElement("i");
-      key.className = "plot-key";
-      key.style.background = `var(--series-${one.color})`;
-      element.prepend(key);
-      return element;
-    });
-    bar.append(group("Cases", toggles));
-  }
   const seeds = data.seeds.filter((seed) => lines.some((line) => line.seed === seed));
   if (seeds.length > 1) {
     const mean = toggle("mean ± deviation", "mean ± deviation over the seeds", state.mean, (on) => state.change(() => (state.mean = on)));

@@ -138,7 +138,7 @@ function makeSortable(table: HTMLTableElement): HTMLElement {
 }
 
 /** Gives cells the titles of their columns, which a narrow screen shows beside them instead of above. */
-function label(table: HTMLTableElement): void {
+export function label(table: HTMLTableElement): void {
   const titles = [...(table.tHead?.rows[0]?.cells ?? [])].map(titleOf);
   for (const row of [...table.tBodies].flatMap((body) => [...body.rows])) {
     let column = 0;
@@ -209,9 +209,11 @@ function heatMap(table: HTMLTableElement): HTMLElement {
   return all;
 }
 
-/** Makes a table sortable, and adds its buttons. */
+/** Makes a table a list on narrow screens; one of results can also be sorted and copied. */
 export function enhanceTable(table: HTMLTableElement): void {
-  if (!table.classList.contains("headline")) label(table);
+  // Cells of a table with titles of groups have their labels already.
+  if (!isGrouped(table)) label(table);
+  if (!table.matches(".headline, .results")) return;
   const choice = makeSortable(table);
   const asCsv = button("CSV", "Copy the table as CSV", () => void copy(csv(matrix(table)), asCsv));
   const asMarkdown = button("Markdown", "Copy the table as Markdown", () => void copy(markdown(matrix(table)), asMarkdown));

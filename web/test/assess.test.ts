@@ -4,7 +4,8 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import type { BrowserContextOptions } from "playwright-core";
-import { Results, catchCopies, hover } from "./browser";
+import type { PageData } from "../src/page-data";
+import { Results, catchCopies, hover, range } from "./browser";
 
 interface Row {
   title: string;
@@ -17,7 +18,8 @@ const results = new Results(folder);
 const open = (options?: BrowserContextOptions) => results.open(options);
 const assessment = JSON.parse(readFileSync(`${folder}/assessment.json`, "utf8")) as {
   metrics: Row[];
-  runs: { parameters: Record<string, number> }[];
+  runs: { id: string; system: string; parameters: Record<string, number>; metrics: { entry_speed: number; first_hit: [number, number] | null } }[];
+  tracks: Record<string, [number, number, number, number][]>;
 };
 
 test("every metric has a row with its verdict and its definition", async () => {
@@ -65,11 +67,30 @@ test("the seeds of the roads are among what is needed to repeat it", async () =>
 test("a place of the track is found by the mouse", async () => {
   const page = await open();
   const plot = page.locator("#iso3888_2 .plot").first();
-  assert.match(await plot.locator(".plot-title").innerText(), /Passed at [\d.]+ km\/h/);
+  assert.match(await plot.locator(".plot-title").innerText(), /^Highest speed passed\s+[\d.]+ km\/h, Without controllers$/);
   await hover(plot);
   // Cones, path, the vehicle, its footprints and the tightest place: the nearest of them tells its coordinates.
   assert.equal(await plot.locator(".plot-readout > span").count(), 5);
   assert.equal(await plot.locator(".plot-readout b").count(), 2);
+});
+
+test("footprints are to scale, and the cone that was hit first is marked at the edge of its section", async () => {
+  const page = await open();
+  const failed = page.locator("#iso3888_2 .plot", { hasText: "Lowest speed failed" }).first();
+  await failed.scrollIntoViewIfNeeded();
+  const over = (await failed.locator(".u-over").boundingBox())!;
+  const [[left, right], [low, high]] = [range(await failed.getAttribute("data-range")), range(await failed.getAttribute("data-vertical"))];
+  assert.ok(Math.abs(over.width / (right - left) / (over.height / (high - low)) - 1) < 0.02);
+  const speed = Number.parseFloat(await failed.locator(".plot-title span").innerText());
+  const run = assessment.runs.find((one) => one.system === "without" && one.id.startsWith("iso3888_2.") && Math.abs(one.metrics.entry_speed * 3.6 - speed) < 0.06)!;
+  const [begin, end, ...edges] = assessment.tracks["iso3888_2"]![run.metrics.first_hit![1]! - 1]!;
+  // The cross is drawn in ink on an edge, between both ends of the section.
+  assert.equal(await failed.locator(".plot-readout span", { hasText: "first cone hit" }).count(), 1);
+  const data = await page.locator("#page-data").textContent();
+  const figure = (JSON.parse(data!) as PageData).figures.find(({ name }) => name === "iso3888_2")!;
+  const cross = figure.panels.find(({ title }) => title === "Lowest speed failed")!.lines.find(({ crosses }) => crosses === true)!;
+  assert.ok(cross.x.first >= begin! && cross.x.first <= end!, `${cross.x.first}`);
+  assert.ok(edges.includes(cross.y.first), `${cross.y.first}`);
 });
 
 test("one of many lines has a key", async () => {

@@ -133,10 +133,10 @@ describe("figures", () => {
 
   test("colors follow the theme", async () => {
     const page = await open();
-    const color = () => page.locator("#figure_6a .plot-key").first().evaluate((key) => getComputedStyle(key).backgroundColor);
+    const color = () => page.locator("#figure_6a .plot-key").first().evaluate((key) => getComputedStyle(key).stroke);
     const light = await color();
     await page.emulateMedia({ colorScheme: "dark" });
-    await page.waitForFunction((before) => getComputedStyle(document.querySelector("#figure_6a .plot-key")!).backgroundColor !== before, light);
+    await page.waitForFunction((before) => getComputedStyle(document.querySelector("#figure_6a .plot-key")!).stroke !== before, light);
   });
 });
 

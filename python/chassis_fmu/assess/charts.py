@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..evaluation import metrics
-from ..files.plan import Case, Conversion, Level, Point
+from ..files.plan import Case, Conversion, Level
 from ..files.results import Recording
 from ..report.charts import Chart, figure
-from ..report.panels import Array, Axis, Line, Panel, unit_axis
+from ..report.panels import Array, Axis, Line, Panel, PanelKind
 from .assessment import Assessment, Folder, Run, Suite
 
 DEGREES = Conversion("°", 180.0 / math.pi)
@@ -36,25 +36,13 @@ AFTER = (0.0, 1.0, 1.75)
 
 
 @dataclass(frozen=True)
-class Systems:
-    """What figures are of: a case for each system."""
-
-    cases: tuple[Case, ...]
-    points: tuple[Point, ...] = ()
-
-
-@dataclass(frozen=True)
 class Source:
     """What the figures are made of."""
 
     assessment: Assessment
     folder: Folder
-    systems: Systems
-
-    @property
-    def cases(self) -> tuple[Case, ...]:
-        """The systems."""
-        return self.systems.cases
+    cases: tuple[Case, ...]
+    """The systems."""
 
     def recordings(self, run: str) -> Iterator[tuple[Case, Recording]]:
         """Return the signals of a run in each system that has them.
@@ -105,7 +93,7 @@ def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple
             for case, recording in source.recordings(run)
             if signal in recording.values
         ]
-        panels.append(Panel(title, "", TIME, unit_axis(units), tuple(lines)))
+        panels.append(Panel(title, "", TIME, Axis(title.partition(",")[0], units), tuple(lines)))
     return panels
 
 
@@ -144,13 +132,14 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
                 ends = np.array([1.0, 3.0])
                 line = float(up[inside].mean()) + gradient * (ends - float(across[inside].mean()))
                 gradients.append(Line("reference", "" if gradients else "slope from 1 to 3 m/s²", ends, line, case))
+    wheel_angle = Axis("Steering wheel angle", ANGLE)
     panels = [
-        Panel("Steering wheel angle", "", LATERAL, unit_axis(ANGLE), (*steering, *regressions), kind="curve"),
+        Panel(wheel_angle.title, "", LATERAL, wheel_angle, (*steering, *regressions), kind="curve"),
         Panel(
             "Handling diagram: angle of the front wheels less wheelbase · yaw rate / speed",
             "",
             LATERAL,
-            unit_axis(ANGLE),
+            Axis("Angle", ANGLE),
             (*handling, *gradients),
             kind="curve",
         ),
@@ -229,7 +218,7 @@ def frequency_response(source: Source) -> Chart | None:
                 gains.append(Line("run", case.title, frequency, gain, case))
             if phase is not None:
                 phases.append(Line("run", case.title, frequency, phase, case))
-        panels.append(Panel(f"Gain of the {title}", "", hertz, Axis("", unit), tuple(gains)))
+        panels.append(Panel(f"Gain of the {title}", "", hertz, Axis("Gain", unit), tuple(gains)))
         panels.append(Panel(f"Phase of the {title}", "", hertz, Axis("Phase", (DEGREES,)), tuple(phases)))
     caption = (
         f"{_speed(source, 'frequency_response')} Response to the angle of the front wheels, at the frequencies of the "
@@ -262,8 +251,9 @@ def _tracks(source: Source, run: str) -> list[Line]:
     ]
 
 
-def _above_panel(title: str, note: str, lines: Sequence[Line]) -> Panel:
-    return Panel(title, note, Axis("x", METERS), Axis("y", METERS), tuple(lines), kind="curve")
+def _above_panel(title: str, note: str, lines: Sequence[Line], *, to_scale: bool = False) -> Panel:
+    kind: PanelKind = "map" if to_scale else "curve"
+    return Panel(title, note, Axis("x", METERS), Axis("y", METERS), tuple(lines), kind=kind)
 
 
 def single_lane_change(source: Source) -> Chart | None:
@@ -307,7 +297,7 @@ def sine_with_dwell(source: Source) -> Chart | None:
         recording = source.folder.recording(case.name, last.name)
         right = None
         if recording is not None and "driver.steering_wheel" in recording.values:
-            right = Axis("Steering wheel", ANGLE)
+            right = Axis("Steering wheel angle", ANGLE)
             wheel = _mirrored(last, recording.values["driver.steering_wheel"])
             lines.append(Line("reference", "steering wheel of the largest", recording.times, wheel, right=True))
         if marks:
@@ -316,7 +306,7 @@ def sine_with_dwell(source: Source) -> Chart | None:
             lines.append(
                 Line("reference", "steering done, 1 s, 1.75 s later", x[order], y[order], marks=True, apart=True)
             )
-        panels.append(Panel("Yaw rate", case.title, TIME, Axis("", RATE), tuple(lines), right=right))
+        panels.append(Panel("Yaw rate", case.title, TIME, Axis("Yaw rate", RATE), tuple(lines), right=right))
     caption = f"{_speed(source, 'sine_with_dwell')} All amplitudes; runs to the right are mirrored."
     return _chart(source, "sine_with_dwell", "Sine with dwell", "time", caption, panels)
 
@@ -327,10 +317,16 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
     panels = []
     row = source.assessment.by_name.get("sine_with_dwell.lateral_displacement")
     least = None if row is None or row.limit is None else row.limit.min
-    for metric, title, unit, limit in (
-        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, of its second peak", "", 0.35),
-        ("yaw_rate_ratio_1_75s", "Yaw rate 1.75 s after the steering, of its second peak", "", 0.20),
-        ("lateral_displacement", "Lateral displacement 1.07 s after the beginning", "m", least),
+    for metric, title, what, unit, limit in (
+        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, of its second peak", "Share of the peak", "", 0.35),
+        (
+            "yaw_rate_ratio_1_75s",
+            "Yaw rate 1.75 s after the steering, of its second peak",
+            "Share of the peak",
+            "",
+            0.20,
+        ),
+        ("lateral_displacement", "Lateral displacement 1.07 s after the beginning", "Displacement", "m", least),
     ):
         lines = []
         for case, runs in source.runs("sine_with_dwell"):
@@ -344,7 +340,7 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
                     title_of_line = case.title if side == "left" else ""
                     lines.append(Line("run", title_of_line, x, y, case, marks=True))
         levels = () if limit is None else (Level(limit, "limit"),)
-        axis = Axis("", (Conversion(unit),), zero=True)
+        axis = Axis(what, (Conversion(unit),), zero=True)
         panels.append(Panel(title, "", amplitude, axis, tuple(lines), levels))
     caption = (
         f"{_speed(source, 'sine_with_dwell')} Limits of FMVSS 126 and UN R140. To both sides. The displacement counts "
@@ -370,8 +366,20 @@ def _cones(track: Sequence[tuple[float, float, float, float]]) -> Line:
     return Line("reference", "cones", xs, ys)
 
 
+def _hit(track: Sequence[tuple[float, float, float, float]], section: int, xs: Array, ys: Array) -> Line:
+    """Return a cross at the edge of a section of the track, where corners of a footprint are farthest beyond it."""
+    begin, end, right, left = track[section - 1]
+    inside = np.flatnonzero((xs >= begin) & (xs <= end))
+    rows = inside if inside.size else np.flatnonzero(np.isfinite(xs))
+    beyond = np.maximum(ys[rows] - left, right - ys[rows])
+    row = rows[int(beyond.argmax())]
+    y = left if ys[row] - left > right - ys[row] else right
+    place = (np.array([np.clip(xs[row], begin, end)]), np.array([y]))
+    return Line("reference", "first cone hit", *place, marks=True, apart=True, crosses=True)
+
+
 def _above(source: Source, maneuver: str, case: Case, run: Run, what: str) -> Panel | None:
-    """Return a double lane change seen from above."""
+    """Return a double lane change seen from above, to scale."""
     recording = source.folder.recording(case.name, run.name)
     if recording is None:
         return None
@@ -389,12 +397,16 @@ def _above(source: Source, maneuver: str, case: Case, run: Run, what: str) -> Pa
         lines.append(Line("reference", "path", path[0][near], path[1][near]))
     lines.append(Line("run", case.title, x[near], y[near], case, t=times[near]))
     lines.append(Line("run", "footprint", *_corners(source.assessment, x[rows], y[rows], yaw[rows]), case))
-    tightest = run.metrics.get("tightest")
-    if tightest is not None:
-        row = np.array([int(np.abs(times - tightest[0]).argmin())])
-        lines.append(Line("reference", "tightest place", *_corners(source.assessment, x[row], y[row], yaw[row])))
+    for metric in ("tightest", "first_hit"):
+        if (found := run.metrics.get(metric)) is not None:
+            row = np.array([int(np.abs(times - found[0]).argmin())])
+            corners = _corners(source.assessment, x[row], y[row], yaw[row])
+            if metric == "first_hit":
+                lines.append(_hit(track, int(found[1]), *corners))
+            else:
+                lines.append(Line("reference", "tightest place", *corners))
     speed = float(run.name.split(".", 1)[1])
-    return _above_panel(f"{what} at {speed:.1f} km/h", case.title, lines)
+    return _above_panel(what, f"{speed:.1f} km/h, {case.title}", lines, to_scale=True)
 
 
 def double_lane_change(maneuver: str, title: str) -> Make:
@@ -407,15 +419,15 @@ def double_lane_change(maneuver: str, title: str) -> Make:
         for case, runs in source.runs(maneuver):
             recorded = [run for run in runs if source.folder.recording(case.name, run.name) is not None]
             for run in sorted(recorded, key=lambda run: run.metrics.get("passed") is not True):
-                what = "Passed" if run.metrics.get("passed") is True else "Failed"
+                what = "Highest speed passed" if run.metrics.get("passed") is True else "Lowest speed failed"
                 panel = _above(source, maneuver, case, run, what)
                 if panel is not None:
                     panels.append(panel)
         caption = (
-            f"{_speed(source, maneuver)} The highest speed that is passed and the lowest that is not. The vehicle's "
-            f"footprint every {FOOTPRINTS} s, in ink where it is tightest. The axes have different scales."
+            f"{_speed(source, maneuver)} The vehicle's footprint every {FOOTPRINTS} s, in ink where it is tightest; a "
+            "cross at the first cone hit. To scale."
         )
-        return _chart(source, maneuver, title, "time", caption, panels)
+        return _chart(source, maneuver, title, "xy", caption, panels)
 
     return make
 
@@ -435,7 +447,7 @@ def margins(source: Source) -> Chart | None:
                 x, y = np.array(sorted(known), np.float64).T
                 lines.append(Line("run", case.title, x, y, case, marks=True))
         speed = Axis("Entry speed", (Conversion("km/h"),))
-        panels.append(Panel(title, "", speed, Axis("", METERS), tuple(lines), (Level(0.0, "cone"),)))
+        panels.append(Panel(title, "", speed, Axis("Distance", METERS), tuple(lines), (Level(0.0, "cone"),)))
     first, second = (_speed(source, maneuver).replace("At", "at") for maneuver in ("iso3888_1", "iso3888_2"))
     caption = (
         f"ISO 3888-1 {first} ISO 3888-2 {second} Smallest distance between footprint and cones; negative where a cone "
@@ -476,7 +488,7 @@ def braking(source: Source) -> Chart | None:
         begin = int(np.argmax(v["driver.brake"] > 0.0)) if "driver.brake" in v else 0
         way = v["vehicle.position_x"] - v["vehicle.position_x"][begin]
         lines.append(Line("run", case.title, way[begin:], v["vehicle.speed"][begin:], case, t=recording.times[begin:]))
-    panel = Panel("Speed", "", Axis("Way", METERS), Axis("", KMH, zero=True), tuple(lines), kind="curve")
+    panel = Panel("Speed", "", Axis("Distance", METERS), Axis("Speed", KMH, zero=True), tuple(lines), kind="curve")
     return _chart(
         source,
         "braking",
@@ -520,7 +532,7 @@ def ride(source: Source) -> Chart | None:
     hertz = Axis("Frequency", (Conversion("Hz"),), log=True, range=(0.2, 100.0))
     frequencies, gains = (np.array(part) for part in weighting)
     plain, weighted = [], []
-    highest = 0.0
+    highest, least = 0.0, math.inf
     for case, recording in source.recordings("ride.c.1"):
         signal = recording.values.get("body.heave_acceleration")
         if signal is None:
@@ -531,10 +543,13 @@ def ride(source: Source) -> Chart | None:
         f, density = f[shown], density[shown]
         gain = np.interp(np.log(f), np.log(frequencies), gains)
         highest = max(highest, float(density.max()))
+        least = min(least, float((density * np.minimum(gain, 1.0) ** 2).min()))
         plain.append(Line("run", case.title, f, density, case))
         weighted.append(Line("run", case.title, f, density * gain**2, case))
-    # Six decades, of which the rest is rounding.
-    axis = Axis("", (Conversion("(m/s²)²/Hz"),), log=True, range=(2e-6 * highest, 2.0 * highest))
+    # Six decades at most; the rest is rounding.
+    axis = Axis(
+        "Density", (Conversion("(m/s²)²/Hz"),), log=True, range=(max(0.5 * least, 2e-6 * highest), 2.0 * highest)
+    )
     inside = (frequencies >= 0.2) & (frequencies <= 100.0)
     curve = Line("reference", "gain of W_k", frequencies[inside], gains[inside], right=True)
     panels = [

@@ -14,7 +14,7 @@ from ..files.plan import Case
 from ..report import index, lab, rendering, tables
 from ..report.charts import Chart, Drawings
 from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
-from .charts import CHARTS, Source, Systems
+from .charts import CHARTS, Source
 
 SUITES: dict[Suite, tuple[str, str]] = {
     "handling": ("Handling", "ISO 4138, ISO 7401, ISO 14791"),
@@ -161,11 +161,11 @@ def limit(row: Row) -> str:
     return tables.limits(low, high, unit)
 
 
-def systems(found: Assessment) -> Systems:
+def systems(found: Assessment) -> tuple[Case, ...]:
     """Return the systems as cases of figures."""
     if len(found.systems) == 1:
-        return Systems((Case("without", found.plant.fmu, None),))
-    return Systems((Case("without", "Without controllers", None), Case("with", "With controllers", "without")))
+        return (Case("without", found.plant.fmu, None),)
+    return Case("without", "Without controllers", None), Case("with", "With controllers", "without")
 
 
 def units(found: Assessment) -> str:
@@ -208,7 +208,7 @@ def _troubles(found: Assessment, cases: Sequence[Case]) -> list[tuple[str, list[
 def render(found: Assessment, folder: Folder, context: Context) -> str:
     """Return the page, and write its figures beside it."""
     source = Source(found, folder, systems(found))
-    drawings = Drawings(source.systems, folder.path / "figures")
+    drawings = Drawings(source.cases, folder.path / "figures")
     sections = []
     for suite, (title, procedures) in SUITES.items():
         rows = [row for row in found.metrics if row.suite == suite]

@@ -8,9 +8,17 @@ from pathlib import Path
 
 import markupsafe
 
-from ..files.plan import Case, Figure
+from ..files.plan import Case, Figure, Point
 from . import page_data, plots, rendering
 from .panels import Panel
+
+
+@dataclass(frozen=True)
+class Cases:
+    """What figures are of: cases without points."""
+
+    cases: Sequence[Case]
+    points: Sequence[Point] = ()
 
 
 @dataclass(frozen=True)
@@ -20,6 +28,8 @@ class Chart:
     figure: Figure
     caption: str
     panels: list[Panel]
+    cases: Sequence[Case] | None = None
+    """Cases of this figure alone, which has switches of its own; without them it is of the cases of the page."""
 
 
 def figure(name: str, title: str, kind: str, cases: Sequence[Case]) -> Figure:
@@ -50,19 +60,21 @@ def figure(name: str, title: str, kind: str, cases: Sequence[Case]) -> Figure:
 class Drawings:
     """The figures of a page: pictures in a folder, and what makes them interactive."""
 
-    def __init__(self, of: plots.Drawn, folder: Path) -> None:
-        self._of = of
+    def __init__(self, cases: Sequence[Case], folder: Path) -> None:
+        self._cases = cases
         self._folder = folder
-        self._drawn: list[tuple[str, list[Panel]]] = []
+        self._drawn: list[Chart] = []
 
     def draw(self, chart: Chart) -> tuple[Chart, markupsafe.Markup]:
         """Draw a figure and write its files; returns it with the picture for the page."""
-        made = plots.draw(self._of, chart.figure, chart.panels)
+        made = plots.draw(Cases(chart.cases or self._cases), chart.figure, chart.panels)
         made.write(self._folder)
-        self._drawn.append((chart.figure.name, chart.panels))
+        self._drawn.append(chart)
         return chart, rendering.inline_svg(made)
 
     @property
     def interactive(self) -> page_data.Interactive:
         """The interactive parts of all figures drawn so far."""
-        return page_data.Interactive.of(page_data.render(self._of.cases, [], self._drawn))
+        figures = [(chart.figure.name, chart.panels) for chart in self._drawn]
+        own = {chart.figure.name: chart.cases for chart in self._drawn if chart.cases}
+        return page_data.Interactive.of(page_data.render(self._cases, [], figures, own=own))

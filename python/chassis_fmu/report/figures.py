@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +13,7 @@ from ..evaluation.results_table import Numbers
 from ..files.plan import Case, Cell, Column, Conversion, Figure, Metric, Plan, Run
 from ..files.results import Recording
 from . import tables
-from .panels import Array, Axis, Line, LineKind, Panel, PanelKind, decimate, heat_maps, unit_axis
+from .panels import Array, Axis, Line, LineKind, Panel, PanelKind, decimate, heat_maps
 
 # Seeds whose runs a page contains one by one; more of them would make it larger than 1 MB. It says so.
 MOST_SEEDS = 48
@@ -271,7 +270,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                 # A run that stopped before the window leaves its panel empty.
                 if any(found is not None and column.name in found.values for found in recorded):
                     note = ", ".join(t for t in (together[0].title if figure.separate else "", titles[point]) if t)
-                    y = unit_axis(_units(column, figure))
+                    y = Axis(brief(column), _units(column, figure))
                     yield Panel(label(column), note, x, y, tuple(lines), levels, right=right)
 
 
@@ -318,9 +317,9 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
         band = figure.band or (float(frequencies[0]), float(frequencies[-1]))
         x = Axis("Frequency", (Conversion("Hz"),), log=True, range=band)
         parts = (
-            ("gain", Axis("", (Conversion("" if ratio == "1/1" else ratio),), log=True)),
+            ("gain", Axis("Gain", (Conversion("" if ratio == "1/1" else ratio),), log=True)),
             ("phase", Axis("Phase", (Conversion("°"),))),
-            ("coherence", Axis("", (Conversion(""),), range=(0.0, 1.0))),
+            ("coherence", Axis("Coherence", (Conversion(""),), range=(0.0, 1.0))),
         )
         for part, (word, y) in enumerate(parts):
             lines = []
@@ -337,7 +336,11 @@ def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Iterator[Panel]:
     x = Axis("Frequency", (Conversion("Hz"),), log=True, range=figure.band)
     for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
-        y = Axis("", (Conversion(density_unit(_shown(column, figure).unit)),), log=True)
+        y = Axis(
+            f"Density of {_in_sentence(brief(column))}",
+            (Conversion(density_unit(_shown(column, figure).unit)),),
+            log=True,
+        )
         lines = []
         for case in _cases(plan, figure):
             key = (figure.name, index, case.name, point)
@@ -384,9 +387,9 @@ def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int]
     return out
 
 
-def _metric_axis(metric: Metric, title: str = "", *, zero: bool = False) -> Axis:
-    units = (Conversion(tables.pretty_unit(metric.conversion.unit)),)
-    return Axis(title, units, zero=zero) if title else unit_axis(units, zero=zero)
+def metric_axis(metric: Metric, *, zero: bool = False) -> Axis:
+    """Return the axis of a metric."""
+    return Axis(metric.title, (Conversion(tables.pretty_unit(metric.conversion.unit)),), zero=zero)
 
 
 def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
@@ -400,7 +403,7 @@ def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Pane
                 share = np.arange(1, values.size + 1) / values.size
                 lines.append(Line("run", case.title, values, share, case, marks=True, steps=True))
         if lines:
-            yield Panel(metric.title, note, _metric_axis(metric, metric.title), y, tuple(lines))
+            yield Panel(metric.title, note, metric_axis(metric), y, tuple(lines))
 
 
 def _scatter(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
@@ -420,7 +423,7 @@ def _scatter(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
                 across, up = np.array(pairs).T
                 lines.append(Line("run", case.title, across, up, case, marks=True, apart=True))
         if lines:
-            x, y = _metric_axis(over, over.title), _metric_axis(metric, metric.title)
+            x, y = metric_axis(over), metric_axis(metric)
             yield Panel(f"{metric.title} over {_in_sentence(over.title)}", "", x, y, tuple(lines))
 
 
@@ -449,7 +452,7 @@ def _sweep(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
             if paper:
                 values, places = np.array([v for _, v in paper]), np.array([value for value, _ in paper])
                 lines.append(Line("paper", f"{case.title}, paper", places, values, case, marks=True))
-        y = _metric_axis(metric, zero=True)
+        y = metric_axis(metric, zero=True)
         yield Panel(metric.title, "", x, y, tuple(lines), ticks=tuple(p.value for p in points))
 
 
@@ -468,7 +471,7 @@ def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
             if known:
                 across, up, values = np.array(known, np.float64).T
                 found.append((case, case.title if len(plan.cases) > 1 else "", (across, up, values)))
-        yield from heat_maps(metric.title, (first, second, _metric_axis(metric, metric.title)), found)
+        yield from heat_maps(metric.title, (first, second, metric_axis(metric)), found)
 
 
 def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
@@ -482,7 +485,7 @@ def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) ->
                 lines.append(Line("run", case.title, *line, case))
         if lines:
             x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
-            y = _metric_axis(metric, zero=True)
+            y = metric_axis(metric, zero=True)
             yield Panel(metric.title, note, x, y, tuple(lines))
 
 
@@ -503,7 +506,8 @@ def _alike(panels: Sequence[Panel], *, abscissa: bool) -> list[Panel]:
         ends = [_limits(panel, of_abscissa=of_abscissa) for panel in panels]
         low, high = min(end[0] for end in ends), max(end[1] for end in ends)
         if not of_abscissa and panels[0].y.log:
-            return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
+            ratio = (high / low) ** ROOM if high > low else 2.0
+            return low / ratio, high * ratio
         room = ROOM * (high - low) or abs(high) or 1.0
         return low - room, high + room
 

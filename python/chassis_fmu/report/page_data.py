@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -122,6 +122,8 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
         data["steps"] = True
     if line.apart:
         data["apart"] = True
+    if line.crosses:
+        data["crosses"] = True
     if line.right:
         data["right"] = True
     if line.run is not None and line.signal is not None:
@@ -154,10 +156,11 @@ def render(
     seeds: Sequence[int],
     figures: Sequence[tuple[str, Sequence[Panel]]],
     grid: float = 1.0,
+    own: Mapping[str, Sequence[Case]] | None = None,
 ) -> str:
     """Serialize named figures as JSON that is safe inside a script element.
 
-    `grid` is the distance of recorded values on the abscissa: those on it are exact.
+    `grid` is the distance of recorded values on the abscissa: those on it are exact. `own` has cases of single figures.
     """
     block = _Block()
     drawn = [
@@ -175,8 +178,10 @@ def render(
                 "title": case.title,
                 "color": i % len(plots.PALETTE),
                 "dash": i // len(plots.PALETTE) % len(plots.DASHES),
+                **({} if figure is None else {"figure": figure}),
             }
-            for i, case in enumerate(cases)
+            for figure, listed in ((None, cases), *(own or {}).items())
+            for i, case in enumerate(listed)
         ],
         "seeds": list(seeds),
         "figures": [figure for figure in drawn if figure["panels"]],

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files.plan import Case, Conversion, Level
+from .tables import pretty_unit
 
 # A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
 BUCKETS = 600
@@ -33,10 +34,10 @@ class Axis:
     """Whether zero is part of the picture, so that differences show in their true proportion."""
     range: tuple[float, float] | None = None
 
-
-def unit_axis(units: tuple[Conversion, ...], *, zero: bool = False) -> Axis:
-    """Return an axis whose title is that of its panel: its label is the unit, and a lone degree sign would be lost."""
-    return Axis("Angle" if units[0].unit == "°" else "", units, zero=zero)
+    @property
+    def label(self) -> str:
+        """The title with the unit shown; a dash for a number without unit."""
+        return f"{self.title} ({pretty_unit(self.units[0].unit) or '–'})"
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,8 @@ class Line:
     """Whether a value holds until the next one."""
     apart: bool = False
     """Whether the points are not joined; they have marks."""
+    crosses: bool = False
+    """Whether the marks are crosses."""
     right: bool = False
     """Whether it belongs to the axis on the right."""
     run: str | None = None

@@ -18,12 +18,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator
 
 from ..files import results
 from ..files.plan import Case, Figure, Point
 from . import tables
-from .panels import Array, Axis, Line, Panel, decimate
+from .panels import Array, Line, Panel, decimate
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -35,6 +35,13 @@ PAPER = "#ffffff"
 
 # A line over the axis on the right.
 RIGHT_DASHES = (0, (1, 1.5))
+
+# So many points of a cloud are opaque vectors; more are translucent, and an image within the SVG, which would be large.
+OPAQUE = 40
+LEAST_OPAQUE = 0.25
+
+# Letters of the title of a vertical axis in a line, per inch of the height of its panel.
+LETTERS = 10.0
 
 # Up to this many points of a sweep are marked on the abscissa one by one.
 MOST_TICKS = 8
@@ -161,12 +168,15 @@ def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
 
 
 def _levels(ax: Axes, panel: Panel) -> None:
-    for level in panel.levels:
+    for i, level in enumerate(panel.levels):
         ax.axhline(level.value, color=INK, linewidth=0.9, linestyle=(0, (5, 3)))
+        # On either side in turn: two levels may be close.
+        is_left = i % 2 == 0
         ax.annotate(
             level.title,
-            (0.0, level.value),
-            xytext=(4.0, 3.0),
+            (0.0 if is_left else 1.0, level.value),
+            xytext=(4.0 if is_left else -4.0, 3.0),
+            horizontalalignment="left" if is_left else "right",
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
             color=INK,
@@ -229,8 +239,10 @@ def _draw_points(ax: Axes, plan: Drawn, line: Line, y: Array, key: _Key) -> None
     color = INK if line.case is None else color_of(plan, line.case)
     if line.apart or line.steps:
         joined = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
-        ax.plot(line.x, y, color=color, marker="o", markersize=4.5, alpha=0.9, **joined)
-        key.add(line, line.title, color=color, marker="o", linestyle="none" if line.apart else "solid", linewidth=1.5)
+        style = {"color": color, "marker": "x" if line.crosses else "o", "markersize": 4.5}
+        opaque = max(LEAST_OPAQUE, min(0.9, OPAQUE / len(line.x)))
+        ax.plot(line.x, y, **style, **joined, alpha=opaque, rasterized=line.apart and len(line.x) > OPAQUE)
+        key.add(line, line.title, **style, linestyle="none" if line.apart else "solid", linewidth=1.5)
         return
     if line.kind == "paper":
         style = {"color": color, "marker": "s", "markerfacecolor": PAPER, "linestyle": (0, (4, 2)), "linewidth": 1.1}
@@ -276,22 +288,43 @@ def _draw_cells(ax: Axes, panel: Panel) -> None:
                 ax.text(across[place[1]], up[place[0]], text, ha="center", va="center", color=color, fontsize=7.0)
     if ax.figure is not None:
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-        bar.set_label(tables.with_unit(z.title, units[2].unit))
+        bar.set_label(z.label)
+        bar.formatter = NUMBERS  # type: ignore[assignment]
         bar.outline.set_visible(False)  # type: ignore[operator]
 
 
-def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key) -> None:
+class _Decades(LogFormatter):
+    """Numbers of a logarithmic axis, between its decades, too, where there is room for them."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Write a number as the tables do."""
+        return tables.scientific(x) if super().__call__(x, pos) else ""
+
+
+NUMBERS = FuncFormatter(lambda value, _: tables.scientific(0.0 if abs(value) < 1e-12 else value))
+"""Numbers of an axis, written as the tables do."""
+
+
+def _scale(ax: Axes, panel: Panel) -> None:
+    """Set scales and numbers of the axes."""
+    for axis, scale, drawn in ((panel.x, ax.set_xscale, ax.xaxis), (panel.y, ax.set_yscale, ax.yaxis)):
+        if axis.log:
+            scale("log")
+            drawn.set_minor_formatter(_Decades(minor_thresholds=(1.5, 0.5)))
+        drawn.set_major_formatter(NUMBERS)
+
+
+def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key, letters: int) -> None:
+    """Draw a panel; titles of vertical axes have so many letters in a line."""
+    ax.set_ylabel(textwrap.fill(panel.y.label, letters))
     if panel.kind == "heat":
         _draw_cells(ax, panel)
-        for axis, scale in ((panel.x, ax.set_xscale), (panel.y, ax.set_yscale)):
-            if axis.log:
-                scale("log")
-        ax.set_ylabel(tables.with_unit(panel.y.title, panel.y.units[0].unit))
+        _scale(ax, panel)
         return
     across, unit = panel.x.units[0], panel.y.units[0]
     shown = _lines(panel)
     runs = [line for line in shown if line.kind == "run"]
-    beside = None if panel.right is None else _right_axis(ax, panel.right)
+    beside = None if panel.right is None else _right_axis(ax, textwrap.fill(panel.right.label, letters))
     # States and switches have no values between.
     whole = figure.kind == "time" and not panel.levels
     for line in shown:
@@ -308,17 +341,7 @@ def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key) 
     _levels(ax, panel)
     if whole and (ax.dataLim.y0 != 0.0 or ax.dataLim.y1 != 0.0):
         ax.yaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
-    if panel.x.log:
-        ax.set_xscale("log")
-        ax.xaxis.set_major_formatter("{x:g}")
-        # Where less than a decade is shown, numbers between its ends, too.
-        ax.xaxis.set_minor_formatter(LogFormatter())
-    if panel.y.log:
-        ax.set_yscale("log")
-        if figure.kind == "transfer":
-            ax.yaxis.set_major_formatter("{x:g}")
-            ax.yaxis.set_minor_formatter(LogFormatter())
-    ax.set_ylabel(tables.with_unit(panel.y.title, unit.unit) if panel.y.title else unit.unit)
+    _scale(ax, panel)
     if panel.x.range is not None:
         ax.set_xlim(panel.x.range)
     elif figure.kind in ("xy", "distribution", "scatter"):
@@ -326,7 +349,7 @@ def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key) 
     if panel.ticks:
         ax.margins(x=0.06)
         if len(panel.ticks) <= MOST_TICKS:
-            ax.set_xticks(panel.ticks, [f"{tick:g}" for tick in panel.ticks])
+            ax.set_xticks(panel.ticks)
     low, high = min(0.0, ax.dataLim.y0), max(0.0, ax.dataLim.y1)
     if panel.y.range is not None:
         # A share of 0 or 1 is to be seen, too.
@@ -339,31 +362,45 @@ def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key) 
         ax.set_aspect("equal", adjustable="datalim" if panel.x.range is None else "box")
 
 
-def _right_axis(ax: Axes, axis: Axis) -> Axes:
+def _right_axis(ax: Axes, label: str) -> Axes:
     """Return a second vertical axis of a panel."""
     right = ax.twinx()
     right.grid(visible=False)
     right.spines["right"].set_visible(True)
-    right.set_ylabel(tables.with_unit(axis.title, axis.units[0].unit))
+    right.yaxis.set_major_formatter(NUMBERS)
+    right.set_ylabel(label)
     return right
+
+
+def _shape(panel: Panel) -> float:
+    """Return height over width of what a panel shows."""
+    width, height = (
+        np.ptp(values[np.isfinite(values)]) if (values := np.concatenate(columns)).size else 0.0
+        for columns in ([line.x for line in panel.lines], [line.y for line in panel.lines])
+    )
+    return float(height / width) if width > 0.0 else 1.0
 
 
 def draw(plan: Drawn, figure: Figure, panels: Sequence[Panel]) -> Drawing:
     """Draw a figure, which has at least one panel."""
     is_of_points = figure.kind in ("sweep", "heat_map", "distribution", "scatter", "xy")
-    is_wide = len(panels) > 1 if is_of_points else len(plan.points) > 1
+    is_map = all(panel.kind == "map" for panel in panels)
+    is_wide = len(panels) > 1 and not is_map if is_of_points else len(plan.points) > 1
     across = 2 if is_wide and figure.kind != "transfer" else 1
     height = 2.7 if is_of_points else 2.9 if len(panels) == 1 else 1.75 if figure.kind in ("time", "transfer") else 2.2
-    if figure.kind == "xy" and across == 1:
+    if is_map:
+        # As high as what it shows, to scale, with its title and abscissa.
+        height = max(1.6, min(4.2, 0.9 + 7.4 * max(_shape(panel) for panel in panels)))
+    elif figure.kind == "xy" and across == 1:
         height = 4.2
     with mpl.rc_context(STYLE):
         canvas, axes = _canvas(len(panels), across, height)
         key = _Key(plan)
         for i, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
-            _draw_panel(ax, plan, figure, panel, key)
+            _draw_panel(ax, plan, figure, panel, key, int(LETTERS * height))
             _title(ax, panel, 95 if across == 1 else 48)
             if is_of_points or i + across >= len(panels):
-                ax.set_xlabel(tables.with_unit(panel.x.title, panel.x.units[0].unit))
+                ax.set_xlabel(panel.x.label)
             elif figure.kind in ("time", "transfer"):
                 ax.tick_params(labelbottom=False)
         canvas.align_ylabels(axes)

@@ -46,7 +46,7 @@ def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
 
 def themed_svg(svg: str, label: str) -> markupsafe.Markup:
     """Prepare an SVG for the page: colors that follow the theme, size of the page."""
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|\n *", " ", svg[svg.index("<svg") :], flags=re.DOTALL)
     themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
     themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
     svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)

@@ -60,9 +60,9 @@ def printed(value: float | None, digits: int | None) -> str:
     return number(value, digits) if value is None or digits is not None else scientific(value)
 
 
-def scientific(value: float) -> str:
-    """Format a number of any size with up to six significant digits, powers of ten where that is shorter."""
-    return _native.scientific(value)
+def scientific(value: float, digits: int = 6) -> str:
+    """Format a number of any size with up to so many significant digits, powers of ten where that is shorter."""
+    return _native.scientific(float(f"{value:.{digits}g}"))
 
 
 def limits(least: float | None, most: float | None, unit: str) -> str:

@@ -63,7 +63,7 @@ def _size(value: float, _digits: int | None) -> str:
 
 
 def _ratio(value: float, _digits: int | None) -> str:
-    return tables.scientific(float(f"{value:.2g}"))
+    return tables.scientific(value, 2)
 
 
 _FORMATS: dict[str, Callable[[float, int | None], str]] = {

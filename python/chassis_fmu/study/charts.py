@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.plan import Case, Conversion, Metric, Run
+from ..files.plan import Case, Conversion
 from ..report import tables
-from ..report.panels import Axis, Line, Panel, PanelKind, heat_maps, unit_axis
-from . import statistics
+from ..report.figures import brief, metric_axis
+from ..report.panels import Axis, Line, Panel, PanelKind, heat_maps
 from .job import Limits
 from .statistics import Numbers
 
@@ -25,23 +26,46 @@ MOST_STEPS = 400
 BINS = 30
 
 
-def _axis(metric: Metric, *, title: str | None = None) -> Axis:
-    return Axis(metric.title if title is None else title, (Conversion(tables.pretty_unit(metric.conversion.unit)),))
+@dataclass(frozen=True)
+class Group:
+    """The samples of a cell with the same FMUs, which have a color of their own."""
+
+    cell: int
+    point: str | None
+    case: Case
+    rows: NDArray[np.bool_]
+
+    def of(self, values: Array) -> Array:
+        """Return the values of its samples; NaN for the others."""
+        return np.where(self.rows, values, math.nan)
 
 
-def _case(numbers: Numbers, run: Run) -> Case:
-    return next(c for c in numbers.job.plan.cases if c.name == run.case)
+def groups(numbers: Numbers) -> Iterator[Group]:
+    """Return all groups; their cases are the plan's, or one for each choice of FMUs in a case."""
+    job = numbers.job
+    named = {case.name: case for case in job.plan.cases}
+    fmus = [values for factor, values in zip(job.study.vary, numbers.values, strict=True) if factor.fmu is not None]
+    chosen = list(zip(*fmus, strict=True)) if fmus else [()] * numbers.count
+    for cell, run in enumerate(job.cells):
+        for choice in dict.fromkeys(chosen):
+            case = named[run.case]
+            if choice:
+                title = ", ".join((*([case.title] if len(named) > 1 else []), *choice))
+                case = Case(" ".join((case.name, *choice)), title, None)
+            yield Group(cell, run.point, case, np.array([other == choice for other in chosen]))
+
+
+def cases(numbers: Numbers) -> list[Case]:
+    """Return the cases of all groups."""
+    return list({group.case.name: group.case for group in groups(numbers)}.values())
 
 
 def _points(numbers: Numbers) -> list[str | None]:
     return list(dict.fromkeys(run.point for run in numbers.job.cells))
 
 
-def _cells(numbers: Numbers, point: str | None) -> Iterator[tuple[int, Case]]:
-    """Return the cells at a point, with their cases."""
-    for i, run in enumerate(numbers.job.cells):
-        if run.point == point:
-            yield i, _case(numbers, run)
+def _groups_at(numbers: Numbers, point: str | None) -> list[Group]:
+    return [group for group in groups(numbers) if group.point == point]
 
 
 def distributions(numbers: Numbers, index: int) -> list[Panel]:
@@ -56,7 +80,7 @@ def distributions(numbers: Numbers, index: int) -> list[Panel]:
         if limit is not None
     ]
     values = {i: numbers.of(index, i) for i in range(len(job.cells))}
-    return _distributions(numbers, metric.title, _axis(metric), values, limits)
+    return _distributions(numbers, metric.title, metric_axis(metric), values, limits)
 
 
 def changes(numbers: Numbers, requirement: Limits) -> list[Panel]:
@@ -73,19 +97,19 @@ def _distributions(
 ) -> list[Panel]:
     found = []
     for point in _points(numbers):
-        cells = [(i, case) for i, case in _cells(numbers, point) if i in values]
-        known = {i: np.sort(values[i][np.isfinite(values[i])]) for i, _ in cells}
-        if not any(v.size for v in known.values()):
+        shown = [group for group in _groups_at(numbers, point) if group.cell in values]
+        known = [np.sort(v[np.isfinite(v)]) for v in (group.of(values[group.cell]) for group in shown)]
+        if not any(v.size for v in known):
             continue
         note = numbers.job.plan.point_titles[point]
-        edges = _edges(np.concatenate(list(known.values())))
+        edges = _edges(np.concatenate(known))
         cumulative, histogram = [], []
-        for i, case in cells:
-            v = known[i]
+        for group, v in zip(shown, known, strict=True):
             if not v.size:
                 continue
             # Runs that failed have no number: the curve ends below 1.
-            cumulative.append(Line("run", case.title, *_steps(v, values[i].size), case))
+            case, count = group.case, int(group.rows.sum())
+            cumulative.append(Line("run", case.title, *_steps(v, count), case))
             histogram.append(Line("run", case.title, *_outline(v, edges), case))
         top = max(float(line.y.max()) for line in histogram)
         for name, panel_lines, height in (("cumulative", cumulative, 1.0), ("histogram", histogram, top)):
@@ -143,15 +167,14 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
     found = []
     for point in _points(numbers):
         lines: list[Line] = []
-        for i, case in _cells(numbers, point):
-            line = _means(numbers, index, i, factor.name, case) if has_means else None
-            line = line or _cloud(of, numbers.of(index, i), case)
-            lines += filter(None, [line])
+        for group in _groups_at(numbers, point):
+            make = _means if has_means else _cloud
+            lines += filter(None, [make(of, group.of(numbers.of(index, group.cell)), group.case)])
         if lines:
             note = job.plan.point_titles[point]
             kind: PanelKind = "function" if has_means else "curve"
             title = f"{metric.title} over {factor.name}"
-            found.append(Panel(title, note, x, _axis(metric), tuple(lines), kind=kind))
+            found.append(Panel(title, note, x, metric_axis(metric), tuple(lines), kind=kind))
     return found
 
 
@@ -171,17 +194,17 @@ def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
     for first, second in itertools.combinations(factors, 2):
         x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
         names = [job.study.vary[i].name for i in (first, second)]
-        axes = (_factor_axis(numbers, first), _factor_axis(numbers, second), _axis(metric))
+        axes = (_factor_axis(numbers, first), _factor_axis(numbers, second), metric_axis(metric))
         for point in _points(numbers):
             maps = []
-            for i, case in _cells(numbers, point):
-                values = numbers.of(index, i)
+            for group in _groups_at(numbers, point):
+                values, case = group.of(numbers.of(index, group.cell)), group.case
                 known = np.isfinite(values)
                 if not known.any():
                     continue
                 centers, at = np.unique(np.stack((x[known], y[known])), axis=1, return_inverse=True)
                 means = np.bincount(at.ravel(), weights=values[known]) / np.bincount(at.ravel())
-                notes = (case.title if len(job.plan.cases) > 1 else "", job.plan.point_titles[point])
+                notes = (case.title if len(cases(numbers)) > 1 else "", job.plan.point_titles[point])
                 maps.append((case, ", ".join(filter(None, notes)), (centers[0], centers[1], means)))
             found += heat_maps(f"{metric.title} over {names[0]} and {names[1]}", axes, maps)
     return found
@@ -209,22 +232,23 @@ def _is_number(numbers: Numbers, factor: int) -> bool:
 def _factor_axis(numbers: Numbers, factor: int) -> Axis:
     of = numbers.job.study.vary[factor]
     unit = "times its own value" if of.relative else tables.pretty_unit(numbers.job.unit(of))
-    return Axis(of.name, (Conversion(unit),))
+    is_log = of.distribution in ("log_uniform", "lognormal") or of.scale == "log"
+    return Axis(of.name, (Conversion(unit),), log=is_log)
 
 
 def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
     """Return one factor over another, and which samples failed in which case."""
     job = numbers.job
     x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
-    failed: dict[str, set[int]] = {}
-    for (number, cell), done in numbers.rows.items():
-        if done.status != "ok":
-            failed.setdefault(job.cells[cell].case, set()).add(number)
-    some = set().union(*failed.values())
-    whole = np.array([number for number in range(numbers.count) if number not in some], np.intp)
+    failed: dict[str, Array] = {}
+    for group in groups(numbers):
+        of = (numbers.rows.get((number, group.cell)) for number in range(numbers.count))
+        is_failed = np.array([done is not None and done.status != "ok" for done in of]) & group.rows
+        failed[group.case.name] = is_failed | failed.get(group.case.name, False)
+    whole = ~np.any(list(failed.values()), axis=0)
     lines = [_cloud(x[whole], y[whole], None, title="samples")]
-    for case in job.plan.cases:
-        rows = np.array(sorted(failed.get(case.name, ())), np.intp)
+    for case in cases(numbers):
+        rows = failed[case.name]
         lines.append(_cloud(x[rows], y[rows], case, title=f"{case.title}: failed"))
     names = [job.study.vary[i].name for i in (first, second)]
     axes = [_factor_axis(numbers, i) for i in (first, second)]
@@ -241,13 +265,13 @@ def _cloud(x: Array, y: Array, case: Case | None, *, title: str | None = None) -
     return Line("run", name, x[rows], y[rows], case, marks=True, apart=True)
 
 
-def _means(numbers: Numbers, index: int, cell: int, name: str, case: Case) -> Line | None:
-    levels = statistics.main_effects(numbers, index, cell).get(name, ())
-    rows = sorted((float(level), mean) for level, mean, _ in levels)
-    if not rows:
+def _means(of: Array, values: Array, case: Case) -> Line | None:
+    """Return the mean at each level of a factor."""
+    known = np.isfinite(values)
+    if not known.any():
         return None
-    x, y = np.array(rows).T
-    return Line("run", case.title, x, y, case, marks=True)
+    x, at = np.unique(of[known], return_inverse=True)
+    return Line("run", case.title, x, np.bincount(at, values[known]) / np.bincount(at), case, marks=True)
 
 
 def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
@@ -259,19 +283,19 @@ def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
     for point in _points(numbers):
         lines: list[Line] = []
         everything = []
-        for i, case in _cells(numbers, point):
-            x, y = numbers.of(first, i), numbers.of(second, i)
+        for group in _groups_at(numbers, point):
+            x, y = (group.of(numbers.of(metric, group.cell)) for metric in (first, second))
             known = np.isfinite(x) & np.isfinite(y)
             if known.any():
                 everything.append(np.stack([x[known], y[known]], axis=1))
-                lines += filter(None, [_cloud(x[known], y[known], case)])
+                lines += filter(None, [_cloud(x[known], y[known], group.case)])
         if not lines:
             continue
         front = pareto(np.concatenate(everything), signs)
         lines.append(Line("reference", "Pareto front", front[:, 0], front[:, 1]))
         note = job.plan.point_titles[point]
         title = f"{up.title} over {across.title}"
-        found.append(Panel(title, note, _axis(across), _axis(up), tuple(lines), kind="curve"))
+        found.append(Panel(title, note, metric_axis(across), metric_axis(up), tuple(lines), kind="curve"))
     return found
 
 
@@ -304,22 +328,45 @@ Recorded: TypeAlias = Mapping[tuple[int, int], History]
 """Runs by number of the sample and index of the cell."""
 
 
-def histories(numbers: Numbers, columns: Sequence[int], recorded: Recorded) -> Iterator[Panel]:
+def history_cases(numbers: Numbers, recorded: Recorded) -> dict[tuple[int, int], Case]:
+    """Return a case for each recorded run, by case and number: its title has the values of the factors."""
+    found = {}
+    for number, cell in sorted(recorded, key=lambda key: (key[1], key[0])):
+        run = numbers.job.cells[cell]
+        values = ", ".join(_setting(numbers, at, number) for at in range(len(numbers.job.study.vary)))
+        title = f"{numbers.job.plan.place(run.case, run.point)}, sample {number}: {values}"
+        found[number, cell] = Case(f"run {number} {cell}", title, None)
+    return found
+
+
+def _setting(numbers: Numbers, factor: int, number: int) -> str:
+    """Write the value of a factor in a sample."""
+    of, value = numbers.job.study.vary[factor], numbers.values[factor][number]
+    if of.fmu is not None:
+        return str(value)
+    is_count = of.distribution == "seed" or isinstance(value, str | bool)
+    text = str(value) if is_count else tables.significant(float(value), 4)
+    unit = "times" if of.relative else tables.pretty_unit(numbers.job.unit(of))
+    return f"{of.name} {text} {unit}".rstrip()
+
+
+def histories(
+    numbers: Numbers, columns: Sequence[int], recorded: Recorded, of_runs: Mapping[tuple[int, int], Case]
+) -> Iterator[Panel]:
     """Return the signals of some runs over time."""
     plan = numbers.job.plan
     for index in columns:
         column = plan.columns[index]
         lines = []
-        for (number, cell), (times, values) in sorted(recorded.items(), key=lambda item: (item[0][1], item[0][0])):
+        for key, case in of_runs.items():
+            times, values = recorded[key]
             signal = values[index]
             if signal is not None:
-                run = numbers.job.cells[cell]
-                case = _case(numbers, run)
-                lines.append(Line("run", f"{case.title}, sample {number}", times, signal, case))
+                lines.append(Line("run", case.title.partition(":")[0], times, signal, case))
         if lines:
             of = column.shown
             shown = Conversion(tables.pretty_unit(of.unit), of.factor, of.offset)
             title = column.description or column.name
-            y = unit_axis((shown,))
+            y = Axis(brief(column), (shown,))
             x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
             yield Panel(f"{title} ({column.name})", "", x, y, tuple(lines))

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
+from ..report.tables import scientific
 from ..scenario import Value
 
 Array = NDArray[np.float64]
@@ -199,14 +200,14 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
         levels = self.levels
         if self.values is not None:
             shares = "" if self.weights is None else f" with weights {', '.join(f'{w:g}' for w in self.weights)}"
-            return f"{', '.join(v if isinstance(v, str) else f'{v:g}' for v in self.values)}{unit}{shares}"
+            return f"{', '.join(v if isinstance(v, str) else scientific(v) for v in self.values)}{unit}{shares}"
         if levels is not None:
-            return f"{self.count} values from {self.min:g} to {self.max:g}{unit}"
+            return f"{self.count} values from {scientific(self.min or 0.0)} to {scientific(self.max or 0.0)}{unit}"
         if self.distribution == "seed":
             return "a seed for each sample"
         needed, allowed = KEYS[self.distribution or ""]
         known = [(key, getattr(self, key)) for key in (*needed, *allowed)]
-        numbers = ", ".join(f"{key} {value:g}" for key, value in known if value is not None)
+        numbers = ", ".join(f"{key} {scientific(value)}" for key, value in known if value is not None)
         return f"{(self.distribution or '').replace('_', '-')}, {numbers}{unit}"
 
 

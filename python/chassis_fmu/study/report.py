@@ -251,7 +251,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
     """Return the page, and write its figures beside it."""
     job = numbers.job
     shown = shown_metrics(numbers)
-    drawings = Drawings(job.plan, folder / "figures")
+    drawings = Drawings(charts.cases(numbers), folder / "figures")
     sections = []
     for metric in dict.fromkeys([*_wanted(numbers), *job.metrics]):
         rows = [(title, Distribution.of(values), done) for title, values, done in _groups(numbers, metric)]
@@ -276,10 +276,13 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
     history = None
     if recorded:
         columns = history_columns(numbers)
-        panels = list(charts.histories(numbers, columns, recorded))
+        of_runs = charts.history_cases(numbers, recorded)
+        panels = list(charts.histories(numbers, columns, recorded, of_runs))
         own = figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
-        history = Chart(own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels)
+        history = Chart(
+            own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels, list(of_runs.values())
+        )
     matrix_drawing = None if matrix is None else drawings.draw(matrix)
     history_drawing = None if history is None or not history.panels else drawings.draw(history)
     return rendering.render(
@@ -313,7 +316,8 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         unit=tables.pretty_unit,
         percent=percent,
         index=index_text,
-        end=lambda value: f"{value:.5g}".replace("-", "−"),
+        value=tables.scientific,
+        end=lambda value: tables.scientific(value, 5),
         effect_title=EFFECTS.get,
     )
 
@@ -327,7 +331,7 @@ EFFECTS = {
 
 def index_text(value: float | None) -> str:
     """Write an index of a sensitivity or a correlation."""
-    return "–" if value is None else f"{value:.3g}".replace("-", "−")
+    return "–" if value is None else tables.scientific(value, 3)
 
 
 def number(value: float | None, metric: Metric) -> str:

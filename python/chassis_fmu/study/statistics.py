@@ -357,18 +357,6 @@ def effects(numbers: Numbers, metric: int, cell: int) -> list[Effect]:
     return sorted(found, key=lambda e: -abs(e.value))
 
 
-def main_effects(numbers: Numbers, metric: int, cell: int) -> dict[str, list[tuple[Any, float, int]]]:
-    """Return the mean of a metric at each level of each factor that has levels, with the number of samples."""
-    y = numbers.of(metric, cell)
-    found: dict[str, list[tuple[Any, float, int]]] = {}
-    for factor, values in zip(numbers.job.study.vary, numbers.values, strict=True):
-        for level in factor.levels or ():
-            chosen = np.array([v == level for v in values]) & np.isfinite(y)
-            if chosen.any():
-                found.setdefault(factor.name, []).append((level, float(y[chosen].mean()), int(chosen.sum())))
-    return found
-
-
 @dataclass(frozen=True)
 class Sensitivities:
     """Sensitivities of a metric, and what they leave out."""
