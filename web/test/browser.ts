@@ -136,9 +136,7 @@ export async function catchCopies(page: Page): Promise<() => Promise<string[]>> 
 }
 
 /** A number as pages write it. */
-export function number(text: string): number {
-  return Number.parseFloat(text.replace("−", "-"));
-}
+export { numberIn as number } from "../src/table";
 
 /** Puts the cursor in the middle of a plot. */
 export async function hover(plot: Locator): Promise<void> {

@@ -4,14 +4,10 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import type { BrowserContextOptions, Locator } from "playwright-core";
-import { Results, hover, range } from "./browser";
+import { Results, hover, number, range } from "./browser";
 
 const results = new Results(process.env["CHASSIS_FMU_FIGURES"] ?? "../results/figures");
 const open = (options?: BrowserContextOptions) => results.open(options);
-
-function number(text: string): number {
-  return Number(text.replace("−", "-"));
-}
 
 /** The cells of a line of CSV; a title may have commas within quotes. */
 function cells(line: string): string[] {

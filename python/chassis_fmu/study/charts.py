@@ -333,7 +333,8 @@ def history_cases(numbers: Numbers, recorded: Recorded) -> dict[tuple[int, int],
     found = {}
     for number, cell in sorted(recorded, key=lambda key: (key[1], key[0])):
         run = numbers.job.cells[cell]
-        values = ", ".join(_setting(numbers, at, number) for at in range(len(numbers.job.study.vary)))
+        shown = [at for at, factor in enumerate(numbers.job.study.vary) if factor.distribution != "seed"]
+        values = ", ".join(_setting(numbers, at, number) for at in shown)
         title = f"{numbers.job.plan.place(run.case, run.point)}, sample {number}: {values}"
         found[number, cell] = Case(f"run {number} {cell}", title, None)
     return found
@@ -344,8 +345,7 @@ def _setting(numbers: Numbers, factor: int, number: int) -> str:
     of, value = numbers.job.study.vary[factor], numbers.values[factor][number]
     if of.fmu is not None:
         return str(value)
-    is_count = of.distribution == "seed" or isinstance(value, str | bool)
-    text = str(value) if is_count else tables.significant(float(value), 4)
+    text = str(value) if isinstance(value, str | bool) else tables.significant(float(value), 4)
     unit = "times" if of.relative else tables.pretty_unit(numbers.job.unit(of))
     return f"{of.name} {text} {unit}".rstrip()
 
