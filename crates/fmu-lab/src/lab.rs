@@ -33,11 +33,13 @@ struct Open {
     plan: Plan,
     source: Source,
     running: Running,
+    /// Names of the columns of the recording.
+    names: Vec<String>,
 }
 
 impl Open {
     fn recorded(&self) -> Recorded<'_> {
-        let Self { plan, source, running } = self;
+        let Self { plan, source, running, .. } = self;
         Recorded { plan, source, simulation: &running.simulation, recording: running.recording() }
     }
 }
@@ -87,8 +89,7 @@ impl Lab {
             Request::Metrics => json(&metrics::of(&self.recorded())),
             Request::Csv { system } => {
                 let open = self.system(system)?;
-                let names: Vec<String> = open.plan.columns.iter().map(|column| column.name.clone()).collect();
-                let written = results::push_csv(bytes, &names, open.running.recording());
+                let written = results::push_csv(bytes, &open.names, open.running.recording());
                 written.map_err(|error| Failure::new(error.to_string()))?;
                 json(&format!("{}.csv", open.plan.name))
             }
@@ -141,6 +142,16 @@ impl Lab {
         let mut infos = Vec::new();
         for (index, mut system) in prepared.into_iter().enumerate() {
             let shown = show_all(&mut system.run, &self.fmus, &system.plant);
+            let mut names: Vec<String> = system.plan.columns.iter().map(|column| column.name.clone()).collect();
+            // A scenario chooses its columns. A maneuver records the signals of the vehicle and the driver; those of the controllers follow.
+            if !matches!(system.source, Source::Scenario { .. }) {
+                for one in &shown {
+                    if !system.run.columns.contains(&Some(one.slot)) {
+                        system.run.columns.push(Some(one.slot));
+                        names.push(one.column.name.clone());
+                    }
+                }
+            }
             let is_driven = system.driver.is_some();
             infos.push(SystemInfo {
                 title: system.title,
@@ -166,7 +177,7 @@ impl Lab {
             if is_driven {
                 running.act(Action::Drive(Driving::default()))?;
             }
-            self.systems.push(Open { plan: system.plan, source: system.source, running });
+            self.systems.push(Open { plan: system.plan, source: system.source, running, names });
         }
         let row_every = self.systems.first().map_or(1, |open| open.running.row_every);
         let origin = needed.iter().filter_map(|name| {

@@ -46,11 +46,16 @@ const summaries = new Map<string, string>();
 /** An FMU in a sentence; empty if its description has none. */
 export const summary = (name: string): string => summaries.get(name) ?? "";
 
+/** Keeps the sentence about a dropped FMU: its modelName, which its file need not have, and its description. */
+export function remember(name: string, text: string): void {
+  const { documentElement: root } = new DOMParser().parseFromString(text, "text/xml");
+  const description = root.getAttribute("description") ?? "";
+  const model = isOurs(name) ? "" : (root.getAttribute("modelName") ?? "");
+  summaries.set(name, [model, description].filter((part) => part !== "").join(": ").replace(/\.?$/, "."));
+}
+
 export async function allFmus(): Promise<FmuFile[]> {
-  const parser = new DOMParser();
-  for (const [name, text] of Object.entries(await allDescriptions())) {
-    summaries.set(name, parser.parseFromString(text, "text/xml").documentElement.getAttribute("description") ?? "");
-  }
+  for (const [name, text] of Object.entries(await allDescriptions())) remember(name, text);
   return Object.entries(await allDescriptions()).map(([name, description]) => ({ name, description, module: null }));
 }
 

@@ -32,8 +32,8 @@ const transport = new Transport(model, byId("transport"), () => {
 });
 const driving = new DrivingPanel(model, byId("driving"));
 const metrics = new MetricsPanel(model, byId("metrics"));
-new SetupPanel(model, byId("setup"));
-new AdjustPanel(model, byId("adjust"), byId("adjust-tools"));
+new SetupPanel(model, byId("setup"), byId("quick-setup"));
+new AdjustPanel(model, byId("adjust"), byId("adjust-tools"), byId("quick-adjust"));
 new SharePanel(model, byId("share"));
 new ReaderPanel(model, byId("reader"), byId("reader-tools"));
 
@@ -59,17 +59,12 @@ async function openLink(plays: boolean): Promise<void> {
 }
 
 model.on("opened", () => {
-  const { opened, setup, catalog } = model;
-  if (opened === null || setup === null || catalog === null) return;
-  const { system } = setup;
-  const what =
-    system.kind === "scenario"
-      ? (catalog.scenarios.find(({ id }) => id === system.scenario)?.title ?? system.scenario)
-      : (catalog.maneuvers.find(({ id }) => id === system.maneuver)?.title ?? "");
+  const { opened, task } = model;
+  if (opened === null) return;
   const title = model.titleOf(0);
-  byId("title").textContent = `${title} · ${what}`;
+  byId("title").textContent = `${title} · ${task}`;
   document.body.dataset["state"] = "open";
-  byId("status").textContent = `Opened: ${title}, ${what}`;
+  byId("status").textContent = `Opened: ${title}, ${task}`;
   const fmus = opened.origin.map(({ fmu, version, guid }) => `${fmu} ${version} ${guid}`);
   byId("origin").textContent = fmus.join(" · ");
 });

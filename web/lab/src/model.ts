@@ -2,7 +2,7 @@
 
 import { core, texts, worker } from "lab:data";
 import { Engine, EngineError, type Query } from "./engine-client";
-import { allFmus, isOurs, unpack, unpackJson, withModules } from "./library";
+import { allFmus, isOurs, remember, unpack, unpackJson, withModules } from "./library";
 import type { Catalog, Driving, Event, FreeSystem, Metric, Opened, Setup, VariableInfo, Vehicle } from "./protocol";
 import { Recording, wheelPlaces } from "./recording";
 import { shapeOf } from "./shape";
@@ -317,6 +317,25 @@ export class Model {
     return `${system.vehicle} ${count === 0 ? "without control" : count === 1 ? `with ${system.controllers[0]}` : `with ${count} controllers`}`;
   }
 
+  /** What is driven: a maneuver, or a scenario. */
+  get task(): string {
+    const { catalog } = this;
+    const system = this.setup?.system;
+    if (system === undefined) return "";
+    if (system.kind === "scenario") return catalog?.scenarios.find(({ id }) => id === system.scenario)?.title ?? system.scenario;
+    return catalog?.maneuvers.find(({ id }) => id === system.maneuver)?.title ?? "";
+  }
+
+  /** The name of the run of a system, for its file. */
+  runOf(index: number): string {
+    const system = this.setup?.system;
+    const words =
+      system?.kind === "scenario"
+        ? [system.scenario, index === 0 ? system.case : (system.twin ?? "")]
+        : [system?.vehicle, ...(index === 0 && system !== undefined && system.controllers.length > 0 ? ["with", ...system.controllers] : ["without_control"]), system?.maneuver];
+    return words.join("_").replaceAll(/[^\w.-]+/g, "_");
+  }
+
   /** The setup with the present values, which act from its start on. */
   currentSetup(): Setup | null {
     if (this.setup === null) return null;
@@ -339,6 +358,7 @@ export class Model {
   async drop(name: string, archive: Uint8Array): Promise<string> {
     const dropped = await this.#engine.ask({ kind: "drop", name, archive: archive.slice() }, [], "dropped");
     this.#archives.set(dropped.name, archive);
+    remember(dropped.name, dropped.description);
     this.#setCatalog(dropped.catalog);
     return dropped.name;
   }

@@ -192,7 +192,7 @@ export type Response =
   | { kind: "error"; id: number; message: string; help: string }
   | { kind: "started"; id: number; catalog: Catalog }
   | { kind: "added"; id: number }
-  | { kind: "dropped"; id: number; name: string; catalog: Catalog }
+  | { kind: "dropped"; id: number; name: string; description: string; catalog: Catalog }
   /** `missing`: FMUs whose modules are needed first (`add`, then `open` again). */
   | { kind: "needs"; id: number; missing: string[] }
   | { kind: "opened"; id: number; opened: Opened }

@@ -153,8 +153,11 @@ test("sliders and driving change the run", async () => {
 test("files and descriptions", async () => {
   await client.open(free("EspCar", ["DirectYawControl", "AntilockBraking"], "step_steer"));
   await until(1);
-  const [header, first] = (await client.csv()).split("\n");
-  assert.ok(header?.startsWith("time,") && first?.startsWith("0.0,"));
+  const [header = "", first = ""] = (await client.csv()).split("\n");
+  assert.ok(header.startsWith("time,") && first.startsWith("0.0,"));
+  // A signal of a controller.
+  assert.ok(header.split(",").some((name) => name.startsWith("yaw_control_pressure.")), header);
+  assert.equal(first.split(",").length, header.split(",").length);
   const ssp = await client.expect("file", "ssp", { system: 0 });
   // Its FMUs have no binary for a desktop, which the name says.
   assert.ok(ssp.name.endsWith("_wasm32.ssp"), ssp.name);

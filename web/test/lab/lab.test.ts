@@ -236,7 +236,15 @@ describe("while it runs", () => {
       assert.ok(download.suggestedFilename().endsWith(ending), download.suggestedFilename());
       const content = readFileSync(await download.path());
       assert.ok(content.length > 100);
-      if (ending === ".csv") assert.match(content.toString("utf8", 0, 200), /^time,/);
+      if (ending === ".csv") {
+        const [vehicle, ...with_] = download.suggestedFilename().split(/_with(?:out)?_/);
+        assert.equal(vehicle, "RescueVehicle");
+        assert.match(with_[0]!, button === "CSV" ? /DualSlidingModeSteering.*_iso3888_1\.csv$/ : /^control_iso3888_1\.csv$/);
+        const [head] = content.toString("utf8").split("\n");
+        assert.match(head!, /^time,/);
+        // A signal that only a controller writes.
+        assert.equal(head!.split(",").includes("weight.integrated"), button === "CSV", head);
+      }
       else assert.equal(content.toString("latin1", 0, 2), "PK");
     }
     await page.locator(".documentation h3, .documentation h4").first().waitFor();
@@ -257,6 +265,9 @@ describe("FMUs of the visitor", () => {
     const { system } = await link(page);
     const controllers = system["controllers"] as string[];
     assert.ok(controllers.includes("MySteering"));
+    // The name of the model is not that of the file.
+    assert.match(await page.locator(".message").last().innerText(), /MySteering is part of the system\.\s+DualSlidingModeSteering: Multi-ax\w+ steering/);
+    assert.match(await page.locator('#setup li:has([data-key="controller MySteering"])').innerText(), /DualSlidingModeSteering: Multi-ax\w+ steering/);
     assert.ok(!controllers.includes("DualSlidingModeSteering"));
     await runTo(page, 0.5);
     await lab.close(page);
@@ -395,6 +406,25 @@ describe("everyone", () => {
       });
     }
   }
+
+  test("on a phone the view stays while sliders move, and speed and friction are on the first screen", async () => {
+    const page = await lab.open({ viewport: { width: 400, height: 800 } });
+    for (const name of ["Speed", "road_friction"]) {
+      const box = (await page.getByRole("slider", { name, exact: true }).boundingBox())!;
+      assert.ok(box.y + box.height <= 800, `${name} at ${box.y} px`);
+    }
+    const slider = page.locator("#adjust .slider input").first();
+    await slider.scrollIntoViewIfNeeded();
+    await page.evaluate(() => document.querySelector("#adjust .slider")!.scrollIntoView({ block: "center" }));
+    const [view, input] = [(await page.locator("#view").boundingBox())!, (await slider.boundingBox())!];
+    assert.ok(view.y > -2 && view.y + view.height <= input.y && input.y < 800, `view from ${view.y} to ${view.y + view.height}, slider at ${input.y}`);
+    const table = page.locator("#metrics .scroll");
+    await table.waitFor({ timeout: 20_000 });
+    assert.ok(await table.evaluate((one) => one.scrollWidth <= one.clientWidth));
+    assert.ok((await page.locator("#metrics td[data-label]").count()) > 0);
+    await lab.close(page);
+    faults();
+  });
 
   test("the keyboard alone reaches everything", async () => {
     const page = await lab.open();

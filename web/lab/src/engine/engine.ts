@@ -60,8 +60,8 @@ export class Engine {
         this.#add(request.fmus);
         return this.#post({ kind: "added", id: request.id }, []);
       case "drop": {
-        const { name, catalog } = this.#running.drop(request.name, request.archive);
-        return this.#post({ kind: "dropped", id: request.id, name, catalog }, []);
+        const { name, description, catalog } = this.#running.drop(request.name, request.archive);
+        return this.#post({ kind: "dropped", id: request.id, name, description, catalog }, []);
       }
       case "open":
         return this.#open(request);

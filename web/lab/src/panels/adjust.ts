@@ -7,6 +7,8 @@ import { type Slider, button, slider } from "./controls";
 
 /** With more sliders than this, a field finds them by name. */
 const MANY = 8;
+/** Values that everyone wants to change. */
+const QUICK = /:(road_friction(\..*)?|tire\.friction|driver\.speed)$/;
 
 export class AdjustPanel {
   readonly #sliders = new Map<string, Slider>();
@@ -18,6 +20,8 @@ export class AdjustPanel {
     readonly model: Model,
     readonly root: HTMLElement,
     tools: HTMLElement,
+    /** Place of the friction and of a prescribed speed, below the view. */
+    readonly quick: HTMLElement,
   ) {
     this.#search.setAttribute("aria-label", "Find a value by its name");
     this.#search.addEventListener("input", () => this.#filter());
@@ -37,8 +41,13 @@ export class AdjustPanel {
   #open(): void {
     this.#sliders.clear();
     this.#list.replaceChildren();
+    this.quick.replaceChildren();
     const components = new Map<string, Adjustable[]>();
     for (const adjustable of this.#adjustables) {
+      if (QUICK.test(adjustable.id)) {
+        this.quick.append(this.#slider(adjustable));
+        continue;
+      }
       const component = adjustable.id.split(":")[0]!;
       const list = components.get(component) ?? [];
       list.push(adjustable);
@@ -50,12 +59,7 @@ export class AdjustPanel {
       const group = element("details", { open: isFirst });
       const fmu = fmus.get(component);
       group.append(element("summary", {}, element("b", { textContent: fmu ?? component }), element("small", { textContent: ` ${adjustables.length}` })));
-      for (const adjustable of adjustables) {
-        const one = slider(adjustable, this.model.changed.get(adjustable.id) ?? adjustable.value, (value) => this.model.set(adjustable.id, value));
-        one.root.dataset["id"] = adjustable.id;
-        this.#sliders.set(adjustable.id, one);
-        group.append(one.root);
-      }
+      group.append(...adjustables.map((adjustable) => this.#slider(adjustable)));
       this.#list.append(group);
       isFirst = false;
     }
@@ -65,6 +69,13 @@ export class AdjustPanel {
     this.#reset.hidden = count === 0;
     this.#reset.disabled = this.model.changed.size === 0;
     this.#filter();
+  }
+
+  #slider(adjustable: Adjustable): HTMLElement {
+    const one = slider(adjustable, this.model.changed.get(adjustable.id) ?? adjustable.value, (value) => this.model.set(adjustable.id, value));
+    one.root.dataset["id"] = adjustable.id;
+    this.#sliders.set(adjustable.id, one);
+    return one.root;
   }
 
   #filter(): void {

@@ -1,6 +1,7 @@
 /** The metrics of the run, updated while it runs. */
 
 import { text } from "../../../src/format";
+import { label } from "../../../src/table";
 import { element, unitText } from "../dom";
 import type { Model } from "../model";
 import type { Metric } from "../protocol";
@@ -98,6 +99,7 @@ export class MetricsPanel {
     const hadFocus = this.root.contains(document.activeElement);
     this.root.replaceChildren(...(note === "" ? [] : [element("p", { className: "note", textContent: note })]), scroll);
     scroll.scrollLeft = left;
+    label(table);
     if (hadFocus) scroll.focus({ preventScroll: true });
   }
 }

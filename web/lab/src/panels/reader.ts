@@ -1,7 +1,8 @@
 /** Documentation and variables of the FMUs of the system. */
 
+import { label } from "../../../src/table";
 import { element, field, fill } from "../dom";
-import { isOurs, part } from "../library";
+import { isOurs, part, summary } from "../library";
 import type { Model } from "../model";
 import type { VariableInfo } from "../protocol";
 
@@ -40,6 +41,7 @@ function cleaned(html: string, picture: string): HTMLElement {
     const scroll = element("div", { className: "scroll", tabIndex: 0 });
     table.replaceWith(scroll);
     scroll.append(table);
+    label(table);
   }
   return result;
 }
@@ -115,9 +117,12 @@ export class ReaderPanel {
     const rows = found.map(({ name, causality, start, unit, description }) =>
       element("tr", {}, element("th", { scope: "row" }, element("code", { textContent: name })), ...[causality, start, unit, description].map((text) => element("td", { textContent: text }))),
     );
-    const scroll = element("div", { className: "scroll variables", tabIndex: 0 }, element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows)));
+    const table = element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows));
+    const scroll = element("div", { className: "scroll variables", tabIndex: 0 }, table);
+    label(table);
     scroll.setAttribute("role", "region");
     scroll.setAttribute("aria-label", "Variables");
-    this.#body.replaceChildren(element("p", { className: "note", textContent: `${found.length} of ${this.#variables.length} variables` }), scroll);
+    const about = isOurs(this.#select.value) ? "" : `${summary(this.#select.value)} `;
+    this.#body.replaceChildren(element("p", { className: "note", textContent: `${about}${found.length} of ${this.#variables.length} variables` }), scroll);
   }
 }

@@ -19,6 +19,8 @@ export class SetupPanel {
   constructor(
     readonly model: Model,
     root: HTMLElement,
+    /** Place of the values of a maneuver, below the view. */
+    readonly quick: HTMLElement,
   ) {
     fill(this.#kind, [{ value: "free", title: "A vehicle and controllers of your choice" }, { value: "scenario", title: "A scenario of the library" }], "free");
     this.#kind.addEventListener("change", () => this.#changeKind());
@@ -32,11 +34,13 @@ export class SetupPanel {
     const { setup, catalog } = this.model;
     if (setup === null || catalog === null) return;
     // A control that is rebuilt keeps the focus.
-    const focused = this.#body.contains(document.activeElement) ? document.activeElement?.getAttribute("data-key") : null;
+    const places = [this.#body, this.quick];
+    const focused = places.some((place) => place.contains(document.activeElement)) ? document.activeElement?.getAttribute("data-key") : null;
+    this.quick.replaceChildren();
     this.#kind.value = setup.system.kind;
     if (setup.system.kind === "free") this.#showFree(setup.system);
     else this.#showScenario(setup.system);
-    if (focused !== null && focused !== undefined) this.#body.querySelector<HTMLElement>(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+    if (focused !== null && focused !== undefined) for (const place of places) place.querySelector<HTMLElement>(`[data-key="${CSS.escape(focused)}"]`)?.focus();
   }
 
   #changeKind(): void {
@@ -111,7 +115,7 @@ export class SetupPanel {
         this.#timer = window.setTimeout(() => change({ maneuverValues: { ...system.maneuverValues, [value.id]: now } }), 350);
       });
       input.dataset["key"] = `value ${value.id}`;
-      parts.push(root);
+      this.quick.append(root);
     }
     parts.push(
       this.#select("Road", "road", catalog.roads.map(({ id, title }) => ({ value: id, title })), system.road, (road) => change({ road })),

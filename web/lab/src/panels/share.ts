@@ -5,7 +5,7 @@ import { byId, download, element } from "../dom";
 import { encode } from "../link";
 import type { Model } from "../model";
 import type { FreeSystem } from "../protocol";
-import { isOurs } from "../library";
+import { isOurs, summary } from "../library";
 import { button } from "./controls";
 
 export class SharePanel {
@@ -63,7 +63,7 @@ export class SharePanel {
   async #save(kind: "csv" | "ssp", system: number): Promise<void> {
     try {
       const { name, bytes } = await this.model.file(kind, system);
-      download(name, bytes);
+      download(kind === "csv" ? `${this.model.runOf(system)}.csv` : name, bytes);
     } catch (error) {
       this.model.report(error);
     }
@@ -108,7 +108,7 @@ export class SharePanel {
         return;
       }
       if (await this.model.open({ system, values: {} })) {
-        this.model.say("info", `${name} is part of the system.`);
+        this.model.say("info", `${name} is part of the system.`, summary(name));
         void this.model.play();
       }
     } catch (error) {
