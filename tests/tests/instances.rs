@@ -130,7 +130,7 @@ fn a_state_goes_on_in_another_process() {
             .output()
             .expect("the helper runs");
         assert!(output.status.success(), "{}: {}", fmu.name, String::from_utf8_lossy(&output.stderr));
-        assert!(words(&output.stdout) == expected, "{}: another process goes on otherwise", fmu.name);
+        assert!(words(&output.stdout) == expected, "{}: another process continues differently", fmu.name);
     }
 }
 

@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // A dot in a name does not begin an extension.
     let name = name.strip_suffix(".toml").unwrap_or(name);
     if name.is_empty() {
-        return Err(miette!("{} is no name of a file, expected one such as my-test", path.display()));
+        return Err(miette!("invalid scenario name `{}`; use a file name such as my-test", path.display()));
     }
     let file = place(path).with_file_name(format!("{name}.toml"));
     if file.exists() {

@@ -228,7 +228,7 @@ fn unread(wiring: &Wiring) -> String {
     }
     let of_component = |(component, outputs): (&str, Vec<&str>)| {
         let outputs =
-            if outputs.len() > LISTED_OUTPUTS { format!("{} of them", outputs.len()) } else { outputs.join(", ") };
+            if outputs.len() > LISTED_OUTPUTS { format!("{} outputs", outputs.len()) } else { outputs.join(", ") };
         format!("  {component}: {}", line(&outputs))
     };
     components.into_iter().map(of_component).collect::<Vec<_>>().join("\n")

@@ -30,7 +30,7 @@ impl Python {
         program.is_file().then_some(Self { program })
     }
 
-    /// As [`Self::find`]; a note tells that there is none, and therefore no page.
+    /// As [`Self::find`]; without one, prints a note that no page is made.
     pub(crate) fn find_or_note() -> Option<Self> {
         let found = Self::find();
         if found.is_none() {

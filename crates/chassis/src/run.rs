@@ -279,8 +279,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         outln!("\n{}", folder.join("index.html").display());
     }
     if !failures.is_empty() {
-        let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
-        return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));
+        return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), grouped(&failures)));
     }
     match unmet {
         0 => Ok(()),
@@ -354,6 +353,20 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     Ok((statuses, incomplete))
 }
 
+/// The messages of runs, each with the runs that have it.
+fn grouped(failures: &[(String, String)]) -> String {
+    let mut groups: Vec<(String, &str)> = Vec::new();
+    for (run, message) in failures {
+        // They begin with the run.
+        let reason = message.strip_prefix(&format!("run {run}")).unwrap_or(message);
+        match groups.iter_mut().find(|(_, known)| *known == reason) {
+            Some((runs, _)) => runs.push_str(&format!(", {run}")),
+            None => groups.push((format!("run {run}"), reason)),
+        }
+    }
+    groups.iter().map(|(runs, reason)| format!("{runs}{reason}")).collect::<Vec<_>>().join("\n\n")
+}
+
 /// The reason that a run is incomplete, and its last row.
 fn described(failure: &Failure) -> String {
     let last = failure.recorded.as_ref().and_then(|recording| recording.time.last());
@@ -367,7 +380,7 @@ fn described(failure: &Failure) -> String {
 }
 
 /// Hint on options, for requirements that are not met.
-const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
+const NO_FAIL: &str = "With `--no-fail` the exit code is 0 nevertheless.";
 
 /// Prints the verdicts on the requirements. Returns the number of those that are not met.
 fn print_verdicts(plan: &Plan, verdicts: &[Verdict<'_>]) -> usize {

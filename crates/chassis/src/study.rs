@@ -102,7 +102,7 @@ impl Arguments {
         if let Some((name, _)) =
             self.workers.given().into_iter().find(|(name, _)| ["--memory", "--sandbox"].contains(name))
         {
-            return Err(miette!("{name} is for studies without [[vary]]"));
+            return Err(miette!("{name} only applies to studies without [[vary]]"));
         }
         let mut all = vec![self.study.display().to_string()];
         let mut option = |name: &str, value: Option<String>| {

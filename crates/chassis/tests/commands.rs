@@ -38,48 +38,85 @@ fn folder(scenario: &str) -> TempDir {
     folder
 }
 
-#[test]
-fn wrong_usage_ends_with_2() {
-    let folder = folder(SCENARIO);
-    for arguments in [
-        &["fly"][..],
-        &["run"],
-        &["run", "ramp.toml", "--seeds", "0"],
-        &["run", "ramp.toml", "--jobs", "0"],
-        &["run", "ramp.toml", "--timeout", "0"],
-        &["check", "Ramp.fmu", "--timeout", "soon"],
-        &["plan", "ramp.toml", "--order", "random"],
-        &["pack", "--platforms", "amiga68k"],
-        &["study", "study.toml", "--budget", "0"],
-        &["study", "study.toml", "--resume", "--overwrite"],
-    ] {
-        assert_eq!(command(folder.path(), arguments).status.code(), Some(2), "{arguments:?}");
-    }
+/// Calls of `chassis` or `cargo fmu` in a folder, with their exit codes and all that they print.
+fn session(folder: &Path, calls: &[&str]) -> String {
+    let call = |line: &&str| {
+        let mut words = line.split(' ');
+        let is_exporter = words.next() == Some("cargo-fmu");
+        let output = Command::new(program(if is_exporter { "check" } else { "run" }))
+            .args(words)
+            .current_dir(folder)
+            .envs([("NO_COLOR", "1"), ("CHASSIS_PYTHON", "")])
+            .output()
+            .unwrap();
+        format!("$ {line}\n{}{}[{}]\n", text(&output.stdout), text(&output.stderr), output.status.code().unwrap())
+    };
+    calls.iter().map(call).collect::<Vec<_>>().join("\n")
 }
 
 #[test]
-fn mistakes_end_with_1_and_mark_the_place() {
+fn help() {
+    let folder = TempDir::new().unwrap();
+    let printed = session(
+        folder.path(),
+        &[
+            "chassis --help",
+            "chassis plan --help",
+            "chassis run --help",
+            "chassis export --help",
+            "chassis study --help",
+            "chassis bench --help",
+            "chassis bench run --help",
+            "chassis bench evaluate --help",
+            "chassis fits --help",
+            "chassis pack --help",
+            "chassis new --help",
+            "chassis lab --help",
+            "chassis completions --help",
+            "chassis schema --help",
+            "cargo-fmu --help",
+            "cargo-fmu pack --help",
+            "cargo-fmu inspect --help",
+            "cargo-fmu check --help",
+            "cargo-fmu linearize --help",
+            "cargo-fmu trim --help",
+            "cargo-fmu new --help",
+        ],
+    );
+    insta::assert_snapshot!(printed);
+}
+
+#[test]
+fn wrong_usage() {
+    let printed = session(
+        folder(SCENARIO).path(),
+        &[
+            "chassis fly",
+            "chassis run",
+            "chassis run ramp.toml --seeds 0",
+            "chassis run ramp.toml --jobs 0",
+            "chassis run ramp.toml --timeout 0",
+            "chassis run missing.toml",
+            "chassis run ramp.toml --fmus target/fmu",
+            "chassis plan ramp.toml --order random",
+            "chassis plan ramp.toml --stop -3",
+            "chassis plan ramp.toml --stop 1e12",
+            "chassis run ramp.toml --stop 1e12",
+            "chassis export ramp.toml --out out --stop 1e12",
+            "chassis study study.toml --budget 0",
+            "chassis study study.toml --resume --overwrite",
+            "cargo-fmu check Ramp.fmu --timeout soon",
+            "cargo-fmu pack --platforms amiga68k",
+        ],
+    );
+    insta::assert_snapshot!(printed);
+}
+
+#[test]
+fn mistakes_mark_the_place() {
     let folder = folder(&SCENARIO.replace("stop", "stopp"));
-    let output = command(folder.path(), &["plan", "ramp.toml"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(output.stdout.is_empty());
-    let error = text(&output.stderr);
-    assert!(error.contains("ramp.toml:3:1"), "{error}");
-    assert!(error.contains("unknown key `stopp`"), "{error}");
-
-    let output = command(folder.path(), &["run", "missing.toml"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("missing.toml"));
-}
-
-#[test]
-fn a_missing_fmu_says_what_to_do() {
-    let folder = folder(SCENARIO);
-    let output = command(folder.path(), &["run", "ramp.toml", "--fmus", "target/fmu"]);
-    assert_eq!(output.status.code(), Some(1));
-    let error = text(&output.stderr);
-    assert!(error.contains("there is no Ramp.fmu in target/fmu"), "{error}");
-    assert!(error.contains("name the folder of FMUs that are not built in this workspace with"), "{error}");
+    let printed = session(folder.path(), &["chassis plan ramp.toml"]);
+    insta::assert_snapshot!(printed);
 }
 
 #[cfg(unix)]
@@ -282,32 +319,11 @@ fn only_near_names_are_suggested() {
 #[test]
 fn fmus_that_are_not_packed_are_one_mistake() {
     let folder = workspace_with_model("suspension-mixer");
-    let scenario = |fmu: &str| SCENARIO.replace("\"Ramp\"", &format!("\"{fmu}\""));
-    let plan = |fmu: &str| {
-        std::fs::write(folder.path().join("ramp.toml"), scenario(fmu)).unwrap();
-        message(&command(folder.path(), &["plan", "ramp.toml"]).stderr)
-    };
-    let error = plan("SuspensionMixer");
-    assert!(error.contains("there is no SuspensionMixer.fmu in target/fmu"), "{error}");
-    assert!(error.contains("`chassis pack ramp.toml` builds all that this scenario needs"), "{error}");
-    let error = plan("SuspensionMixr");
-    assert!(error.contains("did you mean `SuspensionMixer`?") && !error.contains("pack"), "{error}");
-}
-
-#[test]
-fn a_stop_that_does_not_fit_is_named() {
-    let folder = folder(SCENARIO);
-    for (stop, expected) in [
-        ("-3", "--stop -3: the stop must be later than the start, 0 s"),
-        ("1e12", "--stop 1000000000000: from start 0 s"),
-    ] {
-        for arguments in [&["plan", "ramp.toml"][..], &["run", "ramp.toml"], &["export", "ramp.toml", "--out", "out"]] {
-            let output = command(folder.path(), &[arguments, &["--stop", stop]].concat());
-            assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-            let error = message(&output.stderr);
-            assert!(error.contains(expected), "{error}");
-        }
+    for (file, fmu) in [("ramp.toml", "\"SuspensionMixer\""), ("typo.toml", "\"SuspensionMixr\"")] {
+        std::fs::write(folder.path().join(file), SCENARIO.replace("\"Ramp\"", fmu)).unwrap();
     }
+    let printed = session(folder.path(), &["chassis plan ramp.toml", "chassis plan typo.toml"]);
+    insta::assert_snapshot!(printed);
 }
 
 /// An empty workspace with a table `[workspace.metadata.fmu]`.
@@ -429,7 +445,7 @@ fn a_study_is_carried_out() {
     let output = command(folder.path(), &["study", "study.toml"]);
     assert_eq!(output.status.code(), Some(1));
     let error = message(&output.stderr);
-    assert!(error.contains("`--resume` goes on with it, `--overwrite` begins anew"), "{error}");
+    assert!(error.contains("`--resume` continues it, `--overwrite` starts over"), "{error}");
     let output = command(folder.path(), &["study", "study.toml", "--resume", "--budget", "20"]);
     assert_eq!(output.status.code(), Some(1));
     let error = message(&output.stderr);
@@ -601,20 +617,10 @@ fn a_system_is_written_for_other_masters() {
 /// A study without `[[vary]]` has none of the options of the others.
 #[test]
 fn options_of_samples_belong_to_studies_with_samples() {
-    let folder = study();
-    for option in ["--dask", "--runs=3", "--shard=1/2", "--merge"] {
-        let output = command(folder.path(), &["study", "study.toml", option]);
-        assert_eq!(output.status.code(), Some(2), "{option}");
-        let found = message(&output.stderr);
-        let name = option.split('=').next().unwrap();
-        assert!(
-            found.contains(&format!(
-                "study.toml has no [[vary]]: PACSA, GA and CMA-ES run on this machine, without {name}"
-            )),
-            "{found}"
-        );
-        assert!(found.contains("--budget N"), "{found}");
-    }
+    let calls =
+        ["--dask", "--runs=3", "--shard=1/2", "--merge"].map(|option| format!("chassis study study.toml {option}"));
+    let printed = session(study().path(), &calls.each_ref().map(String::as_str));
+    insta::assert_snapshot!(printed);
 }
 
 /// Without the package of Python there are results, but no page; what needs the package says so.
@@ -633,44 +639,29 @@ fn a_page_needs_python() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
         assert!(message(&output.stderr).contains("needs the Python package `chassis_fmu`"), "{arguments:?}");
     }
-    let output = command(folder.path(), &["run", "ramp.toml", "--native"]);
-    assert!(message(&output.stderr).contains("the native master is the default now"));
 }
 
 /// Commands of earlier versions end with the new name, options that have moved, too.
 #[test]
 fn renamed_commands_say_so() {
-    let folder = tempfile::tempdir().unwrap();
-    let message = |program: &str, arguments: &[&str]| {
-        let path = programs::program(program);
-        let output = Command::new(path)
-            .args(arguments)
-            .current_dir(folder.path())
-            .env("NO_COLOR", "1")
-            .env("CHASSIS_PYTHON", "")
-            .output()
-            .unwrap();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        message(&output.stderr)
-    };
-    for (arguments, old, new) in [
-        (["tune", "x.toml"], "cargo fmu tune", "chassis study"),
-        (["system", "x.toml"], "cargo fmu system", "chassis export"),
-        (["plan", "x.toml"], "cargo fmu plan", "chassis plan"),
-        (["run", "x.toml"], "cargo fmu run", "chassis run"),
-        (["assess", "EspCar"], "cargo fmu assess", "chassis bench run"),
-        (["evaluate", "braking"], "cargo fmu evaluate", "chassis bench evaluate"),
-        (["compat", "EspCar"], "cargo fmu compat", "chassis fits"),
-    ] {
-        let found = message("check", &arguments);
-        assert!(found.contains(&format!("`{old}` is called `{new}` now")), "{found}");
-    }
-    for (old, new) in [("assess", "bench run"), ("evaluate", "bench evaluate"), ("compat", "fits")] {
-        let found = message("run", &[old, "x"]);
-        assert!(found.contains(&format!("`chassis {old}` is called `chassis {new}` now")), "{found}");
-    }
-    let found = message("pack", &["pack", "--for", "x.toml"]);
-    assert!(found.contains("`cargo fmu pack --for FILE` is called `chassis pack FILE` now"), "{found}");
-    let found = message("new", &["new", "x", "--kind", "scenario", "--plant", "EspCar"]);
-    assert!(found.contains("is called `chassis new PATH` now"), "{found}");
+    let folder = TempDir::new().unwrap();
+    let printed = session(
+        folder.path(),
+        &[
+            "cargo-fmu tune x.toml",
+            "cargo-fmu system x.toml",
+            "cargo-fmu plan x.toml",
+            "cargo-fmu run x.toml",
+            "cargo-fmu assess EspCar",
+            "cargo-fmu evaluate braking",
+            "cargo-fmu compat EspCar",
+            "cargo-fmu pack --for x.toml",
+            "cargo-fmu new x --kind scenario --plant EspCar",
+            "chassis assess x",
+            "chassis evaluate x",
+            "chassis compat x",
+            "chassis run ramp.toml --native",
+        ],
+    );
+    insta::assert_snapshot!(printed);
 }

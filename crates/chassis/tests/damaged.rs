@@ -533,7 +533,7 @@ fn a_wrong_study_leaves_nothing_behind() {
         ("study.toml", "weight = 1.0", "weight = 0.0", "all weights are 0"),
         ("study.toml", "kind = \"rms\"", "kind = \"rsm\"", "did you mean `rms`?"),
         ("study.toml", "kind = \"ga\"", "kind = \"genetic\"", "expected pacsa, ga or cmaes"),
-        ("study.toml", "kind = \"ga\"", "kind = \"ga\"\nseeds = [1, 1]", "is there twice"),
+        ("study.toml", "kind = \"ga\"", "kind = \"ga\"\nseeds = [1, 1]", "appears twice"),
         ("study.toml", "title", "\u{0}", "study.toml"),
         ("ramp.toml", "stop = 1.0", "stop = 1.1", "4.4 steps of 0.25 s, which must be a whole number above 0"),
         ("ramp.toml", "signals = [\"x\"]", "signals = [\"y\"]", "no output matches `y`"),
@@ -558,8 +558,8 @@ fn a_wrong_study_leaves_nothing_behind() {
 fn wild_numbers_in_a_description_are_found_by_the_check() {
     let sound = Sound::new();
     for (from, to, expected) in [
-        ("<Real start=\"1\"", "<Real start=\"1e999\"", "variable `gain`: its start value inf is no finite number"),
-        ("<Real start=\"1\"", "<Real start=\"nan\"", "variable `gain`: its start value NaN is no finite number"),
+        ("<Real start=\"1\"", "<Real start=\"1e999\"", "variable `gain`: its start value inf is not a finite number"),
+        ("<Real start=\"1\"", "<Real start=\"nan\"", "variable `gain`: its start value NaN is not a finite number"),
         ("min=\"-10\"", "min=\"nan\"", "variable `gain`: min NaN is above max 10"),
         ("min=\"-10\"", "min=\"11\"", "variable `gain`: min 11 is above max 10"),
     ] {

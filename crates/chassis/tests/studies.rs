@@ -1,6 +1,7 @@
 //! Studies from the file to the results, on FMUs built from C in a temporary folder.
 #![cfg(unix)]
 
+mod patience;
 #[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
@@ -10,11 +11,11 @@ use fmu_study::study::{self, Study, StudyError, Workers};
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::resolve::{FmuFolder, Options, resolve};
+use patience::patience;
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
 use support::Build;
 use tempfile::TempDir;
 
@@ -169,7 +170,7 @@ impl Place {
 fn workers(jobs: usize) -> Workers {
     let program = PathBuf::from(env!("CARGO_BIN_EXE_chassis"));
     let launch = Launch { program, arguments: vec!["worker".into()] };
-    let settings = Settings::new(launch, Duration::from_secs(60), Arc::new(|_| ()));
+    let settings = Settings::new(launch, patience(60.0), Arc::new(|_| ()));
     Workers { settings, jobs: NonZeroUsize::new(jobs).unwrap() }
 }
 
@@ -277,7 +278,7 @@ fn results_are_not_lost_by_a_slip() {
     place.execute(STUDY, 2, "out", Existing::Error).unwrap();
     let before = place.results("out");
     let error = place.execute(STUDY, 2, "out", Existing::Error).unwrap_err().to_string();
-    assert!(error.contains("history.csv is there: `--resume` goes on"), "{error}");
+    assert!(error.contains("history.csv already exists: `--resume` continues"), "{error}");
     for (from, to) in [
         ("max = 8.0", "max = 7.0"),
         ("stop = 0.8", "stop = 0.9"),
@@ -310,7 +311,7 @@ fn a_smaller_budget_is_rejected() {
     assert!(matches!(error, ExecutionError::Budget { evaluations: 60, budget: 59, .. }), "{error}");
     let error = error.to_string();
     assert!(error.contains("history.csv has 60 evaluations, more than the budget of 59"), "{error}");
-    assert!(error.contains("a budget of at least 60; `--overwrite` begins anew"), "{error}");
+    assert!(error.contains("a budget of at least 60; `--overwrite` starts over"), "{error}");
     assert!(place.results("out") == before);
     // Another target neither: what is there is used to its end.
     let early = STUDY.replacen("evaluations = 60", "evaluations = 60\ntarget = 1e5", 1);
@@ -472,16 +473,16 @@ fn mistakes_are_reported_with_their_place() {
         ),
         ("name = \"position:gain\"", "name = \"position:gian\"", "Position has no parameter `gian`"),
         ("name = \"position:gain\"", "name = \"position:x\"", "is not a parameter but an output"),
-        ("name = \"position:gain\"", "name = \"velocity:gain\"", "the parameter `velocity:gain` is there twice"),
+        ("name = \"position:gain\"", "name = \"velocity:gain\"", "the parameter `velocity:gain` appears twice"),
         ("name = \"position:gain\"", "name = \"position:failure\"", "`failure` is Integer"),
         ("max = 8.0", "max = 12.0", "14:7: case `free`: `position`: `gain` is 12.0, expected at most 10"),
         ("max = 8.0", "max = -2.0", "14:7: max is -2.0, expected a finite number above min -2.0"),
         ("min = -2.0", "min = nan", "13:7: expected a finite number"),
         ("min = 0.1", "min = 0.0", "19:7: min is 0.0, expected above 0 with log = true"),
-        ("symbol = \"g\"", "symbol = \"2g\"", "starts with no digit"),
-        ("symbol = \"g\"", "symbol = \"k\"", "the name `k` is there twice"),
+        ("symbol = \"g\"", "symbol = \"2g\"", "not start with a digit"),
+        ("symbol = \"g\"", "symbol = \"k\"", "the name `k` appears twice"),
         ("symbol = \"g\"", "symbol = \"sqrt\"", "`sqrt` is a function"),
-        ("limit = 30.0", "k = 30.0", "the name `k` is there twice"),
+        ("limit = 30.0", "k = 30.0", "the name `k` appears twice"),
         ("limit = 30.0", "limit = inf", "expected a finite number"),
         ("abs(g) * k <= limit", "abs(g) * q <= limit", "28:24: unknown name `q`"),
         ("abs(g) * k <= limit", "abs(g) * k", "28:25: expected <, <=, > or >="),
@@ -498,14 +499,14 @@ fn mistakes_are_reported_with_their_place() {
         (term, &format!("{}\nsignal = \"position:x\"", circle), "are 2 and 2, expected reciprocals"),
         (term, &format!("{}\nsignal = \"position:x\"", three), "1 rows of judgments, but 2 terms"),
         (term, &format!("{}\nsignal = \"position:x\"", word), "expected a number or a text such as \"1/3\""),
-        (term, &format!("{}\nsignal = \"position:x\"", circle), "with judgments the weights follow from them"),
+        (term, &format!("{}\nsignal = \"position:x\"", circle), "the judgments determine the weights"),
         ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = []", "seeds is empty"),
         ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = [2, -3]", "seed is -3, expected 0 or more"),
-        ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = [2, 2]", "the method `pacsa_2` is there twice"),
+        ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = [2, 2]", "the method `pacsa_2` appears twice"),
         ("seed = 9", "seed = 9\nseeds = [1]", "a method has a seed or seeds, not both"),
         ("kind = \"pacsa\"", "kind = \"pasca\"", "unknown method `pasca`, expected pacsa, ga or cmaes"),
-        ("kind = \"pacsa\"", "kind = \"ga\"", "the method `ga` is there twice; give it a name"),
-        ("name = \"yardstick\"", "name = \"../x\"", "the name of a method is made of a-z, 0-9 and _"),
+        ("kind = \"pacsa\"", "kind = \"ga\"", "the method `ga` appears twice; give it a name"),
+        ("name = \"yardstick\"", "name = \"../x\"", "the name of a method must consist of a-z, 0-9 and _"),
         (
             "kind = \"pacsa\"",
             "kind = \"pacsa\"\nsettings = { mutation_min = 0.2 }",
@@ -521,7 +522,7 @@ fn mistakes_are_reported_with_their_place() {
         ("population = 10", "population = 1.5", "population is 1.5, expected a whole number from 2"),
         ("population = 10", "mutation = 1.5", "mutation is 1.5, expected a number from 0 to 1"),
         ("case = \"inverted\"", "case = \"invreted\"", "unknown case `invreted`"),
-        ("g = 2.0", "h = 2.0", "`h` is no parameter of this study"),
+        ("g = 2.0", "h = 2.0", "`h` is not a parameter of this study"),
         ("g = 2.0", "g = 20.0", "`gain` is 20.0, expected at most 10"),
     ];
     for (from, to, expected) in cases {

@@ -90,10 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         return Err(miette!("an evaluator and a recording are needed"));
     };
     let options = serde_json::from_str(&arguments.options).map_err(|error| {
-        miette!(
-            help = "Write an object of JSON, in quotes of the shell: --options '{{\"steer.ratio\": 16}}'.",
-            "--options: {error}"
-        )
+        miette!(help = r#"Write a JSON object in single quotes, such as '{"steer.ratio": 16}'."#, "--options: {error}")
     })?;
     let file = path.display().to_string();
     let bytes = limits::read_bytes(path, limits::INPUT_FILE).map_err(|error| {

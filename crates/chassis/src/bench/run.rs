@@ -539,7 +539,7 @@ fn print(assessment: &Assessment) {
         errln!("note: the plant declares no unit of {}: they are taken as such", signals.join(", "));
     }
     for unit in &assessment.idle {
-        errln!("warning: {unit} has no effect: nothing reads what it writes");
+        errln!("warning: {unit} has no effect: nothing reads its outputs");
     }
     let count = |wanted: Verdict| assessment.metrics.iter().filter(|row| row.verdict == wanted).count();
     let (passed, failed, errors) = (count(Verdict::Pass), count(Verdict::Fail), count(Verdict::Error));
