@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import argparse
 import statistics
-import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from chassis_fmu.program import ROOT
 from chassis_fmu.shell import positive
+from measuring import run
 
 
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:
@@ -53,12 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     times: dict[str, list[float]] = {name: [] for name in timed}
     for _ in range(options.rounds):
         for name, command in timed.items():
-            begin = time.perf_counter()
-            done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
-            times[name].append(time.perf_counter() - begin)
-            if done.returncode != 0:
-                print(f"{done.stderr}error: {name}: exit code {done.returncode}", file=sys.stderr)
-                return 1
+            times[name].append(run(command).seconds)
     print(table(times))
     return 0
 

@@ -14,13 +14,12 @@ import os
 import pickle
 import re
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import fmpy
 import fmpy.fmi2
@@ -32,6 +31,7 @@ from chassis_fmu.shell import positive
 from chassis_fmu.study import bundle, file
 from chassis_fmu.study.job import Job
 from chassis_fmu.study.journal import Journal
+from measuring import Measured, run
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
@@ -62,14 +62,6 @@ def row(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-class Measured(NamedTuple):
-    """Time a command took (s), CPU time of all its processes (s), and the memory of its largest process (bytes)."""
-
-    seconds: float
-    cpu: float
-    memory: int
-
-
 def ratios(pairs: Sequence[tuple[Measured, Measured]]) -> str:
     """Return median and range of the first to the second time, of wall time and of CPU time."""
     texts = []
@@ -82,20 +74,6 @@ def ratios(pairs: Sequence[tuple[Measured, Measured]]) -> str:
 def less(many: Measured, few: Measured) -> Measured:
     """Return the difference of two calls, which leaves out what every call takes once."""
     return Measured(many.seconds - few.seconds, many.cpu - few.cpu, many.memory)
-
-
-def run(command: Sequence[str]) -> Measured:
-    """Run a command to its end."""
-    begin = time.perf_counter()
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
-        message = process.stderr.read()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode != 0:
-        text = message.decode(errors="replace")
-        raise SystemExit(f"{text}error: {' '.join(command)}: exit code {process.returncode}")
-    return Measured(time.perf_counter() - begin, usage.ru_utime + usage.ru_stime, 1024 * usage.ru_maxrss)
 
 
 def write_study(name: str, lines: str) -> Path:

@@ -9,29 +9,19 @@ from __future__ import annotations
 
 import argparse
 import filecmp
-import os
 import statistics
-import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from chassis_fmu.program import ROOT
 from chassis_fmu.shell import positive
+from measuring import Measured, run
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 STUDY = ROOT / "studies" / "hydro_pneumatic_ride.toml"
 FMUS = ROOT / "target" / "fmu"
 OURS = ROOT / "target" / "release" / "chassis"
-
-
-class Times(NamedTuple):
-    """CPU time of all processes of a command and the time it took, s."""
-
-    cpu: float
-    wall: float
 
 
 def commands(program: Path, out: Path, fmus: Path = FMUS) -> dict[str, list[str]]:
@@ -41,21 +31,6 @@ def commands(program: Path, out: Path, fmus: Path = FMUS) -> dict[str, list[str]
         "run": [str(program), "run", str(SCENARIO), *more],
         "study": [str(program), "study", str(STUDY), "--budget", "30", "--overwrite", *more],
     }
-
-
-def measured(command: Sequence[str]) -> Times:
-    """Run a command; returns its times."""
-    begin = time.perf_counter()
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
-        assert process.stderr is not None
-        message = process.stderr.read()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode != 0:
-        raise SystemExit(
-            f"{message.decode(errors='replace')}error: {' '.join(command)}: exit code {process.returncode}"
-        )
-    return Times(usage.ru_utime + usage.ru_stime, time.perf_counter() - begin)
 
 
 def differing(first: Path, second: Path) -> list[str]:
@@ -90,15 +65,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     other, ours = commands(options.other.resolve(), out / "other", fmus), commands(OURS, out / "ours")
     print(f"{'':10}{'pairs':>6}{'other':>10}{'ours':>10}{'ratio':>8}   (quartiles)")
     for name in [options.only] if options.only else ours:
-        pairs: list[tuple[Times, Times]] = []
+        pairs: list[tuple[Measured, Measured]] = []
         # The first pair warms up. Who begins changes.
         for turn in range(options.rounds + 1):
             order = [other[name], ours[name]] if turn % 2 else [ours[name], other[name]]
-            times = {command[0]: measured(command) for command in order}
+            times = {command[0]: run(command) for command in order}
             if turn:
                 pairs.append((times[other[name][0]], times[ours[name][0]]))
         print(line(f"{name} CPU", [(a.cpu, b.cpu) for a, b in pairs]), flush=True)
-        print(line(f"{name} wall", [(a.wall, b.wall) for a, b in pairs]), flush=True)
+        print(line(f"{name} wall", [(a.seconds, b.seconds) for a, b in pairs]), flush=True)
     if options.other_fmus is None and (files := differing(out / "other", out / "ours")):
         print(f"error: results differ: {', '.join(files)}", file=sys.stderr)
         return 1
