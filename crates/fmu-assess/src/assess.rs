@@ -16,7 +16,6 @@ use crate::subject::Subject;
 use crate::systems::{System, Systems};
 use crate::vehicle::{Datum, Vehicle};
 use crate::wiring::{Driving, STEP};
-use fmu_import::description::Value as Start;
 use fmu_import::temporary::Folder;
 use fmu_import::worker::Settings;
 use fmu_system::fmus::Fmus;
@@ -25,7 +24,6 @@ use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::f64::consts::LN_10;
-use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -244,22 +242,12 @@ fn assembled(
     let skipped = found.iter().filter_map(|results| results.skipped.clone()).collect();
     let described = |component: &Component| {
         let description = &component.found.description;
-        let sha256 = std::fs::read(&component.found.path).ok().map(|bytes| {
-            Sha256::digest(bytes).iter().fold(String::new(), |mut digits, byte| {
-                let _ = write!(digits, "{byte:02x}");
-                digits
-            })
-        });
+        let sha256 = std::fs::read(&component.found.path).ok().map(|bytes| format!("{:x}", Sha256::digest(bytes)));
         json!({ "fmu": component.fmu, "guid": description.guid, "version": description.version, "sha256": sha256 })
     };
     let given = |(component, parameter, value): (&Component, &str, &str)| {
         let variable = component.description().variable(parameter);
-        let start = variable.and_then(|variable| variable.start.as_ref()).map(|start| match start {
-            Start::Integer(start) => json!(start),
-            Start::Real(start) => json!(start),
-            Start::Boolean(start) => json!(start),
-            Start::String(start) => json!(start),
-        });
+        let start = variable.and_then(|variable| variable.start.as_ref());
         let unit_of_measure = variable.and_then(|variable| variable.unit.as_deref());
         json!({ "component": component.name, "fmu": component.fmu, "parameter": parameter, "value": value, "unit": unit_of_measure, "start": start })
     };

@@ -20,7 +20,7 @@ use crate::metric;
 use crate::results::{Results, Suite};
 use crate::run_result::RunResult;
 use crate::systems::Speed;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 /// Standard acceleration of gravity, m/s2.
 pub(crate) const G: f64 = 9.81;
@@ -244,11 +244,6 @@ pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
         Some(metric::Value::Boolean(value)) => Some(*value),
         _ => None,
     }
-}
-
-/// A value as JSON; null if it is missing or not finite.
-pub(crate) fn or_null(value: Option<f64>) -> Value {
-    value.filter(|value| value.is_finite()).map_or(Value::Null, |value| json!(value))
 }
 
 /// Both directions of a maneuver: name and sign.

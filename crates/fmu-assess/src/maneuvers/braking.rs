@@ -1,6 +1,6 @@
 //! Braking: straight ahead and on split friction (UN R13-H), and in a turn (ISO 7975).
 
-use super::{evaluated, number, or_null, reason};
+use super::{evaluated, number, reason};
 use crate::bench::{Bench, drive};
 use crate::metric::Direction;
 use crate::results::{Limit, Results};
@@ -90,7 +90,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
     let degrees = |angle: Result<f64, String>| angle.map(f64::to_degrees);
     let mut add = |name: &str, title: &str, unit: &'static str, value: Result<f64, String>, definition: &str| {
         let metric = match value {
-            Ok(value) => results.metric(name, title, unit, Direction::Down, or_null(Some(value))),
+            Ok(value) => results.metric(name, title, unit, Direction::Down, json!(value)),
             Err(reason) => results.without(name, title, unit, Direction::Down, &reason),
         };
         metric.set_definition(definition).incomparable.clone_from(&cut);

@@ -1,6 +1,6 @@
 //! Double lane changes of ISO 3888-1 and ISO 3888-2: the largest speed at which no cone is touched.
 
-use super::{evaluated, number, or_null, truth};
+use super::{evaluated, number, truth};
 use crate::bench::{Bench, drive};
 use crate::evaluators::Evaluation;
 use crate::evaluators::cones::{self, Part};
@@ -114,7 +114,7 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
         last_passed = Some(low);
         first_failed = Some(high);
     }
-    let value = or_null(last_passed.filter(|_| first_failed.is_some()));
+    let value = json!(last_passed.filter(|_| first_failed.is_some()));
     let metric = results.metric("max_entry_speed", "Largest entry speed", "km/h", Direction::Up, value);
     metric.set_definition(
         "Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.",

@@ -1,6 +1,6 @@
 //! Ride on random roads of ISO 8608, weighted by ISO 2631-1.
 
-use super::{evaluated, number, or_null, reason};
+use super::{evaluated, number, reason};
 use crate::bench::{Bench, drive};
 use crate::evaluators::{Evaluation, comfort};
 use crate::metric::{Direction, Value};
@@ -85,7 +85,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
         let why = |name: &str| broken.clone().or_else(|| found.iter().find_map(|of| reason(of, name)));
         let mut add = |name: &str, title: &str, unit: &'static str, definition: &str, value: Option<f64>| {
             let (id, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
-            let metric = results.metric(&id, &title, unit, Direction::Down, or_null(value));
+            let metric = results.metric(&id, &title, unit, Direction::Down, json!(value));
             metric.set_definition(definition);
             if let Some(total) = value.filter(|_| name == "vibration_total") {
                 metric.label = Some(comfort(total));

@@ -1,6 +1,6 @@
 //! Fishhook with roll-rate feedback and J-turn (NHTSA): lowest speed at which two wheels lift.
 
-use super::{SIDES, evaluated, number, or_null, truth};
+use super::{SIDES, evaluated, number, truth};
 use crate::bench::{Bench, drive};
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
@@ -51,28 +51,21 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
     if !is_known {
         metric.set_reason("no run has tire loads");
     }
-    let metric =
-        results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));
+    let metric = results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, json!(lifted));
     metric.set_definition("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
     if lifted.is_none() {
         metric.set_best("no wheels lift");
         metric.bound = speeds.last().filter(|_| is_known).map(|highest| Bound::Above(*highest));
     }
     results
-        .metric(
-            "load_transfer_peak",
-            "Largest load transfer ratio",
-            "1",
-            Direction::Down,
-            or_null(load_transfer.largest),
-        )
+        .metric("load_transfer_peak", "Largest load transfer ratio", "1", Direction::Down, json!(load_transfer.largest))
         .set_series(load_transfer.series);
     if load_transfer.largest.is_none() {
         unknown(bench, "vehicle.load_transfer_ratio", results);
     }
     results.last().set_definition("Largest magnitude of the load transfer ratio, of all runs.");
     results
-        .metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll.largest))
+        .metric("roll_peak", "Largest roll angle", "rad", Direction::Down, json!(roll.largest))
         .set_series(roll.series);
     if roll.largest.is_none() {
         unknown(bench, "body.roll", results);

@@ -1,6 +1,6 @@
 //! Sine with dwell (FMVSS 126, UN R140): a series of rising amplitudes to both sides, coasting.
 
-use super::{NotApplicable, SIDES, evaluated, number, or_null, reason, truth};
+use super::{NotApplicable, SIDES, evaluated, number, reason, truth};
 use crate::bench::{Bench, drive};
 use crate::evaluators::Evaluation;
 use crate::metric::Direction;
@@ -131,7 +131,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     results.last().set_limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
     results.last().set_definition("Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.");
     results
-        .metric("unstable_from", "Unstable from an amplitude of", "A", Direction::None, or_null(unstable_from))
+        .metric("unstable_from", "Unstable from an amplitude of", "A", Direction::None, json!(unstable_from))
         .set_definition("Smallest amplitude at which a run is not stable.");
     if unstable_from.is_none() {
         results.last().set_best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
@@ -144,7 +144,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             "Largest yaw rate 1 s after the steering",
             "1",
             Direction::Down,
-            or_null(first.value),
+            json!(first.value),
         )
         .set_definition(
             "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
@@ -156,12 +156,12 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             "Largest yaw rate 1.75 s after the steering",
             "1",
             Direction::Down,
-            or_null(second.value),
+            json!(second.value),
         )
         .set_definition("The same 1.75 s after the completion of steer.")
         .set_series(second.series());
     results
-        .metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, or_null(least.value))
+        .metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, json!(least.value))
         .set_definition(
             "Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.",
         )

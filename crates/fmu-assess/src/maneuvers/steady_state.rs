@@ -1,6 +1,6 @@
 //! Slowly increasing steer (FMVSS 126 S7.6, ISO 4138 at constant speed) and constant radius (ISO 4138).
 
-use super::{G, SIDES, evaluated, number, or_null, reason};
+use super::{G, SIDES, evaluated, number, reason};
 use crate::bench::{Bench, drive};
 use crate::metric::{self, Direction};
 use crate::results::{Results, Suite};
@@ -59,7 +59,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
     };
     let why = |name: &str| found.iter().find_map(|metrics| reason(metrics, name));
     let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
-    results.metric("A", "Steering wheel angle at 0.3 g", "deg", Direction::None, or_null(amplitude));
+    results.metric("A", "Steering wheel angle at 0.3 g", "deg", Direction::None, json!(amplitude));
     if let Some(reason) = why("A") {
         results.last().set_reason(&reason);
     }
@@ -71,7 +71,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
         ("load_transfer_gradient", "Load transfer gradient", "1/(m/s2)"),
     ] {
         let value = mean(name);
-        results.metric(name, title, unit, Direction::None, or_null(value));
+        results.metric(name, title, unit, Direction::None, json!(value));
         if let Some(reason) = why(name) {
             results.last().set_reason(&reason);
         }
