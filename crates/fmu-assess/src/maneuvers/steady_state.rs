@@ -37,18 +37,18 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
             .end(EndAt::LateralAcceleration(HIGHEST))
             .end(EndAt::Finished(1.0))
     });
-    let result = drive(bench, specs.into());
+    let runs = drive(bench, specs.into());
     // Remove an understeer gradient that needs an unknown wheelbase.
     let wheelbase = bench.wheelbase();
     let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": wheelbase.as_ref().unwrap_or(&1.0) });
-    let mut found: Vec<_> = result.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
+    let mut found: Vec<_> = runs.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
     if let Err(reason) = &wheelbase {
         let gradients = found.iter_mut().flat_map(|metrics| &mut metrics.metrics);
         for gradient in gradients.filter(|metric| metric.name == "understeer_gradient") {
             gradient.value = metric::Value::Null(metric::Reason::new(reason.clone()));
         }
     }
-    for (run, metrics) in result.iter().zip(&found) {
+    for (run, metrics) in runs.iter().zip(&found) {
         results.note(run, metrics);
         results.show(run);
     }
