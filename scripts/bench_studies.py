@@ -192,7 +192,8 @@ def overheads() -> Iterator[str]:
 
     dask: Any = distributed
     path = write_study("short", SHORT)
-    job = Job(file.read(path), path, [ROOT / "target" / "fmu"])
+    folders = [ROOT / "target" / "fmu"]
+    job = Job(file.read(path, folders), path, folders)
     task = job.task(0, {"mass": 3e4, "road": 5})
     outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, None, None, 0.0205)
     content = bundle.archive(job)

@@ -7,6 +7,7 @@ took half an hour on two cores beside other work.
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from pathlib import Path
 from chassis_fmu import scenario
 from chassis_fmu.program import ROOT
 from chassis_fmu.report import tables
-from chassis_fmu.study import app, design, execute, file, report, statistics
+from chassis_fmu.study import design, execute, file, report, statistics
 from chassis_fmu.study.engines import Nothing
 from chassis_fmu.study.execute import WHOLE, Folder
 from chassis_fmu.study.job import Job
@@ -38,9 +39,11 @@ COLUMNS = "| Requirement | Case | Runs that keep it | 95 % interval | Required |
 def numbers(name: str, out: Path) -> Numbers:
     """Carry a study out, as far as it is not done, and read its rows."""
     path = ROOT / "studies" / f"{name}.toml"
-    if app.main([str(path), "--out", str(out), "--resume", "--no-fail"]) != 0:
+    command = [sys.executable, "-m", "chassis_fmu", "study", str(path), "--out", str(out), "--resume", "--no-fail"]
+    if subprocess.run(command, check=False).returncode != 0:
         raise SystemExit(f"error: {path} could not run")
-    job = Job(file.read(path), path, scenario.default_folders())
+    folders = scenario.default_folders()
+    job = Job(file.read(path, folders), path, folders)
     engine = Nothing(job, 1, 60.0)
     done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(), resume=True)
     return Numbers(job, done.values, done.rows)

@@ -43,6 +43,9 @@ Row: TypeAlias = tuple[
     int, int, tuple[float | None, ...], _Status, float | None, str | None, str | None, str | None, float
 ]
 
+def study(file: Path, folders: Sequence[Path], runs: int | None = None) -> str:
+    """Return a study with `[[vary]]` as JSON; raises ScenarioError for a mistake."""
+
 class System:
     """A resolved scenario with its FMUs."""
 

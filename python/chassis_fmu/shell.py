@@ -1,14 +1,11 @@
-"""Arguments of commands: reading them, repeating them on pages; versions."""
+"""Arguments and requests of commands, and versions."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import os
 import platform
-from collections.abc import Sequence
-
-from .program import ROOT
+from pathlib import Path
 
 
 def positive(text: str) -> int:
@@ -19,16 +16,9 @@ def positive(text: str) -> int:
     return value
 
 
-def set_options(options: argparse.Namespace, names: Sequence[str]) -> list[str]:
-    """Return those of the options that were given, as arguments."""
-    given = [(name, getattr(options, name)) for name in names]
-    return [text for name, value in given if value is not None for text in (f"--{name}", str(value))]
-
-
-def from_root(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with files of the project relative to its folder."""
-    prefix = f"{ROOT}{os.sep}"
-    return [a.removeprefix(prefix) for a in arguments]
+def path(kind: type, value: object) -> object:
+    """Make a path of a text, in the requests of commands."""
+    return Path(str(value)) if kind is Path else value
 
 
 def versions() -> tuple[tuple[str, str], ...]:

@@ -18,5 +18,5 @@ mod _native {
     #[pymodule_export]
     use super::session::Session;
     #[pymodule_export]
-    use super::system::{RunFailedError, ScenarioError, System};
+    use super::system::{RunFailedError, ScenarioError, System, study};
 }

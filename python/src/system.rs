@@ -1,13 +1,14 @@
 //! Runs of a scenario with other values: in this process, or in worker processes.
 
 use fmu_import::description::{BaseType, Value, Variable};
+use fmu_import::fmu::Fmu;
 use fmu_import::worker::{Launch, Settings, memory_share};
 use fmu_system::batch::{Batch, Change, End, Row, Sample};
 use fmu_system::fmus::{Fmus, FmusError};
 use fmu_system::master::{self, Recording, RunError};
-use fmu_system::parameter;
+use fmu_system::parameter::{self, Settable};
 use fmu_system::plan::Plan;
-use fmu_system::resolve::{FmuFolder, Options, OtherFmu, ResolveError, file_of, resolve};
+use fmu_system::resolve::{FmuFolder, Options, OtherFmu, file_of, resolve};
 use fmu_system::run::{Run, Simulation};
 use fmu_system::worker::Pool;
 use numpy::{IntoPyArray as _, PyArray1};
@@ -37,14 +38,12 @@ pub(crate) fn run_failure(failed: RunError) -> PyErr {
     RunFailedError::new_err((failed.time, failed.cause.to_string()))
 }
 
-/// All mistakes, one per line.
-fn mistakes(problem: ResolveError) -> PyErr {
-    match problem {
-        ResolveError::Problems(problems) => {
-            error(problems.problems.iter().map(fmu_system::problem::Problem::explained).collect::<Vec<_>>().join("\n"))
-        }
-        other => error(other),
-    }
+/// A study with `[[vary]]` as JSON; `runs` replaces its number of samples.
+#[pyfunction]
+#[pyo3(signature = (file, folders, runs=None))]
+pub(crate) fn study(file: PathBuf, folders: Vec<PathBuf>, runs: Option<u64>) -> PyResult<String> {
+    let found = fmu_system::study::read(&file, &FmuFolder::new(folders), runs);
+    found.map(|study| study.json().to_string()).map_err(|problem| error(problem.lines().join("\n")))
 }
 
 /// A value from Python; `bool` before `int`, of which it is a subclass.
@@ -137,7 +136,8 @@ impl System {
             fmus.into_iter().map(|(component, (fmu, keep_parameters))| OtherFmu { component, fmu, keep_parameters });
         let options = Options { stop, seeds, fmus: fmus.collect(), ..Options::default() };
         py.detach(|| {
-            let plan = resolve(&file, &FmuFolder::new(folders), &options).map_err(mistakes)?;
+            let plan = resolve(&file, &FmuFolder::new(folders), &options)
+                .map_err(|problem| error(problem.lines().join("\n")))?;
             let fmus = Fmus::unpack(&plan.runs).map_err(error)?;
             let batch = Batch::new(plan.clone(), fmus);
             Ok(Self { plan, batch, loaded: OnceLock::new(), pool: Mutex::default() })
@@ -152,36 +152,15 @@ impl System {
     /// Properties of a settable variable, in the first run that has it: base type, unit, units with factor and offset, limits,
     /// value, description.
     fn variable<'py>(&self, py: Python<'py>, component: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let of = |run: &fmu_system::run::Run| run.components.iter().find(|other| other.name == component).cloned();
-        let mut first = None;
-        for found in self.plan.runs.iter().filter_map(of) {
-            let fmu = self.batch.fmus().get(&found.fmu).map_err(error)?;
-            match parameter::settable(fmu.description(), name) {
-                Err(message) if first.is_none() => first = Some(format!("`{component}`: {message}")),
-                Err(_) => (),
-                Ok(variable) => {
-                    let set = found.parameters.iter().chain(&found.constants).find(|setting| setting.name == name);
-                    let value = set.map(|setting| &setting.value).or(variable.start.as_ref());
-                    let units: Vec<(String, f64, f64)> = fmu
-                        .description()
-                        .display_units(variable)
-                        .into_iter()
-                        .map(|unit| (unit.name, unit.factor, unit.offset))
-                        .collect();
-                    let base = variable.base_type.to_string();
-                    let value = value.map(|value| given(py, value)).transpose()?;
-                    let description = variable.description.clone();
-                    let known = (base, variable.unit.clone(), units, variable.min, variable.max, value, description);
-                    return Ok(known.into_pyobject(py)?.into_any());
-                }
-            }
-        }
-        let components: Vec<&str> =
-            self.plan.runs.iter().flat_map(|run| &run.components).map(|other| other.name.as_str()).collect();
-        Err(error(first.unwrap_or_else(|| {
-            let hint = fmu_import::names::suggestion(component, components).unwrap_or_default();
-            format!("unknown component `{component}`; {hint}")
-        })))
+        let describe = |fmu: &str| self.batch.fmus().get(fmu).map(Fmu::description).map_err(|error| error.to_string());
+        let Settable { variable, value, units } =
+            parameter::settable_of(&self.plan, describe, component, name).map_err(error)?;
+        let units: Vec<(String, f64, f64)> =
+            units.into_iter().map(|unit| (unit.name, unit.factor, unit.offset)).collect();
+        let base = variable.base_type.to_string();
+        let value = value.map(|value| given(py, &value)).transpose()?;
+        let known = (base, variable.unit, units, variable.min, variable.max, value, variable.description);
+        Ok(known.into_pyobject(py)?.into_any())
     }
 
     /// Prepares worker processes, which start when they are first needed.

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import fmpy
+import msgspec
+
+from chassis_fmu import program, shell
+from chassis_fmu.study import app
 
 SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
 
@@ -90,3 +98,31 @@ def write(folder: Path, study: str, scenario: str = SCENARIO) -> Path:
 def vary(name: str, variable: str, distribution: str) -> str:
     """Return a factor."""
     return f'[[vary]]\nname = "{name}"\nvariable = "{variable}"\n{distribution}\n'
+
+
+def request(arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[bytes]:
+    """Call `chassis study`, whose request to Python is its output."""
+    python = folder / "python"
+    python.write_text("#!/bin/sh\nexec cat\n")
+    python.chmod(0o755)
+    command = [str(program.find()), "study", *arguments]
+    environment = {**os.environ, "CHASSIS_PYTHON": str(python)}
+    return subprocess.run(command, capture_output=True, env=environment, check=False)
+
+
+def start(arguments: Sequence[str], folder: Path, **options: Any) -> subprocess.Popen[Any]:
+    """Start Python with the request of `chassis study`."""
+    path = folder / "request.json"
+    path.write_bytes(request(arguments, folder).stdout)
+    with path.open("rb") as given:
+        return subprocess.Popen([sys.executable, "-m", "chassis_fmu.study"], stdin=given, **options)
+
+
+def carry_out(arguments: Sequence[str]) -> int:
+    """Carry a study out as `chassis study` does, in this process; returns the exit code."""
+    done = request(arguments, Path(arguments[0]).parent)
+    if done.returncode:
+        # Messages are wrapped, with a bar at their left.
+        print(*done.stderr.decode().replace("│", " ").split(), file=sys.stderr)
+        return done.returncode
+    return app.carry_out(msgspec.json.decode(done.stdout, type=app.Request, dec_hook=shell.path))

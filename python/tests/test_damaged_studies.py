@@ -17,7 +17,7 @@ from chassis_fmu.study.file import StudyError
 from chassis_fmu.study.job import Job
 
 ROOT = Path(__file__).parents[2]
-STUDIES = [path for path in sorted((ROOT / "studies").glob("*.toml")) if not file.is_tuning(path)]
+STUDIES = [path for path in sorted((ROOT / "studies").glob("*.toml")) if "[[vary]]" in path.read_text(encoding="utf-8")]
 CHANGES = 60
 # Samples of a design that is worth trying here.
 MANY = 10_000
@@ -75,7 +75,7 @@ def test_damaged_studies_are_rejected_with_a_message(path: Path, tmp_path: Path)
     for _ in range(CHANGES):
         target.write_text(damage(text, chance), encoding="utf-8")
         try:
-            study = file.read(target)
+            study = file.read(target, default_folders())
             job = Job(study, target, default_folders())
             if not study.is_adaptive and (study.runs or 0) <= MANY and all((f.count or 0) <= MANY for f in study.vary):
                 values = design.values(study, design.shares(study))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from lxml import html
 
-from chassis_fmu.study import app
+from tests import study_system
 from tests.page_schema import data_of
 from tests.study_system import build, vary, write
 
@@ -14,7 +14,7 @@ UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
 def test_the_page_of_a_study_has_data_by_the_schema_and_definitions(tmp_path: Path) -> None:
     build(tmp_path)
     study = write(tmp_path, 'method = "sample"\nruns = 20\n' + vary("p", "f:a", UNIFORM) + vary("q", "f:c", UNIFORM))
-    assert app.main([str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]) == 0
+    assert study_system.carry_out([str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]) == 0
     page = tmp_path / "out" / "study" / "index.html"
     data = data_of(page)
     assert {figure["name"] for figure in data["figures"]} >= {"y_distribution", "y_factors"}

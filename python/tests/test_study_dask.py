@@ -19,9 +19,10 @@ import pyarrow.parquet
 import pytest
 
 from chassis_fmu.program import PACKAGE
-from chassis_fmu.study import app, bundle
+from chassis_fmu.study import bundle
 from chassis_fmu.study import cluster as study_cluster
 from chassis_fmu.study.job import Task
+from tests import study_system
 from tests.commands import patience, until
 from tests.study_system import build, vary, write
 
@@ -116,9 +117,7 @@ def arguments(folder: Path, out: str, *options: str) -> list[str]:
 
 def start(folder: Path, cluster: Cluster, *options: str) -> subprocess.Popen[bytes]:
     """Start the study as a process."""
-    program = [sys.executable, "-m", "chassis_fmu.study"]
-    given = arguments(folder, "dask", f"--dask={cluster.address}", *options)
-    return subprocess.Popen([*program, *given], cwd=folder)
+    return study_system.start(arguments(folder, "dask", f"--dask={cluster.address}", *options), folder, cwd=folder)
 
 
 def rows(folder: Path) -> int:
@@ -136,7 +135,7 @@ def is_unfinished(folder: Path, study: subprocess.Popen[Any]) -> bool:
 
 
 def same_tables(folder: Path) -> None:
-    assert app.main(arguments(folder, "local")) == 0
+    assert study_system.carry_out(arguments(folder, "local")) == 0
     for name in ("design.parquet", "runs.parquet"):
         found, expected = ((folder / out / "study" / name).read_bytes() for out in ("dask", "local"))
         assert found == expected, name
@@ -190,11 +189,10 @@ def test_no_scheduler_is_explained(tmp_path: Path) -> None:
     build(tmp_path)
     write(tmp_path, STUDY)
     address = f"tcp://127.0.0.1:{free_port()}"
-    program = [sys.executable, "-m", "chassis_fmu.study"]
-    given = arguments(tmp_path, "dask", f"--dask={address}")
-    done = subprocess.run([*program, *given], capture_output=True, encoding="utf-8", env=os.environ, check=False)
-    assert done.returncode == 2
-    assert f"no Dask scheduler at {address}" in done.stderr
+    with begin(tmp_path, address) as study:
+        code, text = text_of(study)
+    assert code == 2
+    assert f"no Dask scheduler at {address}" in text
 
 
 def text_of(study: subprocess.Popen[str], seconds: float = 120.0) -> tuple[int, str]:
@@ -205,11 +203,9 @@ def text_of(study: subprocess.Popen[str], seconds: float = 120.0) -> tuple[int, 
 
 def begin(folder: Path, address: str, *options: str) -> subprocess.Popen[str]:
     """Start the study as a process whose text is read."""
-    program = [sys.executable, "-m", "chassis_fmu.study"]
     given = arguments(folder, "dask", f"--dask={address}", *options)
-    return subprocess.Popen(
-        [*program, *given], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8"
-    )
+    said = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8"}
+    return study_system.start(given, folder, cwd=folder, **said)
 
 
 def test_a_worker_without_the_package_is_explained(tmp_path: Path, cluster: Cluster) -> None:
@@ -296,8 +292,8 @@ def test_a_cluster_of_this_machine_runs_choices_of_fmus(tmp_path: Path) -> None:
     build(tmp_path, "-a", name="Other")
     study = 'method = "sample"\nruns = 8\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
     write(tmp_path, study + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'))
-    assert app.main(arguments(tmp_path, "dask", "--dask", "--jobs", "2")) == 0
-    assert app.main(arguments(tmp_path, "local")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "dask", "--dask", "--jobs", "2")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "local")) == 0
     for name in ("design.parquet", "runs.parquet"):
         found, expected = ((tmp_path / out / "study" / name).read_bytes() for out in ("dask", "local"))
         assert found == expected, name
@@ -339,7 +335,7 @@ def test_tables_do_not_depend_on_the_size_of_batches(
     monkeypatch.setattr(study_cluster.Dask, "_begin", counted)
     monkeypatch.setattr(study_cluster.Dask, "_share", named)
     monkeypatch.setattr(study_cluster.Dask, "close", asked)
-    assert app.main(arguments(tmp_path, "dask", "--dask", "--jobs", "2")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "dask", "--dask", "--jobs", "2")) == 0
     same_tables(tmp_path)
     assert sum(sizes) == 60
     # Sizes grow at most fourfold from 1: six batches wait at first, then come 4, 16 and the rest.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ from tqdm import tqdm
 from chassis_fmu.study import app
 from chassis_fmu.study.execute import WHOLE, Folder, Shard
 from chassis_fmu.study.job import Done
+from tests import study_system
 from tests.commands import patience, until
 from tests.study_system import build, vary, write
 
@@ -34,9 +35,9 @@ def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
     write(tmp_path, STUDY)
     rows = tmp_path / "stopped" / "study" / "rows.jsonl"
     # Who runs the tests in the background may ignore the signal.
-    program = ["env", "--default-signal=INT", sys.executable, "-m", "chassis_fmu.study"]
-    program += arguments(tmp_path, "stopped")
-    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as study:
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    default = functools.partial(signal.signal, signal.SIGINT, signal.default_int_handler)
+    with study_system.start(arguments(tmp_path, "stopped"), tmp_path, preexec_fn=default, **options) as study:
         until(lambda: rows.exists() and rows.read_text().count("\n") >= 10, "some rows")
         assert study.poll() is None, "it goes on"
         study.send_signal(signal.SIGINT)
@@ -47,9 +48,9 @@ def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
     assert 10 <= len(kept) < 121
     assert not (tmp_path / "stopped" / "study" / "runs.parquet").exists()
 
-    assert app.main(arguments(tmp_path, "stopped", "--resume")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "stopped", "--resume")) == 0
     assert rows.read_text().splitlines()[: len(kept)] == kept
-    assert app.main(arguments(tmp_path, "whole")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "whole")) == 0
     for name in ("design.parquet", "runs.parquet"):
         found, expected = ((tmp_path / out / "study" / name).read_bytes() for out in ("stopped", "whole"))
         assert found == expected, name
@@ -58,20 +59,20 @@ def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
 def test_two_processes_do_not_write_to_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(tmp_path)
     write(tmp_path, STUDY)
-    assert app.main(arguments(tmp_path, "out")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "out")) == 0
     folder = Folder(tmp_path / "out" / "study")
     tables = [folder.design, folder.runs, folder.journal(WHOLE)]
     before = [path.read_bytes() for path in tables]
     with folder.locked(WHOLE):
         for option in ("--resume", "--overwrite", "--report-only"):
             capsys.readouterr()
-            assert app.main(arguments(tmp_path, "out", option)) == 2
+            assert study_system.carry_out(arguments(tmp_path, "out", option)) == 2
             assert f"another process is writing to {folder.path}: wait for it" in capsys.readouterr().err
         # Shards have journals of their own.
         with folder.locked(Shard(1, 3)), folder.locked(Shard(2, 3)):
             pass
     assert [path.read_bytes() for path in tables] == before
-    assert app.main(arguments(tmp_path, "out", "--resume")) == 0
+    assert study_system.carry_out(arguments(tmp_path, "out", "--resume")) == 0
 
 
 def test_the_bar_begins_with_the_rows_that_are_there() -> None:

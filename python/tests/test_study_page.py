@@ -18,7 +18,7 @@ import scipy.stats
 from lxml import html
 from numpy.typing import NDArray
 
-from chassis_fmu.study import app
+from tests import study_system
 from tests.study_system import SCENARIO, build, vary, write
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Page:
     def __init__(self, folder: Path, study: str, scenario: str = SCENARIO) -> None:
         out = folder / "out"
         path = write(folder, study, scenario)
-        assert app.main([str(path), "--fmus", str(folder / "fmus"), "--out", str(out)]) == 0
+        assert study_system.carry_out([str(path), "--fmus", str(folder / "fmus"), "--out", str(out)]) == 0
         self.folder = out / "study"
         text = (self.folder / "index.html").read_text()
         self._tree = html.document_fromstring(text)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from chassis_fmu.study import app
+from tests import study_system
 from tests.study_system import SCENARIO, build, vary, write
 
 UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
@@ -16,7 +16,7 @@ def shown(folder: Path, study: str, capsys: pytest.CaptureFixture[str], *options
     """Carry a study out; returns what it prints."""
     path = write(folder, study, SCENARIO) if study else folder / "study.toml"
     given = [str(path), "--fmus", str(folder / "fmus"), "--out", str(folder / "out"), "--overwrite", *options]
-    assert app.main(given) == code
+    assert study_system.carry_out(given) == code
     said = capsys.readouterr()
     return said.out + said.err
 
@@ -45,7 +45,7 @@ def test_metrics_without_a_number_are_counted(tmp_path: Path, capsys: pytest.Cap
     build(tmp_path, "a > 0.5 ? 1.0 : 0.0")
     undefined = '[[metric]]\nname = "inverse"\ntitle = "Inverse"\nvalue = "1 / y"\n'
     study = write(tmp_path, 'method = "sweep"\n' + vary("p", "f:a", "values = [0.1, 0.2, 0.9]"), SCENARIO + undefined)
-    assert app.main([str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]) == 0
+    assert study_system.carry_out([str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]) == 0
     # Two of the three values, in both cases.
     assert "Inverse: not defined in 4 of 6 runs, which keep no requirement of it\n" in capsys.readouterr().out
 
@@ -82,13 +82,14 @@ def test_advice_repeats_the_options(tmp_path: Path, capsys: pytest.CaptureFixtur
     build(tmp_path)
     text = shown(tmp_path, 'method = "sample"\n' + vary("p", "f:a", UNIFORM), capsys, "--runs", "4", "--shard", "1/2")
     advice = next(line for line in text.splitlines() if "makes the tables" in line)
-    assert f"merge {tmp_path / 'study.toml'} --runs 4 --out {tmp_path / 'out'} --fmus {tmp_path / 'fmus'}`" in advice
+    given = f"{tmp_path / 'study.toml'} --runs 4 --out {tmp_path / 'out'} --fmus {tmp_path / 'fmus'}"
+    assert f"`chassis study {given} --merge`" in advice
 
 
 def test_sobol_indices_need_a_power_of_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(tmp_path)
     study = 'method = "sensitivity"\nanalysis = "sobol"\n' + vary("p", "f:a", UNIFORM)
-    wanted = "study.toml: {}, expected a power of two for Sobol indices, as 64 or 128"
+    wanted = "{}, expected a power of two for Sobol indices, such as 64 or 128"
     assert wanted.format("runs is missing") in shown(tmp_path, study, capsys, code=2)
     assert wanted.format("runs is 100") in shown(tmp_path, study, capsys, "--runs", "100", code=2)
 
@@ -101,7 +102,7 @@ def test_the_worst_runs_are_those_of_the_requirement(tmp_path: Path, capsys: pyt
     required = '[[requirement]]\nmetric = "square"\nmin = 1.0\n[series]\nworst = 1\n'
     study = write(tmp_path, f'method = "sweep"\ncases = ["plain"]\n{values}{required}', SCENARIO + middle)
     given = ["--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out"), "--no-fail"]
-    assert app.main([str(study), *given]) == 0
+    assert study_system.carry_out([str(study), *given]) == 0
     # With a minimum, the least number is the worst: a = 3, the sample in the middle.
     assert [path.name for path in (tmp_path / "out" / "study" / "series").iterdir()] == ["2_plain.parquet"]
     assert capsys.readouterr().err == ""

@@ -465,7 +465,8 @@ fn formats_have_what_their_options_say() {
     let cargo_fmu = tests::cargo_fmu();
     let copy = Copy::new();
     let pack = |name: &str, options: &[&str]| {
-        let arguments = [&["fmu", "pack", "--no-portable", "--debug", "--out", "target/formats", name], options].concat();
+        let arguments =
+            [&["fmu", "pack", "--no-portable", "--debug", "--out", "target/formats", name], options].concat();
         copy.command(&cargo_fmu, &arguments);
         let path = copy.root.join(format!("target/formats/{name}.fmu"));
         let output = copy.command(&cargo_fmu, &["fmu", "check", path.to_str().expect("UTF-8")]);

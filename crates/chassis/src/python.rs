@@ -81,15 +81,17 @@ pub(crate) fn command() -> String {
 
 /// As [`command`], without some options that have no value.
 pub(crate) fn command_without(options: &[&str]) -> String {
+    let arguments = std::env::args().skip(1).filter(|argument| !options.contains(&argument.as_str()));
+    ["chassis".to_owned()].into_iter().chain(arguments.map(|argument| named(&argument))).collect::<Vec<_>>().join(" ")
+}
+
+/// An argument of a command; a file of the repository that this program was built in is named from its top.
+pub(crate) fn named(argument: &str) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let root = root().filter(|root| *root != here);
-    let arguments = std::env::args().skip(1).filter(|argument| !options.contains(&argument.as_str())).map(|argument| {
-        let path = here.join(&argument);
-        let inside = root.as_ref().filter(|_| path.exists());
-        let named = inside.map(|root| path.strip_prefix(root).unwrap_or(&path).display().to_string());
-        quoted(&named.unwrap_or(argument))
-    });
-    ["chassis".to_owned()].into_iter().chain(arguments).collect::<Vec<_>>().join(" ")
+    let path = here.join(argument);
+    let inside = root.as_ref().filter(|_| path.exists());
+    quoted(&inside.map_or(argument.to_owned(), |root| path.strip_prefix(root).unwrap_or(&path).display().to_string()))
 }
 
 /// The repository that this program was built in.

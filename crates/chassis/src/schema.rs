@@ -12,14 +12,32 @@ pub(crate) struct Arguments {
 
 /// A format with a schema.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Format {
+pub(crate) enum Format {
+    /// Scenario file, or a part that scenarios include (TOML)
+    Scenario,
+    /// Study file (TOML)
+    Study,
+    /// Vehicle file of the test bench (TOML)
+    Vehicle,
     /// Output of `chassis plan --json`
     Plan,
 }
 
+impl Format {
+    /// The schema as text.
+    pub(crate) fn text(self) -> Result<String> {
+        let schema = match self {
+            Self::Scenario => fmu_system::schema::scenario(),
+            Self::Study => fmu_study::study::schema(),
+            Self::Vehicle => fmu_assess::vehicle::schema(),
+            Self::Plan => fmu_system::plan::schema(),
+        };
+        serde_json::to_string_pretty(&schema).into_diagnostic()
+    }
+}
+
 /// Prints the schema.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let Format::Plan = arguments.format;
-    outln!("{}", serde_json::to_string_pretty(&fmu_system::plan::schema()).into_diagnostic()?);
+    outln!("{}", arguments.format.text()?);
     Ok(())
 }

@@ -8,7 +8,8 @@ use fmu_study::study::{self, Method, Study, Workers};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, miette};
 use std::num::{NonZeroU64, NonZeroUsize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -32,7 +33,7 @@ pub(crate) struct Arguments {
     /// Folder for results
     ///
     /// The files go to OUT/STUDY.
-    #[arg(long, value_name = "OUT", default_value = "results")]
+    #[arg(long, value_name = "OUT", default_value = RESULTS)]
     out: PathBuf,
 
     /// Number of processes [default: number of processors]
@@ -56,7 +57,7 @@ pub(crate) struct Arguments {
 
     /// Run only the I-th of N parts of the samples
     #[arg(long, value_name = "I/N", conflicts_with = "merge")]
-    shard: Option<String>,
+    shard: Option<Shard>,
 
     /// Make tables and page from the results of all parts
     #[arg(long)]
@@ -79,6 +80,9 @@ pub(crate) struct Arguments {
     report_only: bool,
 }
 
+/// Default folder for results.
+const RESULTS: &str = "results";
+
 /// Exit code of a study that could not run.
 const UNABLE: i32 = 2;
 
@@ -94,8 +98,8 @@ impl Arguments {
         given.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name)
     }
 
-    /// The arguments for Python, which carries out studies with `[[vary]]`.
-    fn for_python(&self) -> Result<Vec<String>> {
+    /// The request to Python, which carries out studies with `[[vary]]`.
+    fn request(&self) -> Result<String> {
         if self.budget.is_some() {
             return Err(miette!("--budget is for studies without [[vary]]; --runs N sets the number of samples"));
         }
@@ -104,31 +108,55 @@ impl Arguments {
         {
             return Err(miette!("{name} only applies to studies without [[vary]]"));
         }
-        let mut all = vec![self.study.display().to_string()];
-        let mut option = |name: &str, value: Option<String>| {
-            if let Some(value) = value {
-                all.push(format!("--{name}={value}"));
-            }
-        };
-        for folder in places(&self.fmus) {
-            option("fmus", Some(folder.display().to_string()));
+        let absolute = |path: &Path| std::path::absolute(path).into_diagnostic();
+        let request = serde_json::json!({
+            "study": absolute(&self.study)?,
+            "fmus": places(&self.fmus).iter().map(|folder| absolute(folder)).collect::<Result<Vec<_>>>()?,
+            "out": absolute(&self.out)?,
+            "command": self.repeated(),
+            "jobs": jobs(self.jobs),
+            "timeout": self.workers.timeout().as_secs_f64(),
+            "runs": self.runs,
+            "dask": self.dask,
+            "shard": self.shard,
+            "merge": self.merge,
+            "no_fail": self.no_fail,
+            "resume": self.resume,
+            "overwrite": self.overwrite,
+            "report_only": self.report_only,
+        });
+        serde_json::to_string(&request).into_diagnostic()
+    }
+
+    /// The command that gives the same results.
+    fn repeated(&self) -> String {
+        let mut words = vec!["chassis".to_owned(), "study".to_owned(), python::named(&self.study.to_string_lossy())];
+        words.extend(self.runs.iter().flat_map(|runs| ["--runs".to_owned(), runs.to_string()]));
+        if self.out != Path::new(RESULTS) {
+            words.extend(["--out".to_owned(), python::named(&self.out.to_string_lossy())]);
         }
-        option("out", Some(self.out.display().to_string()));
-        option("jobs", self.jobs.map(|n| n.to_string()));
-        option("timeout", Some(self.workers.timeout().as_secs_f64().to_string()));
-        option("runs", self.runs.map(|n| n.to_string()));
-        option("shard", self.shard.clone());
-        option("dask", self.dask.clone().filter(|address| !address.is_empty()));
-        let flags = [
-            ("--dask", self.dask.as_ref().is_some_and(String::is_empty)),
-            ("--merge", self.merge),
-            ("--no-fail", self.no_fail),
-            ("--resume", self.resume),
-            ("--overwrite", self.overwrite),
-            ("--report-only", self.report_only),
-        ];
-        all.extend(flags.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name.to_owned()));
-        Ok(all)
+        let folders = self.fmus.iter().map(|folder| python::named(&folder.to_string_lossy()));
+        words.extend(folders.flat_map(|folder| ["--fmus".to_owned(), folder]));
+        words.join(" ")
+    }
+}
+
+/// A part of the samples: every `of`-th one, from `number` - 1 on.
+#[derive(Debug, Clone, Copy, serde::Serialize)]
+struct Shard {
+    number: u32,
+    of: u32,
+}
+
+impl FromStr for Shard {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let parts = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+        let shard = parts.map(|(number, of)| Self { number, of });
+        shard
+            .filter(|shard| (1..=shard.of).contains(&shard.number))
+            .ok_or("must be I/N with I from 1 to N, such as 3/20")
     }
 }
 
@@ -165,8 +193,11 @@ impl Bars {
 /// Carries out the study, and makes its page.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if study::has_samples(&arguments.study) {
+        let request = arguments.request()?;
+        // Shows mistakes with their places; Python reads the study again.
+        fmu_system::study::read(&arguments.study, &folders(&arguments.fmus), arguments.runs.map(NonZeroU64::get))?;
         let python = Python::required("a study with [[vary]]")?;
-        python::exit(python.call("study", &arguments.for_python()?, None)?);
+        python::exit(python.call("study", &[], Some(&request))?);
     }
     if let Some(option) = arguments.of_samples() {
         eprintln!(

@@ -449,7 +449,7 @@ fn mistakes_are_reported_with_their_place() {
     let cases: &[(&str, &str, &str)] = &[
         ("title = ", "titel = ", "1:1: unknown key `titel`"),
         ("scenario = \"ring.toml\"", "scenario = \"rong.toml\"", "2:12: there is no file"),
-        ("method = \"optimize\"", "method = \"sample\"", "a study of method sample needs Python: `scripts/study "),
+        ("method = \"optimize\"", "method = \"sample\"", "6:10: unknown method `sample`, expected optimize"),
         ("method = \"optimize\"", "method = \"guess\"", "6:10: unknown method `guess`, expected optimize"),
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
         ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),

@@ -1,6 +1,8 @@
 //! Vehicle data that the bench needs: size, class and steering. They come from the parameters of the plant, or from a file.
 
 use crate::plant::Plant;
+use fmu_system::schema;
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -17,35 +19,48 @@ pub struct VehicleFile {
     pub controllers: BTreeMap<String, BTreeMap<String, String>>,
 }
 
-/// The file as it is written: `[signals]` has names of the plant, and tables of other FMUs.
-#[derive(Deserialize, Default)]
+/// A vehicle file of the test bench.
+#[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct Written {
+    /// Data that the FMU of the plant does not have.
     vehicle: Given,
+    /// Names of the variables of the plant by the signals of the bench; tables of other FMUs by their names.
     signals: BTreeMap<String, Named>,
 }
 
-#[derive(Deserialize)]
+/// Returns the schema of a vehicle file.
+#[must_use]
+pub fn schema() -> Schema {
+    schema::of_file::<Written>()
+}
+
+/// A variable, or the variables of an FMU.
+#[derive(Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "a name of a variable, { variable = .., unit = .. }, or a table of an FMU with names of variables"
 )]
 enum Named {
+    /// Name of a variable.
     Variable(String),
     WithUnit(WithUnit),
+    /// Names of the variables of an FMU by the signals of the bench.
     OfFmu(BTreeMap<String, String>),
 }
 
 /// A variable whose unit is not the one that it declares, or that declares none.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WithUnit {
+    /// Name of the variable; that of the signal if absent.
     variable: Option<String>,
+    /// Unit.
     unit: Option<String>,
 }
 
 /// Data of a vehicle as a file gives them; what is absent comes from the plant.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Given {
     /// Class, which decides the limits that apply.
@@ -67,7 +82,7 @@ pub struct Given {
 }
 
 /// Class of a vehicle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
     /// Up to 3,500 kg.

@@ -10,6 +10,7 @@ mod parameters;
 
 pub use self::methods::{Method, Search};
 pub use self::parameters::Comparison;
+pub use fmu_system::study::StudyError;
 
 use self::layout::File;
 use self::numbers::{at_least_1, positive};
@@ -19,15 +20,17 @@ use crate::ahp;
 use crate::simulation::{Limit, Simulation};
 use fmu_import::names::suggestion;
 use fmu_import::worker::Settings as WorkerSettings;
-use fmu_system::fmus::{Fmus, FmusError};
+use fmu_system::fmus::Fmus;
 use fmu_system::plan::Plan;
-use fmu_system::problem::{Collector, Problems};
+use fmu_system::problem::Collector;
 use fmu_system::resolve::{Descriptions, Options, ResolveError, resolve};
 use fmu_system::run::Run;
+use fmu_system::spanned::Spanned;
+use fmu_system::study::text;
 use fmu_system::worker::Pool;
-use miette::Diagnostic;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
-use serde_spanned::Spanned;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -36,30 +39,6 @@ use std::path::{Path, PathBuf};
 const PENALTY: f64 = 1e6;
 /// Title of the scenario's own values, unless a `[[compare]]` names them.
 const BASELINE: &str = "As in the scenario";
-
-/// Error while reading a study.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-pub enum StudyError {
-    /// The study cannot be read.
-    #[error("cannot read {}: {cause}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        cause: std::io::Error,
-    },
-    /// The study has mistakes.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Problems(#[from] Problems),
-    /// The scenario cannot be resolved.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Scenario(#[from] ResolveError),
-    /// An FMU cannot be opened.
-    #[error(transparent)]
-    Fmu(#[from] FmusError),
-}
 
 /// The processes that run the FMUs of a study.
 #[derive(Debug, Clone)]
@@ -117,6 +96,26 @@ pub fn has_samples(path: &Path) -> bool {
     })
 }
 
+/// Returns the schema of a study: of one with `[[vary]]`, or of one that searches parameters.
+#[must_use]
+pub fn schema() -> Schema {
+    fmu_system::schema::of_file::<Any>()
+}
+
+/// A study of either kind.
+struct Any;
+
+impl JsonSchema for Any {
+    fn schema_name() -> Cow<'static, str> {
+        "Study".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let kinds = [generator.subschema_for::<fmu_system::study::Study>(), generator.subschema_for::<File>()];
+        json_schema!({ "anyOf": kinds })
+    }
+}
+
 /// Keys that every study needs, including studies for another program.
 #[derive(Debug, Deserialize)]
 struct Needs {
@@ -142,23 +141,11 @@ struct Factor {
 /// The file cannot be read or does not have the layout of a study.
 pub fn needs(path: &Path) -> Result<(PathBuf, BTreeSet<String>), StudyError> {
     let text = text(path)?;
-    match toml::from_str::<Needs>(&text) {
-        Ok(Needs { scenario, factors, .. }) => {
-            let values = factors.iter().filter(|factor| factor.fmu.is_some()).flat_map(|factor| &factor.values);
-            let fmus = values.filter_map(|value| value.as_str().map(str::to_owned)).collect();
-            Ok((path.parent().unwrap_or(Path::new("")).join(scenario), fmus))
-        }
-        Err(error) => {
-            let mut problems = Collector::new(path, &text, "toml");
-            problems.add_layout(&error);
-            Err(problems.fail().into())
-        }
-    }
-}
-
-fn text(path: &Path) -> Result<String, StudyError> {
-    let read = fmu_import::limits::read_text(path, fmu_import::limits::TEXT_FILE);
-    read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })
+    let mut problems = Collector::new(path, &text, "toml");
+    let Some(Needs { scenario, factors, .. }) = problems.parse(&text) else { return Err(problems.fail().into()) };
+    let values = factors.iter().filter(|factor| factor.fmu.is_some()).flat_map(|factor| &factor.values);
+    let fmus = values.filter_map(|value| value.as_str().map(str::to_owned)).collect();
+    Ok((path.parent().unwrap_or(Path::new("")).join(scenario), fmus))
 }
 
 /// Reads a study and everything it needs.
@@ -168,18 +155,7 @@ fn text(path: &Path) -> Result<String, StudyError> {
 pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<Study, StudyError> {
     let text = text(path)?;
     let mut problems = Collector::new(path, &text, "toml");
-    if let Some(method) = other_method(&text) {
-        let message = format!("a study of method {method} needs Python: `scripts/study {}`", path.display());
-        problems.add(0..0, message);
-        return Err(problems.fail().into());
-    }
-    let file: File = match toml::from_str(&text) {
-        Ok(file) => file,
-        Err(error) => {
-            problems.add_layout(&error);
-            return Err(problems.fail().into());
-        }
-    };
+    let Some(file) = problems.parse::<File>(&text) else { return Err(problems.fail().into()) };
     // Checks that need no scenario.
     if file.method.get_ref() != "optimize" {
         problems.add(file.method.span(), format!("unknown method `{}`, expected optimize", file.method.get_ref()));
@@ -277,14 +253,6 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
             penalty,
         },
     })
-}
-
-/// Returns the method of a study that varies something other than `[[parameter]]`.
-fn other_method(text: &str) -> Option<String> {
-    let table = text.parse::<toml::Table>().ok()?;
-    let method = table.get("method")?.as_str()?;
-    (table.contains_key("vary") || ["sweep", "sample", "sensitivity", "worst_case"].contains(&method))
-        .then(|| method.to_owned())
 }
 
 /// A run that records only what is needed.

@@ -50,8 +50,11 @@ pub mod requirements;
 pub mod resolve;
 pub mod results;
 pub mod run;
+pub mod schema;
 pub mod session;
+pub mod spanned;
 pub mod steady;
+pub mod study;
 pub mod trial;
 pub mod typography;
 #[cfg(not(target_family = "wasm"))]

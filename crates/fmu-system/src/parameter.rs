@@ -1,10 +1,12 @@
 //! Checks values of parameters and sets them in a run.
 
 use crate::fmus::{Fmus, FmusError};
+use crate::plan::Plan;
 use crate::run::{Component, Run, Setting};
-use fmu_import::description::{Causality, Initial, ModelDescription, Value, Variability, Variable};
+use fmu_import::description::{Causality, DisplayUnit, Initial, ModelDescription, Value, Variability, Variable};
 use fmu_import::named_values::listed;
 use fmu_import::names::suggestion;
+use std::ops::Deref;
 
 /// Error while setting a parameter.
 #[derive(Debug, thiserror::Error)]
@@ -115,6 +117,48 @@ impl Component {
         }
         Ok(())
     }
+}
+
+/// A variable of a component that can be set.
+#[derive(Debug)]
+pub struct Settable {
+    /// The variable.
+    pub variable: Variable,
+    /// Its value in the scenario, if it has one.
+    pub value: Option<Value>,
+    /// Units that it can be given in, beside its own.
+    pub units: Vec<DisplayUnit>,
+}
+
+/// Finds the parameter, variable with a start value of its own, or input of a component, in the first run that has it. `describe` returns
+/// the description of an FMU by its path in the plan.
+///
+/// # Errors
+/// There is none; the message suggests another name.
+pub fn settable_of<D: Deref<Target = ModelDescription>>(
+    plan: &Plan,
+    describe: impl Fn(&str) -> Result<D, String>,
+    component: &str,
+    name: &str,
+) -> Result<Settable, String> {
+    let mut first = None;
+    for found in plan.runs.iter().flat_map(|run| &run.components).filter(|other| other.name == component) {
+        let description = describe(&found.fmu)?;
+        match settable(&description, name) {
+            Err(message) => first = first.or(Some(format!("`{component}`: {message}"))),
+            Ok(variable) => {
+                let set = found.parameters.iter().chain(&found.constants).find(|setting| setting.name == name);
+                let value = set.map(|setting| &setting.value).or(variable.start.as_ref()).cloned();
+                let units = description.display_units(variable);
+                return Ok(Settable { variable: variable.clone(), value, units });
+            }
+        }
+    }
+    Err(first.unwrap_or_else(|| {
+        let components = plan.runs.iter().flat_map(|run| &run.components).map(|other| other.name.as_str());
+        let hint = suggestion(component, components).map_or(String::new(), |hint| format!("; {hint}"));
+        format!("unknown component `{component}`{hint}")
+    }))
 }
 
 /// Finds the parameter, variable with a start value of its own, or input of this name.

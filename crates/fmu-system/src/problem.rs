@@ -3,6 +3,7 @@
 mod layout;
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
+use serde::de::DeserializeOwned;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -48,6 +49,14 @@ pub struct Problems {
     /// The mistakes in the order in which they were found.
     #[related]
     pub problems: Vec<Problem>,
+}
+
+impl Problems {
+    /// The mistakes, each as [`Problem::explained`].
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        self.problems.iter().map(Problem::explained).collect()
+    }
 }
 
 /// Collects mistakes of a file, and of files that it includes.
@@ -179,16 +188,19 @@ impl Collector {
         self.source_code.name()
     }
 
-    /// Adds an error in the layout of the file. For an unknown key or word, the hint is the nearest known one.
-    pub fn add_layout(&mut self, error: &toml::de::Error) {
-        let source = Arc::clone(&self.source_code);
-        self.add_layout_of(error, source.inner(), 0);
+    /// Parses the text of the file. If it does not have the layout of `T`, adds the mistake; for an unknown key or word, the hint is the
+    /// nearest known one.
+    pub fn parse<T: DeserializeOwned>(&mut self, text: &str) -> Option<T> {
+        self.parse_from(text, 0)
     }
 
-    /// As [`Self::add_layout`] for the included file at the place `from`; its text is padded with blanks up to there.
-    pub(crate) fn add_layout_of(&mut self, error: &toml::de::Error, text: &str, from: usize) {
-        let (message, help) = layout::explain(error, text);
-        self.add_with_help(error.span().unwrap_or(from..from), message, help);
+    /// As [`Self::parse`] for the included file at the place `from`; its text is padded with blanks up to there.
+    pub(crate) fn parse_from<T: DeserializeOwned>(&mut self, text: &str, from: usize) -> Option<T> {
+        let explain = |error: toml::de::Error| {
+            let (message, help) = layout::explain(&error, text);
+            self.add_with_help(error.span().unwrap_or(from..from), message, help);
+        };
+        toml::from_str(text).map_err(explain).ok()
     }
 
     /// `file:line:column` of a place.
@@ -259,7 +271,7 @@ mod tests {
         }
         let help = |text: &str| {
             let mut collector = Collector::new(Path::new("a.toml"), text, "toml");
-            collector.add_layout(&toml::from_str::<Layout>(text).unwrap_err());
+            assert!(collector.parse::<Layout>(text).is_none());
             collector.fail().problems.remove(0).help
         };
         assert_eq!(help("titel = 'a'").unwrap(), "did you mean `title`?");

@@ -29,10 +29,10 @@ use crate::problem::Collector;
 pub use crate::problem::{Problem, Problems};
 use crate::run;
 use crate::scenario::{self, Case, Scenario, whole_steps};
+use crate::spanned::Spanned;
 use fmu_import::description::Causality;
 use fmu_import::limits;
 use miette::Diagnostic;
-use serde_spanned::Spanned;
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
@@ -95,6 +95,17 @@ pub enum ResolveError {
     /// Another option does not fit the scenario.
     #[error("{0}")]
     Option(String),
+}
+
+impl ResolveError {
+    /// The mistakes, each as `file:line:column: message; hint`.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        match self {
+            Self::Problems(problems) => problems.lines(),
+            other => vec![other.to_string()],
+        }
+    }
 }
 
 /// Reads a scenario file and resolves it.

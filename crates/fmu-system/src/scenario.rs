@@ -8,8 +8,8 @@ pub(crate) use check::{unknown, whole_steps};
 pub(crate) use layout::*;
 
 use crate::problem::Collector;
+use crate::spanned::Spanned;
 use fmu_import::limits;
-use serde_spanned::Spanned;
 use std::path::Path;
 
 /// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be read or
@@ -17,24 +17,13 @@ use std::path::Path;
 ///
 /// The included files become sources of `problems`, and their places follow those of the files before.
 pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Option<Scenario> {
-    let own = written(text, 0, problems)?;
+    let own: Written = problems.parse(text)?;
     let mut files = Vec::new();
     for include in &own.include {
         files.push(included(include, folder, problems));
     }
     let files = files.into_iter().collect::<Option<Vec<Written>>>()?;
     assembled(own, files, problems)
-}
-
-/// Parses the text of a file; its places start at `from`.
-fn written(text: &str, from: usize, problems: &mut Collector) -> Option<Written> {
-    match toml::from_str(text) {
-        Ok(written) => Some(written),
-        Err(error) => {
-            problems.add_layout_of(&error, text, from);
-            None
-        }
-    }
 }
 
 /// Reads an included file.
@@ -50,7 +39,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
     let from = problems.add_source(&file, &text);
     // Leading blanks shift its places to their position among those of all files.
     let moved = format!("{}{text}", " ".repeat(from));
-    let part = written(&moved, from, problems)?;
+    let part: Written = problems.parse_from(&moved, from)?;
     let texts = [("title", &part.title), ("description", &part.description), ("reference", &part.reference)];
     let sets = [("parameter_set", &part.parameter_set)];
     for (key, value) in texts.into_iter().chain(sets) {

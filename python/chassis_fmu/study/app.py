@@ -1,22 +1,23 @@
-"""Studies with `[[vary]]`: what `chassis study` calls."""
+"""Studies with `[[vary]]`.
+
+`chassis study` passes a request as JSON on the standard input: `python -m chassis_fmu.study`.
+"""
 
 from __future__ import annotations
 
-import argparse
-import shlex
 import sys
 import traceback
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from .. import scenario, shell
+from .. import shell
 from ..files import results
-from ..program import ROOT
 from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
 from . import design, execute, file, report
@@ -36,46 +37,37 @@ WORST = 3
 CHEAP = 10.0
 
 
-def _shard(text: str) -> Shard:
-    try:
-        return Shard.parse(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
+class Request(msgspec.Struct, frozen=True):
+    """What `chassis study` asks for; `chassis study --help` explains it."""
+
+    study: Path
+    fmus: list[Path]
+    out: Path
+    command: str
+    """The command that gives the same results."""
+    jobs: int
+    timeout: float
+    runs: int | None = None
+    dask: str | None = None
+    """The address of a scheduler; an empty one for a scheduler on this machine."""
+    shard: Shard | None = None
+    merge: bool = False
+    no_fail: bool = False
+    resume: bool = False
+    overwrite: bool = False
+    report_only: bool = False
 
 
-def arguments(argv: Sequence[str]) -> argparse.Namespace:
-    """Read the arguments that `chassis study` passes on, which explains them: `chassis study --help`."""
-    parser = argparse.ArgumentParser(prog="chassis study", add_help=False, allow_abbrev=False)
-    parser.add_argument("study", type=Path)
-    parser.add_argument("--runs", type=shell.positive)
-    # The address of a scheduler; an empty one for a scheduler on this machine.
-    parser.add_argument("--dask", nargs="?", const="")
-    parser.add_argument("--jobs", type=shell.positive)
-    parser.add_argument("--timeout", type=float, default=60.0)
-    parser.add_argument("--out", type=Path, default=ROOT / "results")
-    parser.add_argument("--fmus", type=Path, action="append")
-    parser.add_argument("--shard", type=_shard)
-    for flag in ("--merge", "--no-fail", "--resume", "--overwrite", "--report-only"):
-        parser.add_argument(flag, action="store_true")
-    return parser.parse_args(argv)
-
-
-def _job(options: argparse.Namespace) -> Job:
-    study = file.read(options.study, options.runs)
-    folders = [f.resolve() for f in options.fmus] if options.fmus else scenario.default_folders()
-    return Job(study, options.study.resolve(), folders)
-
-
-def _engine(options: argparse.Namespace, job: Job) -> tuple[Engine, str]:
-    jobs = options.jobs or scenario.processors()
-    if options.report_only or options.merge:
-        return Nothing(job, jobs, options.timeout), "rows of earlier calls"
-    if options.dask is None:
-        return Local(job, jobs, options.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"
+def _engine(request: Request, job: Job) -> tuple[Engine, str]:
+    jobs = request.jobs
+    if request.report_only or request.merge:
+        return Nothing(job, jobs, request.timeout), "rows of earlier calls"
+    if request.dask is None:
+        return Local(job, jobs, request.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"
     from .cluster import Dask
 
-    where = f"at {options.dask}" if options.dask else "of this machine"
-    return Dask(job, options.dask or None, jobs, options.timeout), f"Dask, scheduler {where}"
+    where = f"at {request.dask}" if request.dask else "of this machine"
+    return Dask(job, request.dask or None, jobs, request.timeout), f"Dask, scheduler {where}"
 
 
 def _total(job: Job, shard: Shard) -> int:
@@ -110,9 +102,9 @@ class _Bar(execute.Progress):
             self._bar.set_postfix(failed=self._failed, refresh=False)
 
 
-def _execute(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, engine: Engine) -> Result:
+def _execute(request: Request, job: Job, folder: Folder, shard: Shard, engine: Engine) -> Result:
     with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
-        resume = options.resume or options.report_only
+        resume = request.resume or request.report_only
         return execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
 
 
@@ -165,61 +157,47 @@ def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[R
     return recorded, files
 
 
-def _run(options: argparse.Namespace) -> int:
-    job = _job(options)
+def _run(request: Request) -> int:
+    job = Job(file.read(request.study, request.fmus, request.runs), request.study, request.fmus)
     for text in job.warnings():
         print(f"warning: {escaped(text)}", file=sys.stderr)
-    folder = Folder(options.out.resolve() / job.name)
-    shard = options.shard or WHOLE
+    folder = Folder(request.out / job.name)
+    shard = request.shard or WHOLE
     if shard != WHOLE and job.study.is_adaptive:
         raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
-    with folder.locked(WHOLE if options.merge else shard):
-        return _write(options, job, folder, shard)
+    with folder.locked(WHOLE if request.merge else shard):
+        return _write(request, job, folder, shard)
 
 
-def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) -> int:
-    if not options.merge:
-        folder.prepare(shard, resume=options.resume or options.report_only, overwrite=options.overwrite)
-    engine, name = _engine(options, job)
+def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
+    if not request.merge:
+        folder.prepare(shard, resume=request.resume or request.report_only, overwrite=request.overwrite)
+    engine, name = _engine(request, job)
     with execute.closing(engine):
-        if options.merge:
+        if request.merge:
             result, name = execute.merge(job, folder), f"{len(folder.journals())} shards"
         else:
-            result = _execute(options, job, folder, shard, engine)
+            result = _execute(request, job, folder, shard, engine)
         if shard != WHOLE:
-            given = [str(options.study), *shell.set_options(options, ("runs",))]
-            given += ["--out", str(options.out)] if options.out.resolve() != ROOT / "results" else []
-            given += [word for path in options.fmus or () for word in ("--fmus", str(path))]
-            print(
-                f"{folder.journal(shard)}\n"
-                f"`chassis study --merge {shlex.join(given)}` makes the tables when all parts are done"
-            )
+            print(f"{folder.journal(shard)}\n`{request.command} --merge` makes the tables when all parts are done")
             return 0
         execute.write(job, folder, result)
         numbers = Numbers(job, result.values, result.rows)
         recorded, files = _series(job, numbers, folder.path, engine)
-    given = shell.from_root([str(options.study.resolve())])
-    given += shell.set_options(options, ("runs",))
-    for path in options.fmus or ():
-        given += shell.from_root(["--fmus", str(path.resolve())])
-    context = report.Context(shlex.join(["chassis", "study", *given]), name, shell.versions(), files)
+    context = report.Context(request.command, name, shell.versions(), files)
     report.write(numbers, recorded, context, folder.path)
     print(escaped(report.console(numbers)))
     print(f"\n{folder.path / 'index.html'}")
     failed = [share for share in numbers.shares() if not share.holds]
     if not any(done.status == "ok" for done in result.rows.values()) and job.study.method != "worst_case":
         raise StudyError("all runs failed; the page lists the errors")
-    return 1 if failed and not options.no_fail else 0
+    return 1 if failed and not request.no_fail else 0
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    options = arguments(argv if argv is not None else sys.argv[1:])
-    if file.is_tuning(options.study):
-        print(f"error: {escaped(options.study)} has no [[vary]]; `chassis study` carries it out", file=sys.stderr)
-        return UNABLE
+def carry_out(request: Request) -> int:
+    """Carry a study out; returns the exit code."""
     try:
-        return _run(options)
+        return _run(request)
     except (StudyError, ScenarioError, RunError, results.ResultsError, OSError, pa.ArrowException) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return UNABLE
@@ -231,3 +209,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         print("error: this is a mistake of the program, please report it; existing rows are kept", file=sys.stderr)
         return UNABLE
+
+
+def main() -> int:
+    """Carry out the request on the standard input; returns the exit code."""
+    return carry_out(msgspec.json.decode(sys.stdin.buffer.read(), type=Request, dec_hook=shell.path))

@@ -11,6 +11,7 @@ import hashlib
 import io
 import os
 import shutil
+import sys
 import tempfile
 import threading
 import zipfile
@@ -22,8 +23,13 @@ from typing import Any
 import distributed
 
 from ..scenario import Scenario
-from .file import StudyError, load
+from .file import StudyError
 from .job import Job, Source
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 
 def archive(job: Job) -> bytes:
@@ -71,15 +77,20 @@ def _relative(path: Path, top: Path) -> Path:
     raise StudyError(f"{path} is too far from the scenario to be sent to other machines; put it beside the scenario")
 
 
+def _load(path: Path) -> dict[str, Any]:
+    table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    return table
+
+
 def scenario_files(file: Path) -> list[Path]:
     """Return a scenario file and those that it names: included ones and parameter sets."""
     found = [file]
-    table = load(file)
+    table = _load(file)
     tables = [table]
     for name in table.get("include", ()):
         path = (file.parent / name).resolve()
         found.append(path)
-        tables.append(load(path))
+        tables.append(_load(path))
     for part in tables:
         places = [part, *part.get("component", ()), *part.get("case", ())]
         found += [(file.parent / p["parameter_set"]).resolve() for p in places if "parameter_set" in p]

@@ -25,7 +25,7 @@ from scipy.stats import qmc
 from ..files import results
 from . import packages
 from .factors import Factor
-from .file import DESIGNS, SAMPLES, Study, StudyError
+from .file import SAMPLES, Study, StudyError
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def shares(study: Study) -> Array:
     """
     if study.method == "sensitivity":
         return sensitivity(study)
-    if study.chosen_design not in DESIGNS["sample"]:
+    if study.method == "sweep":
         return by_levels(study)
     crossed = [i for i, factor in enumerate(study.vary) if factor.fmu is not None and factor.weights is None]
     others = [i for i in range(len(study.vary)) if i not in crossed]

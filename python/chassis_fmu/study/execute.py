@@ -35,18 +35,6 @@ class Shard:
     number: int
     of: int
 
-    @classmethod
-    def parse(cls, text: str) -> Shard:
-        """Read `3/20`."""
-        number, slash, of = text.partition("/")
-        try:
-            shard = cls(int(number), int(of))
-        except ValueError:
-            shard = cls(0, 0)
-        if not slash or not 1 <= shard.number <= shard.of:
-            raise ValueError(f"{text} is not a part of a study, expected for example 3/20")
-        return shard
-
     @property
     def journal(self) -> str:
         """Return the name of the journal."""

@@ -21,27 +21,14 @@ Array = NDArray[np.float64]
 
 Distribution = Literal["uniform", "log_uniform", "normal", "lognormal", "triangular", "grid", "seed"]
 
-# The keys that a distribution needs, and those that it may have.
-KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "uniform": (("min", "max"), ()),
-    "log_uniform": (("min", "max"), ()),
-    "normal": (("mean", "deviation"), ("min", "max")),
-    "lognormal": (("median", "deviation"), ("min", "max")),
-    "triangular": (("min", "mode", "max"), ()),
-    "grid": (("min", "max", "count"), ("scale",)),
-    "seed": ((), ()),
-}
-NUMBERS = ("min", "max", "mean", "deviation", "median", "mode", "count", "scale")
+# Keys of distributions, in the order in which they describe one.
+NUMBERS = ("mean", "median", "deviation", "min", "mode", "max")
 
 # A seed is one of so many.
 SEEDS = 2**31 - 1
 
 
-class FactorError(Exception):
-    """A factor that makes no sense; the text says why."""
-
-
-class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+class Factor(msgspec.Struct, kw_only=True, frozen=True):
     """`[[vary]]`: variables, or the FMU of a component, and their values."""
 
     name: str
@@ -68,77 +55,6 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
         if self.variable is None:
             return []
         return [self.variable] if isinstance(self.variable, str) else self.variable
-
-    @property
-    def is_continuous(self) -> bool:
-        """Tell whether it has values between any two."""
-        return self.distribution not in (None, "grid", "seed")
-
-    def check(self) -> None:
-        """Raise FactorError if keys are missing or contradict each other."""
-        if (self.variable is None) == (self.fmu is None) or self.variable == []:
-            raise FactorError('expected either variable = "component:variable" or fmu = "component"')
-        if (self.distribution is None) == (self.values is None):
-            raise FactorError(f"expected either values or a distribution, one of {', '.join(KEYS)}")
-        if self.values is not None:
-            self._check_values()
-        given = {key for key in NUMBERS if getattr(self, key) is not None}
-        needed, allowed = KEYS[self.distribution] if self.distribution is not None else ((), ())
-        what = f"distribution {self.distribution}" if self.distribution is not None else "a list of values"
-        for key in needed:
-            if key not in given:
-                raise FactorError(f"missing key {key}, which {what} needs")
-        for key in sorted(given - {*needed, *allowed}):
-            raise FactorError(f"{what} has no key {key}")
-        if self.weights is not None and self.values is None:
-            raise FactorError("weights belong to a list of values")
-        if self.fmu is not None and (self.values is None or not all(isinstance(v, str) for v in self.values)):
-            raise FactorError("expected values with the names of FMUs")
-        if self.fmu is None and self.keep_parameters:
-            raise FactorError("keep_parameters belongs to fmu")
-        if self.fmu is not None and (self.unit is not None or self.relative):
-            raise FactorError("an FMU has neither unit nor relative")
-        if self.distribution == "seed" and (self.unit is not None or self.relative):
-            raise FactorError("a seed has neither unit nor relative")
-        if self.relative and self.unit is not None:
-            raise FactorError("relative values are multiples of the scenario's own, without a unit")
-        self._check_numbers()
-
-    def _check_values(self) -> None:
-        values = self.values or []
-        if not values:
-            raise FactorError("values is empty")
-        if len(set(map(repr, values))) < len(values):
-            raise FactorError("a value appears twice in `values`; use `weights` to make it more frequent")
-        kinds = {"text" if isinstance(v, str) else "switch" if isinstance(v, bool) else "number" for v in values}
-        if len(kinds) > 1:
-            raise FactorError("values has numbers and others, expected one kind")
-        if self.weights is not None and (
-            len(self.weights) != len(values) or min(self.weights) < 0.0 or sum(self.weights) <= 0.0
-        ):
-            raise FactorError(f"expected {len(values)} weights of at least 0, one above it")
-
-    def _check_numbers(self) -> None:
-        for key in ("min", "max", "mean", "deviation", "median", "mode"):
-            value = getattr(self, key)
-            if value is not None and not math.isfinite(value):
-                raise FactorError(f"{key} is {value}, expected a finite number")
-        low, high = self.min, self.max
-        if low is not None and high is not None and not low < high:
-            raise FactorError(f"min is {low:g}, expected less than max, {high:g}")
-        if self.deviation is not None and not self.deviation > 0.0:
-            raise FactorError(f"deviation is {self.deviation:g}, expected more than 0")
-        if self.median is not None and not self.median > 0.0:
-            raise FactorError(f"median is {self.median:g}, expected more than 0")
-        if self.mode is not None and low is not None and high is not None and not low <= self.mode <= high:
-            raise FactorError(f"mode is {self.mode:g}, expected {low:g} to {high:g}")
-        if self.count is not None and self.count < 2:
-            raise FactorError(f"count is {self.count}, expected at least 2")
-        is_log = self.distribution == "log_uniform" or self.scale == "log"
-        if is_log and (low is None or low <= 0.0):
-            raise FactorError("min must be above 0 for a logarithmic scale")
-        if self.distribution == "lognormal" and low is not None and low < 0.0:
-            raise FactorError(f"min is {low:g}, but a lognormal value is above 0")
 
     @property
     def levels(self) -> list[Value] | None:
@@ -205,9 +121,8 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
             return f"{self.count} values from {scientific(self.min or 0.0)} to {scientific(self.max or 0.0)}{unit}"
         if self.distribution == "seed":
             return "a seed for each sample"
-        needed, allowed = KEYS[self.distribution or ""]
-        known = [(key, getattr(self, key)) for key in (*needed, *allowed)]
-        numbers = ", ".join(f"{key} {scientific(value)}" for key, value in known if value is not None)
+        known = [(key, getattr(self, key)) for key in NUMBERS]
+        numbers = ", ".join(f"{key} {value:g}" for key, value in known if value is not None)
         return f"{(self.distribution or '').replace('_', '-')}, {numbers}{unit}"
 
 
@@ -218,8 +133,6 @@ class _Truncated:
         self._whole = whole
         self._low = 0.0 if low is None else float(whole.cdf(low))
         self._high = 1.0 if high is None else float(whole.cdf(high))
-        if not self._high - self._low > 1e-9:
-            raise FactorError("min and max leave next to nothing of the distribution")
         self._limits = (-math.inf if low is None else low, math.inf if high is None else high)
 
     def ppf(self, u: Array) -> Array:

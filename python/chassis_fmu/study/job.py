@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import itertools
 import json
@@ -13,10 +14,9 @@ from typing import Any
 from .. import _native
 from ..evaluation.results_table import change
 from ..files import plan
-from ..names import unknown
 from ..scenario import Outcome, Sample, Scenario, ScenarioError, Value, Variable
 from .factors import Factor
-from .file import Requirement, Study, StudyError
+from .file import Study
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,6 @@ class Job:
         self.study = study
         self.name = path.stem
         scenario = (path.parent / study.scenario).resolve()
-        if not scenario.is_file():
-            raise StudyError(f"{path}: scenario: there is no file {scenario}")
         factors = [f for f in study.vary if f.fmu is not None]
         choices = list(itertools.product(*((str(v) for v in f.values or ()) for f in factors)))
         keep = any(f.keep_parameters for f in factors)
@@ -105,29 +103,18 @@ class Job:
             for choice in choices
         ]
         self._choices = {choice: index for index, choice in enumerate(choices)}
-        self.scenarios = [_open(source, path) for source in self.sources]
+        self.scenarios = [source.open() for source in self.sources]
         self.plan = self.scenarios[0].plan
-        problems: list[str] = []
-        self.cells = self._cells(problems)
-        self.metrics = self._metrics(problems)
-        self.requirements = self._requirements(problems)
+        self.cells = self._cells()
+        self.metrics = self._metrics()
+        self.requirements = self._requirements()
         # Indices of the cells in the plan of each variant.
         known = [{run.id: index for index, run in enumerate(s.plan.runs)} for s in self.scenarios]
         self._runs = [tuple(of[run.id] for run in self.cells) for of in known]
-        self._variables = {f.name: self._variables_of(f, problems) for f in study.vary if f.fmu is None}
-        self._check_names(problems)
-        if problems:
-            raise StudyError("\n".join(f"{path}: {problem}" for problem in problems))
+        self._variables = {f.name: [self._variable(name) for name in f.variables] for f in study.vary if f.fmu is None}
 
-    def _cells(self, problems: list[str]) -> list[plan.Run]:
+    def _cells(self) -> list[plan.Run]:
         """Return the runs of the plan that each sample is tried in: cases and points, with the first seed."""
-        for kind, wanted, known in (
-            ("case", self.study.cases, [c.name for c in self.plan.cases]),
-            ("point", self.study.points, [p.name for p in self.plan.points]),
-        ):
-            problems += [f"{kind}s: {unknown(kind, name, known)}" for name in wanted or () if name not in known]
-            if wanted == []:
-                problems.append(f"{kind}s is empty; without the key all {kind}s are run")
         seed = self.plan.seed_values[0]
         return [
             run
@@ -137,26 +124,15 @@ class Job:
             and (self.study.points is None or run.point in self.study.points)
         ]
 
-    def _metrics(self, problems: list[str]) -> list[int]:
+    def _metrics(self) -> list[int]:
         """Return the indices of the metrics that are reported."""
         names = [m.name for m in self.plan.metrics]
-        if not names:
-            problems.append("scenario: it has no [[metric]], so there is nothing to report")
-        problems += [f"metrics: {unknown('metric', m, names)}" for m in self.study.metrics or () if m not in names]
         wanted = {*(self.study.metrics or names), *(r.metric for r in self.study.requirement)}
         if self.study.search is not None:
             wanted.add(self.study.search.metric)
-            if self.study.search.metric not in names:
-                problems.append(f"search: {unknown('metric', self.study.search.metric, names)}")
-            cases = {run.case for run in self.cells}
-            if self.study.search.case is not None and self.study.search.case not in cases:
-                problems.append(f"search: {unknown('case', self.study.search.case, sorted(cases))}")
-        series = self.study.series
-        if series is not None and series.metric is not None and series.metric not in names:
-            problems.append(f"series: {unknown('metric', series.metric, names)}")
         return [index for index, name in enumerate(names) if name in wanted]
 
-    def _requirements(self, problems: list[str]) -> list[Limits]:
+    def _requirements(self) -> list[Limits]:
         cases = tuple(dict.fromkeys(run.case for run in self.cells))
         names = [m.name for m in self.plan.metrics]
         own = {r.metric for r in self.study.requirement}
@@ -168,53 +144,21 @@ class Job:
                 if of:
                     limits = metric.requirement
                     found.append(Limits(index, limits.min, limits.max, of, limits.share, limits.source))
+        known = [c.name for c in self.plan.cases if c.baseline in cases]
+        compared = tuple(c for c in cases if c in known)
         for written in self.study.requirement:
-            if written.metric not in names:
-                problems.append(f"requirement: {unknown('metric', written.metric, names)}")
-                continue
-            for case in written.cases or ():
-                if case not in cases:
-                    problems.append(f"requirement of `{written.metric}`: {unknown('case', case, cases)}")
-            known = [c.name for c in self.plan.cases if c.baseline in cases]
-            compared = tuple(c for c in cases if c in known)
-            if written.of_change and cases and not set(written.cases or compared) <= set(compared):
-                problems.append(f"requirement of `{written.metric}`: a case has no baseline that is run")
-            if written.of_change and cases and not compared:
-                problems.append(f"requirement of `{written.metric}`: no case has a baseline that is run")
-            found.append(self._limits(written, names.index(written.metric), compared if written.of_change else cases))
+            of = compared if written.of_change else cases
+            of = of if written.cases is None else tuple(written.cases)
+            index = names.index(written.metric)
+            found.append(Limits(index, written.min, written.max, of, written.share, of_change=written.of_change))
         return found
 
-    @staticmethod
-    def _limits(written: Requirement, metric: int, cases: tuple[str, ...]) -> Limits:
-        of = cases if written.cases is None else tuple(written.cases)
-        return Limits(metric, written.min, written.max, of, written.share, of_change=written.of_change)
-
-    def _variables_of(self, factor: Factor, problems: list[str]) -> list[Variable]:
-        """Return the variables of a factor, of the first choice of FMUs that has them."""
-        found = []
-        for name in factor.variables:
-            first: ScenarioError | None = None
-            for scenario in self.scenarios:
-                try:
-                    variable = scenario.variable(name)
-                except ScenarioError as error:
-                    first = first or error
-                else:
-                    found.append(variable)
-                    problems += [f"[[vary]] `{factor.name}`: {p}" for p in _misfits(factor, variable)]
-                    first = None
-                    break
-            if first is not None:
-                problems.append(f"[[vary]] `{factor.name}`: {first}")
-        return found
-
-    def _check_names(self, problems: list[str]) -> None:
-        metrics = {m.name for m in self.plan.metrics}
-        problems += [
-            f"[[vary]] `{f.name}`: the scenario has a metric of that name, choose another one"
-            for f in self.study.vary
-            if f.name in metrics
-        ]
+    def _variable(self, name: str) -> Variable:
+        """Return a variable, of the first choice of FMUs that has it."""
+        for scenario in self.scenarios[:-1]:
+            with contextlib.suppress(ScenarioError):
+                return scenario.variable(name)
+        return self.scenarios[-1].variable(name)
 
     def unit(self, factor: Factor) -> str:
         """Return the unit of the values of a factor: as written, or that of its variables if it is the same."""
@@ -336,16 +280,6 @@ def _tells(test: Callable[[], bool]) -> bool:
         return False
 
 
-def _open(source: Source, path: Path) -> Scenario:
-    """Open a scenario of a study; what is wrong with it is about a key of the study."""
-    try:
-        return source.open()
-    except ScenarioError as error:
-        chosen = " and ".join(f"{fmu} as `{component}`" for component, fmu in source.replace)
-        with_fmus = f" with {chosen}" if chosen else ""
-        raise StudyError(f"{path}: scenario{with_fmus}: {error}") from error
-
-
 def _of_study(study: Study) -> Any:
     import msgspec
 
@@ -366,44 +300,6 @@ def _without_paths(text: str, hashes: Mapping[str, str]) -> str:
                 if setting["type"] == "String":
                     setting["value"] = hashes.get(setting["value"], setting["value"])
     return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()
-
-
-def _misfits(factor: Factor, variable: Variable) -> Iterator[str]:
-    """Say what of a factor does not fit a variable."""
-    levels = factor.levels
-    is_number = not (levels and isinstance(levels[0], str | bool))
-    if factor.distribution == "seed":
-        if variable.base_type != "Integer":
-            yield f"`{variable.name}` is {variable.base_type}, a seed is an Integer"
-        return
-    if factor.relative and (variable.base_type != "Real" or not isinstance(variable.value, float)):
-        yield f"`{variable.name}` has no Real value of its own that a relative value could multiply"
-        return
-    if factor.is_continuous and variable.base_type != "Real":
-        yield f"`{variable.name}` is {variable.base_type}, expected values instead of a distribution"
-        return
-    if factor.unit is not None:
-        try:
-            variable.from_unit(0.0, factor.unit)
-        except ScenarioError as error:
-            yield str(error)
-            return
-    if not is_number:
-        return
-    ends = [factor.value(0.0), factor.value(1.0)] if factor.min is not None or levels else []
-    numbers = [v for v in (*(levels or ()), *ends) if isinstance(v, int | float)]
-    for value in dict.fromkeys(numbers):
-        found = _in_unit(factor, variable, value)
-        if not isinstance(found, float | int):
-            continue
-        for limit, is_beyond in (
-            (variable.min, found < (variable.min or 0.0)),
-            (variable.max, found > (variable.max or 0.0)),
-        ):
-            if limit is not None and is_beyond:
-                unit = f" {variable.unit}" if variable.unit and variable.unit != "1" else ""
-                side = "at least" if limit == variable.min else "at most"
-                yield f"`{variable.name}` would be {found:g}{unit}, expected {side} {limit:g}"
 
 
 def _in_unit(factor: Factor, variable: Variable, value: Value) -> Value:

@@ -4,7 +4,7 @@ use super::layout::{File, MethodEntry};
 use crate::{cma_es, genetic, pacsa};
 use fmu_import::names::suggestion;
 use fmu_system::problem::Collector;
-use serde_spanned::Spanned;
+use fmu_system::spanned::Spanned;
 use std::ops::RangeInclusive;
 
 /// Largest population: it stays countable after the doublings of CMA-ES.

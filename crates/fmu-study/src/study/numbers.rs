@@ -1,7 +1,7 @@
 //! Numbers that must be positive.
 
 use fmu_system::problem::Collector;
-use serde_spanned::Spanned;
+use fmu_system::spanned::Spanned;
 
 pub(super) fn positive(value: &Spanned<f64>, name: &str, problems: &mut Collector) -> f64 {
     let number = *value.get_ref();

@@ -8,7 +8,7 @@ use fmu_import::names::suggestion;
 use fmu_system::plan::Plan;
 use fmu_system::problem::Collector;
 use fmu_system::run::Run;
-use serde_spanned::Spanned;
+use fmu_system::spanned::Spanned;
 
 /// Weights from judgments; `None` without judgments or if they are wrong.
 pub(super) fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weights> {

@@ -30,6 +30,7 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
         Some(key) if message.starts_with("unknown variant") => {
             format!("`{key}`: {}", message.replacen("unknown variant", "unknown word", 1))
         }
+        Some(key) if message.starts_with("must be ") => format!("`{key}` {message}"),
         _ => message.replacen("unknown field", "unknown key", 1).replacen("missing field", "missing key", 1),
     };
     (message, help)
@@ -90,7 +91,7 @@ fn key_before(text: &str, at: usize) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_spanned::Spanned;
+    use crate::spanned::Spanned;
 
     #[derive(Debug, serde::Deserialize)]
     #[serde(deny_unknown_fields)]

@@ -3,8 +3,8 @@
 use super::pattern::{is_match, matches, split_pattern};
 use super::system::{CaseComponent, Column, Resolver, System, context, near_outputs, outputs};
 use crate::plan::{self, Conversion};
+use crate::spanned::Spanned;
 use fmu_import::description::{Causality, Variable};
-use serde_spanned::Spanned;
 use std::collections::{BTreeSet, HashMap};
 
 impl Resolver<'_> {

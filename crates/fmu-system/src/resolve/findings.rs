@@ -8,8 +8,8 @@
 use crate::problem::Collector;
 use crate::report::{Cell, Check, Expect, Finding, Format, Part, Text};
 use crate::scenario::{self, Scenario, WrittenCheck, WrittenFinding, unknown};
+use crate::spanned::Spanned;
 use fmu_import::names::suggestion;
-use serde_spanned::Spanned;
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -5,10 +5,10 @@ use super::pattern::split_pattern;
 use super::system::{Column, Resolver, System, context, near_outputs, outputs};
 use crate::metrics::{self, Combine, Definition, Expression, Kind, Problem};
 use crate::report::Source;
+use crate::spanned::Spanned;
 use crate::{plan, report, scenario};
 use fmu_import::description::{Causality, Initial, Value, Variability};
 use fmu_import::names::{any_of, suggestion};
-use serde_spanned::Spanned;
 
 impl Resolver<'_> {
     /// Column of a signal named in a metric or a figure.

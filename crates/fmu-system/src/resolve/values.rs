@@ -4,12 +4,12 @@ use super::pattern::matches;
 use super::system::{CaseComponent, Resolver};
 use crate::parameter;
 use crate::run::Setting;
-use crate::scenario::{self, Case, Values};
+use crate::scenario::{self, Case, Given, Values};
+use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::named_values::listed;
 use fmu_import::names::{any_of, suggestion};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
-use serde_spanned::Spanned;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -275,9 +275,9 @@ impl Resolver<'_> {
         &mut self,
         description: &ModelDescription,
         variable: &Variable,
-        written: &Spanned<toml::Value>,
+        written: &Spanned<Given>,
     ) -> Option<Value> {
-        let result = convert(description, variable, written.get_ref()).and_then(|value| {
+        let result = convert(description, variable, &written.get_ref().0).and_then(|value| {
             parameter::check(variable, &value).map_err(|message| (message, None))?;
             Ok(match value {
                 Value::String(text) => self.string(&text),
@@ -287,7 +287,7 @@ impl Resolver<'_> {
         match result {
             Ok(value) => {
                 // A value with an explicit unit is intended.
-                if !written.get_ref().is_table() {
+                if !written.get_ref().0.is_table() {
                     self.check_angle(variable, &value, written.span(), None);
                 }
                 Some(value)

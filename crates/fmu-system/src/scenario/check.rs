@@ -4,9 +4,9 @@ use super::layout::{Figure, Metric, Scenario, Simulation};
 use crate::metrics::{Combine, Kind};
 use crate::problem::Collector;
 use crate::report::FigureKind;
+use crate::spanned::Spanned;
 use fmu_import::limits::{RUNS, STEPS};
 use fmu_import::names::suggestion;
-use serde_spanned::Spanned;
 use std::collections::BTreeSet;
 use std::ops::Range;
 

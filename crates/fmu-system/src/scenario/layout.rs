@@ -3,17 +3,36 @@
 use crate::metrics::{Combine, Kind};
 use crate::report::{Expect, FigureKind, Level};
 use crate::run::Order;
+use crate::spanned::Spanned;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-use serde_spanned::Spanned;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Variable or pattern -> value as written.
-pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
+pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<Given>>;
 /// Component -> values.
 pub(crate) type ValuesByComponent = BTreeMap<Spanned<String>, Values>;
+
+/// Value of a variable: a number, a Boolean, a String, the name of an enumeration's value, or a number with its unit.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub(crate) struct Given(#[schemars(schema_with = "forms_of_values")] pub(crate) toml::Value);
+
+fn forms_of_values(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "anyOf": [{ "type": ["number", "boolean", "string"] }, {
+        "type": "object",
+        "properties": {
+            "value": { "type": "number", "description": "The number." },
+            "unit": { "type": "string", "description": "Its unit: that of the variable or a display unit." }
+        },
+        "required": ["value", "unit"],
+        "additionalProperties": false
+    }] })
+}
 
 /// A scenario: the content of its file and of the files that it includes.
 #[derive(Debug)]
@@ -36,65 +55,91 @@ pub(crate) struct Scenario {
     pub(crate) findings: Vec<WrittenFinding>,
 }
 
-/// Content of one file.
-#[derive(Debug, Default, Deserialize)]
+/// A scenario, or a part of scenarios that they include.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Written {
     /// Paths of files with parts of the scenario, relative to this one.
     #[serde(default)]
     pub(crate) include: Vec<Spanned<String>>,
+    /// Title.
     pub(crate) title: Option<Spanned<String>>,
+    /// Description; an empty line begins a new paragraph.
     pub(crate) description: Option<Spanned<String>>,
+    /// Source, such as a paper.
     pub(crate) reference: Option<Spanned<String>>,
+    /// SSP parameter set with names `component.parameter`; path relative to this file.
     pub(crate) parameter_set: Option<Spanned<String>>,
     /// Parameters that override those of the components.
     #[serde(default)]
     pub(crate) parameters: ValuesByComponent,
+    /// Times of the simulation.
     pub(crate) simulation: Option<Simulation>,
+    /// Components in the order of execution, plants last.
     #[serde(rename = "component", default)]
     pub(crate) components: Vec<Component>,
+    /// Connections beside those of signals with the same name.
     #[serde(rename = "connection", default)]
     pub(crate) connections: Vec<Connection>,
+    /// Variants of the system that are compared.
     #[serde(rename = "case", default)]
     pub(crate) cases: Vec<Case>,
+    /// Points of the sweep, one by one.
     #[serde(rename = "point", default)]
     pub(crate) points: Vec<Point>,
+    /// Axis of a sweep.
     pub(crate) sweep: Option<Spanned<Sweep>>,
+    /// Seeds of random numbers: each case runs once with each.
     pub(crate) seeds: Option<Seeds>,
+    /// Recorded signals.
     pub(crate) record: Option<Record>,
+    /// Numbers computed from signals or from other metrics.
     #[serde(rename = "metric", default)]
     pub(crate) metrics: Vec<Metric>,
+    /// Figures of the page.
     #[serde(rename = "figure", default)]
     pub(crate) figures: Vec<Figure>,
+    /// Claims that the runs confirm or not.
     #[serde(rename = "finding", default)]
     pub(crate) findings: Vec<WrittenFinding>,
 }
 
-#[derive(Debug, Deserialize)]
+/// Times of a simulation.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Simulation {
+    /// Start, s; 0 if absent.
     pub(crate) start: Option<Spanned<f64>>,
+    /// End, s.
     pub(crate) stop: Spanned<f64>,
+    /// Communication step, s; (stop - start)/step must be whole.
     pub(crate) step: Spanned<f64>,
+    /// Order of the components within a step; sequential if absent.
     pub(crate) order: Option<Order>,
 }
 
-#[derive(Debug, Deserialize)]
+/// An FMU in the system.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Component {
+    /// Name, lower snake case.
     pub(crate) name: Spanned<String>,
+    /// File name of the FMU without `.fmu`.
     pub(crate) fmu: Spanned<String>,
     /// Path of a parameter set of `parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
+    /// Parameters and start values by name.
     #[serde(default)]
     pub(crate) parameters: Values,
+    /// Constants for inputs that no component writes; `*` stands for any characters.
     #[serde(default)]
     pub(crate) inputs: Values,
+    /// Start; declared if absent.
     pub(crate) start: Option<Spanned<Start>>,
 }
 
 /// Start of a component.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Start {
     /// With its declared start values.
@@ -103,27 +148,38 @@ pub(crate) enum Start {
     Steady,
 }
 
-#[derive(Debug, Clone, Deserialize)]
+/// A connection of an output to an input.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Connection {
+    /// Output, as `component:variable`; one `*` stands for any characters.
     pub(crate) from: Spanned<String>,
+    /// Input, as `component:variable`; the same characters replace its `*`.
     pub(crate) to: Spanned<String>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A variant of the system.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Case {
+    /// Name, lower snake case.
     pub(crate) name: Spanned<String>,
+    /// Title.
     pub(crate) title: String,
+    /// Case that changes in percent refer to.
     pub(crate) baseline: Option<Spanned<String>>,
     /// Path of a parameter set of `component:parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
+    /// Parameters by component, on top of those of the components.
     #[serde(default)]
     pub(crate) parameters: ValuesByComponent,
+    /// Other FMUs by component.
     #[serde(default)]
     pub(crate) fmu: BTreeMap<Spanned<String>, Spanned<Replacement>>,
+    /// Components that are left out.
     #[serde(default)]
     pub(crate) without: Vec<Spanned<String>>,
+    /// Constants of inputs by component.
     #[serde(default)]
     pub(crate) inputs: ValuesByComponent,
 }
@@ -134,6 +190,27 @@ pub(crate) struct Replacement {
     pub(crate) fmu: String,
     /// True if the component's own parameters apply to it, as far as it has them.
     pub(crate) keep_parameters: bool,
+}
+
+impl JsonSchema for Replacement {
+    fn schema_name() -> Cow<'static, str> {
+        "Replacement".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "description": "Another FMU for a component.", "anyOf": [{ "type": "string" }, {
+            "type": "object",
+            "properties": {
+                "fmu": { "type": "string", "description": "File name of the FMU without `.fmu`." },
+                "keep_parameters": {
+                    "type": "boolean",
+                    "description": "True if the component's own parameters apply to it, as far as it has them."
+                }
+            },
+            "required": ["fmu"],
+            "additionalProperties": false
+        }] })
+    }
 }
 
 impl<'de> Deserialize<'de> for Replacement {
@@ -167,65 +244,91 @@ impl<'de> Deserialize<'de> for Replacement {
     }
 }
 
-#[derive(Debug, Deserialize)]
+/// A point of a sweep.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Point {
+    /// Name, lower snake case.
     pub(crate) name: Spanned<String>,
+    /// Title.
     pub(crate) title: String,
+    /// Place on the axis of the sweep.
     pub(crate) value: Spanned<f64>,
     /// Place on the second axis of the sweep.
     pub(crate) second: Option<Spanned<f64>>,
+    /// Parameters by component.
     #[serde(default)]
     pub(crate) parameters: ValuesByComponent,
 }
 
-#[derive(Debug, Deserialize)]
+/// The axis of a sweep.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Sweep {
+    /// Title of the axis.
     pub(crate) title: String,
+    /// Unit of the values.
     pub(crate) unit: String,
     /// Parameter that takes the values, as `component:parameter`; the points are then generated from the values.
     pub(crate) parameter: Option<Spanned<String>>,
+    /// Values of the parameter, instead of points one by one.
     pub(crate) values: Option<Spanned<Vec<f64>>>,
+    /// Second axis.
     pub(crate) second: Option<Spanned<SecondSweep>>,
 }
 
 /// The second axis of a sweep over the values of two parameters.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SecondSweep {
+    /// Title of the axis.
     pub(crate) title: String,
+    /// Unit of the values.
     pub(crate) unit: String,
+    /// Parameter that takes the values, as `component:parameter`.
     pub(crate) parameter: Option<Spanned<String>>,
+    /// Values of the parameter.
     pub(crate) values: Option<Spanned<Vec<f64>>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// Seeds of random numbers.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Seeds {
+    /// Parameter that takes the seeds, as `component:parameter`.
     pub(crate) parameter: Spanned<String>,
+    /// Seeds.
     pub(crate) values: Spanned<Vec<Spanned<i32>>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// Recorded signals.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Record {
+    /// Outputs as `component:signal`, `component:pattern`, or a pattern for all components.
     pub(crate) signals: Vec<Spanned<String>>,
+    /// Every n-th step; 1 if absent.
     pub(crate) every: Option<Spanned<i64>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A number of the results.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Metric {
+    /// Name, lower snake case.
     pub(crate) name: Spanned<String>,
+    /// Title.
     pub(crate) title: String,
+    /// Signal, as `component:variable`.
     pub(crate) signal: Option<Spanned<String>>,
     /// Several signals that are combined row by row.
     #[serde(default)]
     pub(crate) signals: Vec<Spanned<String>>,
+    /// Combination of the signals.
     pub(crate) combine: Option<Spanned<Combine>>,
     /// Weights of the signals.
     pub(crate) weights: Option<Spanned<Vec<f64>>>,
+    /// Computation from the signal.
     pub(crate) kind: Option<Kind>,
     /// A formula of other metrics, instead of signals and a kind.
     pub(crate) value: Option<Spanned<String>>,
@@ -233,6 +336,7 @@ pub(crate) struct Metric {
     pub(crate) threshold: Option<Spanned<f64>>,
     /// Frequencies that the kind refers to, Hz.
     pub(crate) band: Option<Spanned<[f64; 2]>>,
+    /// First and last time, s; the whole run if absent.
     pub(crate) window: Option<Spanned<[f64; 2]>>,
     /// Condition that ends the window early.
     pub(crate) until: Option<Spanned<Until>>,
@@ -241,8 +345,11 @@ pub(crate) struct Metric {
     /// True if the signal of the baseline's run is subtracted first.
     #[serde(default)]
     pub(crate) from_baseline: bool,
+    /// Unit of the signal: its own or a display unit.
     pub(crate) unit: Option<Spanned<String>>,
+    /// Decimal places shown.
     pub(crate) digits: Option<Spanned<u8>>,
+    /// Numbers of the paper.
     pub(crate) paper: Option<Paper>,
     /// Required minimum, in `unit`.
     pub(crate) min: Option<Spanned<f64>>,
@@ -256,19 +363,27 @@ pub(crate) struct Metric {
     pub(crate) required_by: Option<Spanned<String>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A condition on a signal.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Until {
+    /// Signal, as `component:variable`.
     pub(crate) signal: Spanned<String>,
+    /// The window ends where the signal is above this level.
     pub(crate) above: Option<f64>,
+    /// The window ends where the signal is below this level.
     pub(crate) below: Option<f64>,
+    /// Unit of the level: that of the signal or a display unit.
     pub(crate) unit: Option<Spanned<String>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// Numbers printed in a paper.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Paper {
+    /// Table or place in the paper.
     pub(crate) table: Option<String>,
+    /// Values by `case`, or `case@point` with a sweep.
     #[serde(default)]
     pub(crate) values: BTreeMap<Spanned<String>, f64>,
     /// Changes in percent where the paper gives no values, by cell or by two cells.
@@ -278,15 +393,21 @@ pub(crate) struct Paper {
     pub(crate) calibrated: Option<Vec<Spanned<String>>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A figure.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Figure {
+    /// File name without extension.
     pub(crate) name: Spanned<String>,
+    /// Title.
     pub(crate) title: String,
+    /// Contents.
     pub(crate) kind: FigureKind,
     /// Cases shown; all if absent.
     pub(crate) cases: Option<Spanned<Vec<Spanned<String>>>>,
+    /// A panel for every case; kind time only.
     pub(crate) separate: Option<Spanned<bool>>,
+    /// Signals, for kinds that show signals.
     #[serde(default)]
     pub(crate) signals: Vec<Spanned<String>>,
     /// Signal drawn dashed beside each of them.
@@ -295,35 +416,50 @@ pub(crate) struct Figure {
     pub(crate) right: Option<Spanned<String>>,
     /// Signal or metric on the abscissa.
     pub(crate) over: Option<Spanned<String>>,
+    /// All panels have the same scale; kinds time, spectrum and xy only.
     pub(crate) same_scale: Option<Spanned<bool>>,
+    /// A unit of length is as long on both axes; kind xy only.
     pub(crate) equal_axes: Option<Spanned<bool>>,
     /// Frequencies shown, Hz.
     pub(crate) band: Option<Spanned<[f64; 2]>>,
+    /// Metrics, for kinds that show metrics.
     #[serde(default)]
     pub(crate) metrics: Vec<Spanned<String>>,
+    /// Times shown or used, s.
     pub(crate) window: Option<Spanned<[f64; 2]>>,
+    /// Unit of the signals.
     pub(crate) unit: Option<Spanned<String>>,
+    /// Lines in every panel; kind time only.
     #[serde(default)]
     pub(crate) levels: Vec<Spanned<Level>>,
+    /// Caption; `{cell:format}` inserts a number.
     pub(crate) caption: Option<Spanned<String>>,
 }
 
 /// `[[finding]]`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WrittenFinding {
+    /// Claim of the paper; `{cell:format}` inserts a number.
     pub(crate) claim: Spanned<String>,
+    /// Results of the runs and their reason.
     pub(crate) explanation: Spanned<String>,
+    /// True if no paper makes the claim.
     #[serde(default)]
     pub(crate) own: bool,
+    /// Checks that decide on the claim; all must pass.
     pub(crate) checks: Spanned<Vec<WrittenCheck>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A check of a finding.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WrittenCheck {
+    /// Cells of the table of metrics, as `metric.case`; `metric.case/other_case` compares two.
     pub(crate) cells: Spanned<Vec<Spanned<String>>>,
+    /// Expected result; the paper's change or value if absent.
     pub(crate) expect: Option<Spanned<Expect>>,
+    /// Level for above and below, in the unit of the metric.
     pub(crate) level: Option<Spanned<f64>>,
 }
 

@@ -1,8 +1,8 @@
 //! Sweeps: the points of the values of one or two parameters, and the checks of points.
 
-use super::layout::{Point, Scenario, SecondSweep, Sweep, Values, ValuesByComponent};
+use super::layout::{Given, Point, Scenario, SecondSweep, Sweep, Values, ValuesByComponent};
 use crate::problem::Collector;
-use serde_spanned::Spanned;
+use crate::spanned::Spanned;
 
 /// An axis of a sweep.
 struct Axis<'a> {
@@ -83,7 +83,7 @@ impl Generated<'_> {
             toml::Table::from_iter([("value".to_owned(), value.into()), ("unit".to_owned(), self.unit.into())]).into()
         };
         let values: &mut Values = parameters.entry(spanned(self.component)).or_default();
-        values.insert(spanned(self.name), Spanned::new(self.values.span(), written));
+        values.insert(spanned(self.name), Spanned::new(self.values.span(), Given(written)));
     }
 }
 
