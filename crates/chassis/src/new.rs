@@ -9,6 +9,8 @@ use fmu_system::resolve::{Descriptions, FmuFolder, Options, resolve_text};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::folders::folders;
+use crate::python;
+use crate::schema::Format;
 use cargo_fmu::files::write_whole;
 use cargo_fmu::outln;
 use cargo_fmu::workspace::Workspace;
@@ -57,13 +59,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     let fmus = folders(&arguments.fmus);
     let plant = arguments.plant.as_str();
-    let text = text(plant, arguments.maneuver.as_deref(), &fmus)?;
+    let (schema, is_committed) = schema(&file)?;
+    let text = format!("#:schema {schema}\n\n{}", text(plant, arguments.maneuver.as_deref(), &fmus)?);
     resolve_text(&file, &text, &fmus, &Options::default())
         .wrap_err_with(|| format!("a scenario of {plant} cannot be made without more settings"))?;
     if let Some(parent) = file.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent).into_diagnostic().wrap_err_with(|| format!("making {}", parent.display()))?;
     }
     write_whole(&file, text.as_bytes())?;
+    if !is_committed {
+        write_whole(&file.with_file_name(schema), (Format::Scenario.text()? + "\n").as_bytes())?;
+    }
     let inside = std::env::current_dir().ok().and_then(|here| file.strip_prefix(here).ok());
     let shown = inside.unwrap_or(&file).display().to_string();
     outln!(
@@ -81,6 +87,17 @@ fn place(path: &Path) -> PathBuf {
     let workspace = Workspace::find().ok().filter(|_| is_plain);
     let folder = workspace.and_then(|found| found.settings.new.get("scenario").map(|folder| found.root.join(folder)));
     folder.map_or_else(|| path.to_owned(), |folder| folder.join(path))
+}
+
+/// Path of the schema that editors read, seen from a scenario: the one in the repository that this program was built in, and true; or one
+/// beside the scenario.
+fn schema(file: &Path) -> Result<(String, bool)> {
+    let file = std::path::absolute(file).into_diagnostic()?;
+    let inside = python::root().and_then(|root| Some(file.strip_prefix(root).ok()?.components().count()));
+    Ok(match inside {
+        Some(depth) => ("../".repeat(depth - 1) + "python/chassis_fmu/schemas/scenario.json", true),
+        None => ("scenario.schema.json".to_owned(), false),
+    })
 }
 
 /// An FMU that must be there.

@@ -614,6 +614,20 @@ fn a_system_is_written_for_other_masters() {
     assert_eq!(system(&["--overwrite"]).status.code(), Some(0));
 }
 
+/// A mistake in a study with `[[vary]]` is marked; Python is not needed for that.
+#[test]
+fn mistakes_of_studies_are_marked() {
+    let folder = folder(SCENARIO);
+    let study = "title = 'a'\nscenario = 'ramp.toml'\nmethod = 'sampel'\n[[vary]]\nname = 'x'\n";
+    std::fs::write(folder.path().join("study.toml"), study).unwrap();
+    let output = command(folder.path(), &["study", "study.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+    let error = text(&output.stderr);
+    for expected in ["study.toml:3:10", "method = 'sampel'", "unknown word `sampel`", "did you mean `sample`?"] {
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
 /// A study without `[[vary]]` has none of the options of the others.
 #[test]
 fn options_of_samples_belong_to_studies_with_samples() {
@@ -664,4 +678,28 @@ fn renamed_commands_say_so() {
         ],
     );
     insta::assert_snapshot!(printed);
+}
+
+/// The committed schemas are those that the command prints, and the files of the repository name them.
+#[test]
+fn schemas_are_committed_and_named() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    for (kind, folders) in [
+        ("scenario", ["scenarios", "scenarios/systems"].as_slice()),
+        ("study", &["studies"]),
+        ("vehicle", &["crates/fmu-assess/src/vehicles"]),
+    ] {
+        let schema = root.join(format!("python/chassis_fmu/schemas/{kind}.json"));
+        let printed = command(&root, &["schema", kind]).stdout;
+        let committed = std::fs::read_to_string(&schema).unwrap_or_default();
+        assert!(text(&printed) == committed, "run `chassis schema {kind} > {}`", schema.display());
+        let files = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
+        let files = files.map(|file| file.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "toml"));
+        for file in files {
+            let first = std::fs::read_to_string(&file).unwrap();
+            let named = first.lines().next().and_then(|line| line.strip_prefix("#:schema "));
+            let named = file.parent().unwrap().join(named.unwrap_or_else(|| panic!("{}", file.display())));
+            assert_eq!(named.canonicalize().unwrap(), schema.canonicalize().unwrap(), "{}", file.display());
+        }
+    }
 }
