@@ -91,6 +91,7 @@ impl Plot<'_> {
             x: block.column(&across, self.x.2),
             y: block.column(&up, self.y.2),
             apart: !self.joined,
+            crosses: !self.joined,
         };
         Panel {
             kind: if self.joined { "function" } else { "curve" },
@@ -106,7 +107,7 @@ impl Plot<'_> {
     fn picture(&self) -> String {
         let (across, up): (Vec<f64>, Vec<f64>) = self.points.iter().copied().unzip();
         let titled = |(title, unit, _): (&str, &str, bool)| {
-            escape(&if unit.is_empty() { title.to_owned() } else { format!("{title} ({unit})") })
+            escape(&format!("{title} ({})", if unit.is_empty() { "–" } else { unit }))
         };
         let (x, y) = (Scale::of(titled(self.x), self.x.2, &across), Scale::of(titled(self.y), self.y.2, &up));
         svg(&escape(self.title), &x, &y, &self.points, self.joined)
@@ -142,7 +143,7 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
         let gain = over(response.iter().map(|g| g.norm()).collect());
         let plots = [
             Plot { title: "Gain", x, y: ("Gain", &ratio, true), points: gain, joined: true },
-            Plot { title: "Phase", x, y: ("Phase", "deg", false), points: over(phase(&response)), joined: true },
+            Plot { title: "Phase", x, y: ("Phase", "°", false), points: over(phase(&response)), joined: true },
         ];
         let caption = format!("Bode plot from {} to {}", escape(&from.name), escape(&to.name));
         add(&format!("bode_{}", k + 1), &caption, &plots);
@@ -239,6 +240,6 @@ mod tests {
         for part in ["id=\"poles\"", "id=\"bode_1\"", "k = 200", "&lt;x&gt;", "1 pole at 0", "id=\"page-data\""] {
             assert!(text.contains(part), "{part}");
         }
-        assert_eq!(text.matches("<svg").count(), 3);
+        assert_eq!(text.matches("<svg role=\"img\"").count(), 3);
     }
 }

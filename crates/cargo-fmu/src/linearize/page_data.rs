@@ -71,6 +71,8 @@ pub(super) struct Line {
     pub(super) y: Column,
     /// Points that are not joined.
     pub(super) apart: bool,
+    /// Marks are crosses.
+    pub(super) crosses: bool,
 }
 
 #[derive(Serialize)]

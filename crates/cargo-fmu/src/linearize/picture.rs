@@ -58,7 +58,12 @@ impl Scale {
 pub(super) fn number(value: f64) -> String {
     let size = value.abs();
     let text = if value != 0.0 && !(1e-3..1e5).contains(&size) {
-        format!("{value:.3e}")
+        let text = format!("{value:.3e}");
+        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
+        let digits = digits.trim_end_matches('0').trim_end_matches('.');
+        let raised =
+            |sign: char| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(sign.to_digit(10).map_or(10, |digit| digit as usize)).unwrap_or('⁻');
+        format!("{digits}×10{}", power.chars().map(raised).collect::<String>())
     } else {
         let decimals = if size >= 100.0 || size == 0.0 { 1.0 } else { 4.0 - size.log10().floor() };
         let text = format!("{value:.*}", decimals.clamp(0.0, 8.0) as usize);
@@ -67,7 +72,7 @@ pub(super) fn number(value: f64) -> String {
     text.replace('-', "−")
 }
 
-/// A curve, or points that are not joined, over an abscissa. `label` describes it for screen readers.
+/// A curve, or crosses, over an abscissa. `label` describes it for screen readers.
 pub(super) fn svg(label: &str, x: &Scale, y: &Scale, points: &[(f64, f64)], joined: bool) -> String {
     let (right, bottom) = (WIDTH - 12.0, HEIGHT - BELOW);
     let across = |value: f64| LEFT + x.share(value) * (right - LEFT);
@@ -107,7 +112,9 @@ pub(super) fn svg(label: &str, x: &Scale, y: &Scale, points: &[(f64, f64)], join
         );
     } else {
         for (a, b) in known {
-            let _ = writeln!(out, "<circle cx=\"{a:.1}\" cy=\"{b:.1}\" r=\"4\" fill=\"var(--series-0)\"/>");
+            let cross = format!("M{:.1} {:.1}l8 8m-8 0 8-8", a - 4.0, b - 4.0);
+            let _ =
+                writeln!(out, "<path d=\"{cross}\" fill=\"none\" stroke=\"var(--series-0)\" stroke-width=\"1.6\"/>");
         }
     }
     out + "</svg>\n"
@@ -135,8 +142,8 @@ mod tests {
             (-2.5, "−2.5"),
             (0.012345678, "0.012346"),
             (1234.56, "1234.6"),
-            (1e-7, "1.000e−7"),
-            (2e6, "2.000e6"),
+            (1e-7, "1×10⁻⁷"),
+            (-2.5e6, "−2.5×10⁶"),
         ] {
             assert_eq!(number(value), text);
         }
