@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import matplotlib as mpl
 import numpy as np
@@ -36,9 +36,12 @@ PAPER = "#ffffff"
 # A line over the axis on the right.
 RIGHT_DASHES = (0, (1, 1.5))
 
-# So many points of a cloud are opaque vectors; more are translucent, and an image within the SVG, which would be large.
+# So many points of a cloud are opaque vectors. More are translucent, and an image within the SVG. A picture has at most
+# so many of them, because a page with a matrix of clouds would be large; its interactive plots have all.
 OPAQUE = 40
 LEAST_OPAQUE = 0.25
+MOST_DRAWN = 120
+CLOUD_DPI = 60
 
 # Letters of the title of a vertical axis in a line, per inch of the height of its panel.
 LETTERS = 10.0
@@ -238,15 +241,17 @@ def _draw_points(ax: Axes, plan: Drawn, line: Line, y: Array, key: _Key) -> None
     """Draw points: those of a sweep with their spread, single runs, or the steps of a distribution."""
     color = INK if line.case is None else color_of(plan, line.case)
     if line.apart or line.steps:
-        joined = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
-        style = {"color": color, "marker": "x" if line.crosses else "o", "markersize": 4.5}
-        opaque = max(LEAST_OPAQUE, min(0.9, OPAQUE / len(line.x)))
-        ax.plot(line.x, y, **style, **joined, alpha=opaque, rasterized=line.apart and len(line.x) > OPAQUE)
+        joined: dict[str, Any] = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
+        style: dict[str, Any] = {"color": color, "marker": "x" if line.crosses else "o", "markersize": 4.5}
+        every = slice(None, None, -(-len(line.x) // MOST_DRAWN) if line.apart else 1)
+        x, y = line.x[every], y[every]
+        opaque = max(LEAST_OPAQUE, min(0.9, OPAQUE / len(x)))
+        ax.plot(x, y, **style, **joined, alpha=opaque, rasterized=line.apart and len(x) > OPAQUE)
         key.add(line, line.title, **style, linestyle="none" if line.apart else "solid", linewidth=1.5)
         return
     if line.kind == "paper":
         style = {"color": color, "marker": "s", "markerfacecolor": PAPER, "linestyle": (0, (4, 2)), "linewidth": 1.1}
-        ax.plot(line.x, y, markersize=5.0, **style)  # type: ignore[arg-type]
+        ax.plot(line.x, y, markersize=5.0, **style)
         key.add(line, line.title, **style)
         return
     ax.errorbar(line.x, y, yerr=line.spread, color=color, marker="o", markersize=4.5, linewidth=1.5, capsize=3.0)
@@ -289,7 +294,7 @@ def _draw_cells(ax: Axes, panel: Panel) -> None:
     if ax.figure is not None:
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
         bar.set_label(z.label)
-        bar.formatter = NUMBERS  # type: ignore[assignment]
+        bar.formatter = NUMBERS
         bar.outline.set_visible(False)  # type: ignore[operator]
 
 
@@ -406,7 +411,7 @@ def draw(plan: Drawn, figure: Figure, panels: Sequence[Panel]) -> Drawing:
         canvas.align_ylabels(axes)
         _legend(canvas, key.entries, least=1 if figure.separate else 2)
         text = io.StringIO()
-        canvas.savefig(text, format="svg", metadata={"Date": None, "Title": figure.title})
+        canvas.savefig(text, format="svg", dpi=CLOUD_DPI, metadata={"Date": None, "Title": figure.title})
         image = io.BytesIO()
         canvas.savefig(image, format="png", dpi=150)
     return Drawing(figure, text.getvalue(), image.getvalue())

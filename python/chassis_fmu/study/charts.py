@@ -240,11 +240,11 @@ def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
     """Return one factor over another, and which samples failed in which case."""
     job = numbers.job
     x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
-    failed: dict[str, Array] = {}
+    failed: dict[str, NDArray[np.bool_]] = {}
     for group in groups(numbers):
         of = (numbers.rows.get((number, group.cell)) for number in range(numbers.count))
         is_failed = np.array([done is not None and done.status != "ok" for done in of]) & group.rows
-        failed[group.case.name] = is_failed | failed.get(group.case.name, False)
+        failed[group.case.name] = is_failed | failed.get(group.case.name, np.zeros_like(is_failed))
     whole = ~np.any(list(failed.values()), axis=0)
     lines = [_cloud(x[whole], y[whole], None, title="samples")]
     for case in cases(numbers):
