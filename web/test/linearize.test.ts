@@ -46,6 +46,15 @@ test("the cursor in the plane of poles is at a pole of the table", async () => {
   assert.ok(real.some((value) => Math.abs(value - shown) < 1e-4 * extent), `${shown} ${real.join(" ")}`);
 });
 
+test("poles are crosses, on the plot and in its key", async () => {
+  const page = await open();
+  const key = page.locator("#poles .plot-key");
+  assert.equal(await key.locator("path").count(), 1);
+  assert.equal(await key.locator("circle").count(), 0);
+  // The other figures have lines.
+  assert.equal(await page.locator("#bode_1 .plot-key path[stroke-dasharray]").count(), 2);
+});
+
 test("gain and phase have one cursor and one range", async () => {
   const page = await open();
   const plots = page.locator("#bode_1 .plot");

@@ -2,6 +2,7 @@
 
 import uPlot from "uplot";
 import { text } from "../../src/format";
+import { lineKey } from "../../src/panel";
 import { color, darkMode, element, fill, unitText } from "./dom";
 import type { Model } from "./model";
 import type { Column } from "./protocol";
@@ -16,6 +17,9 @@ const WINDOW = 40;
 const PERIOD = 90;
 const CURSOR = "lab";
 const PREFERRED = ["body.roll", "vehicle.lateral_acceleration", "vehicle.yaw_rate", "vehicle.load_transfer_ratio", "vehicle.speed", "vehicle.sideslip", "body.heave", "body.pitch"];
+
+/** Branches are dashed. */
+const dashesOf = (trace: Trace): number[] => (trace.isOwn || trace.key === "twin" ? [] : [5, 3]);
 
 class LivePlot {
   readonly element = element("div", { className: "plot" });
@@ -90,7 +94,7 @@ class LivePlot {
           ...this.#traces.map((trace) => ({
             stroke: this.traces.colorOf(trace),
             width: trace.isOwn ? 1.8 : 1,
-            ...(trace.isOwn || trace.key === "twin" ? {} : { dash: [5, 3] }),
+            dash: dashesOf(trace),
             points: { show: false },
           })),
         ],
@@ -187,9 +191,7 @@ class LivePlot {
   #writeKeys(unit: string): void {
     this.#numbers = this.#traces.map(() => element("b"));
     const entries = this.#traces.map((trace, i) => {
-      const key = element("i", { className: "key" });
-      key.style.background = `var(--${trace.color})`;
-      return element("span", { title: trace.title }, key, this.#numbers[i]!);
+      return element("span", { title: trace.title }, lineKey(`var(--${trace.color})`, dashesOf(trace)), this.#numbers[i]!);
     });
     this.#readout.replaceChildren(...entries.reverse(), element("span", { textContent: unit }));
   }
@@ -272,9 +274,7 @@ export class Plots {
         else this.traces.hidden.add(trace.key);
         for (const plot of this.#plots) plot.rebuild();
       });
-      const key = element("i", { className: "key" });
-      key.style.background = `var(--${trace.color})`;
-      return element("label", { className: "check" }, box, key, element("span", { textContent: trace.title }));
+      return element("label", { className: "check" }, box, lineKey(`var(--${trace.color})`, dashesOf(trace)), element("span", { textContent: trace.title }));
     });
     this.switches.replaceChildren(...boxes);
     for (const plot of this.#plots) plot.rebuild();
