@@ -157,6 +157,40 @@ pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Stat
     unsafe { call::<E>(component, Function::EnterInitializationMode, |h| h.instance.enter_initialization()) }
 }
 
+// Real values take the shortest way: they are set and read in every step.
+
+/// fmi2GetReal.
+pub unsafe fn get_real<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut f64,
+) -> Status {
+    let function = Function::GetReal;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            h.instance.get_real(references, array_mut::<E, _>(function, "value", values, count)?)
+        })
+    }
+}
+
+/// fmi2SetReal.
+pub unsafe fn set_real<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const f64,
+) -> Status {
+    let function = Function::SetReal;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            h.instance.set_real(references, array::<E, _>(function, "value", values, count)?)
+        })
+    }
+}
+
 macro_rules! values {
     ($($name:ident $type:ty;)*) => {$(
         #[doc = concat!("The function `", stringify!($name), "` of both versions.")]
@@ -171,8 +205,6 @@ macro_rules! values {
     )*};
 }
 values! {
-    get_real *mut f64;
-    set_real *const f64;
     get_integer *mut c_int;
     set_integer *const c_int;
     get_boolean *mut Boolean;

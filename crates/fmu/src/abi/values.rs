@@ -29,7 +29,7 @@ pub(super) fn check_count<E: Export>(function: Function, expected: usize, count:
 }
 
 /// The value references of all elements of the variables.
-#[inline]
+#[inline(always)]
 pub(super) unsafe fn elements<E: Export>(
     h: &mut Handle<E>,
     function: Function,
@@ -55,7 +55,7 @@ const fn name_of_values<E: Export>() -> &'static str {
 }
 
 /// Lets `read` fill the caller's array.
-#[inline]
+#[inline(always)]
 unsafe fn get<E: Export, V>(
     component: Component,
     function: Function,
@@ -73,7 +73,7 @@ unsafe fn get<E: Export, V>(
 }
 
 /// Passes the caller's array to `write`.
-#[inline]
+#[inline(always)]
 unsafe fn set<E: Export, V>(
     component: Component,
     function: Function,
@@ -103,6 +103,7 @@ fn each<M: Model, V>(
     }
 }
 
+/// In FMI 3.0.
 #[inline]
 pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f64>) -> Status {
     unsafe {
@@ -116,6 +117,7 @@ pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f
     }
 }
 
+/// In FMI 3.0.
 #[inline]
 pub(super) unsafe fn set_real<E: Export>(component: Component, list: List<*const f64>) -> Status {
     unsafe { set::<E, _>(component, Function::SetReal, list, |i, references, values| i.set_real(references, values)) }
