@@ -194,7 +194,7 @@ fn the_call_is_named() {
         let folder = folder(&Build { declarations, ..ramp("") });
         let output = command(folder.path(), &["run", "ramp.toml", "--timeout", "0.5"]);
         let said = message(&output.stderr);
-        assert!(said.contains(&format!("run steep: `ramp` (target/fmu/Ramp.fmu): {expected}")), "{said}");
+        assert!(said.contains(&format!("run steep, flat: `ramp` (target/fmu/Ramp.fmu): {expected}")), "{said}");
         assert!(said.contains("2 of 2 runs failed"), "{said}");
     }
     // A failure while a library is unloaded does not matter: the results are complete.
