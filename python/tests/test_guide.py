@@ -141,7 +141,7 @@ def test_toml_blocks_are_understood(path: Path, tmp_path: Path) -> None:
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     file = tmp_path / "guide" / "file.toml"
     file.parent.mkdir()
-    out = ["--out", tmp_path / "out"]
+    out = ["--out", str(tmp_path / "out")]
 
     def messages(program: str, *arguments: str | Path) -> str:
         done = subprocess.run([built(program), *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
