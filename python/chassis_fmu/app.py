@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
+import numpy as np
 
 from . import shell
 from .evaluation.metrics import MetricError
 from .evaluation.results_table import Numbers, Verdict
-from .execution import batch
 from .files import plan, results
 from .files.plan import Plan
 from .report import figures, index, lab, page, page_data, plots, tables, texts
@@ -101,6 +101,18 @@ def report(scenario: Plan, request: Request) -> str:
     return "\n".join([*table, *lines]).rstrip("\n")
 
 
+def _convert(scenario: Plan, runs: Path, finished: set[str]) -> None:
+    """Write the rows of the runs that are complete as Parquet, beside the CSV files."""
+    units = {column.name: column.unit or "" for column in scenario.columns}
+    for run in scenario.runs:
+        if run.id in finished:
+            recording = results.read_csv(runs / f"{run.stem}.csv")
+            names = list(recording.values)
+            rows = np.column_stack([np.empty((len(recording.times), 0)), *recording.values.values()])
+            of_names = [units[name] for name in names]
+            results.write_parquet(runs / f"{run.stem}.parquet", names, of_names, recording.times, rows)
+
+
 def execute(request: Request) -> None:
     """Execute a request."""
     scenario = Plan.parse(bytes(request.plan).decode(), Path.cwd())
@@ -109,7 +121,7 @@ def execute(request: Request) -> None:
         # What an earlier call left with this option is not of these runs.
         (runs / f"{run.stem}.parquet").unlink(missing_ok=True)
     if request.parquet:
-        batch.convert(scenario, runs, request.incomplete)
+        _convert(scenario, runs, set(request.numbers))
     if text := report(scenario, request):
         print(escaped(text))
     if request.shortened:

@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from chassis_fmu.execution import fmi3, master
+from chassis_fmu.execution.calls import Board
 from chassis_fmu.files.plan import Component, InputSeries, Plan, Run, Setting, Wire
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
@@ -242,11 +243,16 @@ def test_outputs_in_scattered_slots_arrive(scenario: Plan, run: Run) -> None:
     assert rows[-1, 1] == pytest.approx(1.5, abs=1e-15)
 
 
-def test_progress_adds_up(scenario: Plan, run: Run) -> None:
-    seen: list[int] = []
-    long = replace(scenario.simulation, steps=2 * master.PROGRESS_INTERVAL + 5, stop=100.0)
-    master.simulate(run, long, System(), seen.append)
-    assert seen == [master.PROGRESS_INTERVAL, master.PROGRESS_INTERVAL, 5]
+def test_the_board_has_the_steps_that_are_done(scenario: Plan, run: Run) -> None:
+    board, seen = Board(), []
+
+    def look(values: dict[int, Any], step: float) -> int:
+        seen.append((board.steps, board.time))
+        return integrate(values, step)
+
+    master.simulate(run, scenario.simulation, System(plant=look), board=board)
+    assert seen == [(0, 0.0), (1, 0.1), (2, 0.2)]
+    assert (board.steps, board.call) == (0, 0)
 
 
 def test_a_warning_does_not_stop(scenario: Plan, run: Run) -> None:

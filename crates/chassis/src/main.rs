@@ -33,8 +33,11 @@ const EXIT_CODES: &str = "Exit codes:
   2  wrong usage, unusable data, or nothing could be run";
 
 /// Jobs of workers.
-const JOBS: [worker::Job; 2] =
-    [(fmu_linear::worker::JOB, fmu_linear::worker::serve), (fmu_system::worker::JOB, fmu_system::worker::serve)];
+const JOBS: [worker::Job; 3] = [
+    (fmu_linear::worker::JOB, fmu_linear::worker::serve),
+    (fmu_system::worker::JOB, fmu_system::worker::serve),
+    (python::FMPY, python::serve_fmpy),
+];
 
 /// Run systems of FMUs, studies, and a test bench for vehicles and their controllers
 #[derive(Parser, Debug)]

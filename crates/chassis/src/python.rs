@@ -68,6 +68,18 @@ impl Python {
     }
 }
 
+/// Job of the workers that execute runs by FMPy.
+pub(crate) const FMPY: &str = "fmpy";
+
+/// Serves the process that started this one as a worker in Python.
+pub(crate) fn serve_fmpy(board: &Path) -> std::io::Result<()> {
+    let python =
+        Python::find().ok_or_else(|| std::io::Error::other("there is no Python with the package `chassis_fmu`"))?;
+    let mut command = Command::new(python.program);
+    command.env_remove("PYTHONHOME").args(["-m", "chassis_fmu.execution"]);
+    fmu_import::worker::hand_over(board, command)
+}
+
 /// Ends this program with the exit code of another one.
 pub(crate) fn exit(code: i32) -> ! {
     fmu_import::temporary::remove();

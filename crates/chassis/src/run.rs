@@ -100,19 +100,6 @@ impl Arguments {
         Ok(if self.no_page { None } else { Python::find_or_note() })
     }
 
-    /// The request to Python for runs by FMPy, or for those in CSV files.
-    fn runs_request(&self, plan: &Plan, runs: &Path, unpacked: &Path) -> miette::Result<String> {
-        let request = serde_json::json!({
-            "plan": plan,
-            "runs": absolute(runs)?,
-            "csv": self.from_csv.as_deref().map(absolute).transpose()?,
-            "temporary": unpacked,
-            "jobs": jobs(self.jobs),
-            "timeout": self.workers.timeout().as_secs_f64(),
-        });
-        serde_json::to_string(&request).into_diagnostic()
-    }
-
     /// The request to Python for tables and page. A run without numbers in `results` is not complete.
     fn page_request(&self, plan: &Plan, folder: &Path, results: &Results<'_>) -> miette::Result<String> {
         let incomplete = results.statuses.runs.iter().filter(|run| run.status != "completed");
@@ -160,9 +147,9 @@ struct Incomplete {
 }
 
 impl Incomplete {
-    fn of(statuses: &RunStatuses) -> Self {
+    fn of(statuses: &[RunStatus]) -> Self {
         let mut found = Self::default();
-        for status in &statuses.runs {
+        for status in statuses {
             let message = (status.run.clone(), format!("run {}: {}", status.run, status.reason()));
             match &*status.status {
                 "completed" => (),
@@ -223,7 +210,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     if arguments.native {
         return Err(miette!("the native master is the default now, without `--native`; `--engine fmpy` chooses FMPy"));
     }
-    let python = arguments.python()?;
+    let python = arguments.python()?.filter(|_| !arguments.no_page);
     let mut plan = if arguments.no_warnings {
         arguments.selection.plan()?
     } else {
@@ -237,24 +224,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     };
     let folder = arguments.out.join(&plan.name);
     let runs = folder.join("runs");
-    let is_native = arguments.engine == Engine::Native && arguments.from_csv.is_none();
-    let (statuses, Incomplete { failures, ended }) = match &python {
-        Some(python) if !is_native => {
-            try_to_write(&runs)?;
-            if arguments.engine == Engine::Fmpy {
-                // The native master finds them itself.
-                find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
-            }
-            let unpacked = fmu_import::temporary::Folder::new().into_diagnostic()?;
-            run_python(python, "execution", &arguments.runs_request(&plan, &runs, unpacked.path())?)?;
-            let path = runs.join(results::STATUS_FILE);
-            let reading = || format!("reading {}", path.display());
-            let text = std::fs::read(&path).into_diagnostic().wrap_err_with(reading)?;
-            let statuses = serde_json::from_slice(&text).into_diagnostic().wrap_err_with(reading)?;
-            let incomplete = Incomplete::of(&statuses);
-            (statuses, incomplete)
-        }
-        _ => execute(arguments, &plan, &runs)?,
+    if arguments.engine == Engine::Fmpy {
+        // The native master finds them itself.
+        find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
+    }
+    let (statuses, Incomplete { failures, ended }) = match &arguments.from_csv {
+        Some(source) => take(source, &plan, &runs)?,
+        None => execute(arguments, &plan, &runs)?,
     };
     let results = Results::of(&plan, &runs, statuses, python.is_none())?;
     if let Some(path) = &arguments.junit {
@@ -262,14 +238,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
     let python = python.filter(|_| {
         // The page of an earlier call is better than one without numbers.
-        let is_empty = is_native && failures.len() == plan.runs.len();
+        let is_empty = failures.len() == plan.runs.len();
         if is_empty {
             errln!("note: no page is made without a complete run");
         }
         !is_empty
     });
     if let Some(python) = &python {
-        run_python(python, "app", &arguments.page_request(&plan, &folder, &results)?)?;
+        match python.call("app", &[], Some(&arguments.page_request(&plan, &folder, &results)?))? {
+            0 => (),
+            code => python::exit(code),
+        }
     }
     for (_, message) in &ended {
         errln!("note: {}", indented(message, "  "));
@@ -289,15 +268,85 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
 }
 
-/// Runs a module of the Python package, which reports its errors; its exit code becomes that of this program.
-fn run_python(python: &Python, module: &str, request: &str) -> miette::Result<()> {
-    match python.call(module, &[], Some(request))? {
-        0 => Ok(()),
-        code => python::exit(code),
+/// Takes the rows of recorded runs from a folder, or from its folder `runs`.
+fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
+    let inside = source.join("runs");
+    let place = if inside.is_dir() { &inside } else { source };
+    let reading = || format!("reading {}", place.join(results::STATUS_FILE).display());
+    let mut known = match std::fs::read(place.join(results::STATUS_FILE)) {
+        Ok(text) => serde_json::from_slice::<RunStatuses>(&text).into_diagnostic().wrap_err_with(reading)?.runs,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => return Err(error).into_diagnostic().wrap_err_with(reading),
+    };
+    known.retain(|status| status.status != "completed");
+    try_to_write(folder)?;
+    let is_elsewhere = place.canonicalize().ok() != folder.canonicalize().ok();
+    if is_elsewhere {
+        remove_old(plan, folder)?;
     }
+    let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();
+    let mut statuses = Vec::new();
+    for run in &plan.runs {
+        let name = results::file_name(run);
+        let (from, to) = (place.join(&name), folder.join(&name));
+        let status = if let Some(at) = known.iter().position(|status| status.run == run.id) {
+            let mut status = known.swap_remove(at);
+            if is_elsewhere && (status.file.is_none() || std::fs::copy(from, to).is_err()) {
+                (status.file, status.end) = (None, None);
+            }
+            status
+        } else {
+            match complete(plan, run, &from) {
+                Ok(recording) => {
+                    if is_elsewhere {
+                        results::write_csv(&to, &names, &recording).into_diagnostic()?;
+                    }
+                    RunStatus::completed(run, recording.time.last().copied())
+                }
+                Err(message) => RunStatus::of(run, &Failure::new(&run.id, message)),
+            }
+        };
+        statuses.push(status);
+    }
+    let incomplete = Incomplete::of(&statuses);
+    let statuses = write_statuses(statuses, folder)?;
+    if let Some((_, first)) = incomplete.failures.first().filter(|_| incomplete.failures.len() == plan.runs.len()) {
+        return Err(miette!("{} has no results of {}: {first}", source.display(), plan.name));
+    }
+    Ok((statuses, incomplete))
 }
 
-/// Executes the runs by the master of this program. Returns their outcomes, and messages that say where a run failed and which rows it has.
+/// Reads the rows of a complete run.
+fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
+    let file = results::file_name(run);
+    let recorded =
+        || plan.columns.iter().zip(&run.columns).filter(|(_, slot)| slot.is_some()).map(|(column, _)| column);
+    let names: Vec<&str> = recorded().map(|column| column.name.as_str()).collect();
+    let (time, found) = results::read_csv(path, &names).map_err(|error| error.to_string())?;
+    let rows = usize::try_from(plan.simulation.steps / plan.simulation.every + 1).unwrap_or(usize::MAX);
+    if let Some((name, _)) = names.iter().zip(&found).find(|(_, values)| values.is_none()) {
+        return Err(format!("{file} has no column {name}"));
+    }
+    if time.len() != rows {
+        return Err(format!("{file} has {} rows, expected {rows}", time.len()));
+    }
+    if found.iter().flatten().flatten().any(|value| !value.is_finite()) {
+        return Err(format!("{file} contains a value that is not finite"));
+    }
+    let mut found = found.into_iter();
+    let columns = run.columns.iter().map(|slot| slot.and_then(|_| found.next().flatten())).collect();
+    Ok(Recording { time, columns, messages: Vec::new(), seconds: 0.0 })
+}
+
+/// Writes the outcomes of the runs beside their rows.
+fn write_statuses(statuses: Vec<RunStatus>, folder: &Path) -> miette::Result<RunStatuses> {
+    let statuses = RunStatuses::new(statuses);
+    let text = serde_json::to_string_pretty(&statuses).into_diagnostic()?;
+    write_whole(&folder.join(results::STATUS_FILE), (text + "\n").as_bytes())?;
+    Ok(statuses)
+}
+
+/// Executes the runs by a master. Returns their outcomes, and messages that say where a run failed and which rows it has.
 fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
     try_to_write(folder)?;
@@ -313,7 +362,13 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
         std::fs::create_dir_all(&target).into_diagnostic().wrap_err_with(|| format!("making {}", target.display()))?;
         writable.push(target.clone());
     }
+    let is_fmpy = arguments.engine == Engine::Fmpy;
+    if is_fmpy {
+        // A sandbox lets no process become Python.
+        settings.sandbox = None;
+    }
     let pool = Pool::new(settings, jobs, &fmus);
+    let pool = if is_fmpy { pool.with_job(python::FMPY) } else { pool };
 
     let began = Instant::now();
     let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();
@@ -346,9 +401,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
             }
         }
     }
-    let statuses = RunStatuses::new(statuses);
-    let text = serde_json::to_string_pretty(&statuses).into_diagnostic()?;
-    write_whole(&folder.join(results::STATUS_FILE), (text + "\n").as_bytes())?;
+    let statuses = write_statuses(statuses, folder)?;
     print_summary(plan, &done, incomplete.ended.len(), folder, began.elapsed());
     Ok((statuses, incomplete))
 }

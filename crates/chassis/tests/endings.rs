@@ -62,6 +62,31 @@ fn status(folder: &Path) -> Value {
     serde_json::from_str::<Value>(&text).unwrap()["runs"][0].clone()
 }
 
+/// A page without numbers does not replace that of an earlier call. A report of tests does.
+#[test]
+fn no_page_is_made_without_a_complete_run() {
+    use std::os::unix::fs::PermissionsExt as _;
+    for (habit, has_page) in [("none", true), ("error", false)] {
+        let folder = TempDir::new().unwrap();
+        Zoo { at: 0.5, ..Zoo::new(habit) }.pack(folder.path());
+        std::fs::write(folder.path().join("ends.toml"), SCENARIO).unwrap();
+        let python = folder.path().join("python");
+        std::fs::write(&python, format!("#!/bin/sh\ncat > {}\n", folder.path().join("request").display())).unwrap();
+        std::fs::set_permissions(&python, PermissionsExt::from_mode(0o755)).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_chassis"));
+        command.args(["run", "ends.toml", "--fmus", ".", "--no-warnings", "--no-fail", "--junit", "ends.xml"]);
+        let output = command.current_dir(folder.path()).env("CHASSIS_PYTHON", &python).output().unwrap();
+        assert_eq!(output.status.success(), has_page, "{}", unwrapped(&output.stderr));
+        let request = std::fs::read(folder.path().join("request")).ok();
+        let numbers = request.map(|text| serde_json::from_slice::<Value>(&text).unwrap()["numbers"].clone());
+        assert_eq!(numbers.is_some(), has_page, "{numbers:?}");
+        assert!(numbers.is_none_or(|numbers| numbers["a"][0].is_number()));
+        let suite = std::fs::read_to_string(folder.path().join("ends.xml")).unwrap();
+        let errors = if has_page { "errors=\"0\" skipped=\"0\"" } else { "errors=\"1\" skipped=\"1\"" };
+        assert!(suite.contains(errors), "{suite}");
+    }
+}
+
 /// A crash after the last step loses nothing that was simulated.
 #[test]
 fn a_crash_at_the_end_keeps_all_rows() {

@@ -3,8 +3,7 @@
 //! All folders of a process are in one, `cargo-fmu-ID` in the system's folder for temporary files, beside the file
 //! `cargo-fmu-ID.lock` that the process keeps locked. They are removed when the last of them is dropped, by [`remove`], and
 //! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. The folders of a killed process are removed by the next one
-//! that makes a folder, because the system has released their lock. `python/chassis_fmu/files/temporary.py` follows the
-//! same rules.
+//! that makes a folder, because the system has released their lock.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io;

@@ -29,5 +29,5 @@ mod supervisor;
 pub use memory::memory_share;
 pub use output::Printed;
 pub use process::{Ended, Launch, Process, Settings, Watch};
-pub use serve::{Replies, serve as serve_requests};
+pub use serve::{Replies, hand_over, serve as serve_requests};
 pub use setup::Incident;

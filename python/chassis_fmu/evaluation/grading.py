@@ -69,8 +69,6 @@ MEANINGS = {
     Status.OWN_RESULT: "no paper makes the claim; the runs confirm it",
     Status.REFUTED: "no paper makes the claim; the runs do not confirm it",
     Status.OPEN: "a run that it needs failed, was ended by an FMU, or was cut short",
-    Status.PASSED: "the number of every run keeps the required limits",
-    Status.FAILED: "a run has a number outside the required limits, or none",
 }
 
 # From the best to the worst of several checks. What was not evaluated decides before everything else.

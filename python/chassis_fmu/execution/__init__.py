@@ -1,1 +1,1 @@
-"""Runs of plans by FMPy, each in a process of its own."""
+"""Runs of plans by FMPy, in workers of `chassis run`."""

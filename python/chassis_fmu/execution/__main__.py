@@ -1,65 +1,179 @@
-"""`python -m chassis_fmu.execution`: runs by FMPy, or those in CSV files, for `chassis run`.
+"""`python -m chassis_fmu.execution BOARD FUNCTIONS`: a worker that executes runs by FMPy, for `chassis run`.
 
-The request is JSON on the standard input. How the runs ended is in `status.json` beside their rows.
+Requests and responses are those of the workers of the native master (`fmu_system::worker`): two lengths, a header in
+JSON and a body of doubles. The process ends when the connection does.
 """
 
 from __future__ import annotations
 
+import contextlib
+import mmap
+import os
+import queue
+import socket
+import struct
 import sys
+import tempfile
+import threading
+import time
+import zipfile
 from pathlib import Path
+from typing import Any
 
+import fmpy
 import msgspec
+import numpy as np
 
-from ..files import plan, results
-from ..terminal import escaped
-from . import batch
+from ..files import results
+from ..files.plan import Component, InputSeries, Run, Simulation
+from . import calls, master
+from .bus import Array
 
-
-class Request(msgspec.Struct, frozen=True):
-    """What `chassis run` asks for."""
-
-    plan: msgspec.Raw
-    """The plan, as `chassis plan --json` prints it."""
-    runs: str
-    """The folder of the rows."""
-    csv: str | None = None
-    """The folder of recorded runs, which are used instead of runs by FMPy."""
-    temporary: str = ""
-    """A folder for unpacked FMUs."""
-    jobs: int = 1
-    timeout: float = 60.0
+# Lengths of header and body.
+PREFIX = struct.Struct("<IQ")
 
 
-def execute(request: Request) -> int:
-    """Execute a request; returns the exit code."""
-    scenario = plan.Plan.parse(bytes(request.plan).decode(), Path.cwd())
-    runs = Path(request.runs)
-    if request.csv is not None:
-        # The folder of a scenario's results is as good as the folder of the files in it.
-        given = Path(request.csv, "runs") if Path(request.csv, "runs").is_dir() else Path(request.csv)
-        failures = batch.take(scenario, given, runs).failures
-        if len(failures) == len(scenario.runs):
-            first = next(iter(failures.values()))
-            print(f"error: {escaped(f'{request.csv} has no results of {scenario.name}: {first}')}", file=sys.stderr)
-            return 1
-        return 0
-    outcome = batch.execute(scenario, Path(request.temporary), runs, request.jobs, request.timeout)
-    for name, warnings in outcome.warnings.items():
-        print(f"warning: run {name}:", *map(escaped, warnings), sep="\n  ", file=sys.stderr)
-    return 0
+class File(msgspec.Struct):
+    """A file of rows, which the parent publishes when they are complete."""
+
+    path: str
+    hidden: str
 
 
-def main() -> int:
-    """Execute the request on the standard input; returns the exit code."""
-    try:
-        return execute(msgspec.json.decode(sys.stdin.buffer.read(), type=Request))
-    except (plan.PlanError, results.ResultsError, OSError) as error:
-        print(f"error: {escaped(error)}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 130
+class Request(msgspec.Struct):
+    """A run; times and values of its series are in the body."""
+
+    simulation: Simulation
+    run: Run
+    series: list[tuple[int, int, str, bool]]
+    csv: tuple[list[str], File]
+    is_repeated: bool
+
+
+def connect() -> socket.socket:
+    """Return the connection to the parent, and take it from the standard input, which FMUs could read."""
+    callback = os.environ.get("CHASSIS_FMU_WORKER")
+    if callback is not None:
+        # Without sockets that a process inherits: a port and a secret word.
+        port, word = callback.split()
+        connection = socket.create_connection(("127.0.0.1", int(port)))
+        connection.sendall(word.encode())
+        return connection
+    connection = socket.socket(fileno=os.dup(0))
+    with open(os.devnull) as nothing:  # noqa: PTH123, a descriptor
+        os.dup2(nothing.fileno(), 0)
+    return connection
+
+
+def receive(connection: socket.socket, requests: queue.SimpleQueue[tuple[bytes, Array]]) -> None:
+    """Take requests as they come, and end the process with the connection, whatever an FMU is doing."""
+    with contextlib.suppress(OSError), connection.makefile("rb") as file:
+        while len(prefix := file.read(PREFIX.size)) == PREFIX.size:
+            header, numbers = PREFIX.unpack(prefix)
+            requests.put((file.read(header), np.frombuffer(file.read(8 * numbers))))
+    os._exit(0)
+
+
+def series_of(request: Request, body: Array) -> tuple[InputSeries, ...]:
+    """Return the series of a run."""
+    found: list[InputSeries] = []
+    place = 0
+    for slot, rows, interpolation, has_times_before in request.series:
+        parts = [body[place + k * rows : place + (k + 1) * rows] for k in range(1 if has_times_before else 2)]
+        place += len(parts) * rows
+        times = found[-1].times if has_times_before else tuple(parts[0].tolist())
+        values = tuple(parts[-1].tolist())
+        found.append(InputSeries(slot, interpolation, times, values))  # type: ignore[arg-type]
+    return tuple(found)
+
+
+class Worker:
+    """Executes runs; an FMU is unpacked for the first of them that needs it."""
+
+    def __init__(self, board: calls.Board) -> None:
+        self._board = board
+        self._folders: dict[Path, Path] = {}
+
+    def _instance(self, component: Component) -> master.FmpyInstance:
+        if component.fmu not in self._folders:
+            folder = Path(tempfile.mkdtemp())
+            try:
+                _unpack(component.fmu, folder)
+            except Exception as error:  # fmpy raises bare Exceptions for illegal archives
+                text = f"{component.fmu}: {type(error).__name__}: {error}"
+                raise master.RunError(component.name, "loading", None, text) from error
+            self._folders[component.fmu] = folder
+        return master.FmpyInstance(component, self._folders[component.fmu])
+
+    def respond(self, request: Request, body: Array) -> tuple[dict[str, Any], Array]:
+        """Execute a run and write its rows; returns header and body of the response."""
+        run = msgspec.structs.replace(request.run, series=series_of(request, body))
+        begin = time.perf_counter()
+        try:
+            simulation, repeated = request.simulation, request.is_repeated
+            rows = master.simulate(run, simulation, self._instance, board=self._board, is_repeated=repeated)
+        except master.RunError as error:
+            kind = "Terminated" if error.is_end else "Discarded" if error.is_discarded else "Error"
+            where = None if error.component == "input file" else error.component
+            failure = {"time": error.time, "component": where, "message": error.described(), "kind": kind}
+            recorded = None if error.recorded is None else self._write(request, *error.recorded)
+            return _failed(run.id, failure, error.fatal, recorded)
+        except Exception as error:
+            failure = {"time": None, "component": None, "message": f"{type(error).__name__}: {error}", "kind": "Error"}
+            return _failed(run.id, failure, False, None)
+        logged = [(name, {"status": "Warning", "category": "", "text": text}) for name, text in master.messages()]
+        seconds = time.perf_counter() - begin
+        last = self._write(request, *rows)
+        return {"Recorded": {"rows": 1, "columns": [], "messages": logged, "seconds": seconds}}, last
+
+    @staticmethod
+    def _write(request: Request, times: Array, rows: Array) -> Array:
+        """Write the rows of a run; returns the time of the last one."""
+        names, file = request.csv
+        present = [name for name, slot in zip(names, request.run.columns, strict=True) if slot is not None]
+        results.write_csv(Path(file.hidden), present, times, rows)
+        return times[-1:]
+
+
+def _failed(run: str, failure: dict[str, Any], fatal: bool, last: Array | None) -> tuple[dict[str, Any], Array]:
+    header = {
+        "failure": {"run": run, "variable": None, **failure},
+        "is_fatal": fatal,
+        "rows": None if last is None else [1, []],
+    }
+    return {"Failed": header}, np.empty(0) if last is None else last
+
+
+def _unpack(fmu: Path, folder: Path) -> None:
+    """Extract an archive, also of tools that separate folders by backslashes, which fmpy refuses."""
+    with zipfile.ZipFile(fmu) as archive:
+        if not any("\\" in entry.orig_filename for entry in archive.infolist()):
+            fmpy.extract(str(fmu), str(folder))
+            return
+        for entry in archive.infolist():
+            entry.filename = entry.orig_filename.replace("\\", "/")
+            archive.extract(entry, folder)
+
+
+def main(argv: list[str]) -> None:
+    """Serve the parent of this process, which never returns."""
+    board, functions = argv
+    connection = connect()
+    calls.define(msgspec.json.decode(functions))
+    with open(board, "r+b") as file:  # noqa: PTH123, a descriptor
+        worker = Worker(calls.Board.from_buffer(mmap.mmap(file.fileno(), 0)))
+    requests: queue.SimpleQueue[tuple[bytes, Array]] = queue.SimpleQueue()
+    threading.Thread(target=receive, args=(connection, requests), daemon=True).start()
+    while True:
+        header, body = requests.get()
+        ((kind, content),) = msgspec.json.decode(header, type=dict[str, msgspec.Raw]).items()
+        # Another kind of request is the list of FMUs, which the native master unpacks.
+        if kind == "Run":
+            request = msgspec.json.decode(content, type=Request, dec_hook=lambda of, value: of(value))
+            response, numbers = worker.respond(request, body)
+            text = msgspec.json.encode(response)
+            connection.sendall(PREFIX.pack(len(text), len(numbers)) + text + numbers.astype("<f8").tobytes())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main(sys.argv[1:])

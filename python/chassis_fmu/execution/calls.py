@@ -1,58 +1,64 @@
-"""The call board: which function of which component a process is in, in memory that another process can read.
+"""The call board: which function of which component a process is in, in a file that its parent reads.
 
-It outlives the process, so whoever started it can tell what it was doing when it crashed, exited or hung.
+It outlives the process, so its parent can tell what it was doing when it crashed, exited or hung. The layout is that of
+`fmu_import::loader::calls`.
 """
 
 from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Sequence
 
-from .fmi3 import NAMES
+# Number in place of a function while a library is loaded.
+LOADING = 0xFF
+# Bits of a call that number the function; the component is above them.
+FUNCTION_BITS = 8
+# Numbers of the functions of a version of FMI.
+FUNCTIONS = 127
 
-LOADING = "loading or fmi2Instantiate"
-LOADING_3 = "loading or fmi3InstantiateCoSimulation"
-FUNCTIONS = (
-    LOADING,
-    LOADING_3,
-    *NAMES,
-    "fmi2GetRealStatus",
-    "fmi2GetBooleanStatus",
-    *sorted(set(NAMES.values())),
-)
-
-# No call.
-NONE = -1
+_numbers: dict[str, int] = {}
 
 
 class Board(ctypes.Structure):
-    """The call that a process is in, the start of its step (s), and a number that changes with progress."""
+    """The call that a process is in, start of its step (s), steps done, a number that changes with progress."""
 
-    _fields_ = (("call", ctypes.c_int64), ("time", ctypes.c_double), ("pulse", ctypes.c_int64))
+    _fields_ = (
+        ("call", ctypes.c_uint64),
+        ("time", ctypes.c_double),
+        ("steps", ctypes.c_uint64),
+        ("pulse", ctypes.c_uint64),
+        ("component", ctypes.c_uint64),
+    )
 
     call: int
     time: float
+    steps: int
     pulse: int
 
     def begin(self) -> None:
-        """Begin a run."""
-        self.call = NONE
-        self.time = math.nan
-        self.pulse += 1
+        """Begin or end a run."""
+        self.call = 0
+        self.step(math.nan, 0)
 
-    def step(self, time: float) -> None:
-        """Begin a step."""
+    def step(self, time: float, done: int) -> None:
+        """Begin a step, after some others."""
         self.time = time
+        self.steps = done
         self.pulse += 1
 
-    def where(self) -> tuple[int, str, float | None] | None:
-        """Return the index of the component, the function and the start of the step; None outside of all components."""
-        if self.call < 0:
-            return None
-        component, function = divmod(self.call, len(FUNCTIONS))
-        return component, FUNCTIONS[function], None if math.isnan(self.time) else self.time
+    def load(self, component: int) -> None:
+        """Load the library of a component."""
+        self.call = component << FUNCTION_BITS | LOADING
+        self.pulse += 1
+
+
+def define(names: Sequence[Sequence[str]]) -> None:
+    """Define the numbers of the functions: `names` has those in FMI 2.0 and in FMI 3.0, in their order."""
+    for version, of in enumerate(zip(*names, strict=True)):
+        _numbers.update({name: FUNCTIONS * version + number for number, name in enumerate(of, 1)})
 
 
 def code(component: int, function: str) -> int:
-    """Return the number of a call on the board."""
-    return component * len(FUNCTIONS) + FUNCTIONS.index(function)
+    """Return the number of a call on the board; 0 without a parent that has defined the numbers."""
+    return component << FUNCTION_BITS | _numbers[function] if _numbers else 0

@@ -44,9 +44,6 @@ LAST_SUCCESSFUL_TIME = 2
 TERMINATED = 3
 STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
 
-# Steps between two reports of progress.
-PROGRESS_INTERVAL = 200
-
 # Slack of the times of a held input series, in steps: a sample at t_k counts although t_k is rounded.
 SERIES_SLACK = 1e-9
 
@@ -89,9 +86,12 @@ class RunError(Exception):
 
     def __str__(self) -> str:
         when = "" if self.time is None else f" at t = {self.time:.9g} s"
-        lines = [f"component {self.component}, {self.function}{when}: {self.detail}"]
-        lines += [f"  log: {m}" for m in self.messages]
-        return "\n".join(lines)
+        return self.described(when)
+
+    def described(self, when: str = "") -> str:
+        """Say what happened, without the time if `when` does not say it."""
+        first = f"component {self.component}, {self.function}{when}: {self.detail}"
+        return "\n".join([first, *(f"  log: {m}" for m in self.messages)])
 
 
 # Log messages of the current run by instance name. There is one logger per process, because fmpy's proxy (which
@@ -424,38 +424,22 @@ def _end(slaves: Iterable[Slave], time: float) -> None:
             slave.terminate(time)
 
 
-def room(run: Run, simulation: Simulation) -> int:
-    """Return how many numbers the rows of a run have."""
-    return simulation.rows * (1 + sum(slot is not None for slot in run.columns))
-
-
-def _block(memory: Array, run: Run, simulation: Simulation) -> Array:
-    return memory.reshape(simulation.rows, room(run, simulation) // simulation.rows)
-
-
-def rows_in(memory: Array, run: Run, simulation: Simulation) -> tuple[Array, Array]:
-    """Return times and rows that are in the memory of a run, whole or not, which began with NaN."""
-    block = _block(memory, run, simulation)
-    count = int(np.isfinite(block[:, 0]).sum())
-    return block[:count, 0], block[:count, 1:]
-
-
 def simulate(
     run: Run,
     simulation: Simulation,
     instantiate: Callable[[Component], Instance],
-    progress: Callable[[int], None] = lambda _steps: None,
     fresh: bool = False,
     board: Board | None = None,
-    memory: Array | None = None,
+    is_repeated: bool = False,
 ) -> tuple[Array, Array]:
     """Execute a run.
 
     Returns the times (s) and the rows of the recorded columns that exist in this run, in the order of the plan.
-    `instantiate` makes the instance of a component, `progress` hears of finished steps.
+    `instantiate` makes the instance of a component.
     With `fresh` the rows hold the outputs read again after the inputs were passed on, as Ecos does, and not those that
     are passed on. The standard leaves open what an FMU answers then; those of this project answer for the new inputs.
-    Every call is announced on the `board`. `memory` is where the rows lie, as `rows_in` finds them.
+    Every call is announced on the `board`. With `is_repeated`, the run has crashed or hung before at its end: its
+    instances are neither terminated nor freed.
     Raises RunError if an FMU cannot be loaded, a call returns more than a warning, a value is not finite, or an FMU
     ends the simulation before the stop time; the error has the rows before it.
     """
@@ -463,9 +447,8 @@ def simulate(
     start, step, steps, every = simulation.start, simulation.step, simulation.steps, simulation.every
     bus: Array = np.zeros(run.slots)
     recorded = np.array([c for c in run.columns if c is not None], dtype=np.intp)
-    block = _block(np.empty(room(run, simulation)) if memory is None else memory, run, simulation)
-    times, rows = block[:, 0], block[:, 1:]
-    times[:] = math.nan
+    times, rows = np.empty(simulation.rows), np.empty((simulation.rows, len(recorded)))
+    done = 0
     players = [_Player(f, step) for f in run.series]
     slaves: list[Slave] = []
     time = start
@@ -473,6 +456,7 @@ def simulate(
     board.begin()
 
     def record(row: int, t: float) -> None:
+        nonlocal done
         if fresh:
             passed_on = bus.copy()
             for slave in slaves:
@@ -483,8 +467,8 @@ def simulate(
         bus.take(recorded, out=rows[row], mode="clip")
         if fresh:
             bus[:] = passed_on
-        # Last, so that a row with a time is whole.
         times[row] = t
+        done = row + 1
 
     def finite(t: float, function: str) -> None:
         # The sum is the cheapest test; only a suspicious one is looked at closely.
@@ -497,8 +481,7 @@ def simulate(
 
     try:
         for index, component in enumerate(run.components):
-            board.begin()
-            board.call = calls.code(index, calls.LOADING if component.fmi == "2.0" else calls.LOADING_3)
+            board.load(index)
             slaves.append(Slave(component, instantiate(component), bus, board, index))
         for slave in slaves:
             slave.setup(simulation)
@@ -522,11 +505,10 @@ def simulate(
         record(0, start)
 
         sequential = simulation.order == "sequential"
-        reported = 0
         end: RunError | None = None
         for k in range(steps):
             time = start + k * step
-            board.step(time)
+            board.step(time, k)
             for player in players:
                 bus[player.feed.slot] = player.of_step(time)
             size = simulation.step_size(time)
@@ -549,10 +531,8 @@ def simulate(
                 record((k + 1) // every, start + (k + 1) * step)
             if end is not None:
                 break
-            if k + 1 - reported == PROGRESS_INTERVAL:
-                reported = k + 1
-                progress(PROGRESS_INTERVAL)
-        progress(steps - reported)
+        if is_repeated:
+            slaves.clear()
         if end is not None:
             if k + 1 < steps:
                 raise end
@@ -561,8 +541,7 @@ def simulate(
             for slave in slaves:
                 slave.terminate(start + steps * step)
     except RunError as error:
-        kept = rows_in(block, run, simulation)
-        error.recorded = kept if len(kept[0]) else None
+        error.recorded = (times[:done], rows[:done]) if done else None
         if error.fatal:
             # The standard forbids any further call after fmi2Fatal.
             slaves.clear()

@@ -89,6 +89,11 @@ functions! {
     CompletedIntegratorStep "CompletedIntegratorStep" "CompletedIntegratorStep"
 }
 
+/// Names of the functions in FMI 2.0 and in FMI 3.0, in the order of their numbers.
+pub(crate) fn names() -> &'static [[&'static str; 2]] {
+    NAMES
+}
+
 const fn version(fmi: FmiVersion) -> usize {
     match fmi {
         FmiVersion::V2 => 0,

@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 use std::fs::OpenOptions;
 use std::io;
 use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 
@@ -81,6 +82,24 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
         respond(request, &body, &mut replies)?;
     }
     Ok(())
+}
+
+/// Lets another program work in the place of this one, under the same rules. Two arguments are added: the path of the board, and the names of
+/// the functions in FMI 2.0 and FMI 3.0 in the order of their numbers on the board, as JSON.
+///
+/// # Errors
+/// The process was not started by a [`super::Process`], or the program cannot be started.
+pub fn hand_over(board: &Path, mut command: Command) -> io::Result<()> {
+    let setup = Setup::read(board)?;
+    #[cfg(target_os = "linux")]
+    super::supervisor::divide(&setup, board)?;
+    #[cfg(not(target_os = "linux"))]
+    drop(setup);
+    command.arg(board).arg(serde_json::to_string(calls::names())?);
+    #[cfg(unix)]
+    return Err(std::os::unix::process::CommandExt::exec(&mut command));
+    #[cfg(not(unix))]
+    signal_hook::low_level::exit(command.status()?.code().unwrap_or(1))
 }
 
 /// Lets the allocator keep memory that a run frees for the next run.

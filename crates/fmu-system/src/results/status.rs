@@ -24,11 +24,11 @@ pub struct RunStatus {
     /// Its id.
     pub run: String,
     /// Its file of rows; `None` if there is no row.
-    file: Option<String>,
+    pub file: Option<String>,
     /// `completed`, `terminated` by an FMU, `discarded` or `failed`.
     pub status: Cow<'static, str>,
     /// Time of the last row, s.
-    end: Option<f64>,
+    pub end: Option<f64>,
     /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s.
     at: Option<f64>,
     component: Option<String>,

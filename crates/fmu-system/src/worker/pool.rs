@@ -20,6 +20,7 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Debug)]
 pub struct Pool {
     settings: Settings,
+    job: &'static str,
     fmus: Fmus,
     needs_python: bool,
     workers: Vec<Mutex<Option<Process>>>,
@@ -62,7 +63,13 @@ impl Pool {
     pub fn new(settings: Settings, jobs: NonZeroUsize, fmus: &Fmus) -> Self {
         let needs_python = settings.libpython.is_some() && fmus.iter().any(|fmu| fmu.binary().needs_python());
         let workers = std::iter::repeat_with(Mutex::default).take(jobs.get()).collect();
-        Self { settings, fmus: fmus.clone(), needs_python, workers }
+        Self { settings, job: JOB, fmus: fmus.clone(), needs_python, workers }
+    }
+
+    /// The pool with workers of another job, which respond to the same requests.
+    #[must_use]
+    pub fn with_job(self, job: &'static str) -> Self {
+        Self { job, ..self }
     }
 
     /// Loads all FMUs in one worker, as a check.
@@ -153,7 +160,7 @@ impl Pool {
     /// The worker of a slot, started if there is none.
     fn worker<'a>(&self, slot: &'a mut Option<Process>) -> Result<&'a mut Process, String> {
         if slot.is_none() {
-            let mut worker = Process::start(&self.settings, JOB, self.needs_python)
+            let mut worker = Process::start(&self.settings, self.job, self.needs_python)
                 .map_err(|error| format!("cannot start a worker process: {error}"))?;
             let binaries: Vec<Binary> = self.fmus.iter().map(|fmu| fmu.binary().clone()).collect();
             worker.send(&Request::Fmus(binaries), &[]);
