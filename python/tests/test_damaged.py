@@ -54,10 +54,9 @@ def _wild_guid(entries: Entries) -> None:
 
 
 ENTRIES: list[tuple[Callable[[Entries], None], str]] = [
-    (_other_platform, "loading: RescueVehicle.fmu: Cannot find shared library"),
+    (_other_platform, "RescueVehicle.fmu: no binary for "),
     (_text, "loading: RescueVehicle.fmu: Failed to load shared library"),
-    # fmpy loads it unseen, in a process of its own
-    (_half, "loading or fmi2Instantiate: the process ended (signal "),
+    (_half, "is damaged or cut off"),
     (_entities, "document type declaration"),
     (_way_out, "not a path within the archive"),
     (_wild_guid, "{\\u009b5m"),
