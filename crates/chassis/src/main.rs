@@ -136,8 +136,7 @@ fn main() -> Result<()> {
 /// Returns true if a file of data cannot be used and nothing was run.
 fn is_about_data(report: &miette::Report) -> bool {
     let resolved = report.downcast_ref::<ResolveError>();
-    let is_study = report.downcast_ref::<fmu_system::study::StudyError>().is_some();
-    is_study || report.downcast_ref::<DataError>().is_some() || matches!(resolved, Some(ResolveError::Data(_)))
+    report.downcast_ref::<DataError>().is_some() || matches!(resolved, Some(ResolveError::Data(_)))
 }
 
 fn run(command: &Cli) -> Result<()> {

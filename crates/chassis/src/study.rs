@@ -195,7 +195,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if study::has_samples(&arguments.study) {
         let request = arguments.request()?;
         // Shows mistakes with their places; Python reads the study again.
-        fmu_system::study::read(&arguments.study, &folders(&arguments.fmus), arguments.runs.map(NonZeroU64::get))?;
+        let runs = arguments.runs.map(NonZeroU64::get);
+        if let Err(error) = fmu_system::study::read(&arguments.study, &folders(&arguments.fmus), runs) {
+            eprintln!("Error: {:?}", miette::Report::from(error));
+            python::exit(UNABLE);
+        }
         let python = Python::required("a study with [[vary]]")?;
         python::exit(python.call("study", &[], Some(&request))?);
     }
