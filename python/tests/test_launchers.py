@@ -20,7 +20,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "scripts").mkdir(parents=True)
     for name in ("run", "study", "assess", "build"):
         shutil.copy(ROOT / "scripts" / name, folder / "scripts" / name)
-    programs = (".venv/bin/chassis", "chassis of .venv"), ("bin/cargo", "cargo"), ("target/debug/chassis", "chassis")
+    programs = [(".venv/bin/chassis", "chassis of .venv"), ("bin/cargo", "cargo"), ("target/debug/chassis", "chassis")]
+    programs.append(("target/debug/cargo-fmu", "cargo-fmu"))
     for path, name in (("scripts/setup", "setup"), *programs):
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -78,7 +79,7 @@ def test_a_study_may_stand_anywhere(project: Path) -> None:
 
 def test_all_fmus_are_packed_without_a_file(project: Path) -> None:
     messages, found = calls(project, "assess", "EspCar", "--quick")
-    assert "cargo fmu pack --all" in found
+    assert "cargo-fmu fmu pack --all" in found
     assert found[-1] == "chassis of .venv bench run EspCar --quick"
     assert "the FMUs of this project" in messages
 

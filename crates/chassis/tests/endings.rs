@@ -65,7 +65,7 @@ fn status(folder: &Path) -> Value {
 /// A page without numbers does not replace that of an earlier call. A report of tests does.
 #[test]
 fn no_page_is_made_without_a_complete_run() {
-    use std::os::unix::fs::PermissionsExt as _;
+    use std::os::unix::fs::PermissionsExt;
     for (habit, has_page) in [("none", true), ("error", false)] {
         let folder = TempDir::new().unwrap();
         Zoo { at: 0.5, ..Zoo::new(habit) }.pack(folder.path());
