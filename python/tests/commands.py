@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+CARGO_FMU = (str(ROOT / "target" / "debug" / "cargo-fmu"), "fmu")
+"""The command `cargo fmu` as `scripts/test` builds it: with its dependencies compiled for all packages."""
 
 
 def patience(seconds: float) -> float:
@@ -32,7 +34,7 @@ def _call(command: Sequence[str | Path]) -> tuple[int, str]:
 
 def cargo_fmu(*arguments: str | Path) -> tuple[int, str]:
     """Run a command of `cargo fmu`; its messages go to the terminal. Returns its exit code and output."""
-    return _call(["cargo", "fmu", *arguments])
+    return _call([*CARGO_FMU, *arguments])
 
 
 def chassis(*arguments: str | Path) -> tuple[int, str]:

@@ -24,7 +24,7 @@ import pytest
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
-from tests.commands import patience
+from tests.commands import CARGO_FMU, patience
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def name_of(package: str) -> str:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the FMUs."""
     folder = tmp_path_factory.mktemp("fmus")
-    command = ["cargo", "fmu", "pack", *PACKAGES, "--out", str(folder)]
+    command = [*CARGO_FMU, "pack", *PACKAGES, "--out", str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
     return folder
@@ -111,7 +111,7 @@ def test_derivatives_and_jacobians_are_those_of_the_fmu(folder: Path, package: s
     description = fmpy.read_model_description(str(path))
     unpacked = str(fmpy.extract(str(path)))
     moved, states = operating_point(description, unpacked)
-    command = ["cargo", "fmu", "linearize", str(path), "--json"]
+    command = [*CARGO_FMU, "linearize", str(path), "--json"]
     command += [argument for name, value in moved.items() for argument in ("--set", f"{name}={value!r}")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr

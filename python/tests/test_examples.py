@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.commands import CARGO_FMU
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -46,7 +48,7 @@ def call(*command: str) -> str:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the FMUs of all examples."""
     folder = tmp_path_factory.mktemp("examples")
-    call("cargo", "fmu", "pack", *NAMES, "--out", str(folder))
+    call(*CARGO_FMU, "pack", *NAMES, "--out", str(folder))
     return folder
 
 
@@ -62,7 +64,7 @@ def simulate(folder: Path, package: str, **options: object) -> NDArray[np.void]:
 
 @pytest.mark.parametrize("package", NAMES)
 def test_the_check_has_no_finding(folder: Path, package: str) -> None:
-    report = call("cargo", "fmu", "check", fmu(folder, package))
+    report = call(*CARGO_FMU, "check", fmu(folder, package))
     assert "error: " not in report, report
     assert "warning: " not in report, report
 

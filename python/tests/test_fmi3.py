@@ -19,6 +19,8 @@ from fmpy.model_description import ModelDescription
 from lxml import etree
 from numpy.typing import NDArray
 
+from tests.commands import CARGO_FMU
+
 _spec = importlib.util.spec_from_file_location("test_validators", Path(__file__).with_name("test_validators.py"))
 assert _spec is not None
 assert _spec.loader is not None
@@ -68,7 +70,7 @@ def test_fmpy_and_the_toolbox_find_nothing(path: Path) -> None:
 
 @each_fmu
 def test_our_own_check_finds_nothing(path: Path) -> None:
-    done = validators.call("cargo", "fmu", "check", str(path))
+    done = validators.call(*CARGO_FMU, "check", str(path))
     assert done.returncode == 0, done.stdout
 
 
@@ -77,7 +79,7 @@ def with_arrays(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Pack a continuous-time and a discrete-time model with native arrays."""
     folder = tmp_path_factory.mktemp("arrays")
     names = ["RescueVehicle", "SuspensionMixer"]
-    done = validators.call("cargo", "fmu", "pack", "--fmi", "3", "--arrays", "--out", str(folder), *names)
+    done = validators.call(*CARGO_FMU, "pack", "--fmi", "3", "--arrays", "--out", str(folder), *names)
     assert done.returncode == 0, done.stdout
     return [folder / f"{name}.fmu" for name in names]
 

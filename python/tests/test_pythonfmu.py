@@ -18,6 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from chassis_fmu import libpython
+from tests.commands import CARGO_FMU
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -107,7 +108,7 @@ def python() -> list[str]:
 
 def test_the_check_validates_description_and_binary(folder: Path, python: list[str]) -> None:
     """References: FMI 2.0.4, section 2.2.8 (initial unknowns), and what PythonFMU does: it compares no GUID."""
-    check = ("cargo", "fmu", "check", str(folder / "PythonYawControl.fmu"))
+    check = (*CARGO_FMU, "check", str(folder / "PythonYawControl.fmu"))
     report = call(*check, *python, code=1)
     errors = [line for line in report.splitlines() if line.startswith("  error: ")]
     assert len(errors) == 7

@@ -36,6 +36,7 @@ from lxml import etree
 
 import exported_system as systems
 from chassis_fmu.files.results import Recording, read_csv
+from tests.commands import CARGO_FMU
 
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -215,7 +216,7 @@ def test_the_loop_as_one_fmu(written: Written, order: str, tmp_path: Path) -> No
     found = Recording(rows["time"], {named: rows[name].astype(float) for name, named in names.items()})
     assert set(differences(found, written.native[order]).values()) == {0.0}
     # What docs/masters.md says of the file, and nothing else.
-    checked = call("cargo", "fmu", "check", str(path))
+    checked = call(*CARGO_FMU, "check", str(path))
     findings = [line for line in checked.stdout.splitlines() if line.startswith(("  error: ", "  warning: "))]
     assert any(CONTAINER[0] in finding for finding in findings), checked.stdout
     assert [finding for finding in findings if not any(words in finding for words in CONTAINER)] == []

@@ -721,7 +721,7 @@ fn a_call_that_cannot_begin_says_why() {
         (vec!["EspCar", "--parameters", "nowhere.ssv"], vec!["cannot read nowhere.ssv"]),
         (
             vec!["EspCar", "--set", "esp_car:body.mass=1.3 t"],
-            vec!["`body.mass` of esp_car is given in t: give it in kg"],
+            vec!["`body.mass` of esp_car is given in t; give it in kg"],
         ),
         (vec!["EspCar", "--set", "esp_car:body.masses=1300"], vec!["has no parameter `body.masses`", "body.mass"]),
         (

@@ -486,7 +486,7 @@ fn mistakes_are_reported_with_their_place() {
         ("limit = 30.0", "limit = inf", "expected a finite number"),
         ("abs(g) * k <= limit", "abs(g) * q <= limit", "28:24: unknown name `q`"),
         ("abs(g) * k <= limit", "abs(g) * k", "28:25: expected <, <=, > or >="),
-        ("[[limit]]", "[[constraint]]\nname = \"product\"\ninequality = \"g > 0\"\n[[limit]]", "there twice"),
+        ("[[limit]]", "[[constraint]]\nname = \"product\"\ninequality = \"g > 0\"\n[[limit]]", "appears twice"),
         ("magnitude = 40.0", "magnitude = 0.0", "magnitude is 0.0, expected above 0"),
         ("signal = \"velocity:y\"", "signal = \"velocity:z\"", "the scenario does not record `velocity:z`"),
         ("signal = \"velocity:y\"", "signal = \"position:y\"", "the scenario does not record `position:y`"),

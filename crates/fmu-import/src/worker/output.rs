@@ -85,6 +85,6 @@ mod tests {
         assert_eq!(endless.iter().map(String::len).collect::<Vec<_>>(), [1000, 1000, 500]);
         let many = lines(&b"x\n".repeat(5000));
         assert_eq!(many.len(), MAX_LINES + 1);
-        assert!(many[MAX_LINES].contains("left out"));
+        assert!(many[MAX_LINES].contains("omitted"));
     }
 }

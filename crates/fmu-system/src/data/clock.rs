@@ -200,7 +200,7 @@ impl Table {
                     "sort the rows by time, or correct the time",
                 )
             } else if now == before && options.duplicates == Duplicates::Error {
-                let message = format!("time {now} appears twice, lines {} and {}", lines.0, lines.1);
+                let message = format!("time {now} is there twice, lines {} and {}", lines.0, lines.1);
                 (message, "remove one of the rows, or choose one with `duplicates`")
             } else {
                 continue;
