@@ -242,7 +242,7 @@ fn a_trial_run_finds_parameters_without_effect() {
         let found: Vec<String> = warnings(place, &format!("{place}\"speed.initial\" = {speed}, "));
         assert_eq!(
             found,
-            ["10:47: `speed.initial` of `driver` has no effect: it changes `driver.speed` only, which nothing reads"]
+            ["11:47: `speed.initial` of `driver` has no effect: it changes `driver.speed` only, which nothing reads"]
         );
     }
     // In a slalom between cones the same parameter determines how fast the driver steers.
