@@ -205,7 +205,7 @@ def test_joblib_and_optuna_can_send_a_scenario_to_other_processes(steer: cf.Scen
 def test_errors_say_what_and_where(steer: cf.Scenario, tmp_path: Path) -> None:
     file = tmp_path / "broken.toml"
     file.write_text(STEP_STEER.read_text(encoding="utf-8").replace("stop = 20.0", 'stop = "late"'), encoding="utf-8")
-    with pytest.raises(cf.ScenarioError, match=r"broken\.toml:10:8: `stop` must be a number"):
+    with pytest.raises(cf.ScenarioError, match=r"broken\.toml:11:8: `stop` must be a number"):
         cf.Scenario(file)
     with pytest.raises(cf.ScenarioError, match="unknown case 'best', expected one of 'individual', 'coordination'"):
         steer.run(case="best")

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
 THREE = "".join(vary(name, f"f:{variable}", UNIFORM) for name, variable in zip("pqr", "abc", strict=True))
 PLAIN = 'cases = ["plain"]\n'
+DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 class Page:
@@ -85,7 +86,8 @@ class Page:
 
 
 def number(text: str) -> float:
-    return float(text.replace("−", "-"))
+    mantissa, _, exponent = text.replace("−", "-").partition("×10")
+    return float(f"{mantissa}e{exponent.translate(DIGITS)}" if exponent else mantissa)
 
 
 def numbers(text: str) -> list[float]:
