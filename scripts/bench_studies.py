@@ -118,7 +118,7 @@ def of_metrics() -> Path:
 def closed_loop(runs: int, rounds: int) -> Iterator[str]:
     """Compare a study with `chassis run`, which also writes the signals."""
     path = write_study("closed_loop", "")
-    native = ["cargo", "chassis", "run", str(of_metrics()), "--no-page", "--no-warnings"]
+    native = [str(ROOT / "target" / "release" / "chassis"), "run", str(of_metrics()), "--no-page", "--no-warnings"]
     native += ["--out", str(FOLDER / "results")]
     jobs = processors()
     pairs = []

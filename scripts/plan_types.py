@@ -1,6 +1,7 @@
 """Writes the types of a plan for Python: `python/chassis_fmu/files/plan.py`, from the JSON Schema of plans.
 
-    target/release/chassis schema plan | .venv/bin/python scripts/plan_types.py > python/chassis_fmu/files/plan.py
+    target/debug/chassis schema plan | .venv/bin/python scripts/plan_types.py > target/plan.py
+    mv target/plan.py python/chassis_fmu/files/plan.py
 
 A class inherits the methods of the class in `plan_rules.py` with its name and `Mixin`.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -22,7 +23,10 @@ def _time(path: Path) -> float:
 def find() -> Path:
     """Return the program of this package, of the repository that it is installed from, or on the PATH."""
     name = "chassis.exe" if sys.platform == "win32" else "chassis"
-    builds = (ROOT / "target" / profile / name for profile in ("debug", "release"))
+    # The profile of scripts/build, if it is chosen.
+    chosen = os.environ.get("CHASSIS_PROFILE")
+    folders = ("debug" if chosen == "dev" else chosen,) if chosen else ("debug", "release")
+    builds = (ROOT / "target" / folder / name for folder in folders)
     places = [PACKAGE / "bin" / name, *sorted(builds, key=_time, reverse=True)]
     # The command of this environment, which calls the program, has its name.
     own = Path(sys.executable).with_name(name)

@@ -7,9 +7,7 @@ import platform
 import signal
 import subprocess
 import sys
-import time
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ import fmpy
 import pytest
 
 from chassis_fmu.files import results
+from tests.commands import until
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
@@ -229,14 +228,6 @@ def test_a_library_that_does_not_load_in_time_is_named(tmp_path: Path) -> None:
         assert "not done after 2 s (--timeout), stopped" in status["message"]
 
 
-def until(is_so: Callable[[], bool]) -> None:
-    """Wait for something that another process does."""
-    begin = time.monotonic()
-    while not is_so():
-        assert time.monotonic() - begin < 60.0
-        time.sleep(0.01)
-
-
 def is_alive(process: str) -> bool:
     """Whether a process is there and not only waits for its end to be noticed."""
     try:
@@ -255,9 +246,9 @@ def test_an_end_by_signal_leaves_no_process(tmp_path: Path, number: int) -> None
     build(tmp_path, f'{writing} rename("{note}.part", "{note}"); }} for (;;) sleep(1)')
     call = command(tmp_path, "--engine", "fmpy", "--no-page", "--timeout", "600", "--jobs", "1")
     with subprocess.Popen(call, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        until(note.exists)
+        until(note.exists, "the note")
         worker = note.read_text()
         assert is_alive(worker)
         process.send_signal(number)
         process.wait()
-    until(lambda: not is_alive(worker))
+    until(lambda: not is_alive(worker), "the end of the worker")

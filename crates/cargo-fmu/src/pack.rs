@@ -216,10 +216,13 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
         }
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
-        let commit_of_old = Archive::open(&path).and_then(|mut old| old.entry(documentation::COMMIT)).ok().flatten();
-        let bytes = archive(&description.xml, &files, commit_of_old.as_deref())?;
-        if existing == Existing::KeptIfEqual && std::fs::read(&path).is_ok_and(|old| old == bytes) {
-            continue;
+        if existing == Existing::KeptIfEqual {
+            let commit_of_old =
+                Archive::open(&path).and_then(|mut old| old.entry(documentation::COMMIT)).ok().flatten();
+            let bytes = archive(&description.xml, &files, commit_of_old.as_deref())?;
+            if std::fs::read(&path).is_ok_and(|old| old == bytes) {
+                continue;
+            }
         }
         let bytes = archive(&description.xml, &files, commit.as_deref())?;
         write_whole(&path, &bytes)?;

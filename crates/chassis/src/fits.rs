@@ -12,6 +12,8 @@ use miette::{Result, miette};
 
 use cargo_fmu::out;
 
+use crate::folders::places;
+
 /// Arguments of `chassis fits`. [`fmu_system::compat`] defines the terms.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
@@ -33,7 +35,7 @@ pub(crate) struct Arguments {
 /// # Errors
 /// There is no FMU or no plant, an FMU cannot be read, or a name is unknown.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let systems = systems(&descriptions(&arguments.fmus)?);
+    let systems = systems(&descriptions(&places(&arguments.fmus))?);
     if systems.plants.is_empty() {
         return Err(miette!("there is no plant: none of the FMUs has continuous states, blocks for any signal aside"));
     }

@@ -92,6 +92,12 @@ impl Arguments {
     /// Python, if tables and a page are made or FMPy executes the runs.
     fn python(&self) -> miette::Result<Option<Python>> {
         if self.engine == Engine::Fmpy {
+            // A process in the sandbox cannot become Python.
+            if self.workers.given().iter().any(|(name, _)| *name == "--sandbox") {
+                return Err(miette!(
+                    "--sandbox only applies to the native master; leave out --sandbox or --engine fmpy"
+                ));
+            }
             return Python::required("--engine fmpy").map(Some);
         }
         if self.from_csv.is_some() || self.parquet {
@@ -119,7 +125,7 @@ impl Arguments {
             .map(|verdict| serde_json::json!({ "status": verdict.outcome.status.name(), "text": verdict.text(plan) }));
         let request = serde_json::json!({
             "plan": plan,
-            "folder": absolute(folder)?,
+            "folder": absolute(folder)?.to_string_lossy(),
             "engine": engine,
             "command": python::command(),
             "numbers": results.numbers,
@@ -237,10 +243,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         write_whole(path, requirements::junit(&plan, &results.verdicts, &failures).as_bytes())?;
     }
     let python = python.filter(|_| {
-        // The page of an earlier call is better than one without numbers.
+        // The page of an earlier call is better than one of failures only.
         let is_empty = failures.len() == plan.runs.len();
         if is_empty {
-            errln!("note: no page is made without a complete run");
+            errln!("note: no page is made, because all runs failed");
         }
         !is_empty
     });
@@ -270,6 +276,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
 
 /// Takes the rows of recorded runs from a folder, or from its folder `runs`.
 fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
+    if !source.is_dir() {
+        return Err(miette!("--from-csv {}: there is no such folder", source.display()));
+    }
     let inside = source.join("runs");
     let place = if inside.is_dir() { &inside } else { source };
     let reading = || format!("reading {}", place.join(results::STATUS_FILE).display());
@@ -291,7 +300,9 @@ fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuse
         let (from, to) = (place.join(&name), folder.join(&name));
         let status = if let Some(at) = known.iter().position(|status| status.run == run.id) {
             let mut status = known.swap_remove(at);
-            if is_elsewhere && (status.file.is_none() || std::fs::copy(from, to).is_err()) {
+            if is_elsewhere && status.file.is_some() && from.is_file() {
+                std::fs::copy(&from, &to).into_diagnostic().wrap_err_with(|| format!("copying {}", from.display()))?;
+            } else if is_elsewhere {
                 (status.file, status.end) = (None, None);
             }
             status
@@ -363,10 +374,6 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
         writable.push(target.clone());
     }
     let is_fmpy = arguments.engine == Engine::Fmpy;
-    if is_fmpy {
-        // A sandbox lets no process become Python.
-        settings.sandbox = None;
-    }
     let pool = Pool::new(settings, jobs, &fmus);
     let pool = if is_fmpy { pool.with_job(python::FMPY) } else { pool };
 
@@ -456,7 +463,11 @@ fn print_verdicts(plan: &Plan, verdicts: &[Verdict<'_>]) -> usize {
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.
 fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
-    let files = plan.runs.iter().map(results::file_name);
+    // Those of `--parquet`, too: Python replaces them only when it makes a page.
+    let files = plan.runs.iter().map(results::file_name).flat_map(|csv| {
+        let parquet = Path::new(&csv).with_extension("parquet").to_string_lossy().into_owned();
+        [csv, parquet]
+    });
     for file in files.chain([results::STATUS_FILE.to_owned()]) {
         let path = folder.join(file);
         results::remove_parts(&path);

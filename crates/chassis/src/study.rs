@@ -108,7 +108,8 @@ impl Arguments {
         {
             return Err(miette!("{name} only applies to studies without [[vary]]"));
         }
-        let absolute = |path: &Path| std::path::absolute(path).into_diagnostic();
+        let absolute =
+            |path: &Path| std::path::absolute(path).into_diagnostic().map(|path| path.to_string_lossy().into_owned());
         let request = serde_json::json!({
             "study": absolute(&self.study)?,
             "fmus": places(&self.fmus).iter().map(|folder| absolute(folder)).collect::<Result<Vec<_>>>()?,

@@ -100,11 +100,15 @@ fn wrong_usage() {
             "chassis run ramp.toml --fmus target/fmu",
             "chassis plan ramp.toml --order random",
             "chassis plan ramp.toml --stop -3",
+            "chassis run ramp.toml --stop -3",
+            "chassis export ramp.toml --out out --stop -3",
             "chassis plan ramp.toml --stop 1e12",
             "chassis run ramp.toml --stop 1e12",
             "chassis export ramp.toml --out out --stop 1e12",
             "chassis study study.toml --budget 0",
             "chassis study study.toml --resume --overwrite",
+            "chassis study study.toml --shard 3/2",
+            "chassis study study.toml --shard 0/2",
             "cargo-fmu check Ramp.fmu --timeout soon",
             "cargo-fmu pack --platforms amiga68k",
         ],
@@ -117,6 +121,7 @@ fn mistakes_mark_the_place() {
     let folder = folder(&SCENARIO.replace("stop", "stopp"));
     let printed = session(folder.path(), &["chassis plan ramp.toml"]);
     insta::assert_snapshot!(printed);
+    assert!(command(folder.path(), &["plan", "ramp.toml"]).stdout.is_empty());
 }
 
 #[cfg(unix)]

@@ -27,7 +27,7 @@ pub(crate) const G: f64 = 9.81;
 
 /// A maneuver of the bench.
 pub(crate) struct Maneuver {
-    /// Name, also the beginning of the names of its metrics.
+    /// Id, also the first part of the ids of its metrics.
     pub(crate) id: &'static str,
     pub(crate) suite: Suite,
     /// Outputs that the plant needs for it.

@@ -241,7 +241,7 @@ fn explained(error: &ResolveError) -> String {
     }
 }
 
-/// Components in the order of a step: the writer of a signal comes before its readers. A cycle is broken at its first component in `units`;
+/// Components in the order of a step: the writer of a signal comes before its readers. A cycle is broken at its first component in `components`;
 /// ties keep the order.
 fn ordered(components: &[Component]) -> Vec<&Component> {
     let writes = |component: &Component, other: &Component| {

@@ -320,7 +320,7 @@ def _scale(ax: Axes, panel: Panel) -> None:
 
 
 def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key, letters: int) -> None:
-    """Draw a panel; titles of vertical axes have so many letters in a line."""
+    """Draw a panel. Titles of vertical axes wrap after `letters` characters."""
     ax.set_ylabel(textwrap.fill(panel.y.label, letters))
     if panel.kind == "heat":
         _draw_cells(ax, panel)

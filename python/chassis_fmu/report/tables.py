@@ -61,7 +61,7 @@ def printed(value: float | None, digits: int | None) -> str:
 
 
 def scientific(value: float, digits: int = 6) -> str:
-    """Format a number of any size with up to so many significant digits, powers of ten where that is shorter."""
+    """Format a number of any size with up to `digits` significant digits, as a power of ten where that is shorter."""
     return _native.scientific(float(f"{value:.{digits}g}"))
 
 

@@ -148,8 +148,8 @@ impl Circle {
     ) -> Result<f64, Reason> {
         let [x, y] = ["vehicle.position_x", "vehicle.position_y"].map(|column| rows.column(column));
         let (x, y) = (x?, y?);
-        let spec = rows.column("vehicle.yaw")?[first] + rows.column("vehicle.sideslip")?[first];
-        let (sin, cos) = sin_cos(spec);
+        let course = rows.column("vehicle.yaw")?[first] + rows.column("vehicle.sideslip")?[first];
+        let (sin, cos) = sin_cos(course);
         let inwards = self.direction * self.radius;
         let center = [x[first] - inwards * sin, y[first] + inwards * cos];
         Ok(hypot(later(x)? - center[0], later(y)? - center[1]) - self.radius)

@@ -245,19 +245,19 @@ mod tests {
     const STEP: f64 = 0.001;
 
     /// A vehicle that decelerates constantly from 0.5 s on, in a direction, rad.
-    fn evaluate(speed: f64, deceleration: f64, spec: f64) -> super::super::Evaluation {
+    fn evaluate(speed: f64, deceleration: f64, course: f64) -> super::super::Evaluation {
         let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * STEP).collect();
         let way = |time: f64| {
             let braking = (time - 0.5).clamp(0.0, speed / deceleration);
             speed * time.min(0.5) + speed * braking - 0.5 * deceleration * braking * braking
         };
-        let (sin, cos) = sin_cos(spec);
+        let (sin, cos) = sin_cos(course);
         let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| of(*time)).collect::<Vec<_>>();
         // The pedal of a row was held during the step before it.
         let trace = Trace::new(times.clone()).with("driver.brake", column(&|t| f64::from(t > 0.5005))).unwrap();
         let trace = trace.with("vehicle.position_x", column(&|t| way(t) * cos)).unwrap();
         let trace = trace.with("vehicle.position_y", column(&|t| way(t) * sin)).unwrap();
-        let trace = trace.with("vehicle.yaw", vec![spec; 6_000]).unwrap();
+        let trace = trace.with("vehicle.yaw", vec![course; 6_000]).unwrap();
         EVALUATOR.evaluate(&trace, &json!({})).unwrap()
     }
 
@@ -272,8 +272,8 @@ mod tests {
     /// tolerance is half of its last digit.
     #[test]
     fn a_constant_deceleration() {
-        for spec in [0.0, 2.0, -0.7] {
-            let evaluation = evaluate(27.8, 8.0, spec);
+        for course in [0.0, 2.0, -0.7] {
+            let evaluation = evaluate(27.8, 8.0, course);
             let mfdd = number(&evaluation, "mfdd");
             assert!((mfdd - 8.002_56).abs() < 5e-6, "{mfdd}");
             assert!((number(&evaluation, "initial_speed") - 27.8).abs() < 1e-9);

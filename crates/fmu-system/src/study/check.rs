@@ -300,8 +300,12 @@ impl Factor {
             Level::Integer(_) | Level::Number(_) => 2,
         };
         for (index, level) in levels.iter().enumerate() {
+            let is_same = |other: &Spanned<Level>| match (other.get_ref(), level.get_ref()) {
+                (Level::Integer(a), Level::Number(b)) | (Level::Number(b), Level::Integer(a)) => *a as f64 == *b,
+                (a, b) => a == b,
+            };
             for (is_wrong, message) in [
-                (levels[..index].contains(level), "this value is there twice; weights make a value more frequent"),
+                (levels[..index].iter().any(is_same), "this value appears twice; weights make a value more frequent"),
                 (kind(level) != kind(&levels[0]), "values are all numbers, all strings, or true and false"),
                 (matches!(level.get_ref(), Level::Number(n) if !n.is_finite()), "expected a finite number"),
                 (self.fmu.is_some() && kind(level) != 0, "expected values with the names of FMUs"),
