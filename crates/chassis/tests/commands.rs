@@ -572,6 +572,11 @@ fn systems_are_shown_as_a_matrix() {
 
     let (is_fine, _, error) = systems(&["Stering"]);
     assert!(!is_fine && error.contains("there is no FMU named 'Stering'; did you mean `Steering`?"), "{error}");
+    // Without a folder, that of packed FMUs.
+    std::fs::create_dir(folder.path().join("target")).unwrap();
+    std::fs::rename(theirs, folder.path().join("target/fmu")).unwrap();
+    let output = command(folder.path(), &["fits"]);
+    assert_eq!(text(&output.stdout), "          Car   Sled\nSteering  fits  lacks 1\n", "{}", text(&output.stderr));
 }
 
 #[cfg(unix)]
