@@ -2,7 +2,7 @@
 
 /// A fuzzy set on the real line: the grade (0..=1) to which a number belongs to a label.
 ///
-/// The parameters have the unit of the number. [`Partition::new`] and [`Output::new`] check them;
+/// The parameters have the unit of the number. [`Partition::new`](super::Partition::new) and [`Output::new`](super::Output::new) check them;
 /// [`Membership::grade`] alone does not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Membership {
@@ -65,7 +65,7 @@ impl Membership {
     /// `N` Gaussian sets with evenly spaced centers from `first` to `last`, neighbors crossing at
     /// grade 1/2: `width = spacing / (2 sqrt(2 ln 2))`.
     ///
-    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] rejects the sets.
+    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`](super::Partition::new) rejects the sets.
     pub fn evenly_spaced_gaussians<const N: usize>(first: f64, last: f64) -> [Self; N] {
         let width = spacing(N, first, last) / (8.0 * std::f64::consts::LN_2).sqrt();
         grid(first, last).map(|center| Self::Gaussian { center, width })
@@ -75,7 +75,7 @@ impl Membership {
     /// its neighbors, so that they cross at grade 1/2; the outer two reach beyond `first` and
     /// `last` by the same distance.
     ///
-    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] rejects the sets.
+    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`](super::Partition::new) rejects the sets.
     pub fn evenly_spaced_triangles<const N: usize>(first: f64, last: f64) -> [Self; N] {
         let spacing = spacing(N, first, last);
         grid(first, last).map(|peak| Self::Triangle { left: peak - spacing, peak, right: peak + spacing })

@@ -27,7 +27,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 const CLEARING: Duration = Duration::from_secs(6);
 
 /// Command line of a worker: the program, and the arguments that make it a worker. Two more follow: its job
-/// ([`super::JOB`] or that of another crate), and the path of the board for [`super::serve`].
+/// (such as `fmu_linear::worker::JOB`), and the path of the board for its server.
 #[derive(Debug, Clone)]
 pub struct Launch {
     /// The program.
