@@ -126,7 +126,7 @@ def test_shell_blocks_have_commands_and_options_that_exist(path: Path) -> None:
             if prefix is not None:
                 rest = words.removeprefix(prefix).split()
                 program, *verbs = COMMANDS[prefix]
-                # Verbs stand in front of the first argument that is not one.
+                # Subcommands come before the first other argument.
                 while rest and re.search(rf"^  {re.escape(rest[0])} ", help_of(program, tuple(verbs)), re.MULTILINE):
                     verbs.append(rest.pop(0))
                 assert verbs, words

@@ -367,5 +367,5 @@ def test_recorded_runs_have_colors_and_values_of_their_own(tmp_path: Path) -> No
         assert number(factors.split()[1]) == near(values[sample], 3)
     (panel,) = page.panels("histories").values()
     assert [line["case"] for line in panel["lines"]] == [run["name"] for run in runs]
-    # What is drawn at random on a logarithmic scale is shown on one.
+    # Factors with a logarithmic distribution have logarithmic axes.
     assert page.panels("y_factors")["Value over p", ""]["x"]["log"]

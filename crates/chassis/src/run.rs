@@ -277,7 +277,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
 /// Takes the rows of recorded runs from a folder, or from its folder `runs`.
 fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
     if !source.is_dir() {
-        return Err(miette!("--from-csv {}: there is no such folder", source.display()));
+        return Err(miette!("--from-csv {}: no such folder", source.display()));
     }
     let inside = source.join("runs");
     let place = if inside.is_dir() { &inside } else { source };

@@ -195,7 +195,7 @@ pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
             Ok(_) => match outcomes.next() {
                 Some(Ok(recording)) => result(bench, spec, &recording, None),
                 Some(Err(failure)) => shortened(bench, spec, &failure),
-                None => RunResult::failed(spec, "there is no outcome".to_owned()),
+                None => RunResult::failed(spec, "the run returned no result".to_owned()),
             },
         })
         .collect()

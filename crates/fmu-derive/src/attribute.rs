@@ -29,7 +29,7 @@ pub(crate) struct Variable {
     pub(crate) is_explicit: bool,
 }
 
-/// Kind of values in a type, judged by its tokens.
+/// Kind of the values of a type, derived from its tokens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Content {
     Real,

@@ -78,7 +78,7 @@ pub struct Collector {
 pub(crate) struct Context {
     /// Name in messages.
     pub(crate) label: String,
-    /// True if it overrides values of other places. It is then named even if there is no other context.
+    /// True if it overrides values set elsewhere. A message then names it even without other context.
     pub(crate) is_special: bool,
 }
 

@@ -56,7 +56,7 @@ impl Arguments {
         Log { logger, name: CString::default(), wanted: [wants_all; LOG_CATEGORIES.len()] }
     }
 
-    /// Logs the reason that there is no instance.
+    /// Logs why the instance could not be created.
     unsafe fn reject<E: Export>(self, function: &str, message: &str) -> Component {
         unsafe { common::create::<E>(function, self.log(true), self.name, || Err(message.to_owned())) }
     }
@@ -107,7 +107,7 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
 ) -> Component {
     const NAME: &str = "fmi3InstantiateCoSimulation";
     if intermediate_variables > 0 {
-        let message = "requiredIntermediateVariables must be empty, there is no intermediate update";
+        let message = "requiredIntermediateVariables must be empty, because intermediate update is not supported";
         return unsafe { arguments.reject::<E>(NAME, message) };
     }
     let with_events = event_mode != 0;
