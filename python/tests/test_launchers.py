@@ -27,7 +27,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(f"#!/bin/sh\nprintf '%s\\n' \"{name} $*\" >> '{folder}/log'\n")
         file.chmod(0o755)
-    (folder / ".venv" / "pyproject.toml").touch()
+    for path in ("pyproject.toml", "bin/cargo-zigbuild"):
+        (folder / ".venv" / path).touch(0o755)
     monkeypatch.setenv("PATH", f"{folder}/bin{os.pathsep}{os.environ['PATH']}")
     return folder
 
@@ -75,6 +76,12 @@ def test_a_study_may_stand_anywhere(project: Path) -> None:
         _, found = calls(project, "study", *arguments)
         assert "chassis pack inside/my.toml" in found
         assert found[-1] == f"chassis of .venv study {' '.join(arguments)}"
+
+
+def test_without_the_linker_of_portable_fmus_they_are_for_this_machine(project: Path) -> None:
+    (project / ".venv" / "bin" / "cargo-zigbuild").unlink()
+    assert f"chassis pack {DEFAULT} --no-portable" in calls(project, "run")[1]
+    assert "cargo-fmu fmu pack --all --no-portable" in calls(project, "assess", "EspCar")[1]
 
 
 def test_all_fmus_are_packed_without_a_file(project: Path) -> None:

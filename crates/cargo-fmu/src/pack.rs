@@ -46,7 +46,7 @@ pub struct Settings {
     platforms: Vec<Platform>,
     /// Build Linux binaries for glibc 2.17 and newer [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
     ///
-    /// This needs cargo-zigbuild (see scripts/setup).
+    /// This needs cargo-zigbuild (see scripts/setup --all).
     #[arg(long, overrides_with = "no_portable")]
     portable: bool,
     /// Build Linux binaries without cargo-zigbuild; they need a glibc at least as new as this machine's

@@ -36,7 +36,7 @@ impl Zigbuild {
     pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<Self> {
         let (program, python) = programs(root).map_err(|problem| {
             miette!(
-                help = "Run `scripts/setup`, which installs both into .venv, or in a workspace of your own `python3 -m venv \
+                help = "Run `scripts/setup --all`, which installs both into .venv, or in a workspace of your own `python3 -m venv \
                         .venv && .venv/bin/pip install cargo-zigbuild ziglang`. Or pass --no-portable: the binary then needs \
                         a glibc as new as the one of this machine.",
                 "{reason} asks for {} binaries that load with glibc {GLIBC}, which takes cargo-zigbuild and zig: {problem}",
@@ -58,7 +58,7 @@ impl Zigbuild {
         if let Err(problem) = &programs {
             missing.push(problem.clone());
             help.push(
-                "Run `scripts/setup`, which installs cargo-zigbuild and zig into .venv, or in a workspace of your own \
+                "Run `scripts/setup --all`, which installs cargo-zigbuild and zig into .venv, or in a workspace of your own \
                  `python3 -m venv .venv && .venv/bin/pip install cargo-zigbuild ziglang`."
                     .to_owned(),
             );

@@ -255,7 +255,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     contains(&error, &format!("{other} cannot be built here: cargo-zigbuild is neither in"));
     contains(&error, &format!("the Rust in use has no standard library for {target}"));
     contains(&error, "no/rust/here/bin/cargo does not exist");
-    contains(&error, "`scripts/setup`, which installs cargo-zigbuild and zig");
+    contains(&error, "`scripts/setup --all`, which installs cargo-zigbuild and zig");
     contains(&error, &format!("`rustup target add {target}`"));
     contains(&error, "`apt-get install --no-install-recommends cargo-web rustc-web rust-web-src`");
     contains(&error, &format!("CHASSIS_FMU_{}_RUST=FOLDER", other.to_uppercase().replace('-', "_")));
@@ -359,7 +359,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     let error = pack(&portable, &[]);
     assert!(error.contains("`portable = true` in [workspace.metadata.fmu] of Cargo.toml asks for"), "{error}");
     assert!(error.contains("cargo-zigbuild is neither in"), "{error}");
-    assert!(error.contains("Run `scripts/setup`") && error.contains("pass --no-portable"), "{error}");
+    assert!(error.contains("Run `scripts/setup --all`") && error.contains("pass --no-portable"), "{error}");
     // It concerns linux64 alone, and the command line has the last word.
     assert!(pack(&portable, &["--no-portable"]).contains(NO_MODEL));
     assert!(pack(&portable, &["--portable", "--no-portable"]).contains(NO_MODEL));
