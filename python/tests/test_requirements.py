@@ -3,6 +3,7 @@
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from chassis_fmu import program
@@ -118,3 +119,21 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     assert "Failed" in text
     relaxed, _ = run("cargo", "chassis", "run", "--no-page", scenario, *options, "--no-fail", "--out", out)
     assert relaxed == 0
+
+
+def test_verdicts_are_those_of_the_recorded_rows(tmp_path: Path) -> None:
+    """Compute peak and RMS of each run with NumPy; the printed numbers have four and three digits."""
+    scenario = tmp_path / "limits.toml"
+    scenario.write_text(SCENARIO, encoding="utf-8")
+    _, text = run("cargo", "chassis", "run", "--no-page", scenario, "--out", tmp_path)
+    for case, title in (("plain", "Plain & <simple>"), ("other", "Other")):
+        for speed in (50, 90):
+            files = [tmp_path / "limits" / "runs" / f"{case}_speed_{speed}_{seed}.csv" for seed in (1, 2, 3)]
+            rows = [np.genfromtxt(file, delimiter=",", names=True) for file in files]
+            peaks = [np.degrees(np.abs(row["vehicleyaw_rate"]).max()) for row in rows]
+            verdict = "Passed" if max(peaks) <= 5.5 else "Failed"
+            assert f"{verdict}  Yaw rate, peak, {title}, {speed} km/h: {max(peaks):.3f} °/s in the worst" in text
+            rms = [np.sqrt(np.mean(row["vehiclelateral_acceleration"] ** 2)) for row in rows]
+            if case == "plain":
+                verdict = "Passed" if np.mean(np.array(rms) <= 1.0) >= 0.5 else "Failed"
+                assert f"{verdict}  Lateral acceleration, RMS, {title}, {speed} km/h: {max(rms):.2f} m/s²" in text

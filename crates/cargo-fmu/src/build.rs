@@ -122,6 +122,14 @@ const PROFILE: [&str; 5] = [
 const DEBUG_PROFILE: [&str; 3] =
     ["profile.fmu-debug.inherits=\"dev\"", "profile.fmu-debug.debug=\"full\"", "profile.fmu-debug.opt-level=0"];
 
+/// The profile of libraries that describe their models: they are called once, so all that counts is how long they take to build.
+const DESCRIBE_PROFILE: [&str; 4] = [
+    "profile.fmu-describe.inherits=\"dev\"",
+    "profile.fmu-describe.opt-level=0",
+    "profile.fmu-describe.debug=\"none\"",
+    "profile.fmu-describe.incremental=false",
+];
+
 /// Builds libraries that describe their models, and returns them in the order of the models.
 ///
 /// # Errors
@@ -130,7 +138,8 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
     let mut libraries = BTreeMap::new();
     for round in rounds(models) {
         let mut command = cargo();
-        command.arg("build").arg("--target-dir").arg(workspace.target.join("fmu-build"));
+        command.args(["build", "--profile", "fmu-describe", "--target-dir"]).arg(workspace.target.join("fmu-build"));
+        settings(&mut command, &DESCRIBE_PROFILE);
         // The description is generated on this machine, whatever the target platform.
         command.env_remove("CARGO_BUILD_TARGET").args(["--target", &host()?]);
         options.apply(&mut command);
@@ -521,11 +530,9 @@ impl Builder {
             Self::Win64(mingw) => mingw.cargo_rustc(),
             Self::Wasm32(wasm) => wasm.cargo_rustc(),
         };
-        let (profile, settings) = if options.debug { ("fmu-debug", &DEBUG_PROFILE[..]) } else { ("fmu", &PROFILE[..]) };
+        let (profile, values) = if options.debug { ("fmu-debug", &DEBUG_PROFILE[..]) } else { ("fmu", &PROFILE[..]) };
         command.args(["--profile", profile, "--target-dir"]).arg(&folder);
-        for setting in settings {
-            command.args(["--config", setting]);
-        }
+        settings(&mut command, values);
         options.apply(&mut command);
         let mut flags = user_flags(&workspace.root, &target);
         flags.extend(linker_flags(platform, matches!(self, Self::Native(_))));
@@ -544,6 +551,13 @@ impl Builder {
         }
         command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
         Ok(command)
+    }
+}
+
+/// Adds settings of cargo.
+fn settings(command: &mut Command, values: &[&str]) {
+    for value in values {
+        command.args(["--config", value]);
     }
 }
 
