@@ -202,7 +202,7 @@ pub fn resolve_text(
     };
     resolver.find_patterns_of_inputs(&systems);
     for system in &mut systems {
-        resolver.wire(system);
+        resolver.wire(system, source);
     }
     let columns = resolver.columns(&systems);
     resolver.check_size(&simulation, columns.len(), options)?;

@@ -1,6 +1,7 @@
 //! The wires of a case: the source of each input.
 
 use super::conversion::{self, compatible, convertible};
+use super::fmus::Descriptions;
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use super::values::setting;
 use crate::parameter;
@@ -12,9 +13,13 @@ use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
 use fmu_import::names::{similar, suggestion};
 use std::borrow::Cow;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
+
+/// FMUs that a message names, at most.
+const MOST_WRITERS: usize = 3;
 
 /// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was reported.
 type End = Result<Option<(usize, usize)>, ()>;
@@ -68,13 +73,29 @@ fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> 
     (written.map_or(component.fmu.span(), Spanned::span), words)
 }
 
+/// FMUs that are at hand and write most of these inputs, for a message.
+fn writers(inputs: &[&str], source: &dyn Descriptions) -> String {
+    let written = |name: &String| {
+        let found = source.find(name).ok()??;
+        let is_one = |v: &&Variable| v.causality == Causality::Output && inputs.contains(&v.name.as_str());
+        let count = found.description.variables.iter().filter(is_one).count();
+        (count > 0).then_some((Reverse(count), name.clone()))
+    };
+    let mut names: Vec<_> = source.names().iter().filter_map(written).collect();
+    names.sort();
+    match names.iter().take(MOST_WRITERS).map(|(_, name)| format!("`{name}`")).collect::<Vec<_>>() {
+        names if names.is_empty() => String::new(),
+        names => format!("; FMUs that write {}: {}", if inputs.len() == 1 { "it" } else { "them" }, names.join(", ")),
+    }
+}
+
 fn quoted(names: &[&str]) -> String {
     names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
 impl<'a> Resolver<'a> {
     /// Finds the source of each input of a case.
-    pub(super) fn wire(&mut self, system: &mut System<'a>) {
+    pub(super) fn wire(&mut self, system: &mut System<'a>, source: &dyn Descriptions) {
         let connections = self.connections(system);
         // Outputs by name, to find the only other component that has one.
         let mut outputs = Outputs::new();
@@ -124,7 +145,7 @@ impl<'a> Resolver<'a> {
                 }
             }
             if !missing.is_empty() {
-                self.report_missing(system, m, &missing, &outputs);
+                self.report_missing(system, m, &missing, &outputs, source);
             }
             if let Some(first) = elements.first() {
                 let more = match elements.len() - 1 {
@@ -150,7 +171,14 @@ impl<'a> Resolver<'a> {
     }
 
     /// Reports inputs of a component without a writer; those that lost it by a swap are listed separately.
-    fn report_missing(&mut self, system: &System<'_>, m: usize, missing: &[&str], outputs: &Outputs<'_>) {
+    fn report_missing(
+        &mut self,
+        system: &System<'_>,
+        m: usize,
+        missing: &[&str],
+        outputs: &Outputs<'_>,
+        source: &dyn Descriptions,
+    ) {
         let member = &system.members[m];
         let name = member.name();
         let mut by_swap: BTreeMap<Option<(usize, Change)>, Vec<&str>> = BTreeMap::new();
@@ -162,7 +190,8 @@ impl<'a> Resolver<'a> {
                 .iter()
                 .find_map(|name| suggestion(name, outputs.keys().copied()))
                 .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
-            let help = format!("give the component a constant in `inputs` or add a [[connection]]{near}");
+            let writers = writers(&inputs, source);
+            let help = format!("give the component a constant in `inputs` or add a [[connection]]{near}{writers}");
             let which = match inputs[..] {
                 [input] => format!("the input `{input}`"),
                 _ if swap.is_some() => "these inputs".to_string(),
