@@ -289,3 +289,25 @@ def test_both_masters_drive_alike_and_to_both_sides(
     assert compared >= 9
     # It was a lane change.
     assert left["vehicle.position_y"].max() > 2.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "warning"),
+    [
+        # The weights of its paper come from FuzzyCoordination.
+        (
+            ("RescueVehicle", "--with", "DualSlidingModeSteering"),
+            "nothing writes `weight.steering`, which keeps its start value 0.0; FMUs that write it: `FuzzyCoordination`",
+        ),
+        # Its pressures are inputs of AntilockBraking.
+        (
+            ("EspCar", "--with", "DirectYawControl"),
+            "DirectYawControl has no effect: nothing reads its outputs; FMUs that read them: `AntilockBraking`",
+        ),
+    ],
+)
+def test_a_controller_that_lacks_another_one_is_named(
+    arguments: tuple[str, ...], warning: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    commands.chassis("bench", "run", *arguments, "--quick", "--suite", "rollover", "--no-page", "--out", tmp_path)
+    assert f"warning: {warning}" in capfd.readouterr().err

@@ -92,8 +92,9 @@ struct Strategy {
     d: DVector<f64>,
     p_sigma: DVector<f64>,
     p_c: DVector<f64>,
-    /// Best objective of each generation.
+    /// Best and median objective of each generation.
     best: Vec<f64>,
+    median: Vec<f64>,
     /// Difference between the worst and the best objective of the last generation.
     spread: f64,
 }
@@ -135,6 +136,7 @@ impl Strategy {
             p_sigma: DVector::zeros(dimension),
             p_c: DVector::zeros(dimension),
             best: Vec::new(),
+            median: Vec::new(),
             spread: f64::INFINITY,
         }
     }
@@ -179,6 +181,7 @@ impl Strategy {
         self.d = eigen.eigenvalues.map(|value| sqrt(value.max(f64::MIN_POSITIVE)));
 
         self.best.push(objectives[order[0]]);
+        self.median.push(objectives[order[order.len() / 2]]);
         self.spread = objectives[order[order.len() - 1]] - objectives[order[0]];
     }
 
@@ -188,9 +191,20 @@ impl Strategy {
         let recent = &self.best[self.best.len().saturating_sub(last)..];
         let (low, high) = recent.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
         let is_flat = recent.len() == last && high - low < CONVERGED && self.spread < CONVERGED;
+        let shortest = (120.0 + 30.0 * self.n / self.w.len() as f64).ceil() as usize;
+        let window = (self.best.len() / 5).max(shortest);
+        let stagnates = [&self.best, &self.median].iter().all(|history| is_no_better(history, window));
         let is_narrow = self.sigma * self.d.max() < CONVERGED * self.first_sigma;
-        is_flat || is_narrow || pow(self.d.max() / self.d.min(), 2.0) > MAX_CONDITION
+        is_flat || stagnates || is_narrow || pow(self.d.max() / self.d.min(), 2.0) > MAX_CONDITION
     }
+}
+
+/// True if of the last generations the newest 30 % are no better than the oldest 30 %, by their medians.
+fn is_no_better(history: &[f64], window: usize) -> bool {
+    let median = |values: &[f64]| values[ranking(values)[values.len() / 2]];
+    let Some(start) = history.len().checked_sub(window) else { return false };
+    let (recent, share) = (&history[start..], window * 3 / 10);
+    median(&recent[window - share..]) >= median(&recent[..share])
 }
 
 #[cfg(test)]
@@ -238,6 +252,15 @@ mod tests {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
         assert!((strategy.sigma - 0.389_934_908_639_413_6).abs() < 1e-12, "{}", strategy.sigma);
+    }
+
+    /// By hand: of ten values the medians of the first and last three count.
+    #[test]
+    fn a_history_that_does_not_fall_stagnates() {
+        let falling = [9.0, 8.0, 8.0, 5.0, 5.0, 5.0, 5.0, 7.0, 7.0, 9.0];
+        assert!(!is_no_better(&falling, 10) && !is_no_better(&falling, 11));
+        assert!(is_no_better(&[7.0, 9.0, 9.0, 5.0, 5.0, 5.0, 5.0, 9.0, 9.0, 7.0], 10));
+        assert!(is_no_better(&falling, 5));
     }
 
     /// 20,000 numbers: the standard error of mean and variance is 0.007 and 0.01; four of them.

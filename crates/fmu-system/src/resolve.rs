@@ -19,7 +19,7 @@ mod unread;
 mod values;
 mod wiring;
 
-pub use self::fmus::{Descriptions, FmuFolder, Found};
+pub use self::fmus::{Descriptions, FmuFolder, Found, fmus_with};
 pub use self::inputs::AfterEnd;
 use self::inputs::Inputs;
 use self::system::{Resolver, signal_names};

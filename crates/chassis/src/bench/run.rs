@@ -5,11 +5,12 @@ use fmu_assess::assess::{Options, Shown, assess};
 use fmu_assess::report::{Assessment, Judgment, Row, Verdict};
 use fmu_assess::vehicle::VehicleFile;
 use fmu_assess::{ACTUATORS, SetupError, Subject, Suite};
-use fmu_import::description::Value;
+use fmu_import::description::{Causality, Value};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
-use fmu_system::resolve::FmuFolder;
+use fmu_system::resolve::{Descriptions, FmuFolder, fmus_with};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -307,7 +308,7 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
         None => miette!("{error}"),
     })?;
     write(&assessment, &shown, &out, arguments)?;
-    print(&assessment);
+    print(&assessment, &source);
     outln!("{}", out.join("assessment.json").display());
     Ok(assessment)
 }
@@ -460,7 +461,7 @@ fn print_events(assessment: &Assessment) {
     }
 }
 
-fn print(assessment: &Assessment) {
+fn print(assessment: &Assessment, source: &FmuFolder) {
     let has_both = assessment.systems.len() > 1;
     print_systems(assessment);
     for suite in Suite::ALL {
@@ -538,9 +539,7 @@ fn print(assessment: &Assessment) {
             assessment.assumed.iter().map(|(signal, unit)| format!("`{signal}` ({unit})")).collect();
         errln!("note: the plant declares no unit of {}: they are taken as such", signals.join(", "));
     }
-    for unit in &assessment.idle {
-        errln!("warning: {unit} has no effect: nothing reads its outputs");
-    }
+    print_loose_ends(assessment, source);
     let count = |wanted: Verdict| assessment.metrics.iter().filter(|row| row.verdict == wanted).count();
     let (passed, failed, errors) = (count(Verdict::Pass), count(Verdict::Fail), count(Verdict::Error));
     if passed + failed + errors > 0 {
@@ -549,6 +548,30 @@ fn print(assessment: &Assessment) {
             "\nlimits {} controllers: {passed} kept, {failed} not kept{errors}",
             if has_both { "with" } else { "without" }
         );
+    }
+}
+
+/// Warns of controllers without a reader or a writer, and names FMUs that would be one.
+fn print_loose_ends(assessment: &Assessment, source: &FmuFolder) {
+    let with =
+        |verb: &str, names: Option<String>| names.map_or(String::new(), |names| format!("; FMUs that {verb}: {names}"));
+    for fmu in &assessment.idle {
+        let found = source.find(fmu).ok().flatten();
+        let outputs = found.iter().flat_map(|found| &found.description.variables);
+        let outputs = outputs.filter(|v| v.causality == Causality::Output).map(|v| v.name.as_str());
+        let readers = fmus_with(source, Causality::Input, &outputs.collect::<Vec<_>>());
+        errln!("warning: {fmu} has no effect: nothing reads its outputs{}", with("read them", readers));
+    }
+    // Both systems have the inputs of the plant.
+    let unwritten: BTreeMap<&String, &String> = assessment.unwritten.values().flatten().collect();
+    for (signal, value) in unwritten {
+        if let Some(start) = value.strip_suffix(" (start value)") {
+            let writers = fmus_with(source, Causality::Output, &[signal]);
+            errln!(
+                "warning: nothing writes `{signal}`, which keeps its start value {start}{}",
+                with("write it", writers)
+            );
+        }
     }
 }
 

@@ -1,8 +1,9 @@
 //! Sources of FMUs for the resolver.
 
 use fmu_import::archive::read_description;
-use fmu_import::description::ModelDescription;
+use fmu_import::description::{Causality, ModelDescription, Variable};
 use std::cell::RefCell;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,6 +35,20 @@ pub trait Descriptions {
 
     /// Describes the place that was searched, for messages.
     fn place(&self) -> String;
+}
+
+/// Names up to three FMUs that have variables of these names and this causality, for a message; those with most come first.
+pub fn fmus_with(source: &dyn Descriptions, causality: Causality, names: &[&str]) -> Option<String> {
+    let has = |fmu: &String| {
+        let found = source.find(fmu).ok()??;
+        let is_one = |v: &&Variable| v.causality == causality && names.contains(&v.name.as_str());
+        let count = found.description.variables.iter().filter(is_one).count();
+        (count > 0).then(|| (Reverse(count), format!("`{fmu}`")))
+    };
+    let mut fmus: Vec<_> = source.names().iter().filter_map(has).collect();
+    fmus.sort();
+    let best: Vec<String> = fmus.into_iter().take(3).map(|(_, fmu)| fmu).collect();
+    (!best.is_empty()).then(|| best.join(", "))
 }
 
 /// FMUs in folders; the first folder that has a file wins.

@@ -1,7 +1,7 @@
 //! The wires of a case: the source of each input.
 
 use super::conversion::{self, compatible, convertible};
-use super::fmus::Descriptions;
+use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use super::values::setting;
 use crate::parameter;
@@ -13,13 +13,9 @@ use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
 use fmu_import::names::{similar, suggestion};
 use std::borrow::Cow;
-use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
-
-/// FMUs that a message names, at most.
-const MOST_WRITERS: usize = 3;
 
 /// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was reported.
 type End = Result<Option<(usize, usize)>, ()>;
@@ -71,22 +67,6 @@ fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> 
         Change::LostOutput => format!("{other} has no output{s} {names}, which {own} has"),
     };
     (written.map_or(component.fmu.span(), Spanned::span), words)
-}
-
-/// FMUs that are at hand and write most of these inputs, for a message.
-fn writers(inputs: &[&str], source: &dyn Descriptions) -> String {
-    let written = |name: &String| {
-        let found = source.find(name).ok()??;
-        let is_one = |v: &&Variable| v.causality == Causality::Output && inputs.contains(&v.name.as_str());
-        let count = found.description.variables.iter().filter(is_one).count();
-        (count > 0).then_some((Reverse(count), name.clone()))
-    };
-    let mut names: Vec<_> = source.names().iter().filter_map(written).collect();
-    names.sort();
-    match names.iter().take(MOST_WRITERS).map(|(_, name)| format!("`{name}`")).collect::<Vec<_>>() {
-        names if names.is_empty() => String::new(),
-        names => format!("; FMUs that write {}: {}", if inputs.len() == 1 { "it" } else { "them" }, names.join(", ")),
-    }
 }
 
 fn quoted(names: &[&str]) -> String {
@@ -190,7 +170,9 @@ impl<'a> Resolver<'a> {
                 .iter()
                 .find_map(|name| suggestion(name, outputs.keys().copied()))
                 .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
-            let writers = writers(&inputs, source);
+            let which = if inputs.len() == 1 { "it" } else { "them" };
+            let writers = fmus_with(source, Causality::Output, &inputs)
+                .map_or(String::new(), |names| format!("; FMUs that write {which}: {names}"));
             let help = format!("give the component a constant in `inputs` or add a [[connection]]{near}{writers}");
             let which = match inputs[..] {
                 [input] => format!("the input `{input}`"),
