@@ -2,8 +2,8 @@
 
 use super::structure::{Unknown, Unknowns};
 use super::xml::{
-    Written, Xml, attributes, borrowed, default_experiment, document, facts, interface, items, list, log_categories,
-    start, type_attributes, unit_definitions,
+    Written, Xml, attributes, borrowed, default_experiment, document, element, empty, facts, interface, items, list,
+    log_categories, start, type_attributes, unit_definitions,
 };
 use super::{Format, Structure, xml};
 use crate::runner::{Kind as ModelKind, Model};
@@ -39,7 +39,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
         type_definitions(xml, layout)?;
         log_categories(xml)?;
         default_experiment(xml, info)?;
-        xml.create_element("ModelVariables").write_inner_content(|xml| {
+        element(xml, "ModelVariables", &[], |xml| {
             layout.variables.iter().try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))
         })?;
         model_structure::<M>(xml, layout, structure)
@@ -48,15 +48,13 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
 
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     xml::type_definitions(xml, layout, |xml, one, attributes| {
-        xml.create_element("SimpleType").with_attributes(borrowed(&attributes)).write_inner_content(|xml| {
+        element(xml, "SimpleType", &borrowed(&attributes), |xml| {
             if one.is_enumeration {
-                xml.create_element("Enumeration").write_inner_content(|xml| items(xml, one.items))?;
+                element(xml, "Enumeration", &[], |xml| items(xml, one.items))
             } else {
-                xml.create_element("Integer").with_attributes(borrowed(&one.limits())).write_empty()?;
+                empty(xml, "Integer", &borrowed(&one.limits()))
             }
-            Ok(())
-        })?;
-        Ok(())
+        })
     })
 }
 
@@ -71,31 +69,23 @@ fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable
         let state = layout.state_of(variable);
         of_type.push(("derivative", layout.structure_index(state.reference).to_string()));
     }
-    xml.create_element("ScalarVariable").with_attributes(borrowed(&attributes)).write_inner_content(|xml| {
-        xml.create_element(declaration.kind.type_name()).with_attributes(borrowed(&of_type)).write_empty()?;
-        Ok(())
-    })?;
-    Ok(())
+    element(xml, "ScalarVariable", &borrowed(&attributes), |xml| {
+        empty(xml, declaration.kind.type_name(), &borrowed(&of_type))
+    })
 }
 
 fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, structure: &Structure) -> Written {
     let index = |variable: &Variable| layout.structure_index(variable.reference);
     let unknown = |xml: &mut Xml, unknown: &Unknown<'_>| -> Written {
-        let (index, dependencies) =
-            (index(unknown.variable).to_string(), list(unknown.dependencies.iter().map(|variable| index(variable))));
-        xml.create_element("Unknown")
-            .with_attributes([("index", index.as_str()), ("dependencies", dependencies.as_str())])
-            .write_empty()?;
-        Ok(())
+        let dependencies = list(unknown.dependencies.iter().map(|variable| index(variable)));
+        empty(xml, "Unknown", &[("index", &index(unknown.variable)), ("dependencies", &dependencies)])
     };
     let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
-    xml.create_element("ModelStructure").write_inner_content(|xml| {
+    element(xml, "ModelStructure", &[], |xml| {
         let lists = [("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", initial)];
-        for (name, unknowns) in lists.iter().filter(|(_, unknowns)| !unknowns.is_empty()) {
-            xml.create_element(*name)
-                .write_inner_content(|xml| unknowns.iter().try_for_each(|one| unknown(xml, one)))?;
-        }
-        Ok(())
-    })?;
-    Ok(())
+        let mut lists = lists.iter().filter(|(_, unknowns)| !unknowns.is_empty());
+        lists.try_for_each(|(name, unknowns)| {
+            element(xml, name, &[], |xml| unknowns.iter().try_for_each(|one| unknown(xml, one)))
+        })
+    })
 }

@@ -1,9 +1,12 @@
 //! modelDescription.xml and terminalsAndIcons.xml of FMI 3.0.
 
+use std::collections::BTreeSet;
+use std::fmt::Display;
+
 use super::structure::{Unknown, Unknowns};
 use super::xml::{
-    Written, Xml, attributes, borrowed, default_experiment, document, facts, interface, items, list, log_categories,
-    start, type_attributes, unit_definitions,
+    Written, Xml, attributes, borrowed, default_experiment, document, element, empty, facts, interface, items, list,
+    log_categories, start, type_attributes, unit_definitions,
 };
 use super::{Format, Structure, xml};
 use crate::calls::Version;
@@ -38,11 +41,10 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
         type_definitions(xml, layout)?;
         log_categories(xml)?;
         default_experiment(xml, info)?;
-        xml.create_element("ModelVariables").write_inner_content(|xml| {
+        element(xml, "ModelVariables", &[], |xml| {
             independent_variable(xml, layout)?;
-            for variable in variables(layout, format) {
-                model_variable::<M>(xml, layout, format, variable)?;
-            }
+            variables(layout, format)
+                .try_for_each(|variable| model_variable::<M>(xml, layout, format, variable))?;
             if interfaces.model_exchange {
                 (0..layout.indicators.total()).try_for_each(|index| event_indicator(xml, layout, index))?;
             }
@@ -64,13 +66,11 @@ fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable>
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     xml::type_definitions(xml, layout, |xml, one, mut attributes| {
         if one.is_enumeration {
-            let element = xml.create_element("EnumerationType").with_attributes(borrowed(&attributes));
-            element.write_inner_content(|xml| items(xml, one.items))?;
+            element(xml, "EnumerationType", &borrowed(&attributes), |xml| items(xml, one.items))
         } else {
             attributes.extend(one.limits());
-            xml.create_element("Int32Type").with_attributes(borrowed(&attributes)).write_empty()?;
+            empty(xml, "Int32Type", &borrowed(&attributes))
         }
-        Ok(())
     })
 }
 
@@ -88,16 +88,14 @@ fn indicator(layout: &Layout, index: usize) -> u32 {
 fn independent_variable(xml: &mut Xml, layout: &Layout) -> Written {
     let is_free = |name: &&str| layout.variables.iter().all(|variable| variable.declaration.name != *name);
     let name = ["time", "simulation_time"].into_iter().find(is_free).unwrap_or("independent_variable");
-    xml.create_element("Float64")
-        .with_attributes([
-            ("name", name),
-            ("valueReference", time(layout).to_string().as_str()),
-            ("description", "Simulation time in s"),
-            ("causality", "independent"),
-            ("variability", "continuous"),
-        ])
-        .write_empty()?;
-    Ok(())
+    let attributes: [(&str, &dyn Display); 5] = [
+        ("name", &name),
+        ("valueReference", &time(layout)),
+        ("description", &"Simulation time in s"),
+        ("causality", &"independent"),
+        ("variability", &"continuous"),
+    ];
+    empty(xml, "Float64", &attributes)
 }
 
 fn event_indicator(xml: &mut Xml, layout: &Layout, index: usize) -> Written {
@@ -106,17 +104,15 @@ fn event_indicator(xml: &mut Xml, layout: &Layout, index: usize) -> Written {
     } else {
         "Difference of the operands of a relation, in parts of its scale"
     };
-    xml.create_element("Float64")
-        .with_attributes([
-            ("name", format!("event_indicator[{}]", index + 1).as_str()),
-            ("valueReference", indicator(layout, index).to_string().as_str()),
-            ("description", description),
-            ("causality", "local"),
-            ("variability", "continuous"),
-            ("initial", "calculated"),
-        ])
-        .write_empty()?;
-    Ok(())
+    let attributes: [(&str, &dyn Display); 6] = [
+        ("name", &format_args!("event_indicator[{}]", index + 1)),
+        ("valueReference", &indicator(layout, index)),
+        ("description", &description),
+        ("causality", &"local"),
+        ("variability", &"continuous"),
+        ("initial", &"calculated"),
+    ];
+    empty(xml, "Float64", &attributes)
 }
 
 fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, variable: &Variable) -> Written {
@@ -144,23 +140,16 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
     if has_start && !is_text {
         attributes.push(("start", starts.join(" ")));
     }
-    let writer =
-        xml.create_element(name_in(Version::Fmi3, declaration.kind.type_name())).with_attributes(borrowed(&attributes));
+    let (name, attributes) = (name_in(Version::Fmi3, declaration.kind.type_name()), borrowed(&attributes));
     let has_content = array.is_some() || (is_text && has_start);
     if !has_content {
-        writer.write_empty()?;
-        return Ok(());
+        return empty(xml, name, &attributes);
     }
-    writer.write_inner_content(|xml| {
-        for length in array.iter().flat_map(|array| &array.dimensions) {
-            xml.create_element("Dimension").with_attribute(("start", length.to_string().as_str())).write_empty()?;
-        }
-        for start in starts.iter().filter(|_| is_text) {
-            xml.create_element("Start").with_attribute(("value", start.as_str())).write_empty()?;
-        }
-        Ok(())
-    })?;
-    Ok(())
+    element(xml, name, &attributes, |xml| {
+        let mut dimensions = array.iter().flat_map(|array| &array.dimensions);
+        dimensions.try_for_each(|length| empty(xml, "Dimension", &[("start", length)]))?;
+        starts.iter().filter(|_| is_text).try_for_each(|start| empty(xml, "Start", &[("value", start)]))
+    })
 }
 
 fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, structure: &Structure) -> Written {
@@ -179,35 +168,24 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
                 None => merged.push((reference, dependencies.collect())),
             }
         }
-        for (reference, mut dependencies) in merged {
-            let mut seen = std::collections::BTreeSet::new();
+        merged.into_iter().try_for_each(|(reference, mut dependencies)| {
+            let mut seen = BTreeSet::new();
             dependencies.retain(|dependency| seen.insert(*dependency));
             let dependencies = list(dependencies.iter().map(|&dependency| dependency as usize));
-            xml.create_element(name)
-                .with_attributes([
-                    ("valueReference", reference.to_string().as_str()),
-                    ("dependencies", dependencies.as_str()),
-                ])
-                .write_empty()?;
-        }
-        Ok(())
+            empty(xml, name, &[("valueReference", &reference), ("dependencies", &dependencies)])
+        })
     };
     let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
-    xml.create_element("ModelStructure").write_inner_content(|xml| {
+    element(xml, "ModelStructure", &[], |xml| {
         write(xml, "Output", &outputs)?;
         write(xml, "ContinuousStateDerivative", &derivatives)?;
         write(xml, "InitialUnknown", &initial)?;
         (0..indicators).try_for_each(|index| {
             // Without a list of dependencies it depends on everything.
-            let reference = indicator(layout, index).to_string();
-            xml.create_element("EventIndicator")
-                .with_attribute(("valueReference", reference.as_str()))
-                .write_empty()?;
-            Ok(())
+            empty(xml, "EventIndicator", &[("valueReference", &indicator(layout, index))])
         })
-    })?;
-    Ok(())
+    })
 }
 
 /// Side of the icon in the coordinates of terminalsAndIcons.xml.
@@ -234,38 +212,29 @@ pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<
         }
     }
     document("fmiTerminalsAndIcons", &vec![("fmiVersion", "3.0".to_owned())], |xml| {
-        xml.create_element("GraphicalRepresentation").write_inner_content(|xml| {
-            let corners = [("x1", "0.0"), ("y1", "0.0"), ("x2", SIDE), ("y2", SIDE)];
-            xml.create_element("CoordinateSystem")
-                .with_attributes(corners)
-                .with_attribute(("suggestedScalingFactorTo_mm", "0.1"))
-                .write_empty()?;
-            xml.create_element("Icon").with_attributes(corners).write_empty()?;
-            Ok(())
+        element(xml, "GraphicalRepresentation", &[], |xml| {
+            let system: [(&str, &dyn Display); 5] =
+                [("x1", &"0.0"), ("y1", &"0.0"), ("x2", &SIDE), ("y2", &SIDE), ("suggestedScalingFactorTo_mm", &"0.1")];
+            empty(xml, "CoordinateSystem", &system)?;
+            empty(xml, "Icon", &system[..4])
         })?;
         if terminals.is_empty() {
             return Ok(());
         }
-        xml.create_element("Terminals").write_inner_content(|xml| {
-            terminals.iter().try_for_each(|(name, members)| -> Written {
+        element(xml, "Terminals", &[], |xml| {
+            terminals.iter().try_for_each(|(name, members)| {
                 let description = format!("Signals of the element {name}");
-                xml.create_element("Terminal")
-                    .with_attributes([("name", *name), ("matchingRule", "bus"), ("description", description.as_str())])
-                    .write_inner_content(|xml| {
-                        members.iter().try_for_each(|(member, variable)| -> Written {
-                            xml.create_element("TerminalMemberVariable")
-                                .with_attributes([
-                                    ("variableName", variable.declaration.name.as_str()),
-                                    ("memberName", *member),
-                                    ("variableKind", "signal"),
-                                ])
-                                .write_empty()?;
-                            Ok(())
-                        })
-                    })?;
-                Ok(())
+                let attributes: [(&str, &dyn Display); 3] =
+                    [("name", name), ("matchingRule", &"bus"), ("description", &description)];
+                element(xml, "Terminal", &attributes, |xml| {
+                    members.iter().try_for_each(|(member, variable)| {
+                        let name = &variable.declaration.name;
+                        let attributes: [(&str, &dyn Display); 3] =
+                            [("variableName", name), ("memberName", member), ("variableKind", &"signal")];
+                        empty(xml, "TerminalMemberVariable", &attributes)
+                    })
+                })
             })
-        })?;
-        Ok(())
+        })
     })
 }

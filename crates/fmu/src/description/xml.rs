@@ -1,9 +1,10 @@
 //! Common parts of the descriptions of both versions.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
-use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
+use quick_xml::{ElementWriter, Writer};
 
 use super::LOG_CATEGORIES;
 use crate::enumeration::Item;
@@ -26,8 +27,28 @@ pub(super) type Xml = Writer<Vec<u8>>;
 /// Attributes of an element with their values.
 pub(super) type Attributes = Vec<(&'static str, String)>;
 
-pub(super) fn borrowed(attributes: &Attributes) -> impl Iterator<Item = (&str, &str)> {
-    attributes.iter().map(|(name, value)| (*name, value.as_str()))
+pub(super) fn borrowed(attributes: &Attributes) -> Vec<(&str, &dyn Display)> {
+    attributes.iter().map(|(name, value)| (*name, value as &dyn Display)).collect()
+}
+
+fn open<'x>(xml: &'x mut Xml, name: &'x str, attributes: &[(&str, &dyn Display)]) -> ElementWriter<'x, Vec<u8>> {
+    let element = xml.create_element(name);
+    attributes.iter().fold(element, |element, (name, value)| element.with_attribute((*name, &*value.to_string())))
+}
+
+/// Writes an element without content.
+pub(super) fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &dyn Display)]) -> Written {
+    open(xml, name, attributes).write_empty().map(drop)
+}
+
+/// Writes an element with content.
+pub(super) fn element(
+    xml: &mut Xml,
+    name: &str,
+    attributes: &[(&str, &dyn Display)],
+    content: impl FnOnce(&mut Xml) -> Written,
+) -> Written {
+    open(xml, name, attributes).write_inner_content(content).map(drop)
 }
 
 /// A document with one element.
@@ -38,7 +59,7 @@ pub(super) fn document(
 ) -> std::io::Result<Vec<u8>> {
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    xml.create_element(name).with_attributes(borrowed(attributes)).write_inner_content(content)?;
+    element(&mut xml, name, &borrowed(attributes), content)?;
     let mut bytes = xml.into_inner();
     bytes.push(b'\n');
     Ok(bytes)
@@ -118,59 +139,37 @@ pub(super) fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     if units.is_empty() {
         return Ok(());
     }
-    xml.create_element("UnitDefinitions").write_inner_content(|xml| {
-        for (unit, display) in units.values() {
-            xml.create_element("Unit").with_attribute(("name", unit.name)).write_inner_content(|xml| {
-                let mut base = xml.create_element("BaseUnit");
-                for (name, exponent) in ["kg", "m", "s", "A", "K", "mol", "cd", "rad"].into_iter().zip(unit.exponents) {
-                    if exponent != 0 {
-                        base = base.with_attribute((name, exponent.to_string().as_str()));
-                    }
-                }
-                if unit.factor != 1.0 {
-                    base = base.with_attribute(("factor", number(unit.factor).as_str()));
-                }
-                if unit.offset != 0.0 {
-                    base = base.with_attribute(("offset", number(unit.offset).as_str()));
-                }
-                base.write_empty()?;
-                for display in display {
-                    let mut element = xml
-                        .create_element("DisplayUnit")
-                        .with_attributes([("name", display.name), ("factor", number(display.factor).as_str())]);
-                    if display.offset != 0.0 {
-                        element = element.with_attribute(("offset", number(display.offset).as_str()));
-                    }
-                    element.write_empty()?;
-                }
-                Ok(())
-            })?;
-        }
-        Ok(())
-    })?;
-    Ok(())
+    let other_than = |default: f64, name, value| (value != default).then(|| (name, number(value)));
+    element(xml, "UnitDefinitions", &[], |xml| {
+        units.values().try_for_each(|(unit, display)| {
+            element(xml, "Unit", &[("name", &unit.name)], |xml| {
+                let exponents = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"].into_iter().zip(unit.exponents);
+                let exponents = exponents.filter(|(_, exponent)| *exponent != 0);
+                let mut base: Attributes = exponents.map(|(name, exponent)| (name, exponent.to_string())).collect();
+                base.extend(other_than(1.0, "factor", unit.factor));
+                base.extend(other_than(0.0, "offset", unit.offset));
+                empty(xml, "BaseUnit", &borrowed(&base))?;
+                display.iter().try_for_each(|display| {
+                    let mut attributes = vec![("name", display.name.to_owned()), ("factor", number(display.factor))];
+                    attributes.extend(other_than(0.0, "offset", display.offset));
+                    empty(xml, "DisplayUnit", &borrowed(&attributes))
+                })
+            })
+        })
+    })
 }
+
 pub(super) fn log_categories(xml: &mut Xml) -> Written {
-    xml.create_element("LogCategories").write_inner_content(|xml| {
-        for (name, description) in LOG_CATEGORIES {
-            xml.create_element("Category")
-                .with_attributes([("name", name), ("description", description)])
-                .write_empty()?;
-        }
-        Ok(())
-    })?;
-    Ok(())
+    element(xml, "LogCategories", &[], |xml| {
+        LOG_CATEGORIES.iter().try_for_each(|(name, description)| {
+            empty(xml, "Category", &[("name", name), ("description", description)])
+        })
+    })
 }
 
 pub(super) fn default_experiment(xml: &mut Xml, info: &Info) -> Written {
-    xml.create_element("DefaultExperiment")
-        .with_attributes([
-            ("startTime", "0.0"),
-            ("stopTime", number(info.stop_time).as_str()),
-            ("stepSize", number(info.step_size).as_str()),
-        ])
-        .write_empty()?;
-    Ok(())
+    let (stop, step) = (number(info.stop_time), number(info.step_size));
+    empty(xml, "DefaultExperiment", &[("startTime", &"0.0"), ("stopTime", &stop), ("stepSize", &step)])
 }
 
 /// Causality, variability and initial of a variable.
@@ -306,12 +305,11 @@ pub(super) fn type_definitions(
     if types.peek().is_none() {
         return Ok(());
     }
-    xml.create_element("TypeDefinitions").write_inner_content(|xml| {
+    element(xml, "TypeDefinitions", &[], |xml| {
         types.try_for_each(|one| {
             write(xml, &one, vec![("name", one.name.clone()), ("description", one.description.clone())])
         })
-    })?;
-    Ok(())
+    })
 }
 
 impl EnumerationType {
@@ -323,26 +321,17 @@ impl EnumerationType {
 
 /// Writes the element of an interface with its capabilities.
 pub(super) fn interface(xml: &mut Xml, name: &str, info: &Info, capabilities: &[(&str, bool)]) -> Written {
-    let capabilities = capabilities.iter().filter(|(_, has)| *has).map(|(capability, _)| (*capability, "true"));
-    xml.create_element(name)
-        .with_attribute(("modelIdentifier", info.name))
-        .with_attributes(capabilities)
-        .write_empty()?;
-    Ok(())
+    let capabilities = capabilities.iter().filter(|(_, has)| *has);
+    let mut attributes: Vec<(&str, &dyn Display)> = vec![("modelIdentifier", &info.name)];
+    attributes.extend(capabilities.map(|(capability, has)| (*capability, has as &dyn Display)));
+    empty(xml, name, &attributes)
 }
 
 /// Writes the items of an enumeration.
 pub(super) fn items(xml: &mut Xml, items: &[Item]) -> Written {
-    for item in items {
-        xml.create_element("Item")
-            .with_attributes([
-                ("name", item.name),
-                ("value", item.value.to_string().as_str()),
-                ("description", item.description),
-            ])
-            .write_empty()?;
-    }
-    Ok(())
+    items.iter().try_for_each(|item| {
+        empty(xml, "Item", &[("name", &item.name), ("value", &item.value), ("description", &item.description)])
+    })
 }
 
 #[cfg(test)]
