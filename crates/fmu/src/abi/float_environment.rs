@@ -5,41 +5,34 @@
 //! another rounding their results would change. Calls that compute run in the default environment and restore the
 //! caller's.
 
-#[cfg(target_arch = "aarch64")]
-use aarch64::Control;
-#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-use fixed::Control;
-#[cfg(target_arch = "x86_64")]
-use x86_64::Control;
+use control::{DEFAULT, FLAGS, Register, read, write};
 
 /// Sets the default environment, until [`leave`]. Returns that of the caller if it is another one.
 ///
 /// The compiler does not model the environment. It cannot move operations on values read from memory to the other side of the assembly in
-/// [`Control`]; numbers in registers go through [`argument`].
+/// [`control`]; numbers in registers go through [`argument`].
 #[inline(always)]
-pub(super) fn enter() -> Option<Control> {
-    let callers = Control::current();
-    if callers.is_default() { None } else { Some(replace(callers)) }
+pub(super) fn enter() -> Option<Register> {
+    let callers = read();
+    if callers & !FLAGS == DEFAULT {
+        return None;
+    }
+    change(DEFAULT);
+    Some(callers)
 }
 
 /// Restores the environment of the caller.
 #[inline(always)]
-pub(super) fn leave(callers: Option<Control>) {
+pub(super) fn leave(callers: Option<Register>) {
     if let Some(callers) = callers {
-        restore(callers);
+        change(callers);
     }
 }
 
 #[cold]
 #[inline(never)]
-fn replace(callers: Control) -> Control {
-    callers.replace()
-}
-
-#[cold]
-#[inline(never)]
-fn restore(callers: Control) {
-    callers.restore();
+fn change(register: Register) {
+    write(register);
 }
 
 /// A number that the caller passed, to be used between [`enter`] and [`leave`] only.
@@ -59,93 +52,61 @@ pub(super) fn argument(mut number: f64) -> f64 {
 /// Intel 64 and IA-32 Architectures Software Developer's Manual, volume 1, section 10.2.3: SSE, with which Rust computes. The
 /// x87 unit has registers of its own and serves C code with `long double` only.
 #[cfg(target_arch = "x86_64")]
-mod x86_64 {
+mod control {
     use std::arch::asm;
 
+    pub(super) type Register = u32;
     /// MXCSR with all exceptions masked, rounding to nearest and subnormal numbers.
-    const DEFAULT: u32 = 0x1f80;
+    pub(super) const DEFAULT: Register = 0x1f80;
     /// Exceptions that occurred: they change nothing.
-    const FLAGS: u32 = 0x3f;
+    pub(super) const FLAGS: Register = 0x3f;
 
-    #[derive(Clone, Copy)]
-    pub(in crate::abi) struct Control(u32);
+    #[inline(always)]
+    pub(super) fn read() -> Register {
+        let mut mxcsr = 0;
+        // SAFETY: stores a register.
+        unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut mxcsr, options(nostack, preserves_flags)) };
+        mxcsr
+    }
 
-    impl Control {
-        #[inline(always)]
-        pub(super) fn current() -> Self {
-            let mut mxcsr = 0_u32;
-            // SAFETY: stores a register.
-            unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut mxcsr, options(nostack, preserves_flags)) };
-            Self(mxcsr)
-        }
-
-        #[inline(always)]
-        pub(super) fn is_default(self) -> bool {
-            self.0 & !FLAGS == DEFAULT
-        }
-
-        pub(super) fn replace(self) -> Self {
-            Self(DEFAULT).restore();
-            self
-        }
-
-        pub(super) fn restore(&self) {
-            // SAFETY: the default, or what the caller's register held.
-            unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const self.0, options(nostack, preserves_flags)) };
-        }
+    pub(super) fn write(mxcsr: Register) {
+        // SAFETY: the default, or what the caller's register held.
+        unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const mxcsr, options(nostack, preserves_flags)) };
     }
 }
 
 /// Arm Architecture Reference Manual for A-profile, register FPCR: all zeros are the default.
 #[cfg(target_arch = "aarch64")]
-mod aarch64 {
+mod control {
     use std::arch::asm;
 
-    #[derive(Clone, Copy)]
-    pub(in crate::abi) struct Control(u64);
+    pub(super) type Register = u64;
+    pub(super) const DEFAULT: Register = 0;
+    pub(super) const FLAGS: Register = 0;
 
-    impl Control {
-        #[inline(always)]
-        pub(super) fn current() -> Self {
-            let fpcr;
-            // SAFETY: reads a register.
-            unsafe { asm!("mrs {}, fpcr", out(reg) fpcr, options(nostack, preserves_flags)) };
-            Self(fpcr)
-        }
+    #[inline(always)]
+    pub(super) fn read() -> Register {
+        let fpcr;
+        // SAFETY: reads a register.
+        unsafe { asm!("mrs {}, fpcr", out(reg) fpcr, options(nostack, preserves_flags)) };
+        fpcr
+    }
 
-        #[inline(always)]
-        pub(super) fn is_default(self) -> bool {
-            self.0 == 0
-        }
-
-        pub(super) fn replace(self) -> Self {
-            Self(0).restore();
-            self
-        }
-
-        pub(super) fn restore(&self) {
-            // SAFETY: zeros, or what the caller's register held.
-            unsafe { asm!("msr fpcr, {}", in(reg) self.0, options(nostack, preserves_flags)) };
-        }
+    pub(super) fn write(fpcr: Register) {
+        // SAFETY: zeros, or what the caller's register held.
+        unsafe { asm!("msr fpcr, {}", in(reg) fpcr, options(nostack, preserves_flags)) };
     }
 }
 
 /// WebAssembly has one environment. Those of other processors are not changed.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-mod fixed {
-    #[derive(Clone, Copy)]
-    pub(in crate::abi) struct Control;
+mod control {
+    pub(super) type Register = u32;
+    pub(super) const DEFAULT: Register = 0;
+    pub(super) const FLAGS: Register = 0;
 
-    impl Control {
-        pub(super) fn current() -> Self {
-            Self
-        }
-        pub(super) fn is_default(self) -> bool {
-            true
-        }
-        pub(super) fn replace(self) -> Self {
-            self
-        }
-        pub(super) fn restore(&self) {}
+    pub(super) fn read() -> Register {
+        DEFAULT
     }
+    pub(super) fn write(_: Register) {}
 }
