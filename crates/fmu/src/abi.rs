@@ -338,14 +338,16 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
     catch_unwind(text).unwrap_or(std::ptr::null())
 }
 
-/// Functions of the C interface that call a function for the model.
+/// Functions of the C interface that call a function for the model, some for an entry of the table of calls.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_functions {
-    ($model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
+    ($model:ty: $($name:ident $target:ident $($function:ident)? ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
-            unsafe { $target::<$model>(component $(, $argument)*) }
+            unsafe {
+                $target::<$model>(component $(, $crate::__private::calls::Function::$function)? $(, $argument)*)
+            }
         }
     )*};
 }

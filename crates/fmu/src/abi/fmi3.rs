@@ -199,35 +199,26 @@ pub unsafe fn not_provided<E: Export>(component: Component, function: Function) 
     unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not provided (see the model description)"))) }
 }
 
-/// Arrays of a directional or adjoint derivative.
-#[derive(Clone, Copy, Debug)]
-pub struct Derivative {
-    /// unknowns.
-    pub unknowns: *const ValueReference,
-    /// nUnknowns.
-    pub unknown_count: size_t,
-    /// knowns.
-    pub knowns: *const ValueReference,
-    /// nKnowns.
-    pub known_count: size_t,
-    /// seed.
-    pub seed: *const f64,
-    /// nSeed.
-    pub seed_count: size_t,
-    /// sensitivity.
-    pub result: *mut f64,
-    /// nSensitivity.
-    pub result_count: size_t,
-}
-
 /// fmi3GetDirectionalDerivative and fmi3GetAdjointDerivative.
-pub unsafe fn get_derivative<E: Export>(component: Component, function: Function, arrays: Derivative) -> Status {
+#[expect(clippy::too_many_arguments, reason = "those of the standard")]
+pub unsafe fn get_derivative<E: Export>(
+    component: Component,
+    function: Function,
+    unknowns: *const ValueReference,
+    unknown_count: size_t,
+    knowns: *const ValueReference,
+    known_count: size_t,
+    seed: *const f64,
+    seed_count: size_t,
+    result: *mut f64,
+    result_count: size_t,
+) -> Status {
     unsafe {
         call::<E>(component, function, |h| {
-            let seed = array::<E, _>(function, "seed", arrays.seed, arrays.seed_count)?;
-            let result = array_mut::<E, _>(function, "sensitivity", arrays.result, arrays.result_count)?;
-            let unknowns = elements(h, function, arrays.unknowns, arrays.unknown_count)?.0.to_vec();
-            let (knowns, instance) = elements(h, function, arrays.knowns, arrays.known_count)?;
+            let seed = array::<E, _>(function, "seed", seed, seed_count)?;
+            let result = array_mut::<E, _>(function, "sensitivity", result, result_count)?;
+            let unknowns = elements(h, function, unknowns, unknown_count)?.0.to_vec();
+            let (knowns, instance) = elements(h, function, knowns, known_count)?;
             if function == Function::GetAdjointDerivative {
                 check_count::<E>(function, unknowns.len(), seed.len())?;
                 check_count::<E>(function, knowns.len(), result.len())?;
@@ -343,18 +334,6 @@ pub unsafe fn do_step<E: Export>(
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {
-    (@values $model:ty: $($name:ident $target:ident $type:ty;)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(
-            component: Component,
-            vr: *const ValueReference,
-            n: size_t,
-            values: $type,
-            n_values: size_t,
-        ) -> Status {
-            unsafe { $target::<$model>(component, vr, n, values, n_values) }
-        }
-    )*};
     (@none $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
@@ -380,23 +359,6 @@ macro_rules! c_interface_of_fmi3 {
             } else {
                 unsafe { not_provided::<$model>(component, $crate::__private::calls::Function::$function) }
             }
-        }
-    )*};
-    (@derivative $model:ty: $($name:ident $function:ident;)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(
-            component: Component,
-            unknowns: *const ValueReference,
-            unknown_count: size_t,
-            knowns: *const ValueReference,
-            known_count: size_t,
-            seed: *const f64,
-            seed_count: size_t,
-            result: *mut f64,
-            result_count: size_t,
-        ) -> Status {
-            let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
-            unsafe { get_derivative::<$model>(component, $crate::__private::calls::Function::$function, arrays) }
         }
     )*};
     ($model:ty) => {
@@ -467,10 +429,6 @@ macro_rules! c_interface_of_fmi3 {
                 let arguments = Arguments { name, token, resources, logging_on, environment, logger };
                 unsafe { instantiate_scheduled_execution::<$model>(arguments) }
             }
-            $crate::c_interface_of_fmi3! { @derivative $model:
-                fmi3GetDirectionalDerivative GetDirectionalDerivative;
-                fmi3GetAdjointDerivative GetAdjointDerivative;
-            }
             $crate::c_functions! { $model:
                 fmi3SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
                 fmi3EnterInitializationMode enter_initialization_mode (with_tolerance: Boolean, tolerance: f64, start: f64, with_stop: Boolean, stop: f64);
@@ -487,18 +445,18 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3EvaluateDiscreteStates evaluate_discrete_states ();
                 fmi3UpdateDiscreteStates update_discrete_states (needs_update: *mut Boolean, terminate: *mut Boolean, nominals: *mut Boolean, states: *mut Boolean, next_defined: *mut Boolean, next: *mut f64);
                 fmi3EnterStepMode enter_step_mode ();
-            }
-            $crate::c_interface_of_fmi3! { @values $model:
-                fmi3GetFloat64 get_float64 *mut f64;
-                fmi3SetFloat64 set_float64 *const f64;
-                fmi3GetInt32 get_int32 *mut i32;
-                fmi3SetInt32 set_int32 *const i32;
-                fmi3GetInt64 get_int64 *mut i64;
-                fmi3SetInt64 set_int64 *const i64;
-                fmi3GetBoolean get_boolean *mut Boolean;
-                fmi3SetBoolean set_boolean *const Boolean;
-                fmi3GetString get_string *mut *const c_char;
-                fmi3SetString set_string *const *const c_char;
+                fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetAdjointDerivative get_derivative GetAdjointDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetFloat64 get_float64 (vr: *const ValueReference, n: size_t, values: *mut f64, n_values: size_t);
+                fmi3SetFloat64 set_float64 (vr: *const ValueReference, n: size_t, values: *const f64, n_values: size_t);
+                fmi3GetInt32 get_int32 (vr: *const ValueReference, n: size_t, values: *mut i32, n_values: size_t);
+                fmi3SetInt32 set_int32 (vr: *const ValueReference, n: size_t, values: *const i32, n_values: size_t);
+                fmi3GetInt64 get_int64 (vr: *const ValueReference, n: size_t, values: *mut i64, n_values: size_t);
+                fmi3SetInt64 set_int64 (vr: *const ValueReference, n: size_t, values: *const i64, n_values: size_t);
+                fmi3GetBoolean get_boolean (vr: *const ValueReference, n: size_t, values: *mut Boolean, n_values: size_t);
+                fmi3SetBoolean set_boolean (vr: *const ValueReference, n: size_t, values: *const Boolean, n_values: size_t);
+                fmi3GetString get_string (vr: *const ValueReference, n: size_t, values: *mut *const c_char, n_values: size_t);
+                fmi3SetString set_string (vr: *const ValueReference, n: size_t, values: *const *const c_char, n_values: size_t);
             }
             $crate::c_interface_of_fmi3! { @none $model:
                 fmi3GetFloat32 GetFloat32 (_values: *mut f32, _n_values: size_t);

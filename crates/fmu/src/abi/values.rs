@@ -107,13 +107,7 @@ fn each<M: Model, V>(
 #[inline]
 pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f64>) -> Status {
     unsafe {
-        get::<E, _>(component, Function::GetReal, list, |instance, references, values| {
-            if is_fmi3::<E>() {
-                instance.get_float64(references, values)
-            } else {
-                instance.get_real(references, values)
-            }
-        })
+        get::<E, _>(component, Function::GetReal, list, |i, references, values| i.get_float64(references, values))
     }
 }
 

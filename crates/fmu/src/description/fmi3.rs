@@ -43,8 +43,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
         default_experiment(xml, info)?;
         element(xml, "ModelVariables", &[], |xml| {
             independent_variable(xml, layout)?;
-            variables(layout, format)
-                .try_for_each(|variable| model_variable::<M>(xml, layout, format, variable))?;
+            variables(layout, format).try_for_each(|variable| model_variable::<M>(xml, layout, format, variable))?;
             if interfaces.model_exchange {
                 (0..layout.indicators.total()).try_for_each(|index| event_indicator(xml, layout, index))?;
             }

@@ -161,9 +161,9 @@ pub(super) fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
 
 pub(super) fn log_categories(xml: &mut Xml) -> Written {
     element(xml, "LogCategories", &[], |xml| {
-        LOG_CATEGORIES.iter().try_for_each(|(name, description)| {
-            empty(xml, "Category", &[("name", name), ("description", description)])
-        })
+        LOG_CATEGORIES
+            .iter()
+            .try_for_each(|(name, description)| empty(xml, "Category", &[("name", name), ("description", description)]))
     })
 }
 

@@ -152,18 +152,22 @@ impl<E: Export> Instance<E> {
     fn derivative(&self, function: Function, unknowns: &[u32], knowns: &[u32], seed: &[f64]) -> Vec<f64> {
         let length = if function == Function::GetAdjointDerivative { knowns.len() } else { unknowns.len() };
         let mut result = vec![0.0; length];
-        let arrays = fmi3::Derivative {
-            unknowns: unknowns.as_ptr(),
-            unknown_count: unknowns.len(),
-            knowns: knowns.as_ptr(),
-            known_count: knowns.len(),
-            seed: seed.as_ptr(),
-            seed_count: seed.len(),
-            result: result.as_mut_ptr(),
-            result_count: length,
-        };
         // SAFETY: arrays of these lengths.
-        assert_eq!(unsafe { fmi3::get_derivative::<E>(self.component, function, arrays) }, Status::Ok);
+        let status = unsafe {
+            fmi3::get_derivative::<E>(
+                self.component,
+                function,
+                unknowns.as_ptr(),
+                unknowns.len(),
+                knowns.as_ptr(),
+                knowns.len(),
+                seed.as_ptr(),
+                seed.len(),
+                result.as_mut_ptr(),
+                length,
+            )
+        };
+        assert_eq!(status, Status::Ok);
         result
     }
 }
