@@ -6,12 +6,10 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fmu::Variables as _;
 use fmu::testing::abi::Export;
-use fmu::testing::instance::ValueStore;
 use fmu::testing::runner::{Context, Kind as ModelKind, Model, Step};
+use fmu::testing::store::ValueStore;
 use fmu::testing::variable::{Kind, Layout, Role};
-use fmu::testing::variables::Counts;
 use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::loader::Instance;
@@ -177,7 +175,7 @@ fn excite(inputs: &mut [f64], start: &[f64], step: u32) {
 
 fn time_direct<M: Model>(layout: &Layout) -> f64 {
     let mut values = ValueStore::start(layout);
-    let p = M::Parameters::read(values.view(), Counts::ZERO);
+    let p = M::parameters(&values);
     let no_resources = Path::new("");
     let derived = M::load(&p, no_resources).expect("the start values suit each other");
     let mut ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };

@@ -1,14 +1,18 @@
 //! Functions that the derives call to declare variables; not needed in a model file.
 
-use std::marker::PhantomData;
-
 use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
-use crate::scalar::Scalar;
-use crate::store::ValueStore;
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{ArrayElement, Declaration, Kind, Real};
-use crate::variables::{Counts, Derived, Element, Values, Variables};
+
+/// One element of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Element {
+    /// Part of the name of the variable after the dot, for example `fl`.
+    pub name: &'static str,
+    /// The element in words, for example `front left wheel`.
+    pub description: &'static str,
+}
 
 /// A variable, or an array of variables, under construction.
 #[derive(Clone, Debug)]
@@ -379,33 +383,6 @@ impl Name {
     }
 }
 
-/// The names of a struct of variables. Without the derive of the struct, which is reported elsewhere, it has none.
-#[derive(Debug)]
-pub struct NamesOf<V>(PhantomData<V>);
-
-impl<V: Variables<f64>> NamesOf<V> {
-    /// Those of the derive.
-    pub const NAMES: &'static [Name] = V::NAMES;
-}
-
-/// [`NamesOf`] for derived parameters.
-#[derive(Debug)]
-pub struct NamesOfDerived<D>(PhantomData<D>);
-
-impl<D: Derived> NamesOfDerived<D> {
-    /// Those of the derive.
-    pub const NAMES: &'static [Name] = D::NAMES;
-}
-
-/// Names of a type without the derive.
-pub trait NoNames {
-    /// None.
-    const NAMES: &'static [Name] = &[];
-}
-
-impl<V> NoNames for NamesOf<V> {}
-impl<D> NoNames for NamesOfDerived<D> {}
-
 /// A text built at compile time.
 #[derive(Debug)]
 pub struct Text {
@@ -495,12 +472,4 @@ const fn occurrences(names: &[Name], prefix: u64, hash: u64, is_array: bool) -> 
         i += 1;
     }
     count
-}
-
-/// A struct of variables with its start values.
-#[must_use]
-pub fn start_values<T: Scalar, V: Variables<T>>() -> V {
-    let starts = ValueStore::of(&V::declarations());
-    let reals: Vec<T> = starts.reals.iter().map(|&start| T::from(start)).collect();
-    V::read(Values { reals: &reals, ..starts.others() }, Counts::ZERO)
 }

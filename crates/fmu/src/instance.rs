@@ -9,7 +9,7 @@ use crate::calls::{Function, Functions, Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::description::Description;
 use crate::runner::{Context, Kind as ModelKind, Model, are_finite};
-pub use crate::store::ValueStore;
+use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
 
@@ -89,7 +89,7 @@ impl<M: Model> Instance<M> {
     /// A new instance in Instantiated. `resources` is the resources folder of the unpacked FMU.
     pub fn new(protocol: Protocol, description: Arc<Description>, resources: PathBuf) -> Self {
         let values = ValueStore::start(&description.layout);
-        let parameters = values.parameters::<M>();
+        let parameters = M::parameters(&values);
         let texts = texts(&values.strings);
         Self {
             protocol,

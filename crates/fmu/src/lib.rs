@@ -130,12 +130,11 @@ macro_rules! open {
 #[doc(hidden)]
 pub mod __private {
     pub use crate::abi::Export;
-    pub use crate::declare::{
-        Name, NamesOf, NamesOfDerived, NoNames, Spec, Text, limit, nested, number, shared_name, start, start_values,
-    };
+    pub use crate::declare::*;
     pub use crate::enumeration::Item;
+    pub use crate::store::*;
     pub use crate::variable::Declaration;
-    pub use crate::variables::{Counts, Element, RealField, Starts, Values, ValuesMut, declare_elements};
+    pub use crate::variables::*;
     pub use crate::*;
 
     open!(abi calls comparison description enumeration runner);
@@ -147,7 +146,7 @@ pub mod __private {
 #[cfg(feature = "testing")]
 #[doc(hidden)]
 pub mod testing {
-    open!(abi calls description instance runner variable variables);
+    open!(abi calls description instance runner store variable);
 }
 
 /// Serialization of a simulation for `#[fmu::model(…, serialize)]`.

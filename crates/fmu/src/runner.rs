@@ -20,9 +20,9 @@ use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
 use crate::expression::Expression;
 use crate::model::{Influence, Info};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::variable::Layout;
-use crate::variables::{Derived, Parameters};
+use crate::variables::{Derived, Parameters, Variables as _};
 
 /// Kind of model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,6 +162,10 @@ pub trait Model: Sized + 'static {
 
     /// Numbers all variables.
     fn layout() -> Layout;
+    /// The parameters with these values.
+    fn parameters(values: &ValueStore) -> Self::Parameters {
+        Self::Parameters::read(values.view(), Counts::ZERO)
+    }
     /// Computes the derived parameters.
     ///
     /// # Errors

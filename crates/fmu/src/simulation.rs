@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use crate::model::{Continuous, Discrete, Sample};
 use crate::runner::{Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::variable::{Layout, Role, Variable};
-use crate::variables::{Counts, Variables as _};
+use crate::variables::Variables as _;
 
 /// A run needs co-simulation only.
 type Runner<M> = ContinuousModel<M, false>;

@@ -8,8 +8,9 @@ use fmu_math::{dense, ode};
 use crate::dual::Dual64;
 use crate::model::{At, Continuous, Solver};
 use crate::scalar::{Dependencies, Scalar};
+use crate::store::{ByType, Counts, Values, ValuesMut};
 use crate::variable::Layout;
-use crate::variables::{ContinuousState, Counts, Values, ValuesMut, Variables};
+use crate::variables::{ContinuousState, Variables};
 
 /// Model, inputs and derived parameters, which are constant while a solver advances the state.
 pub(crate) struct Problem<'a, M: Continuous> {
@@ -480,13 +481,7 @@ impl Jacobian {
 }
 
 /// Memory to convert inputs.
-#[derive(Debug, Default)]
-pub(crate) struct Inputs {
-    reals: Vec<f64>,
-    integers: Vec<i32>,
-    booleans: Vec<bool>,
-    strings: Vec<String>,
-}
+pub(crate) type Inputs = ByType<Vec<f64>, Vec<i32>, Vec<bool>, Vec<String>>;
 
 /// Working memory of the solvers. From one step to the next, it keeps only data that follows from the equations.
 #[derive(Debug, Default)]

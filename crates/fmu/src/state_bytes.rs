@@ -246,7 +246,7 @@ pub(crate) fn read<M: Model>(
         Snapshot { mode, clock, values, is_tolerance_set, run: None, derived: None, derived_are_old: true };
     if initialized {
         let fingerprint = source.u64()?;
-        let parameters = snapshot.values.parameters::<M>();
+        let parameters = M::parameters(&snapshot.values);
         let derived = Arc::new(M::load(&parameters, resources)?);
         if M::fingerprint(&derived) != fingerprint {
             return Err("a file that the state was made with has another content now".to_owned());

@@ -1,43 +1,80 @@
-//! The values of all variables of an instance, by type.
+//! Values of variables by type.
 
-use crate::runner::Model;
-use crate::variable::{Declaration, Kind, Layout, Variable};
-use crate::variables::{Counts, Values, ValuesMut, Variables as _};
-
-/// The values of all variables, by type.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ValueStore {
+/// Data of the variables by type: values, or their numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ByType<R, I, B, S> {
     /// Reals.
-    pub reals: Box<[f64]>,
+    pub reals: R,
     /// Integers and enumerations.
-    pub integers: Box<[i32]>,
+    pub integers: I,
     /// Booleans.
-    pub booleans: Box<[bool]>,
+    pub booleans: B,
     /// Strings.
-    pub strings: Box<[String]>,
+    pub strings: S,
+}
+
+/// Number of values of each type; also a position among them.
+pub type Counts = ByType<usize, usize, usize, usize>;
+
+/// Values to read from; the reals are in the number type of the equations.
+pub type Values<'a, T> = ByType<&'a [T], &'a [i32], &'a [bool], &'a [String]>;
+
+/// Values to write to; the reals are in the number type of the equations.
+pub type ValuesMut<'a, T> = ByType<&'a mut [T], &'a mut [i32], &'a mut [bool], &'a mut [String]>;
+
+/// The values of all variables.
+pub type ValueStore = ByType<Box<[f64]>, Box<[i32]>, Box<[bool]>, Box<[String]>>;
+
+impl Counts {
+    /// None.
+    pub const ZERO: Self = Self { reals: 0, integers: 0, booleans: 0, strings: 0 };
+    /// One Real.
+    pub const REAL: Self = Self { reals: 1, ..Self::ZERO };
+    /// One Integer.
+    pub const INTEGER: Self = Self { integers: 1, ..Self::ZERO };
+    /// One Boolean.
+    pub const BOOLEAN: Self = Self { booleans: 1, ..Self::ZERO };
+    /// One String.
+    pub const STRING: Self = Self { strings: 1, ..Self::ZERO };
+
+    /// The sum.
+    #[must_use]
+    pub const fn plus(self, other: Self) -> Self {
+        Self {
+            reals: self.reals + other.reals,
+            integers: self.integers + other.integers,
+            booleans: self.booleans + other.booleans,
+            strings: self.strings + other.strings,
+        }
+    }
+
+    /// The product.
+    #[must_use]
+    pub const fn times(self, count: usize) -> Self {
+        Self {
+            reals: self.reals * count,
+            integers: self.integers * count,
+            booleans: self.booleans * count,
+            strings: self.strings * count,
+        }
+    }
+}
+
+impl<'a, T> Values<'a, T> {
+    /// Reals only.
+    pub const fn of_reals(reals: &'a [T]) -> Self {
+        Self { reals, integers: &[], booleans: &[], strings: &[] }
+    }
+}
+
+impl<'a, T> ValuesMut<'a, T> {
+    /// Reals only.
+    pub const fn of_reals(reals: &'a mut [T]) -> Self {
+        Self { reals, integers: &mut [], booleans: &mut [], strings: &mut [] }
+    }
 }
 
 impl ValueStore {
-    /// The start values.
-    #[must_use]
-    pub fn start(layout: &Layout) -> Self {
-        Self::of(layout.variables.iter().map(|variable| &variable.declaration))
-    }
-
-    /// The start values of some variables.
-    pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
-        let (mut reals, mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for declaration in declarations {
-            match &declaration.kind {
-                Kind::Real(real) => reals.push(real.start),
-                Kind::Integer { start, .. } => integers.push(*start),
-                Kind::Boolean { start } => booleans.push(*start),
-                Kind::String { start } => strings.push(start.clone()),
-            }
-        }
-        Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
-    }
-
     /// View to read from.
     #[inline]
     #[must_use]
@@ -48,31 +85,12 @@ impl ValueStore {
     /// View to write to.
     #[inline]
     pub fn view_mut(&mut self) -> ValuesMut<'_, f64> {
-        ValuesMut {
-            reals: &mut self.reals,
-            integers: &mut self.integers,
-            booleans: &mut self.booleans,
-            strings: &mut self.strings,
-        }
+        let Self { reals, integers, booleans, strings } = self;
+        ValuesMut { reals, integers, booleans, strings }
     }
 
-    /// All but the reals, for equations of another number type.
-    pub(crate) fn others<T>(&self) -> Values<'_, T> {
-        Values { reals: &[], integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
-    }
-
-    /// Returns true if a variable has another value in `other`.
-    pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
-        let index = variable.index;
-        match variable.declaration.kind {
-            Kind::Real(_) => self.reals[index] != other.reals[index],
-            Kind::Integer { .. } => self.integers[index] != other.integers[index],
-            Kind::Boolean { .. } => self.booleans[index] != other.booleans[index],
-            Kind::String { .. } => self.strings[index] != other.strings[index],
-        }
-    }
-
-    pub(crate) fn parameters<M: Model>(&self) -> M::Parameters {
-        M::Parameters::read(self.view(), Counts::ZERO)
+    /// The values, with reals of another number type.
+    pub(crate) fn with_reals<'a, T>(&'a self, reals: &'a [T]) -> Values<'a, T> {
+        Values { reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }
 }

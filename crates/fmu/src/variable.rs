@@ -4,8 +4,8 @@ use std::ops::{Range, RangeInclusive};
 
 use crate::calls::Version;
 use crate::enumeration::Item;
+use crate::store::{Counts, ValueStore};
 use crate::unit::{DisplayUnit, Unit};
-use crate::variables::Counts;
 
 /// A variable as a block declares it.
 #[derive(Clone, Debug)]
@@ -353,6 +353,39 @@ impl Layout {
     /// Number of real values.
     pub fn reals(&self) -> usize {
         self.derivatives.reals().end
+    }
+}
+
+impl ValueStore {
+    /// The start values.
+    #[must_use]
+    pub fn start(layout: &Layout) -> Self {
+        Self::of(layout.variables.iter().map(|variable| &variable.declaration))
+    }
+
+    /// The start values of some variables.
+    pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
+        let (mut reals, mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for declaration in declarations {
+            match &declaration.kind {
+                Kind::Real(real) => reals.push(real.start),
+                Kind::Integer { start, .. } => integers.push(*start),
+                Kind::Boolean { start } => booleans.push(*start),
+                Kind::String { start } => strings.push(start.clone()),
+            }
+        }
+        Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
+    }
+
+    /// Returns true if a variable has another value in `other`.
+    pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
+        let index = variable.index;
+        match variable.declaration.kind {
+            Kind::Real(_) => self.reals[index] != other.reals[index],
+            Kind::Integer { .. } => self.integers[index] != other.integers[index],
+            Kind::Boolean { .. } => self.booleans[index] != other.booleans[index],
+            Kind::String { .. } => self.strings[index] != other.strings[index],
+        }
     }
 }
 

@@ -1,112 +1,11 @@
 //! Structs of variables as flat lists of values and as declarations.
 
+use std::marker::PhantomData;
+
 use crate::declare::{Name, Spec};
 use crate::scalar::Scalar;
+use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::variable::Declaration;
-
-/// Number of values of each type; also a position among them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Reals.
-    pub reals: usize,
-    /// Integers and enumerations.
-    pub integers: usize,
-    /// Booleans.
-    pub booleans: usize,
-    /// Strings.
-    pub strings: usize,
-}
-
-impl Counts {
-    /// None.
-    pub const ZERO: Self = Self { reals: 0, integers: 0, booleans: 0, strings: 0 };
-    /// One Real.
-    pub const REAL: Self = Self { reals: 1, ..Self::ZERO };
-    /// One Integer.
-    pub const INTEGER: Self = Self { integers: 1, ..Self::ZERO };
-    /// One Boolean.
-    pub const BOOLEAN: Self = Self { booleans: 1, ..Self::ZERO };
-    /// One String.
-    pub const STRING: Self = Self { strings: 1, ..Self::ZERO };
-
-    /// The sum.
-    #[must_use]
-    pub const fn plus(self, other: Self) -> Self {
-        Self {
-            reals: self.reals + other.reals,
-            integers: self.integers + other.integers,
-            booleans: self.booleans + other.booleans,
-            strings: self.strings + other.strings,
-        }
-    }
-
-    /// The product.
-    #[must_use]
-    pub const fn times(self, count: usize) -> Self {
-        Self {
-            reals: self.reals * count,
-            integers: self.integers * count,
-            booleans: self.booleans * count,
-            strings: self.strings * count,
-        }
-    }
-}
-
-/// Values by type, to read from.
-#[derive(Debug)]
-pub struct Values<'a, T> {
-    /// Reals, in the number type of the equations.
-    pub reals: &'a [T],
-    /// Integers and enumerations.
-    pub integers: &'a [i32],
-    /// Booleans.
-    pub booleans: &'a [bool],
-    /// Strings.
-    pub strings: &'a [String],
-}
-
-impl<T> Clone for Values<'_, T> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<T> Copy for Values<'_, T> {}
-
-impl<'a, T> Values<'a, T> {
-    /// Reals only.
-    pub const fn of_reals(reals: &'a [T]) -> Self {
-        Self { reals, integers: &[], booleans: &[], strings: &[] }
-    }
-}
-
-/// Values by type, to write to.
-#[derive(Debug)]
-pub struct ValuesMut<'a, T> {
-    /// Reals, in the number type of the equations.
-    pub reals: &'a mut [T],
-    /// Integers and enumerations.
-    pub integers: &'a mut [i32],
-    /// Booleans.
-    pub booleans: &'a mut [bool],
-    /// Strings.
-    pub strings: &'a mut [String],
-}
-
-impl<'a, T> ValuesMut<'a, T> {
-    /// Reals only.
-    pub const fn of_reals(reals: &'a mut [T]) -> Self {
-        Self { reals, integers: &mut [], booleans: &mut [], strings: &mut [] }
-    }
-}
-
-/// One element of an array.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Element {
-    /// Part of the name of the variable after the dot, for example `fl`.
-    pub name: &'static str,
-    /// The element in words, for example `front left wheel`.
-    pub description: &'static str,
-}
 
 /// The type of a field: a variable, or an array of variables.
 #[diagnostic::on_unimplemented(
@@ -536,3 +435,38 @@ impl<T: Scalar> ContinuousState<T> for () {
 }
 
 impl Derived for () {}
+
+/// The names of a struct of variables. Without the derive of the struct, which is reported elsewhere, it has none.
+#[derive(Debug)]
+pub struct NamesOf<V>(PhantomData<V>);
+
+impl<V: Variables<f64>> NamesOf<V> {
+    /// Those of the derive.
+    pub const NAMES: &'static [Name] = V::NAMES;
+}
+
+/// [`NamesOf`] for derived parameters.
+#[derive(Debug)]
+pub struct NamesOfDerived<D>(PhantomData<D>);
+
+impl<D: Derived> NamesOfDerived<D> {
+    /// Those of the derive.
+    pub const NAMES: &'static [Name] = D::NAMES;
+}
+
+/// Names of a type without the derive.
+pub trait NoNames {
+    /// None.
+    const NAMES: &'static [Name] = &[];
+}
+
+impl<V> NoNames for NamesOf<V> {}
+impl<D> NoNames for NamesOfDerived<D> {}
+
+/// A struct of variables with its start values.
+#[must_use]
+pub fn start_values<T: Scalar, V: Variables<T>>() -> V {
+    let starts = ValueStore::of(&V::declarations());
+    let reals: Vec<T> = starts.reals.iter().map(|&start| T::from(start)).collect();
+    V::read(starts.with_reals(&reals), Counts::ZERO)
+}

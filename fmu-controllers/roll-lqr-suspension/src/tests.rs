@@ -1,6 +1,6 @@
 //! Gains against the check numbers; the design model and its loops are tested in `chassis_control::lqr_suspension`.
 
-use fmu::testing::variables::{Counts, ValuesMut};
+use fmu::testing::store::{Counts, ValuesMut};
 use fmu::{Derived as _, Variables as _};
 
 use super::*;

@@ -6,9 +6,9 @@ use crate::combinations::{MOST_COMBINATIONS, MOST_VALUES, are_few, combinations}
 use crate::expression::Expression;
 use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::scalar::DependencySet;
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::variable::{Kind, Layout, Role, Variable};
-use crate::variables::{Counts, Parameters};
+use crate::variables::Parameters;
 
 /// Structure of the equations.
 #[derive(Default)]
@@ -88,7 +88,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
                 values.booleans[variable.index] = value != 0;
             }
         }
-        let p = values.parameters::<M>();
+        let p = M::parameters(&values);
         let derived = M::load(&p, resources)?;
         let mut initial = values.clone();
         let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };

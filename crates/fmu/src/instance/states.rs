@@ -36,7 +36,7 @@ impl<M: Model> Instance<M> {
             // The instance that saved the state may have handled its events in its steps.
             M::init_events(run, &self.description.layout, self.clock.time);
         }
-        self.parameters = self.values.parameters::<M>();
+        self.parameters = M::parameters(&self.values);
         self.texts = texts(&self.values.strings);
         self.forget_results();
         Ok(())

@@ -218,7 +218,7 @@ impl<M: Model> Instance<M> {
 
     /// Updates the parameters after one has changed, fixed or tunable.
     pub(super) fn parameters_changed(&mut self) {
-        self.parameters = self.values.parameters::<M>();
+        self.parameters = M::parameters(&self.values);
         self.derived_are_old = true;
         if self.is_before_start() {
             self.run = None;

@@ -18,9 +18,9 @@ use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
 use crate::relation::{PROBE, Relational, indicator_of};
 use crate::scalar::{Dependencies, Scalar};
 use crate::solver::{InPlace, OnHeap, Problem, Scratch, is_in_place};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore, ValuesMut};
 use crate::variable::{Declarations, Kind as Type, Layout, Role};
-use crate::variables::{Counts, Derived as _, Values, ValuesMut, Variables as _};
+use crate::variables::{Derived as _, Variables as _};
 
 /// Runs a [`Continuous`] model, with or without model exchange.
 #[derive(Debug)]
@@ -112,7 +112,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let [inputs, states] =
             [&layout.inputs, &layout.states].map(|block| block.reals().map(&real).collect::<Vec<_>>());
         let at = Counts { reals: 0, ..layout.inputs.at };
-        let inputs = &M::Inputs::read(Values { reals: &inputs, ..others.others() }, at);
+        let inputs = &M::Inputs::read(others.with_reals(&inputs), at);
         let state = &M::State::from_reals(&states);
         let at = At { time, state, inputs, derived, discrete };
         let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));

@@ -4,9 +4,9 @@ use super::{Context, ContinuousModel};
 use crate::discrete_state::{Word, Words};
 use crate::model::{At, Continuous};
 use crate::relation::{Relational, Relations};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::variable::Layout;
-use crate::variables::{Counts, Values, ValuesMut, Variables as _};
+use crate::variables::Variables as _;
 
 /// Data of a continuous-time model for model exchange, besides its variables.
 #[derive(Clone, Debug)]
@@ -121,7 +121,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let Exchange { relations, outputs, known, unknown, .. } = exchange;
         let (inputs, states) = known.split_at(layout.inputs.counts.reals);
         let at = Counts { reals: 0, ..layout.inputs.at };
-        let inputs = &M::Inputs::read(Values { reals: inputs, ..values.others() }, at);
+        let inputs = &M::Inputs::read(values.with_reals(inputs), at);
         let state = &M::State::read(Values::of_reals(states), Counts::ZERO);
         let at = At { time: Relational(time), state, inputs, derived, discrete };
         let first = if part == Part::Derivatives { 0 } else { *outputs };

@@ -177,7 +177,7 @@ fn dependencies_hold_for_every_value_of_every_parameter() {
     }
     // The union over all laws is needed: the ground moves the hardening spring only.
     let layout = &CartPair::description().layout;
-    let values = fmu::testing::instance::ValueStore::start(layout);
+    let values = fmu::testing::store::ValueStore::start(layout);
     let none = std::path::Path::new("");
     let set = |law| {
         let p = CartPair { law, ..Default::default() };

@@ -386,7 +386,7 @@ struct Points(fmu::Table);
 
 impl fmu::Derived for Points {
     fn declare(_: &mut Vec<fmu::testing::variable::Declaration>) {}
-    fn write(&self, _: &mut fmu::testing::variables::ValuesMut<'_, f64>, _: fmu::testing::variables::Counts) {}
+    fn write(&self, _: &mut fmu::testing::store::ValuesMut<'_, f64>, _: fmu::testing::store::Counts) {}
 }
 
 /// Reads a String and an Integer without limits before the equations only
