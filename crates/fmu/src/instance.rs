@@ -16,6 +16,7 @@ use crate::variables::Derived as _;
 mod co_simulation;
 mod derivatives;
 mod model_exchange;
+mod state_bytes;
 mod states;
 mod values;
 

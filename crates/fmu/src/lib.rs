@@ -94,7 +94,6 @@ mod scalar;
 mod serde;
 pub mod simulation;
 mod solver;
-mod state_bytes;
 mod store;
 mod table;
 mod unit;

@@ -2,8 +2,6 @@
 
 mod continuous;
 mod discrete;
-mod exchange;
-mod integration;
 mod modes;
 mod stateful;
 

@@ -1,6 +1,6 @@
 //! Saved states.
 
-use super::{CallResult, Instance, Snapshot, texts};
+use super::{CallResult, Instance, Snapshot, state_bytes, texts};
 use crate::calls::Function;
 use crate::runner::Model;
 
@@ -45,7 +45,7 @@ impl<M: Model> Instance<M> {
     /// Bytes of a snapshot, valid in any process with the same FMU.
     pub fn serialize(&self, snapshot: &Snapshot<M>) -> CallResult<Vec<u8>> {
         self.check(Function::SerializeFMUstate)?;
-        crate::state_bytes::write(self.protocol, &self.description.guid, self.layout(), snapshot)
+        state_bytes::write(self.protocol, &self.description.guid, self.layout(), snapshot)
             .map_err(|message| self.error(Function::SerializeFMUstate, message))
     }
 
@@ -55,7 +55,7 @@ impl<M: Model> Instance<M> {
     /// On bytes that are damaged, of another format or FMU, or whose files have changed.
     pub fn deserialize(&self, bytes: &[u8]) -> CallResult<Snapshot<M>> {
         self.check(Function::DeSerializeFMUstate)?;
-        crate::state_bytes::read::<M>(self.protocol, &self.description.guid, self.layout(), &self.resources, bytes)
+        state_bytes::read::<M>(self.protocol, &self.description.guid, self.layout(), &self.resources, bytes)
             .map_err(|message| self.error(Function::DeSerializeFMUstate, message))
     }
 }

@@ -1,12 +1,16 @@
 //! Runs a continuous-time model.
 
+mod exchange;
+mod integration;
+
 use std::marker::PhantomData;
 use std::path::Path;
 
 use fmu_math::sparse::Structure;
 
-use super::exchange::{Exchange, Part, Sides};
-use super::integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
+use exchange::{Exchange, Part, Sides};
+use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
+
 use super::{Context, Expressions, Kind, Model, Modes, Step, StepError, Update, are_finite, first_not_finite};
 use crate::clock::{Clock, slack};
 use crate::declare::Spec;
@@ -30,16 +34,16 @@ pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>)
 /// keeps that of the target.
 #[derive(Debug)]
 pub struct RunnerState<D> {
-    pub(super) discrete: D,
+    discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
-    pub(super) proposed: f64,
+    proposed: f64,
     /// The quantities whose zero crossings are events, at the start or where the last step ended.
-    pub(super) crossings: Vec<f64>,
-    pub(super) scratch: Scratch,
+    crossings: Vec<f64>,
+    scratch: Scratch,
     /// In model exchange, from its first event on.
-    pub(super) exchange: Option<Box<Exchange>>,
+    exchange: Option<Box<Exchange>>,
     /// The discrete state before the first event of a step, for a step that fails.
-    pub(super) before_events: Option<D>,
+    before_events: Option<D>,
 }
 
 impl<D: Clone> Clone for RunnerState<D> {
@@ -69,12 +73,12 @@ fn solver_parameter(solver: Solver, step_size: f64) -> Option<(crate::Definition
     }
 }
 
-pub(super) const fn is_stiff<M: Continuous>() -> bool {
+const fn is_stiff<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::Rosenbrock { .. })
 }
 
 /// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state (FNV-1a, 64 bits).
-pub(super) fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
+fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
     values.reals[layout.parameters.reals()].iter().for_each(|value| add(value.to_bits()));

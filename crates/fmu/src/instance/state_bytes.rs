@@ -4,10 +4,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::Snapshot;
 use crate::calls::{Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::discrete_state::{OwnedWord, Word, Words};
-use crate::instance::Snapshot;
 use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};

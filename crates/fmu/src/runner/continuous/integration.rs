@@ -4,10 +4,10 @@ use std::marker::PhantomData;
 
 use fmu_math::ode;
 
-use super::continuous::{ContinuousModel, RunnerState, branches, is_stiff};
-use super::{Context, MOST_PARTS, Step, StepError, first_not_finite};
+use super::{Context, ContinuousModel, RunnerState, Step, StepError, branches, first_not_finite, is_stiff};
 use crate::discrete_state::DiscreteState as _;
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
+use crate::runner::MOST_PARTS;
 use crate::solver::{Interval, Keep, Problem, Scratch};
 use crate::store::ValueStore;
 use crate::variables::Variables as _;
