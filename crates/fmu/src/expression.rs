@@ -1,9 +1,8 @@
 //! A number type that identifies the expression that computes a number.
 
 use std::cell::Cell;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::scalar::{Scalar, assign_and_sum};
+use crate::scalar::{Scalar, Symbol, assign_and_sum, symbolic};
 use crate::table::Table;
 
 /// Hash of an expression of known variables and constants. Two evaluations of the equations that give the same hash have
@@ -29,11 +28,16 @@ const SECOND: u128 = 0xa409_3822_299f_31d0_082e_fa98_ec4e_6c89;
 impl Expression {
     /// The known variable `index`.
     pub(crate) fn known(index: usize) -> Self {
-        Self::of("known", [index as u128])
+        Self::hash("known", [index as u128])
+    }
+
+    /// A String.
+    pub(crate) fn text(text: &str) -> Self {
+        Self::hash(text, [])
     }
 
     /// The operation `name` on hashes.
-    pub(crate) fn of<const N: usize>(name: &str, operands: [u128; N]) -> Self {
+    fn hash<const N: usize>(name: &str, operands: [u128; N]) -> Self {
         let mix = |hash: u128, word: u128| {
             let hash = (hash ^ word).wrapping_mul(FIRST);
             (hash ^ (hash >> 59)).wrapping_mul(SECOND)
@@ -46,59 +50,22 @@ impl Expression {
 
 impl From<f64> for Expression {
     fn from(constant: f64) -> Self {
-        Self::of("constant", [constant.to_bits().into()])
+        Self::hash("constant", [constant.to_bits().into()])
     }
 }
 
-macro_rules! operators {
-    ($($operator:ident $function:ident),*) => {$(
-        impl $operator for Expression {
-            type Output = Self;
-            fn $function(self, other: Self) -> Self {
-                Self::of(stringify!($function), [self.0, other.0])
-            }
-        }
-        impl $operator<f64> for Expression {
-            type Output = Self;
-            fn $function(self, other: f64) -> Self {
-                $operator::$function(self, Self::from(other))
-            }
-        }
-    )*};
-}
-operators!(Add add, Sub sub, Mul mul, Div div);
-
-impl Neg for Expression {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self::of("neg", [self.0])
+impl Symbol for Expression {
+    fn of<const N: usize>(operation: &str, operands: [Self; N]) -> Self {
+        Self::hash(operation, operands.map(|operand| operand.0))
     }
-}
-assign_and_sum!([] Expression);
-
-macro_rules! functions {
-    ($($function:ident($($argument:ident: $type:ty = $word:expr)?)),*) => {$(
-        fn $function(self $(, $argument: $type)?) -> Self {
-            Self::of(stringify!($function), [self.0 $(, $word)?])
-        }
-    )*};
-}
-
-impl Scalar for Expression {
-    functions!(sin(), cos(), tan(), asin(), acos(), atan(), sinh(), cosh(), tanh(), sqrt(), exp(), ln(), floor());
-    functions!(atan2(x: Self = x.0), hypot(other: Self = other.0), powi(n: i32 = n as u128));
-    functions!(powf(x: f64 = x.to_bits().into()), rem_euclid(x: f64 = x.to_bits().into()));
-    fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
-        Self::of("if_greater", [self.0, threshold.0, then.0, otherwise.0])
+    fn look_up(self, table: &Table) -> Self {
+        Self::hash("interpolate", [self.0, table.fingerprint().into()])
     }
-    fn interpolate(self, table: &Table) -> Self {
-        Self::of("interpolate", [self.0, table.fingerprint().into()])
-    }
-    fn value(self) -> f64 {
+    fn inspect() {
         INSPECTED.set(true);
-        0.0
     }
 }
+symbolic!(Expression);
 
 #[cfg(test)]
 mod tests {

@@ -187,6 +187,67 @@ macro_rules! assign_and_sum {
 }
 pub(crate) use assign_and_sum;
 
+/// A number type that stands for the expression that computes a number.
+pub(crate) trait Symbol: From<f64> {
+    /// The result of an operation.
+    fn of<const N: usize>(operation: &str, operands: [Self; N]) -> Self;
+    /// The value of a table.
+    fn look_up(self, table: &Table) -> Self;
+    /// Notes that the equations read a value.
+    fn inspect();
+}
+
+/// Makes a [`Symbol`] a [`Scalar`].
+macro_rules! symbolic {
+    ($number:ident) => {
+        symbolic!(@operators $number: Add add, Sub sub, Mul mul, Div div);
+        impl std::ops::Neg for $number {
+            type Output = Self;
+            fn neg(self) -> Self {
+                Self::of("neg", [self])
+            }
+        }
+        assign_and_sum!([] $number);
+        impl Scalar for $number {
+            symbolic!(@functions sin() cos() tan() asin() acos() atan() sinh() cosh() tanh() sqrt() exp() ln() floor());
+            symbolic!(@functions atan2(x: Self) hypot(other: Self) powf(x: f64) rem_euclid(x: f64));
+            fn powi(self, n: i32) -> Self {
+                Self::of("powi", [self, f64::from(n).into()])
+            }
+            fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
+                Self::of("if_greater", [self, threshold, then, otherwise])
+            }
+            fn interpolate(self, table: &Table) -> Self {
+                self.look_up(table)
+            }
+            fn value(self) -> f64 {
+                Self::inspect();
+                0.0
+            }
+        }
+    };
+    (@operators $number:ident: $($operator:ident $function:ident),*) => {$(
+        impl std::ops::$operator for $number {
+            type Output = Self;
+            fn $function(self, other: Self) -> Self {
+                Self::of(stringify!($function), [self, other])
+            }
+        }
+        impl std::ops::$operator<f64> for $number {
+            type Output = Self;
+            fn $function(self, other: f64) -> Self {
+                Self::of(stringify!($function), [self, other.into()])
+            }
+        }
+    )*};
+    (@functions $($function:ident($($argument:ident: $type:ty)?))*) => {$(
+        fn $function(self $(, $argument: $type)?) -> Self {
+            Self::of(stringify!($function), [self $(, $argument.into())?])
+        }
+    )*};
+}
+pub(crate) use symbolic;
+
 macro_rules! forward {
     ($path:ident: $($function:ident($($argument:ident: $type:ty)?) $to:ident),*) => {$(
         #[inline]
@@ -406,68 +467,18 @@ impl From<f64> for Dependencies {
     }
 }
 
-macro_rules! unite {
-    ($($operator:ident $function:ident),*) => {$(
-        impl $operator for Dependencies {
-            type Output = Self;
-            fn $function(self, other: Self) -> Self {
-                self.union(other)
-            }
-        }
-        impl $operator<f64> for Dependencies {
-            type Output = Self;
-            fn $function(self, _: f64) -> Self {
-                self
-            }
-        }
-    )*};
-}
-unite!(Add add, Sub sub, Mul mul, Div div);
-
-impl Neg for Dependencies {
-    type Output = Self;
-    fn neg(self) -> Self {
+impl Symbol for Dependencies {
+    fn of<const N: usize>(_: &str, operands: [Self; N]) -> Self {
+        operands.into_iter().fold(Self::default(), Self::union)
+    }
+    fn look_up(self, _: &Table) -> Self {
         self
     }
-}
-assign_and_sum!([] Dependencies);
-
-macro_rules! keep {
-    ($($function:ident),*) => {$(
-        fn $function(self) -> Self {
-            self
-        }
-    )*};
-}
-
-impl Scalar for Dependencies {
-    keep!(sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, sqrt, exp, ln, floor);
-    fn atan2(self, x: Self) -> Self {
-        self.union(x)
-    }
-    fn powf(self, _: f64) -> Self {
-        self
-    }
-    fn powi(self, _: i32) -> Self {
-        self
-    }
-    fn hypot(self, other: Self) -> Self {
-        self.union(other)
-    }
-    fn rem_euclid(self, _: f64) -> Self {
-        self
-    }
-    fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
-        self.union(threshold).union(then).union(otherwise)
-    }
-    fn interpolate(self, _: &Table) -> Self {
-        self
-    }
-    fn value(self) -> f64 {
+    fn inspect() {
         TRACE.with_borrow_mut(|trace| trace.has_inspections = true);
-        0.0
     }
 }
+symbolic!(Dependencies);
 
 #[cfg(test)]
 mod tests {

@@ -328,7 +328,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             (Role::Output, Type::Real(_)) => Some(reals[variable.index - layout.outputs.at.reals]),
             (Role::Output, Type::Integer { .. }) => Some(f64::from(others.integers[variable.index]).into()),
             (Role::Output, Type::Boolean { .. }) => Some(f64::from(others.booleans[variable.index]).into()),
-            (Role::Output, Type::String { .. }) => Some(Expression::of(&others.strings[variable.index], [])),
+            (Role::Output, Type::String { .. }) => Some(Expression::text(&others.strings[variable.index])),
             _ => None,
         });
         Expressions { all: all.collect(), is_inspected }
