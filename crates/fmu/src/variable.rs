@@ -435,6 +435,11 @@ impl Kind {
             Self::String { .. } => counts.strings,
         }
     }
+    /// Returns true if an Integer may have a value.
+    pub(crate) fn takes(&self, value: i32) -> bool {
+        let Self::Integer { min, max, items, .. } = self else { return false };
+        (*min..=*max).contains(&value) && (items.is_empty() || items.iter().any(|item| item.value == value))
+    }
     fn type_number(&self) -> usize {
         match self {
             Self::Real(_) => 0,

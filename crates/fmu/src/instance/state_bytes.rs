@@ -227,12 +227,8 @@ pub(crate) fn read<M: Model>(
                     return Err(format!("'{name}' = {value} is not in [{min}, {max}]"));
                 }
             }
-            Kind::Integer { min, max, items, .. } => {
-                let value = values.integers[variable.index];
-                let known = items.is_empty() || items.iter().any(|item| item.value == value);
-                if !known || !(*min..=*max).contains(&value) {
-                    return Err(format!("'{name}' = {value} is not one of its values"));
-                }
+            kind @ Kind::Integer { .. } if !kind.takes(values.integers[variable.index]) => {
+                return Err(format!("'{name}' = {} is not one of its values", values.integers[variable.index]));
             }
             Kind::String { .. } if values.strings[variable.index].contains('\0') => {
                 return Err(format!("'{name}' has a zero byte"));

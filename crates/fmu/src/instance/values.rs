@@ -5,7 +5,8 @@ use std::ffi::CStr;
 use super::{CallError, CallResult, Instance, text, texts};
 use crate::calls::{Function, Interface, Mode, Version};
 use crate::runner::Model;
-use crate::variable::{Kind, Role, Variable, name_in};
+use crate::store::ValueStore;
+use crate::variable::{Declaration, Kind, Role, Variable, name_in};
 
 /// Returns true if a number is finite, by its bits: independent of the floating-point environment of the host, see
 /// [`Instance::may_compute`].
@@ -301,30 +302,16 @@ impl<M: Model> Instance<M> {
 
     /// Sets Integers by a function, which is another one for enumerations in FMI 3.0.
     pub(crate) fn set_integer_by(&mut self, function: Function, references: &[u32], values: &[i32]) -> CallResult {
-        self.check(function)?;
-        for (&reference, &value) in references.iter().zip(values) {
-            self.integer(function, reference)?;
-            let variable = self.settable(function, reference)?;
-            let Kind::Integer { min, max, items, .. } = &variable.declaration.kind else {
-                unreachable!("the reference is one of an integer")
-            };
-            let known = items.is_empty() || items.iter().any(|item| item.value == value);
-            if !(*min..=*max).contains(&value) || !known {
-                let names: Vec<_> = items.iter().map(|c| format!("{} ({})", c.value, c.name)).collect();
-                let expected = if names.is_empty() { format!("in [{min}, {max}]") } else { names.join(" or ") };
-                let name = &variable.declaration.name;
-                let message = format_args!("'{name}' must be {expected}, got {value}");
-                return Err(self.error(function, message));
+        let rule = |kind: &Kind, value: &i32| {
+            let Kind::Integer { min, max, items, .. } = kind else { unreachable!("an Integer was found") };
+            if kind.takes(*value) {
+                return Ok(());
             }
-        }
-        let mut is_changed = false;
-        for (&reference, &value) in references.iter().zip(values) {
-            let index = self.integer(function, reference)?;
-            is_changed |= self.values.integers[index] != value;
-            self.values.integers[index] = value;
-        }
-        self.others_changed(references, is_changed);
-        Ok(())
+            let names: Vec<_> = items.iter().map(|c| format!("{} ({})", c.value, c.name)).collect();
+            let expected = if names.is_empty() { format!("in [{min}, {max}]") } else { names.join(" or ") };
+            Err(format!("must be {expected}, got {value}"))
+        };
+        self.set_others(function, references, values, Self::integer, rule, |all| &mut all.integers)
     }
 
     /// fmi2SetBoolean. Nothing is set unless all references are accepted.
@@ -332,19 +319,8 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// On an unknown reference or a parameter that may not be set now.
     pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
-        self.check(Function::SetBoolean)?;
-        for &reference in references {
-            self.boolean(Function::SetBoolean, reference)?;
-            self.settable(Function::SetBoolean, reference)?;
-        }
-        let mut is_changed = false;
-        for (&reference, &value) in references.iter().zip(values) {
-            let index = self.boolean(Function::SetBoolean, reference)?;
-            is_changed |= self.values.booleans[index] != value;
-            self.values.booleans[index] = value;
-        }
-        self.others_changed(references, is_changed);
-        Ok(())
+        let (function, rule) = (Function::SetBoolean, |_: &Kind, _: &bool| Ok(()));
+        self.set_others(function, references, values, Self::boolean, rule, |all| &mut all.booleans)
     }
 
     /// fmi2SetString. Nothing is set unless all references are accepted.
@@ -352,32 +328,43 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// On an unknown reference, a parameter that may not be set now, or a text with a zero byte.
     pub fn set_string(&mut self, references: &[u32], values: &[String]) -> CallResult {
-        self.check(Function::SetString)?;
-        for (&reference, value) in references.iter().zip(values) {
-            self.string(Function::SetString, reference)?;
-            let variable = self.settable(Function::SetString, reference)?;
-            if value.contains('\0') {
-                let name = &variable.declaration.name;
-                return Err(self.error(Function::SetString, format_args!("'{name}' must not contain a zero byte")));
-            }
-        }
-        let mut is_changed = false;
-        for (&reference, value) in references.iter().zip(values) {
-            let index = self.string(Function::SetString, reference)?;
-            is_changed |= self.values.strings[index] != *value;
-            self.values.strings[index].clone_from(value);
-        }
+        let rule = |_: &Kind, value: &String| match value.contains('\0') {
+            true => Err("must not contain a zero byte".to_owned()),
+            false => Ok(()),
+        };
+        self.set_others(Function::SetString, references, values, Self::string, rule, |all| &mut all.strings)?;
         self.texts = texts(&self.values.strings);
-        self.others_changed(references, is_changed);
         Ok(())
     }
 
-    /// Updates the parameters and discards results after values that are not real were set.
-    fn others_changed(&mut self, references: &[u32], is_changed: bool) {
-        let variables = || references.iter().filter_map(|&reference| self.layout().by_reference(reference));
-        if is_changed && variables().any(|variable| variable.role == Role::Parameter) {
+    /// Sets values that are not real: `index` finds them in the list `of` all, `rule` is what they must satisfy.
+    fn set_others<V: PartialEq + Clone>(
+        &mut self,
+        function: Function,
+        references: &[u32],
+        values: &[V],
+        index: impl Fn(&Self, Function, u32) -> CallResult<usize>,
+        rule: impl Fn(&Kind, &V) -> Result<(), String>,
+        of: impl Fn(&mut ValueStore) -> &mut [V],
+    ) -> CallResult {
+        self.check(function)?;
+        for (&reference, value) in references.iter().zip(values) {
+            index(self, function, reference)?;
+            let Declaration { kind, name, .. } = &self.settable(function, reference)?.declaration;
+            rule(kind, value).map_err(|rule| self.error(function, format_args!("'{name}' {rule}")))?;
+        }
+        let mut is_changed = false;
+        for (&reference, value) in references.iter().zip(values) {
+            let index = index(self, function, reference)?;
+            let old = &mut of(&mut self.values)[index];
+            is_changed |= old != value;
+            old.clone_from(value);
+        }
+        let mut variables = references.iter().filter_map(|&reference| self.layout().by_reference(reference));
+        if is_changed && variables.any(|variable| variable.role == Role::Parameter) {
             self.parameters_changed();
         }
         self.values_changed();
+        Ok(())
     }
 }
