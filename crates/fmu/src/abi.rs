@@ -14,7 +14,9 @@
 use std::any::Any;
 use std::collections::HashSet;
 use std::ffi::{CStr, CString};
+use std::fmt::Display;
 use std::hash::{BuildHasherDefault, DefaultHasher};
+use std::marker::PhantomData;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -129,7 +131,7 @@ struct Log {
 }
 
 impl Log {
-    fn write(&self, status: c_int, category: &str, message: &str) {
+    fn write(&self, status: Status, category: &str, message: &str) {
         let is_wanted = LOG_CATEGORIES.iter().zip(self.wanted).any(|((name, _), on)| on && *name == category);
         let Some(logger) = self.logger.as_ref().filter(|_| category == LOG_ERROR || is_wanted) else { return };
         let text = message.replace('\0', " ");
@@ -142,13 +144,13 @@ impl Log {
                 let text = to_c(text.replace('%', "%%").replace('#', "##"));
                 // SAFETY: the logger and its environment are the caller's; all strings end with a zero and outlive the call.
                 unsafe {
-                    logger(environment, self.name.as_ptr(), status, category.as_ptr(), text.as_ptr());
+                    logger(environment, self.name.as_ptr(), status as c_int, category.as_ptr(), text.as_ptr());
                 }
             }
             Logger::Fmi3(logger, environment) => {
                 let text = to_c(text);
                 // SAFETY: as above.
-                unsafe { logger(environment, status, category.as_ptr(), text.as_ptr()) };
+                unsafe { logger(environment, status as c_int, category.as_ptr(), text.as_ptr()) };
             }
         }
     }
@@ -175,16 +177,6 @@ impl<E: Export> Drop for Handle<E> {
 }
 
 impl<E: Export> Handle<E> {
-    fn snapshot(&self, function: Function, state: FmuState) -> Result<*mut Snapshot<E::Model>, CallError> {
-        let known = state.cast();
-        self.snapshots.contains(&known).then_some(known).ok_or_else(|| {
-            error::<E>(
-                function,
-                "FMUstate is not a state of this instance (never saved, already freed, or of another one)",
-            )
-        })
-    }
-
     fn hand_out(&mut self, snapshot: Snapshot<E::Model>) -> FmuState {
         let pointer = Box::into_raw(Box::new(snapshot));
         self.snapshots.insert(pointer);
@@ -194,13 +186,70 @@ impl<E: Export> Handle<E> {
 
 type CallResult = Result<(), CallError>;
 
-fn error<E: Export>(function: Function, message: &str) -> CallError {
-    CallError::Error(format!("{}: {message}", function.name(E::FORMAT.version)))
-}
-
 fn words(payload: &(dyn Any + Send)) -> &str {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
+}
+
+/// A call of a function: reads its arguments and names it in errors.
+struct Call<E>(Function, PhantomData<E>);
+
+impl<E: Export> Call<E> {
+    fn error(&self, message: impl Display) -> CallError {
+        CallError::Error(format!("{}: {message}", self.0.name(E::FORMAT.version)))
+    }
+
+    fn snapshot(&self, h: &Handle<E>, state: FmuState) -> Result<*mut Snapshot<E::Model>, CallError> {
+        let known = state.cast();
+        h.snapshots.contains(&known).then_some(known).ok_or_else(|| {
+            self.error("FMUstate is not a state of this instance (never saved, already freed, or of another one)")
+        })
+    }
+
+    #[inline]
+    fn check_array<T>(&self, name: &str, pointer: *const T, length: usize) -> CallResult {
+        if pointer.is_null() || !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
+            return Err(self.no_array(name, pointer.is_null(), length));
+        }
+        Ok(())
+    }
+
+    #[cold]
+    fn no_array(&self, name: &str, is_null: bool, length: usize) -> CallError {
+        self.error(if is_null {
+            format!("{name} must be an array of length {length}, got a null pointer")
+        } else {
+            format!("{name} of length {length} is not a possible array")
+        })
+    }
+
+    /// The caller's array.
+    #[inline]
+    unsafe fn array<'a, T>(&self, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], CallError> {
+        if length == 0 {
+            return Ok(&[]);
+        }
+        self.check_array(name, pointer, length)?;
+        // SAFETY: checked for null and alignment; the caller vouches for the length.
+        Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
+    }
+
+    /// The caller's array to write to.
+    #[inline]
+    unsafe fn array_mut<'a, T>(&self, name: &str, pointer: *mut T, length: usize) -> Result<&'a mut [T], CallError> {
+        if length == 0 {
+            return Ok(&mut []);
+        }
+        self.check_array(name, pointer, length)?;
+        // SAFETY: as in `array`; the caller's arrays do not overlap.
+        Ok(unsafe { std::slice::from_raw_parts_mut(pointer, length) })
+    }
+
+    /// The caller's variable to write to.
+    unsafe fn target<'a, T>(&self, name: &str, pointer: *mut T) -> Result<&'a mut T, CallError> {
+        // SAFETY: an array of one value.
+        unsafe { self.array_mut(name, pointer, 1) }.map(|array| &mut array[0])
+    }
 }
 
 /// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. Computations run in the
@@ -209,7 +258,7 @@ fn words(payload: &(dyn Any + Send)) -> &str {
 unsafe fn call<E: Export>(
     component: Component,
     function: Function,
-    f: impl FnOnce(&mut Handle<E>) -> CallResult,
+    f: impl FnOnce(&mut Handle<E>, &Call<E>) -> CallResult,
 ) -> Status {
     let handle = component.cast::<Handle<E>>();
     if handle.is_null() || !handle.is_aligned() {
@@ -217,92 +266,41 @@ unsafe fn call<E: Export>(
     }
     // SAFETY: the caller passes a component of `instantiate` that was not freed.
     let handle = unsafe { &mut *handle };
+    let call = Call(function, PhantomData);
     let callers = if handle.instance.may_compute(function) { float_environment::enter() } else { None };
     let result = catch_unwind(AssertUnwindSafe(|| {
         handle.instance.check(function)?;
-        f(handle)
+        f(handle, &call)
     }));
     float_environment::leave(callers);
-    match result {
-        Ok(Ok(())) => Status::Ok,
-        Ok(Err(CallError::Error(message))) => {
-            handle.log.write(Status::Error as c_int, LOG_ERROR, &message);
-            Status::Error
-        }
-        Ok(Err(CallError::Discard(message))) => {
-            handle.log.write(Status::Discard as c_int, LOG_DISCARD, &message);
-            Status::Discard
-        }
+    let (status, category, message) = match result {
+        Ok(Ok(())) => return Status::Ok,
+        Ok(Err(CallError::Error(message))) => (Status::Error, LOG_ERROR, message),
+        Ok(Err(CallError::Discard(message))) => (Status::Discard, LOG_DISCARD, message),
         Err(panic) => {
             handle.instance.mark_broken();
-            let message = format!(
-                "{}: internal error: {}; the instance can only be reset or freed",
-                function.name(E::FORMAT.version),
-                words(&*panic)
-            );
-            handle.log.write(Status::Error as c_int, LOG_ERROR, &message);
-            Status::Error
+            let name = function.name(E::FORMAT.version);
+            let message =
+                format!("{name}: internal error: {}; the instance can only be reset or freed", words(&*panic));
+            (Status::Error, LOG_ERROR, message)
         }
-    }
+    };
+    handle.log.write(status, category, &message);
+    status
 }
 
-#[inline]
-fn check_array<E: Export, T>(function: Function, name: &str, pointer: *const T, length: usize) -> CallResult {
-    if pointer.is_null() || !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
-        return Err(no_array::<E>(function, name, pointer.is_null(), length));
-    }
-    Ok(())
+/// Defines functions of the C interface for a model `E` from their entries in the table of calls. The body gets the [`Handle`] of the
+/// component and the [`Call`].
+macro_rules! functions {
+    ($($(#[$attribute:meta])* fn $name:ident[$function:ident]($h:pat, $call:pat
+        $(, $argument:ident: $type:ty)* $(,)?) $body:block)*) => {$(
+        $(#[$attribute])*
+        pub unsafe fn $name<E: Export>(component: Component $(, $argument: $type)*) -> Status {
+            unsafe { call::<E>(component, Function::$function, |$h, $call| $body) }
+        }
+    )*};
 }
-
-#[cold]
-fn no_array<E: Export>(function: Function, name: &str, is_null: bool, length: usize) -> CallError {
-    error::<E>(
-        function,
-        &if is_null {
-            format!("{name} must be an array of length {length}, got a null pointer")
-        } else {
-            format!("{name} of length {length} is not a possible array")
-        },
-    )
-}
-
-/// The caller's array.
-#[inline]
-unsafe fn array<'a, E: Export, T>(
-    function: Function,
-    name: &str,
-    pointer: *const T,
-    length: usize,
-) -> Result<&'a [T], CallError> {
-    if length == 0 {
-        return Ok(&[]);
-    }
-    check_array::<E, T>(function, name, pointer, length)?;
-    // SAFETY: checked for null and alignment; the caller vouches for the length.
-    Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
-}
-
-/// The caller's array to write to.
-#[inline]
-unsafe fn array_mut<'a, E: Export, T>(
-    function: Function,
-    name: &str,
-    pointer: *mut T,
-    length: usize,
-) -> Result<&'a mut [T], CallError> {
-    if length == 0 {
-        return Ok(&mut []);
-    }
-    check_array::<E, T>(function, name, pointer, length)?;
-    // SAFETY: as in `array`; the caller's arrays do not overlap.
-    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, length) })
-}
-
-/// The caller's variable to write to.
-unsafe fn target<'a, E: Export, T>(function: Function, name: &str, pointer: *mut T) -> Result<&'a mut T, CallError> {
-    // SAFETY: an array of one value.
-    unsafe { array_mut::<E, T>(function, name, pointer, 1) }.map(|array| &mut array[0])
-}
+use functions;
 
 /// The caller's string.
 unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {

@@ -8,11 +8,11 @@ pub use super::common::{
     completed_integrator_step, deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode,
     exit_initialization_mode, free_fmu_state, free_instance, get_continuous_states, get_derivatives,
     get_event_indicators, get_fmu_state, get_nominals_of_continuous_states, reset, serialize_fmu_state,
-    serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
+    serialized_fmu_state_size, set_continuous_states, set_debug_logging, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
 use super::values::{self, List};
-use super::{Component, Export, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text};
+use super::{Call, CallResult, Component, Export, Log, Logger as AnyLogger, Status, call, common, functions, text};
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::{CallError, Instance};
@@ -123,71 +123,135 @@ pub unsafe fn instantiate<E: Export>(
     }
 }
 
-/// fmi2SetDebugLogging.
-pub unsafe fn set_debug_logging<E: Export>(
-    component: Component,
-    logging_on: Boolean,
-    count: size_t,
-    categories: *const *const c_char,
-) -> Status {
-    unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
+/// fmi2EventInfo.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct EventInfo {
+    /// Always false: one call of fmi2NewDiscreteStates handles all events at a time.
+    pub new_discrete_states_needed: Boolean,
+    /// Always false.
+    pub terminate_simulation: Boolean,
+    /// Always false: nominal values are constant.
+    pub nominals_of_continuous_states_changed: Boolean,
+    /// True if the event has set continuous states.
+    pub values_of_continuous_states_changed: Boolean,
+    /// True if there is another time event.
+    pub next_event_time_defined: Boolean,
+    /// Its time in s.
+    pub next_event_time: f64,
 }
 
-/// fmi2SetupExperiment. The tolerance is that of a solver with error control, unless its parameter was set.
-pub unsafe fn setup_experiment<E: Export>(
-    component: Component,
-    tolerance_defined: Boolean,
-    tolerance: f64,
-    start: f64,
-    stop_defined: Boolean,
-    stop: f64,
-) -> Status {
-    let function = Function::SetupExperiment;
-    let stop = (stop_defined != 0).then_some(stop);
-    let tolerance = (tolerance_defined != 0).then_some(tolerance);
-    unsafe {
-        call::<E>(component, function, |h| {
-            h.instance.set_experiment(function, argument(start), stop.map(argument), tolerance.map(argument))
-        })
+functions! {
+    /// fmi2SetupExperiment. The tolerance is that of a solver with error control, unless its parameter was set.
+    fn setup_experiment[SetupExperiment](
+        h, call, tolerance_defined: Boolean, tolerance: f64, start: f64, stop_defined: Boolean, stop: f64
+    ) {
+        let stop = (stop_defined != 0).then(|| argument(stop));
+        let tolerance = (tolerance_defined != 0).then(|| argument(tolerance));
+        h.instance.set_experiment(call.0, argument(start), stop, tolerance)
+    }
+
+    /// fmi2EnterInitializationMode.
+    fn enter_initialization_mode[EnterInitializationMode](h, _) { h.instance.enter_initialization() }
+
+    // Real values take the shortest way: they are set and read in every step.
+
+    /// fmi2GetReal.
+    fn get_real[GetReal](h, call, references: *const ValueReference, count: size_t, values: *mut f64) {
+        let references = call.array("vr", references, count)?;
+        h.instance.get_real(references, call.array_mut("value", values, count)?)
+    }
+
+    /// fmi2SetReal.
+    fn set_real[SetReal](h, call, references: *const ValueReference, count: size_t, values: *const f64) {
+        let references = call.array("vr", references, count)?;
+        h.instance.set_real(references, call.array("value", values, count)?)
+    }
+
+    /// fmi2GetDirectionalDerivative.
+    fn get_directional_derivative[GetDirectionalDerivative](
+        h, call, unknown: *const ValueReference, unknown_count: size_t, known: *const ValueReference, known_count: size_t,
+        seed: *const f64, result: *mut f64
+    ) {
+        h.instance.directional_derivative(
+            call.array("vUnknown_ref", unknown, unknown_count)?,
+            call.array("vKnown_ref", known, known_count)?,
+            call.array("dvKnown", seed, known_count)?,
+            call.array_mut("dvUnknown", result, unknown_count)?,
+        )
+    }
+
+    /// fmi2SetRealInputDerivatives: inputs are held over a step, as the capability flags declare.
+    fn set_real_input_derivatives[SetRealInputDerivatives](
+        _, call, _references: *const ValueReference, _count: size_t, _orders: *const c_int, _values: *const f64
+    ) {
+        Err(call.error(NOT_SUPPORTED))
+    }
+
+    /// fmi2GetRealOutputDerivatives: outputs have no known slope, as the capability flags declare.
+    fn get_real_output_derivatives[GetRealOutputDerivatives](
+        _, call, _references: *const ValueReference, _count: size_t, _orders: *const c_int, _values: *mut f64
+    ) {
+        Err(call.error(NOT_SUPPORTED))
+    }
+
+    /// fmi2DoStep.
+    fn do_step[DoStep](h, _, time: f64, step: f64, _no_set_before: Boolean) {
+        h.instance.do_step(argument(time), argument(step))
+    }
+
+    /// fmi2CancelStep: a step is over when fmi2DoStep returns.
+    fn cancel_step[CancelStep](_, call) { Err(call.error("no step is pending")) }
+
+    /// fmi2GetStatus: no step is ever pending.
+    fn get_status[GetStatus](_, call, kind: c_int, _value: *mut c_int) { call.no_status(kind) }
+
+    /// fmi2GetRealStatus: returns fmi2LastSuccessfulTime.
+    fn get_real_status[GetRealStatus](h, call, kind: c_int, value: *mut f64) {
+        if kind != LAST_SUCCESSFUL_TIME {
+            return call.no_status(kind);
+        }
+        *call.target("value", value)? = h.instance.time();
+        Ok(())
+    }
+
+    /// fmi2GetIntegerStatus: the standard defines no status of this type.
+    fn get_integer_status[GetIntegerStatus](_, call, kind: c_int, _value: *mut c_int) { call.no_status(kind) }
+
+    /// fmi2GetBooleanStatus: returns fmi2Terminated; the FMU never requests the end of the simulation.
+    fn get_boolean_status[GetBooleanStatus](_, call, kind: c_int, value: *mut Boolean) {
+        if kind != TERMINATED {
+            return call.no_status(kind);
+        }
+        *call.target("value", value)? = 0;
+        Ok(())
+    }
+
+    /// fmi2GetStringStatus: no step is ever pending.
+    fn get_string_status[GetStringStatus](_, call, kind: c_int, _value: *mut *const c_char) { call.no_status(kind) }
+
+    /// fmi2NewDiscreteStates.
+    fn new_discrete_states[NewDiscreteStates](h, call, info: *mut EventInfo) {
+        let info = call.target("eventInfo", info)?;
+        let update = h.instance.new_discrete_states()?;
+        *info = EventInfo {
+            values_of_continuous_states_changed: update.states_changed.into(),
+            next_event_time_defined: update.next_event_time.is_some().into(),
+            next_event_time: update.next_event_time.unwrap_or(0.0),
+            ..EventInfo::default()
+        };
+        Ok(())
     }
 }
 
-/// fmi2EnterInitializationMode.
-pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Status {
-    unsafe { call::<E>(component, Function::EnterInitializationMode, |h| h.instance.enter_initialization()) }
-}
+const NOT_SUPPORTED: &str = "not supported (see the capability flags)";
+const LAST_SUCCESSFUL_TIME: c_int = 2;
+const TERMINATED: c_int = 3;
 
-// Real values take the shortest way: they are set and read in every step.
-
-/// fmi2GetReal.
-pub unsafe fn get_real<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut f64,
-) -> Status {
-    let function = Function::GetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            h.instance.get_real(references, array_mut::<E, _>(function, "value", values, count)?)
-        })
-    }
-}
-
-/// fmi2SetReal.
-pub unsafe fn set_real<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const f64,
-) -> Status {
-    let function = Function::SetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array::<E, _>(function, "vr", references, count)?;
-            h.instance.set_real(references, array::<E, _>(function, "value", values, count)?)
-        })
+impl<E: Export> Call<E> {
+    fn no_status(&self, kind: c_int) -> CallResult {
+        let function = self.0.name(Version::Fmi2);
+        Err(CallError::Discard(format!("{function}: no answer to status kind {kind}")))
     }
 }
 
@@ -211,157 +275,6 @@ values! {
     set_boolean *const Boolean;
     get_string *mut *const c_char;
     set_string *const *const c_char;
-}
-
-/// fmi2GetDirectionalDerivative.
-pub unsafe fn get_directional_derivative<E: Export>(
-    component: Component,
-    unknown: *const ValueReference,
-    unknown_count: size_t,
-    known: *const ValueReference,
-    known_count: size_t,
-    seed: *const f64,
-    result: *mut f64,
-) -> Status {
-    let function = Function::GetDirectionalDerivative;
-    unsafe {
-        call::<E>(component, function, |h| {
-            h.instance.directional_derivative(
-                array::<E, _>(function, "vUnknown_ref", unknown, unknown_count)?,
-                array::<E, _>(function, "vKnown_ref", known, known_count)?,
-                array::<E, _>(function, "dvKnown", seed, known_count)?,
-                array_mut::<E, _>(function, "dvUnknown", result, unknown_count)?,
-            )
-        })
-    }
-}
-
-/// Inputs are held over a step and outputs have no known slope, as the capability flags declare.
-unsafe fn no_interpolation<E: Export>(component: Component, function: Function) -> Status {
-    unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not supported (see the capability flags)"))) }
-}
-
-/// fmi2SetRealInputDerivatives: not supported.
-pub unsafe fn set_real_input_derivatives<E: Export>(
-    component: Component,
-    _references: *const ValueReference,
-    _count: size_t,
-    _orders: *const c_int,
-    _values: *const f64,
-) -> Status {
-    unsafe { no_interpolation::<E>(component, Function::SetRealInputDerivatives) }
-}
-
-/// fmi2GetRealOutputDerivatives: not supported.
-pub unsafe fn get_real_output_derivatives<E: Export>(
-    component: Component,
-    _references: *const ValueReference,
-    _count: size_t,
-    _orders: *const c_int,
-    _values: *mut f64,
-) -> Status {
-    unsafe { no_interpolation::<E>(component, Function::GetRealOutputDerivatives) }
-}
-
-/// fmi2DoStep.
-pub unsafe fn do_step<E: Export>(component: Component, time: f64, step: f64, _no_set_before: Boolean) -> Status {
-    unsafe { call::<E>(component, Function::DoStep, |h| h.instance.do_step(argument(time), argument(step))) }
-}
-
-/// fmi2CancelStep: a step is over when fmi2DoStep returns.
-pub unsafe fn cancel_step<E: Export>(component: Component) -> Status {
-    let function = Function::CancelStep;
-    unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "no step is pending"))) }
-}
-
-const LAST_SUCCESSFUL_TIME: c_int = 2;
-const TERMINATED: c_int = 3;
-
-unsafe fn no_answer<E: Export>(component: Component, function: Function, kind: c_int) -> Status {
-    unsafe {
-        call::<E>(component, function, |_| {
-            Err(CallError::Discard(format!("{}: no answer to status kind {kind}", function.name(E::FORMAT.version))))
-        })
-    }
-}
-
-/// fmi2GetStatus: no step is ever pending.
-pub unsafe fn get_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
-    unsafe { no_answer::<E>(component, Function::GetStatus, kind) }
-}
-
-/// fmi2GetRealStatus: returns fmi2LastSuccessfulTime.
-pub unsafe fn get_real_status<E: Export>(component: Component, kind: c_int, value: *mut f64) -> Status {
-    let function = Function::GetRealStatus;
-    if kind != LAST_SUCCESSFUL_TIME {
-        return unsafe { no_answer::<E>(component, function, kind) };
-    }
-    unsafe {
-        call::<E>(component, function, |h| {
-            *target::<E, _>(function, "value", value)? = h.instance.time();
-            Ok(())
-        })
-    }
-}
-
-/// fmi2GetIntegerStatus: the standard defines no status of this type.
-pub unsafe fn get_integer_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
-    unsafe { no_answer::<E>(component, Function::GetIntegerStatus, kind) }
-}
-
-/// fmi2GetBooleanStatus: returns fmi2Terminated; the FMU never requests the end of the simulation.
-pub unsafe fn get_boolean_status<E: Export>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
-    let function = Function::GetBooleanStatus;
-    if kind != TERMINATED {
-        return unsafe { no_answer::<E>(component, function, kind) };
-    }
-    unsafe {
-        call::<E>(component, function, |_| {
-            *target::<E, _>(function, "value", value)? = 0;
-            Ok(())
-        })
-    }
-}
-
-/// fmi2GetStringStatus: no step is ever pending.
-pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _value: *mut *const c_char) -> Status {
-    unsafe { no_answer::<E>(component, Function::GetStringStatus, kind) }
-}
-
-/// fmi2EventInfo.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C)]
-pub struct EventInfo {
-    /// Always false: one call of fmi2NewDiscreteStates handles all events at a time.
-    pub new_discrete_states_needed: Boolean,
-    /// Always false.
-    pub terminate_simulation: Boolean,
-    /// Always false: nominal values are constant.
-    pub nominals_of_continuous_states_changed: Boolean,
-    /// True if the event has set continuous states.
-    pub values_of_continuous_states_changed: Boolean,
-    /// True if there is another time event.
-    pub next_event_time_defined: Boolean,
-    /// Its time in s.
-    pub next_event_time: f64,
-}
-
-/// fmi2NewDiscreteStates.
-pub unsafe fn new_discrete_states<E: Export>(component: Component, info: *mut EventInfo) -> Status {
-    let function = Function::NewDiscreteStates;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let info = target::<E, _>(function, "eventInfo", info)?;
-            let update = h.instance.new_discrete_states()?;
-            *info = EventInfo {
-                values_of_continuous_states_changed: update.states_changed.into(),
-                next_event_time_defined: update.next_event_time.is_some().into(),
-                next_event_time: update.next_event_time.unwrap_or(0.0),
-                ..EventInfo::default()
-            };
-            Ok(())
-        })
-    }
 }
 
 /// The C interface of a model by FMI 2.0, with the functions of co-simulation (`cs`), model exchange (`me`) or both.

@@ -8,13 +8,11 @@ pub use super::common::{
     completed_integrator_step, deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode,
     exit_initialization_mode, free_fmu_state, free_instance, get_continuous_states, get_derivatives,
     get_event_indicators, get_fmu_state, get_nominals_of_continuous_states, reset, serialize_fmu_state,
-    serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
+    serialized_fmu_state_size, set_continuous_states, set_debug_logging, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
 use super::values::{self, List, check_count, elements};
-use super::{
-    Component, Export, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text,
-};
+use super::{Call, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text};
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::Instance;
@@ -125,36 +123,6 @@ pub unsafe fn instantiate_scheduled_execution<E: Export>(arguments: Arguments) -
     unsafe { arguments.reject::<E>("fmi3InstantiateScheduledExecution", message) }
 }
 
-/// fmi3SetDebugLogging.
-pub unsafe fn set_debug_logging<E: Export>(
-    component: Component,
-    logging_on: Boolean,
-    count: size_t,
-    categories: *const *const c_char,
-) -> Status {
-    unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
-}
-
-/// fmi3EnterInitializationMode. The tolerance is that of a solver with error control, unless its parameter was set.
-pub unsafe fn enter_initialization_mode<E: Export>(
-    component: Component,
-    tolerance_defined: Boolean,
-    tolerance: f64,
-    start: f64,
-    stop_defined: Boolean,
-    stop: f64,
-) -> Status {
-    let function = Function::EnterInitializationMode;
-    let stop = (stop_defined != 0).then_some(stop);
-    let tolerance = (tolerance_defined != 0).then_some(tolerance);
-    unsafe {
-        call::<E>(component, function, |h| {
-            h.instance.set_experiment(function, argument(start), stop.map(argument), tolerance.map(argument))?;
-            h.instance.enter_initialization()
-        })
-    }
-}
-
 macro_rules! values {
     ($($name:ident $type:ty, $shared:ident;)*) => {$(
         #[doc = concat!("The function `", stringify!($shared), "` of both versions.")]
@@ -184,147 +152,118 @@ values! {
 
 /// Functions for types that no variable has: valid for empty lists only.
 pub unsafe fn no_variables<E: Export>(component: Component, function: Function, count: size_t) -> Status {
-    unsafe {
-        call::<E>(component, function, |_| {
-            if count == 0 {
-                return Ok(());
-            }
-            Err(error::<E>(function, "no variable of this FMU has this type"))
-        })
-    }
+    let run = |_: &mut Handle<E>, call: &Call<E>| match count {
+        0 => Ok(()),
+        _ => Err(call.error("no variable of this FMU has this type")),
+    };
+    unsafe { call::<E>(component, function, run) }
 }
 
 /// Functions of capabilities that no FMU of this exporter has.
 pub unsafe fn not_provided<E: Export>(component: Component, function: Function) -> Status {
-    unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not provided (see the model description)"))) }
+    unsafe { call::<E>(component, function, |_, call| Err(call.error("not provided (see the model description)"))) }
 }
 
-/// fmi3GetDirectionalDerivative and fmi3GetAdjointDerivative.
-#[expect(clippy::too_many_arguments, reason = "those of the standard")]
-pub unsafe fn get_derivative<E: Export>(
-    component: Component,
-    function: Function,
-    unknowns: *const ValueReference,
-    unknown_count: size_t,
-    knowns: *const ValueReference,
-    known_count: size_t,
-    seed: *const f64,
-    seed_count: size_t,
-    result: *mut f64,
-    result_count: size_t,
-) -> Status {
-    unsafe {
-        call::<E>(component, function, |h| {
-            let seed = array::<E, _>(function, "seed", seed, seed_count)?;
-            let result = array_mut::<E, _>(function, "sensitivity", result, result_count)?;
-            let unknowns = elements(h, function, unknowns, unknown_count)?.0.to_vec();
-            let (knowns, instance) = elements(h, function, knowns, known_count)?;
-            if function == Function::GetAdjointDerivative {
-                check_count::<E>(function, unknowns.len(), seed.len())?;
-                check_count::<E>(function, knowns.len(), result.len())?;
-                instance.adjoint_derivative(&unknowns, knowns, seed, result)
-            } else {
-                check_count::<E>(function, knowns.len(), seed.len())?;
-                check_count::<E>(function, unknowns.len(), result.len())?;
-                instance.directional_derivative(&unknowns, knowns, seed, result)
-            }
-        })
+functions! {
+    /// fmi3EnterInitializationMode. The tolerance is that of a solver with error control, unless its parameter was set.
+    fn enter_initialization_mode[EnterInitializationMode](
+        h, call, tolerance_defined: Boolean, tolerance: f64, start: f64, stop_defined: Boolean, stop: f64
+    ) {
+        let stop = (stop_defined != 0).then(|| argument(stop));
+        let tolerance = (tolerance_defined != 0).then(|| argument(tolerance));
+        h.instance.set_experiment(call.0, argument(start), stop, tolerance)?;
+        h.instance.enter_initialization()
     }
-}
 
-/// fmi3UpdateDiscreteStates: one call handles all events of a time.
-pub unsafe fn update_discrete_states<E: Export>(
-    component: Component,
-    needs_update: *mut Boolean,
-    terminate: *mut Boolean,
-    nominals_changed: *mut Boolean,
-    states_changed: *mut Boolean,
-    next_defined: *mut Boolean,
-    next: *mut f64,
-) -> Status {
-    let function = Function::NewDiscreteStates;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let needs_update = target::<E, _>(function, "discreteStatesNeedUpdate", needs_update)?;
-            let terminate = target::<E, _>(function, "terminateSimulation", terminate)?;
-            let nominals = target::<E, _>(function, "nominalsOfContinuousStatesChanged", nominals_changed)?;
-            let states = target::<E, _>(function, "valuesOfContinuousStatesChanged", states_changed)?;
-            let next_defined = target::<E, _>(function, "nextEventTimeDefined", next_defined)?;
-            let next = target::<E, _>(function, "nextEventTime", next)?;
-            let update = h.instance.new_discrete_states()?;
-            (*needs_update, *terminate, *nominals) = (0, 0, 0);
-            *states = update.states_changed.into();
-            *next_defined = update.next_event_time.is_some().into();
-            *next = update.next_event_time.unwrap_or(0.0);
-            Ok(())
-        })
+    /// fmi3GetDirectionalDerivative.
+    #[expect(clippy::too_many_arguments, reason = "those of the standard")]
+    fn get_directional_derivative[GetDirectionalDerivative](
+        h, call, unknowns: *const ValueReference, unknown_count: size_t, knowns: *const ValueReference, known_count: size_t,
+        seed: *const f64, seed_count: size_t, result: *mut f64, result_count: size_t
+    ) {
+        let seed = call.array("seed", seed, seed_count)?;
+        let result = call.array_mut("sensitivity", result, result_count)?;
+        let unknowns = elements(h, call, unknowns, unknown_count)?.0.to_vec();
+        let (knowns, instance) = elements(h, call, knowns, known_count)?;
+        check_count(call, knowns.len(), seed.len())?;
+        check_count(call, unknowns.len(), result.len())?;
+        instance.directional_derivative(&unknowns, knowns, seed, result)
     }
-}
 
-/// fmi3EvaluateDiscreteStates: discrete outputs are always evaluated.
-pub unsafe fn evaluate_discrete_states<E: Export>(component: Component) -> Status {
-    unsafe { call::<E>(component, Function::EvaluateDiscreteStates, |_| Ok(())) }
-}
-
-/// fmi3GetNumberOfEventIndicators.
-pub unsafe fn get_number_of_event_indicators<E: Export>(component: Component, count: *mut size_t) -> Status {
-    let function = Function::GetNumberOfEventIndicators;
-    unsafe {
-        call::<E>(component, function, |h| {
-            *target::<E, _>(function, "nEventIndicators", count)? = h.instance.layout().indicators.total();
-            Ok(())
-        })
+    /// fmi3GetAdjointDerivative.
+    #[expect(clippy::too_many_arguments, reason = "those of the standard")]
+    fn get_adjoint_derivative[GetAdjointDerivative](
+        h, call, unknowns: *const ValueReference, unknown_count: size_t, knowns: *const ValueReference, known_count: size_t,
+        seed: *const f64, seed_count: size_t, result: *mut f64, result_count: size_t
+    ) {
+        let seed = call.array("seed", seed, seed_count)?;
+        let result = call.array_mut("sensitivity", result, result_count)?;
+        let unknowns = elements(h, call, unknowns, unknown_count)?.0.to_vec();
+        let (knowns, instance) = elements(h, call, knowns, known_count)?;
+        check_count(call, unknowns.len(), seed.len())?;
+        check_count(call, knowns.len(), result.len())?;
+        instance.adjoint_derivative(&unknowns, knowns, seed, result)
     }
-}
 
-/// fmi3GetNumberOfContinuousStates.
-pub unsafe fn get_number_of_continuous_states<E: Export>(component: Component, count: *mut size_t) -> Status {
-    let function = Function::GetNumberOfContinuousStates;
-    unsafe {
-        call::<E>(component, function, |h| {
-            *target::<E, _>(function, "nContinuousStates", count)? = h.instance.layout().states.counts.reals;
-            Ok(())
-        })
+    /// fmi3UpdateDiscreteStates: one call handles all events of a time.
+    fn update_discrete_states[NewDiscreteStates](
+        h, call, needs_update: *mut Boolean, terminate: *mut Boolean, nominals_changed: *mut Boolean, states_changed: *mut Boolean,
+        next_defined: *mut Boolean, next: *mut f64
+    ) {
+        let needs_update = call.target("discreteStatesNeedUpdate", needs_update)?;
+        let terminate = call.target("terminateSimulation", terminate)?;
+        let nominals = call.target("nominalsOfContinuousStatesChanged", nominals_changed)?;
+        let states = call.target("valuesOfContinuousStatesChanged", states_changed)?;
+        let next_defined = call.target("nextEventTimeDefined", next_defined)?;
+        let next = call.target("nextEventTime", next)?;
+        let update = h.instance.new_discrete_states()?;
+        (*needs_update, *terminate, *nominals) = (0, 0, 0);
+        *states = update.states_changed.into();
+        *next_defined = update.next_event_time.is_some().into();
+        *next = update.next_event_time.unwrap_or(0.0);
+        Ok(())
     }
-}
 
-/// fmi3EnterStepMode.
-pub unsafe fn enter_step_mode<E: Export>(component: Component) -> Status {
-    unsafe { call::<E>(component, Function::EnterStepMode, |h| h.instance.enter_step_mode()) }
-}
+    /// fmi3EvaluateDiscreteStates: discrete outputs are always evaluated.
+    fn evaluate_discrete_states[EvaluateDiscreteStates](_, _) { Ok(()) }
 
-/// fmi3DoStep.
-#[expect(clippy::too_many_arguments, reason = "those of the standard")]
-pub unsafe fn do_step<E: Export>(
-    component: Component,
-    time: f64,
-    step: f64,
-    _no_set_before: Boolean,
-    event_handling_needed: *mut Boolean,
-    terminate: *mut Boolean,
-    early_return: *mut Boolean,
-    last_successful_time: *mut f64,
-) -> Status {
-    let function = Function::DoStep;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let event = target::<E, _>(function, "eventHandlingNeeded", event_handling_needed)?;
-            let terminate = target::<E, _>(function, "terminateSimulation", terminate)?;
-            let early = target::<E, _>(function, "earlyReturn", early_return)?;
-            let last = target::<E, _>(function, "lastSuccessfulTime", last_successful_time)?;
-            (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
-            let (time, step) = (argument(time), argument(step));
-            // The constant removes this branch for models without events.
-            if <E::Model as Model>::HAS_EVENTS && h.returns_early {
-                let has_event = h.instance.do_step_to_event(time, step)?;
-                *event = has_event.into();
-                *early = (has_event && h.instance.time() < time + step).into();
-            } else {
-                h.instance.do_step(time, step)?;
-            }
-            *last = h.instance.time();
-            Ok(())
-        })
+    /// fmi3GetNumberOfEventIndicators.
+    fn get_number_of_event_indicators[GetNumberOfEventIndicators](h, call, count: *mut size_t) {
+        *call.target("nEventIndicators", count)? = h.instance.layout().indicators.total();
+        Ok(())
+    }
+
+    /// fmi3GetNumberOfContinuousStates.
+    fn get_number_of_continuous_states[GetNumberOfContinuousStates](h, call, count: *mut size_t) {
+        *call.target("nContinuousStates", count)? = h.instance.layout().states.counts.reals;
+        Ok(())
+    }
+
+    /// fmi3EnterStepMode.
+    fn enter_step_mode[EnterStepMode](h, _) { h.instance.enter_step_mode() }
+
+    /// fmi3DoStep.
+    #[expect(clippy::too_many_arguments, reason = "those of the standard")]
+    fn do_step[DoStep](
+        h, call, time: f64, step: f64, _no_set_before: Boolean, event_handling_needed: *mut Boolean, terminate: *mut Boolean,
+        early_return: *mut Boolean, last_successful_time: *mut f64
+    ) {
+        let event = call.target("eventHandlingNeeded", event_handling_needed)?;
+        let terminate = call.target("terminateSimulation", terminate)?;
+        let early = call.target("earlyReturn", early_return)?;
+        let last = call.target("lastSuccessfulTime", last_successful_time)?;
+        (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
+        let (time, step) = (argument(time), argument(step));
+        // The constant removes this branch for models without events.
+        if <E::Model as Model>::HAS_EVENTS && h.returns_early {
+            let has_event = h.instance.do_step_to_event(time, step)?;
+            *event = has_event.into();
+            *early = (has_event && h.instance.time() < time + step).into();
+        } else {
+            h.instance.do_step(time, step)?;
+        }
+        *last = h.instance.time();
+        Ok(())
     }
 }
 
@@ -445,8 +384,8 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3EvaluateDiscreteStates evaluate_discrete_states ();
                 fmi3UpdateDiscreteStates update_discrete_states (needs_update: *mut Boolean, terminate: *mut Boolean, nominals: *mut Boolean, states: *mut Boolean, next_defined: *mut Boolean, next: *mut f64);
                 fmi3EnterStepMode enter_step_mode ();
-                fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
-                fmi3GetAdjointDerivative get_derivative GetAdjointDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetDirectionalDerivative get_directional_derivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetAdjointDerivative get_adjoint_derivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
                 fmi3GetFloat64 get_float64 (vr: *const ValueReference, n: size_t, values: *mut f64, n_values: size_t);
                 fmi3SetFloat64 set_float64 (vr: *const ValueReference, n: size_t, values: *const f64, n_values: size_t);
                 fmi3GetInt32 get_int32 (vr: *const ValueReference, n: size_t, values: *mut i32, n_values: size_t);

@@ -1,9 +1,10 @@
 //! Reading and setting values, in both versions.
 
 use std::ffi::CStr;
+use std::marker::PhantomData;
 
 use super::c::{c_char, c_int, size_t};
-use super::{CallResult, Component, Export, Handle, Status, array, array_mut, call, error, text};
+use super::{Call, CallResult, Component, Export, Handle, Status, call, text};
 use crate::calls::{Function, Version};
 use crate::instance::{CallError, Instance};
 use crate::runner::Model;
@@ -21,23 +22,23 @@ fn is_fmi3<E: Export>() -> bool {
 }
 
 /// Rejects arrays whose length is not the number of values of the variables.
-pub(super) fn check_count<E: Export>(function: Function, expected: usize, count: usize) -> CallResult {
+pub(super) fn check_count<E: Export>(call: &Call<E>, expected: usize, count: usize) -> CallResult {
     if expected == count {
         return Ok(());
     }
-    Err(error::<E>(function, &format!("the variables have {expected} values, nValues is {count}")))
+    Err(call.error(format_args!("the variables have {expected} values, nValues is {count}")))
 }
 
 /// The value references of all elements of the variables.
 #[inline(always)]
-pub(super) unsafe fn elements<E: Export>(
-    h: &mut Handle<E>,
-    function: Function,
+pub(super) unsafe fn elements<'h, E: Export>(
+    h: &'h mut Handle<E>,
+    call: &Call<E>,
     references: *const u32,
     count: size_t,
-) -> Result<(&[u32], &mut Instance<E::Model>), CallError> {
+) -> Result<(&'h [u32], &'h mut Instance<E::Model>), CallError> {
     let name = if is_fmi3::<E>() { "valueReferences" } else { "vr" };
-    let references = unsafe { array::<E, _>(function, name, references, count) }?;
+    let references = unsafe { call.array(name, references, count) }?;
     if !E::FORMAT.arrays {
         return Ok((references, &mut h.instance));
     }
@@ -63,10 +64,10 @@ unsafe fn get<E: Export, V>(
     read: impl FnOnce(&mut Instance<E::Model>, &[u32], &mut [V]) -> CallResult,
 ) -> Status {
     unsafe {
-        call::<E>(component, function, |h| {
-            let values = array_mut::<E, _>(function, name_of_values::<E>(), list.values, list.value_count)?;
-            let (references, instance) = elements(h, function, list.references, list.count)?;
-            check_count::<E>(function, references.len(), values.len())?;
+        call::<E>(component, function, |h, call| {
+            let values = call.array_mut(name_of_values::<E>(), list.values, list.value_count)?;
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), values.len())?;
             read(instance, references, values)
         })
     }
@@ -81,10 +82,10 @@ unsafe fn set<E: Export, V>(
     write: impl FnOnce(&mut Instance<E::Model>, &[u32], &[V]) -> CallResult,
 ) -> Status {
     unsafe {
-        call::<E>(component, function, |h| {
-            let values = array::<E, _>(function, name_of_values::<E>(), list.values, list.value_count)?;
-            let (references, instance) = elements(h, function, list.references, list.count)?;
-            check_count::<E>(function, references.len(), values.len())?;
+        call::<E>(component, function, |h, call| {
+            let values = call.array(name_of_values::<E>(), list.values, list.value_count)?;
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), values.len())?;
             write(instance, references, values)
         })
     }
@@ -192,7 +193,8 @@ pub(super) unsafe fn set_string<E: Export>(component: Component, list: List<*con
     unsafe {
         set::<E, _>(component, function, list, |instance, references, values| {
             let to_text = |&value: &*const c_char| {
-                text(value).map(str::to_owned).map_err(|e| error::<E>(function, &format!("a value is {e}")))
+                let error = |e| Call::<E>(function, PhantomData).error(format_args!("a value is {e}"));
+                text(value).map(str::to_owned).map_err(error)
             };
             let texts: Result<Vec<_>, _> = values.iter().map(to_text).collect();
             instance.set_string(references, &texts?)
