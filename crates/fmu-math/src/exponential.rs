@@ -3,9 +3,9 @@
 //! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions are made of exp(x) and exp(x) - 1 in two parts each, so
 //! that they lose nothing near zero.
 
-use crate::bits::{INFINITY, ROUNDER, SIGN, abs, choose, fast_sum, flip, magnitude, min, sign, spread, sum};
+use crate::bits::{INFINITY, ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitude, min, sign, spread, sum};
 use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO, TANH};
-use crate::lanes::{function, polynomial11};
+use crate::lanes::polynomial11;
 
 /// Up to here neither the result nor its reciprocal leaves the normal range.
 const LIMIT: u64 = 708f64.to_bits();
@@ -97,10 +97,37 @@ fn exp_full(x: f64) -> f64 {
     scaled(value, n)
 }
 
-function!(
-    /// Exponential function, within 1 ulp, subnormal results included.
-    pub exp, exp_each, outside, exp_kernel, exp_full, far, exp_near
-);
+/// Exponential function, within 1 ulp, subnormal results included.
+#[inline(never)]
+#[must_use]
+pub fn exp(x: f64) -> f64 {
+    if far(x) >> 63 == 0 {
+        return exp_near(x);
+    }
+    if outside(x) >> 63 == 0 { exp_kernel(x) } else { canonical(exp_full(x)) }
+}
+
+/// [`exp`] of each element, with the same bits.
+#[inline(always)]
+#[must_use]
+pub fn exp_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
+    #[cold]
+    #[inline(never)]
+    fn singles(x: &mut [f64]) {
+        x.iter_mut().for_each(|x| *x = exp(*x));
+    }
+    if x.iter().fold(0, |any, &x| any | outside(x)) >> 63 == 0 {
+        for x in &mut x {
+            *x = exp_kernel(*x);
+        }
+    } else {
+        // A copy: an array that is borrowed here would be in memory before and after it, too.
+        let mut copy: [f64; N] = core::array::from_fn(|i| x[i]);
+        singles(&mut copy);
+        x = core::array::from_fn::<_, N, _>(|i| copy[i]);
+    }
+    x
+}
 
 /// exp(x) - 1 in two parts, for x >= 0.
 #[inline(always)]
@@ -180,14 +207,20 @@ fn cosh_kernel(x: f64) -> f64 {
     0.5 * (sum + (sum_low + value_low))
 }
 
-function!(
-    /// Hyperbolic sine, within 1.2 ulp.
-    pub sinh, sinh_each, outside, sinh_kernel, libm::sinh
-);
-function!(
-    /// Hyperbolic cosine, within 0.9 ulp.
-    pub cosh, cosh_each, outside, cosh_kernel, libm::cosh
-);
+/// Hyperbolic sine, within 1.2 ulp.
+#[inline(never)]
+#[must_use]
+pub fn sinh(x: f64) -> f64 {
+    if outside(x) >> 63 == 0 { sinh_kernel(x) } else { canonical(libm::sinh(x)) }
+}
+
+/// Hyperbolic cosine, within 0.9 ulp.
+#[inline(never)]
+#[must_use]
+pub fn cosh(x: f64) -> f64 {
+    if outside(x) >> 63 == 0 { cosh_kernel(x) } else { canonical(libm::cosh(x)) }
+}
+
 /// Hyperbolic tangent, within 0.9 ulp.
 #[inline(never)]
 #[must_use]

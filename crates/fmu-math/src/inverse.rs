@@ -2,7 +2,7 @@
 
 use crate::bits::{SIGN, abs, choose, fast_sum, flip, keep, magnitude, mask, max, min, sign, spread, sqrt, upper};
 use crate::coefficients::{ASIN, ATAN, PIO4_HI, PIO4_LO};
-use crate::lanes::{function, function_near, function2_near, polynomial13};
+use crate::lanes::{function_near, function2_near, polynomial13};
 
 /// Greatest magnitude of the arguments of the arctangent of two numbers: their sum must not overflow.
 const LARGE: u64 = 1e300f64.to_bits();
@@ -134,14 +134,19 @@ function2_near!(
     /// The angle of the point (`x`, `y`), in [-pi, pi], within 1.5 ulp. Zeros and infinities as in C: `atan2(0.0, 0.0)` is 0.
     atan2, atan2_each, y, x, atan2_far, atan2_near, atan2_kernel, libm::atan2
 );
-function!(
-    /// Arcsine, in [-pi/2, pi/2], within 0.8 ulp; NaN outside of [-1, 1].
-    pub asin, asin_each, unit_outside, asin_kernel, |_| f64::NAN
-);
-function!(
-    /// Arccosine, in [0, pi], within 0.8 ulp; NaN outside of [-1, 1].
-    pub acos, acos_each, unit_outside, acos_kernel, |_| f64::NAN
-);
+/// Arcsine, in [-pi/2, pi/2], within 0.8 ulp; NaN outside of [-1, 1].
+#[inline(never)]
+#[must_use]
+pub fn asin(x: f64) -> f64 {
+    if unit_outside(x) >> 63 == 0 { asin_kernel(x) } else { f64::NAN }
+}
+
+/// Arccosine, in [0, pi], within 0.8 ulp; NaN outside of [-1, 1].
+#[inline(never)]
+#[must_use]
+pub fn acos(x: f64) -> f64 {
+    if unit_outside(x) >> 63 == 0 { acos_kernel(x) } else { f64::NAN }
+}
 
 #[cfg(test)]
 mod tests {

@@ -2,94 +2,9 @@
 
 /// Defines a function of one number and its array form.
 ///
-/// `outside` has its highest bit set for arguments that the kernel does not cover; `full` computes those. `far` and `near`
-/// optionally add a fast path for single numbers, see `function_near`. The array form is inlined, because a call would pass
-/// arguments and results through memory.
-macro_rules! function {
-    ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr
-        $(, $far:expr, $near:expr)?) => {
-        $(#[$doc])*
-        #[inline(never)]
-        #[must_use]
-        $visible fn $name(x: f64) -> f64 {
-            $(if $far(x) >> 63 == 0 {
-                return $near(x);
-            })?
-            if $outside(x) >> 63 == 0 { $kernel(x) } else { crate::bits::canonical($full(x)) }
-        }
-
-        #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
-        #[inline(always)]
-        #[must_use]
-        $visible fn $each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
-            #[cold]
-            #[inline(never)]
-            fn singles(x: &mut [f64]) {
-                x.iter_mut().for_each(|x| *x = $name(*x));
-            }
-            let mut any = 0;
-            for &x in &x {
-                any |= $outside(x);
-            }
-            if any >> 63 == 0 {
-                for x in &mut x {
-                    *x = $kernel(*x);
-                }
-            } else {
-                // A copy: an array that is borrowed here would be in memory before and after it, too.
-                let mut copy: [f64; N] = core::array::from_fn(|i| x[i]);
-                singles(&mut copy);
-                x = core::array::from_fn::<_, N, _>(|i| copy[i]);
-            }
-            x
-        }
-    };
-}
-
-/// Defines a function of two numbers and its array form. The kernel returns its result and what `outside` is above.
-macro_rules! function2 {
-    ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $a:ident, $b:ident, $kernel:expr, $full:expr) => {
-        $(#[$doc])*
-        #[inline(never)]
-        #[must_use]
-        $visible fn $name($a: f64, $b: f64) -> f64 {
-            let (value, outside) = $kernel($a, $b);
-            if outside >> 63 == 0 { value } else { crate::bits::canonical($full($a, $b)) }
-        }
-
-        #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
-        #[inline(always)]
-        #[must_use]
-        $visible fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
-            #[cold]
-            #[inline(never)]
-            fn singles(result: &mut [f64], a: &[f64], b: &[f64]) {
-                for (result, (a, b)) in result.iter_mut().zip(a.iter().zip(b)) {
-                    *result = $name(*a, *b);
-                }
-            }
-            let mut any = 0;
-            let mut result = [0.0; N];
-            for (result, (a, b)) in result.iter_mut().zip($a.iter().zip(&$b)) {
-                let (value, outside) = $kernel(*a, *b);
-                *result = value;
-                any |= outside;
-            }
-            if any >> 63 != 0 {
-                // Copies, as above.
-                let mut copy: [f64; N] = core::array::from_fn(|i| result[i]);
-                let a: [f64; N] = core::array::from_fn(|i| $a[i]);
-                let b: [f64; N] = core::array::from_fn(|i| $b[i]);
-                singles(&mut copy, &a, &b);
-                result = core::array::from_fn::<_, N, _>(|i| copy[i]);
-            }
-            result
-        }
-    };
-}
-
-/// `function` with a fast path. `far` has its highest bit set for arguments that need the general path. Both paths are
-/// bit-identical.
+/// `outside` has its highest bit set for arguments that the kernel does not cover; `full` computes those. `far` has its highest
+/// bit set for arguments that need this general path; `near` is a fast path for the others. Both paths are bit-identical. The
+/// array form is inlined, because a call would pass arguments and results through memory.
 macro_rules! function_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $far:expr, $near:expr, $outside:expr, $kernel:expr, $full:expr) => {
         /// The general path. Not inlined, to keep the libraries small.
@@ -145,7 +60,8 @@ macro_rules! function_near {
     };
 }
 
-/// `function2` with a fast path.
+/// Defines a function of two numbers and its array form, as [`function_near`]. The kernel returns its result and what `outside` is
+/// above.
 macro_rules! function2_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $far:expr, $near:expr, $kernel:expr, $full:expr) => {
         mod $each {
@@ -191,7 +107,7 @@ macro_rules! function2_near {
     };
 }
 
-pub(crate) use {function, function_near, function2, function2_near};
+pub(crate) use {function_near, function2_near};
 
 /// A polynomial of degree 5 in `z`, evaluated in pairs so that the additions do not wait for each other.
 #[inline(always)]

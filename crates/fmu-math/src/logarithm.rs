@@ -3,9 +3,9 @@
 //! x = 2^k m with m from sqrt(1/2) to sqrt(2). With f = m - 1 and s = f/(2 + f), ln(m) = f - f^2/2 + s (f^2/2 + R(s^2)), the
 //! form of fdlibm, which is accurate near 1; the polynomial is our own.
 
-use crate::bits::{INFINITY, SIGN};
+use crate::bits::{INFINITY, SIGN, canonical};
 use crate::coefficients::{LN, LN2_HI, LN2_LO};
-use crate::lanes::{function, polynomial7};
+use crate::lanes::polynomial7;
 
 const NORMAL: u64 = f64::MIN_POSITIVE.to_bits();
 /// The bits of sqrt(1/2).
@@ -28,12 +28,6 @@ pub(crate) fn split(x: f64) -> (f64, f64) {
     let k = f64::from_bits(exponent | BIAS.to_bits()) - (BIAS + 1024.0);
     let m = f64::from_bits(x.to_bits().wrapping_sub(exponent.wrapping_sub(1024) << 52));
     (k, m)
-}
-
-#[inline(always)]
-fn ln_kernel(x: f64) -> f64 {
-    let (k, m) = split(x);
-    combine(k, m)
 }
 
 #[inline(always)]
@@ -60,7 +54,14 @@ fn ln_full(x: f64) -> f64 {
     }
 }
 
-function!(
-    /// Natural logarithm, within 0.9 ulp; minus infinity at ±0, NaN below.
-    pub ln, ln_each, outside, ln_kernel, ln_full
-);
+/// Natural logarithm, within 0.9 ulp; minus infinity at ±0, NaN below.
+#[inline(never)]
+#[must_use]
+pub fn ln(x: f64) -> f64 {
+    if outside(x) >> 63 == 0 {
+        let (k, m) = split(x);
+        combine(k, m)
+    } else {
+        canonical(ln_full(x))
+    }
+}

@@ -1,21 +1,14 @@
 //! Powers, and the length of a vector.
 
-use crate::bits::{abs, fast_sum, magnitude, product, sqrt, sum};
+use crate::bits::{abs, canonical, fast_sum, magnitude, product, sqrt, sum};
 use crate::coefficients::{LN_TAIL, LN2_HI, LN2_LO, THIRD_HI, THIRD_LO};
 use crate::exponential::{OVERFLOW, UNDERFLOW, exponential, power_of_two, reduce, scaled};
-use crate::lanes::{function2, polynomial8};
+use crate::lanes::polynomial8;
 use crate::logarithm;
 
-/// ln(x) in two parts, to 2^-64 of its value.
+/// ln(2^k m) in two parts, to 2^-64 of its value.
 ///
 /// As in `logarithm`, but ln(m) = 2s (1 + s^2/3 + s^4 (1/5 + ...)), with all but the bracket in two parts.
-#[inline(always)]
-fn logarithm(x: f64) -> (f64, f64) {
-    let (k, m) = logarithm::split(x);
-    combine(k, m)
-}
-
-/// ln(2^k m) in two parts.
 #[inline(always)]
 fn combine(k: f64, m: f64) -> (f64, f64) {
     let f = m - 1.0;
@@ -45,7 +38,8 @@ fn combine(k: f64, m: f64) -> (f64, f64) {
 fn pow_kernel(x: f64, y: f64) -> (f64, u64) {
     const EXPONENT: u64 = 1e100f64.to_bits();
     const ARGUMENT: u64 = 708f64.to_bits();
-    let (log, log_low) = logarithm(x);
+    let (k, m) = logarithm::split(x);
+    let (log, log_low) = combine(k, m);
     let (t, t_low) = product(y, log);
     let t_low = t_low + y * log_low;
     let outside = logarithm::outside(x) | EXPONENT.wrapping_sub(magnitude(y)) | ARGUMENT.wrapping_sub(magnitude(t));
@@ -108,11 +102,14 @@ fn parity(y: f64) -> Parity {
     }
 }
 
-function2!(
-    /// `x` to the power `y`, within 1.2 ulp. Special values as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1, a negative `x` has
-    /// powers for integers `y` only.
-    pub pow, pow_each, x, y, pow_kernel, pow_full
-);
+/// `x` to the power `y`, within 1.2 ulp. Special values as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1, a negative `x` has
+/// powers for integers `y` only.
+#[inline(never)]
+#[must_use]
+pub fn pow(x: f64, y: f64) -> f64 {
+    let (power, outside) = pow_kernel(x, y);
+    if outside >> 63 == 0 { power } else { canonical(pow_full(x, y)) }
+}
 
 /// `x` to an integer power by repeated squaring. Each of the about 2 log2(n) multiplications rounds.
 #[inline]
@@ -133,7 +130,7 @@ pub fn powi(x: f64, n: i32) -> f64 {
     if n < 0 { 1.0 / power } else { power }
 }
 
-/// True if the squares of both and their sum neither overflow nor lose significant digits.
+/// The length, and a number whose highest bit is set where the squares or their sum overflow or lose significant digits.
 #[inline(always)]
 fn hypot_kernel(x: f64, y: f64) -> (f64, u64) {
     const LARGE: u64 = 1e150f64.to_bits();
@@ -160,7 +157,10 @@ fn hypot_full(x: f64, y: f64) -> f64 {
     }
 }
 
-function2!(
-    /// Length of the vector (`x`, `y`), within 1.3 ulp; infinite if one of them is.
-    pub hypot, hypot_each, x, y, hypot_kernel, hypot_full
-);
+/// Length of the vector (`x`, `y`), within 1.3 ulp; infinite if one of them is.
+#[inline(never)]
+#[must_use]
+pub fn hypot(x: f64, y: f64) -> f64 {
+    let (length, outside) = hypot_kernel(x, y);
+    if outside >> 63 == 0 { length } else { canonical(hypot_full(x, y)) }
+}

@@ -10,25 +10,26 @@ type Single = fn(f64) -> f64;
 type One = (&'static str, Single, fn([f64; 6]) -> [f64; 6]);
 type Two = (&'static str, fn(f64, f64) -> f64, fn([f64; 6], [f64; 6]) -> [f64; 6]);
 
+// Some functions have no array form; here their elements are computed one by one.
 const ONE: [One; 13] = [
     ("sin", math::sin, math::sin_each),
     ("cos", math::cos, math::cos_each),
     ("tan", math::tan, math::tan_each),
-    ("asin", math::asin, math::asin_each),
-    ("acos", math::acos, math::acos_each),
+    ("asin", math::asin, |x| x.map(math::asin)),
+    ("acos", math::acos, |x| x.map(math::acos)),
     ("atan", math::atan, math::atan_each),
     ("exp", math::exp, math::exp_each),
-    ("ln", math::ln, math::ln_each),
-    ("sinh", math::sinh, math::sinh_each),
-    ("cosh", math::cosh, math::cosh_each),
+    ("ln", math::ln, |x| x.map(math::ln)),
+    ("sinh", math::sinh, |x| x.map(math::sinh)),
+    ("cosh", math::cosh, |x| x.map(math::cosh)),
     ("tanh", math::tanh, math::tanh_each),
     ("sin of sin_cos", |x| math::sin_cos(x).0, |x| math::sin_cos_each(x).0),
     ("cos of sin_cos", |x| math::sin_cos(x).1, |x| math::sin_cos_each(x).1),
 ];
 const TWO: [Two; 3] = [
     ("atan2", math::atan2, math::atan2_each),
-    ("pow", math::pow, math::pow_each),
-    ("hypot", math::hypot, math::hypot_each),
+    ("pow", math::pow, |x, y| std::array::from_fn(|i| math::pow(x[i], y[i]))),
+    ("hypot", math::hypot, |x, y| std::array::from_fn(|i| math::hypot(x[i], y[i]))),
 ];
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
