@@ -37,22 +37,6 @@ impl<M: Continuous> Problem<'_, M> {
         At { time, state, inputs: self.inputs, derived: self.derived, discrete }
     }
 
-    /// One step of fixed length: Runge-Kutta of order 4, or the solution in closed form.
-    #[inline]
-    pub(crate) fn fixed(&self, x: &M::State<f64>, interval: Interval<'_, M>) -> M::State<f64> {
-        let Interval { time, h, discrete } = interval;
-        if matches!(M::SOLVER, Solver::Exact) {
-            return self.model.advance(self.at(time, x, discrete), h);
-        }
-        let f = |time, x: &M::State<f64>| self.model.derivatives(self.at(time, x, discrete));
-        let k1 = f(time, x);
-        let k2 = f(time + 0.5 * h, &x.combine(&k1, |x, k| x + 0.5 * h * k));
-        let k3 = f(time + 0.5 * h, &x.combine(&k2, |x, k| x + 0.5 * h * k));
-        let k4 = f(time + h, &x.combine(&k3, |x, k| x + h * k));
-        let slope = k1.combine(&k2, |a, b| a + 2.0 * b).combine(&k3, |a, b| a + 2.0 * b).combine(&k4, |a, b| a + b);
-        x.combine(&slope, |x, s| x + h / 6.0 * s)
-    }
-
     /// The derivatives at a state on the heap, for numbers of type `T`.
     #[inline]
     fn evaluate<T: Scalar>(&self, time: T, x: &[T], inputs: &M::Inputs<T>, discrete: &M::DiscreteState, to: &mut [T]) {
@@ -72,7 +56,7 @@ impl<M: Continuous> Problem<'_, M> {
         discrete: &M::DiscreteState,
         to: &mut [T],
     ) {
-        let state = &M::State::read(Values::of_reals(x), Counts::ZERO);
+        let state = &M::State::from_reals(x);
         let at = At { time, state, inputs, derived: self.derived, discrete };
         self.model.derivatives(at).write(&mut ValuesMut::of_reals(to), Counts::ZERO);
     }
@@ -90,54 +74,10 @@ impl<M: Continuous> Problem<'_, M> {
         self.evaluate_here(time, x, inputs, discrete, to);
     }
 
-    /// As [`Self::fixed`], of states on the heap.
-    fn fixed_on_heap(&self, x: &[f64], interval: Interval<'_, M>, scratch: &mut Scratch) -> Vec<f64> {
-        let Interval { time, h, discrete } = interval;
-        let mut end = scratch.take();
-        if matches!(M::SOLVER, Solver::Exact) {
-            self.advance_on_heap(time, x, discrete, h, &mut end);
-        } else {
-            let f = |time, x: &[f64], to: &mut [f64]| {
-                self.evaluate(time, x, self.inputs, discrete, to);
-                Ok::<_, Infallible>(())
-            };
-            let Ok(()) = ode::runge_kutta(f, time, x, h, &mut end, &mut scratch.work);
-        }
-        end
-    }
-
     #[inline(never)]
     fn advance_on_heap(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, h: f64, end: &mut [f64]) {
-        let state = M::State::read(Values::of_reals(x), Counts::ZERO);
-        write::<M>(&self.model.advance(self.at(time, &state, discrete), h), end);
-    }
-
-    /// One step of the solver with error control. Its error goes to the scratch memory. `None` if the matrix of the step is
-    /// singular.
-    fn estimated(&self, x: &[f64], interval: Interval<'_, M>, scratch: &mut Scratch) -> Option<Vec<f64>> {
-        let Interval { time, h, discrete } = interval;
-        let f = |time, x: &[f64], to: &mut [f64]| {
-            self.evaluate(time, x, self.inputs, discrete, to);
-            Ok::<_, Infallible>(())
-        };
-        // A constant, with which loops of small models are unrolled.
-        let n = M::State::<f64>::COUNTS.reals;
-        let x = &x[..n];
-        if !matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
-            let mut end = scratch.take();
-            let Ok(()) = ode::dormand_prince(f, time, x, h, &mut end, &mut scratch.error, &mut scratch.work);
-            return Some(end);
-        }
-        self.linearize(time, x, discrete, scratch);
-        if !scratch.jacobian.factorize(ode::rodas_diagonal(h), n) {
-            return None;
-        }
-        let mut end = scratch.take();
-        let Scratch { jacobian, slope, work, error, .. } = scratch;
-        let solve = |b: &mut [f64]| jacobian.solve(b);
-        let (slope, end_of, error) = (&slope[..n], &mut end[..n], &mut error[..n]);
-        let Ok(()) = ode::rodas(f, solve, time, x, slope, h, end_of, error, &mut work[..ode::RODAS_WORK * n]);
-        Some(end)
+        let state = M::State::from_reals(x);
+        self.model.advance(self.at(time, &state, discrete), h).write(&mut ValuesMut::of_reals(end), Counts::ZERO);
     }
 
     /// Computes the Jacobian of the derivatives with respect to the state, and their derivative with respect to time:
@@ -204,10 +144,6 @@ impl<M: Continuous> Problem<'_, M> {
     }
 }
 
-fn write<M: Continuous>(x: &M::State<f64>, values: &mut [f64]) {
-    x.write(&mut ValuesMut::of_reals(values), Counts::ZERO);
-}
-
 /// The inputs as numbers of another type.
 fn inputs_of<T: Scalar, M: Continuous>(
     inputs: &M::Inputs<f64>,
@@ -233,22 +169,21 @@ pub(crate) trait Keep<M: Continuous> {
     type State;
     /// The state in the values of an instance.
     fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State;
-    /// A copy.
-    fn copy(x: &Self::State, scratch: &mut Scratch) -> Self::State;
     /// Writes a state to the values of an instance.
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts);
     /// Passes a state to the model.
     fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R;
     /// Passes a state to the model, which may change it.
     fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R;
-    /// See [`Problem::fixed`].
+    /// One step of fixed length: Runge-Kutta of order 4, or the solution in closed form.
     fn fixed(
         problem: &Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State;
-    /// See [`Problem::estimated`].
+    /// One step of the solver with error control. Its error goes to the scratch memory. `None` if the matrix of the step is
+    /// singular.
     fn estimated(
         problem: &Problem<'_, M>,
         x: &Self::State,
@@ -276,10 +211,6 @@ impl<M: Continuous> Keep<M> for InPlace {
         M::State::read(values, at)
     }
     #[inline]
-    fn copy(x: &Self::State, _: &mut Scratch) -> Self::State {
-        x.copied()
-    }
-    #[inline]
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts) {
         x.write(values, at);
     }
@@ -293,7 +224,17 @@ impl<M: Continuous> Keep<M> for InPlace {
     }
     #[inline]
     fn fixed(problem: &Problem<'_, M>, x: &Self::State, interval: Interval<'_, M>, _: &mut Scratch) -> Self::State {
-        problem.fixed(x, interval)
+        let Interval { time, h, discrete } = interval;
+        if matches!(M::SOLVER, Solver::Exact) {
+            return problem.model.advance(problem.at(time, x, discrete), h);
+        }
+        let f = |time, x: &M::State<f64>| problem.model.derivatives(problem.at(time, x, discrete));
+        let k1 = f(time, x);
+        let k2 = f(time + 0.5 * h, &x.combine(&k1, |x, k| x + 0.5 * h * k));
+        let k3 = f(time + 0.5 * h, &x.combine(&k2, |x, k| x + 0.5 * h * k));
+        let k4 = f(time + h, &x.combine(&k3, |x, k| x + h * k));
+        let slope = k1.combine(&k2, |a, b| a + 2.0 * b).combine(&k3, |a, b| a + 2.0 * b).combine(&k4, |a, b| a + b);
+        x.combine(&slope, |x, s| x + h / 6.0 * s)
     }
     fn estimated(_: &Problem<'_, M>, _: &Self::State, _: Interval<'_, M>, _: &mut Scratch) -> Option<Self::State> {
         unreachable!("a solver with error control keeps its states on the heap")
@@ -314,23 +255,18 @@ impl<M: Continuous> Keep<M> for OnHeap {
         x.copy_from_slice(&values.reals[at.reals..][..n]);
         x
     }
-    fn copy(x: &Self::State, scratch: &mut Scratch) -> Self::State {
-        let mut copy = scratch.take();
-        copy.copy_from_slice(x);
-        copy
-    }
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts) {
         values.reals[at.reals..][..x.len()].copy_from_slice(x);
     }
     #[inline(never)]
     fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R {
-        f(&M::State::read(Values::of_reals(x), Counts::ZERO))
+        f(&M::State::from_reals(x))
     }
     #[inline(never)]
     fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
-        let mut state = M::State::read(Values::of_reals(x), Counts::ZERO);
+        let mut state = M::State::from_reals(x);
         let result = f(&mut state);
-        write::<M>(&state, x);
+        state.write(&mut ValuesMut::of_reals(x), Counts::ZERO);
         result
     }
     fn fixed(
@@ -339,7 +275,18 @@ impl<M: Continuous> Keep<M> for OnHeap {
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State {
-        problem.fixed_on_heap(x, interval, scratch)
+        let Interval { time, h, discrete } = interval;
+        let mut end = scratch.take();
+        if matches!(M::SOLVER, Solver::Exact) {
+            problem.advance_on_heap(time, x, discrete, h, &mut end);
+        } else {
+            let f = |time, x: &[f64], to: &mut [f64]| {
+                problem.evaluate(time, x, problem.inputs, discrete, to);
+                Ok::<_, Infallible>(())
+            };
+            let Ok(()) = ode::runge_kutta(f, time, x, h, &mut end, &mut scratch.work);
+        }
+        end
     }
     fn estimated(
         problem: &Problem<'_, M>,
@@ -347,7 +294,29 @@ impl<M: Continuous> Keep<M> for OnHeap {
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Option<Self::State> {
-        problem.estimated(x, interval, scratch)
+        let Interval { time, h, discrete } = interval;
+        let f = |time, x: &[f64], to: &mut [f64]| {
+            problem.evaluate(time, x, problem.inputs, discrete, to);
+            Ok::<_, Infallible>(())
+        };
+        // A constant, with which loops of small models are unrolled.
+        let n = M::State::<f64>::COUNTS.reals;
+        let x = &x[..n];
+        if !matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
+            let mut end = scratch.take();
+            let Ok(()) = ode::dormand_prince(f, time, x, h, &mut end, &mut scratch.error, &mut scratch.work);
+            return Some(end);
+        }
+        problem.linearize(time, x, discrete, scratch);
+        if !scratch.jacobian.factorize(ode::rodas_diagonal(h), n) {
+            return None;
+        }
+        let mut end = scratch.take();
+        let Scratch { jacobian, slope, work, error, .. } = scratch;
+        let solve = |b: &mut [f64]| jacobian.solve(b);
+        let (slope, end_of, error) = (&slope[..n], &mut end[..n], &mut error[..n]);
+        let Ok(()) = ode::rodas(f, solve, time, x, slope, h, end_of, error, &mut work[..ode::RODAS_WORK * n]);
+        Some(end)
     }
     fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64 {
         ode::error_norm(x, end, &scratch.error, &scratch.nominals, tolerance)

@@ -379,6 +379,7 @@ pub trait Variables<T: Scalar>: Sized {
     ///
     /// # Panics
     /// If there are too few, or variables of other types.
+    #[inline]
     fn from_reals(reals: &[T]) -> Self {
         Self::read(Values::of_reals(reals), Counts::ZERO)
     }

@@ -372,7 +372,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
         let u = M::Inputs::read(values.view(), layout.inputs.at);
         let before = K::load(values.view(), layout.states.at, &mut run.scratch);
-        let mut x = K::copy(&before, &mut run.scratch);
+        let mut x = K::load(values.view(), layout.states.at, &mut run.scratch);
         let problem = Problem { model: p, inputs: &u, derived };
         let end = step.time + step.step;
         let mut integration = Integration::<M, K> {
