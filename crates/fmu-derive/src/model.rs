@@ -38,7 +38,7 @@ struct Keys {
 impl Keys {
     fn parse(arguments: TokenStream, errors: &mut Errors) -> Self {
         let mut keys = Self { is_complete: true, ..Self::default() };
-        let arguments = match (Punctuated::<Meta, Token![,]>::parse_terminated).parse2(with_crate(arguments)) {
+        let arguments = match (Punctuated::<Meta, Token![,]>::parse_terminated).parse2(arguments) {
             Ok(arguments) => arguments,
             Err(error) => {
                 errors.add(error);
@@ -61,7 +61,7 @@ impl Keys {
                 ("step_size", Some(value)) => keys.step_size = Some(value),
                 ("solver", Some(value)) => keys.solver = Some(value),
                 ("name", Some(Expr::Lit(ExprLit { lit: Lit::Str(text), .. }))) => keys.name = Some(text),
-                ("__crate", Some(Expr::Path(path))) => keys.root = Some(path.path),
+                ("crate", Some(Expr::Path(path))) => keys.root = Some(path.path),
                 ("serialize", None) => keys.serialize = Some(key.path().clone()),
                 _ => {
                     errors.add(Error::new_spanned(&key, unknown_key(&name)));
@@ -88,19 +88,6 @@ fn unknown_key(name: &str) -> String {
         Some(near) => format!("`{name}` is not a known key here; did you mean `{near}`?"),
         None => format!("`{name}` is not a known key here; expected one of {}", KEYS.join(", ")),
     }
-}
-
-/// Renames the key `crate`: the keyword is not a path on its own.
-fn with_crate(arguments: TokenStream) -> TokenStream {
-    let mut all: Vec<proc_macro2::TokenTree> = arguments.into_iter().collect();
-    for i in 0..all.len() {
-        let is_key = matches!(&all[i], proc_macro2::TokenTree::Ident(word) if word == "crate")
-            && matches!(all.get(i + 1), Some(proc_macro2::TokenTree::Punct(p)) if p.as_char() == '=');
-        if is_key {
-            all[i] = proc_macro2::Ident::new("__crate", all[i].span()).into();
-        }
-    }
-    all.into_iter().collect()
 }
 
 /// Returns the completed implementation and the export. After a mistake the export is left out, so that the mistake is

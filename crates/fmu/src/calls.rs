@@ -293,48 +293,18 @@ impl Function {
     }
 }
 
-/// The functions that may be called in a mode: the table of calls by mode. An instance keeps them, so that a call tests one bit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Functions(u128);
-
-impl Functions {
-    /// All functions that may be called in `mode`.
-    pub const fn allowed(protocol: Protocol, mode: Mode) -> Self {
-        ALLOWED[protocol.column()][mode as usize]
-    }
-
-    /// Returns true if the set contains the function.
-    #[inline]
-    pub const fn contains(self, function: Function) -> bool {
-        self.0 >> function as u32 & 1 != 0
-    }
-
-    const fn collect(protocol: Protocol, mode: Mode) -> Self {
-        let mut set = 0;
-        let mut number = 0;
-        while number < Function::ALL.len() {
-            let function = Function::ALL[number];
-            if function.allowed(protocol, mode) {
-                set |= 1 << function as u32;
-            }
-            number += 1;
+/// The table of calls by column and mode: a bit for each function that may be called. An instance keeps the bits of its mode, so that a
+/// call tests one of them.
+pub(crate) static ALLOWED: [[u128; Mode::ALL.len()]; Protocol::ALL.len()] = {
+    let mut table = [[0; Mode::ALL.len()]; Protocol::ALL.len()];
+    let mut place = 0;
+    while place < Function::ALL.len() * Protocol::ALL.len() * Mode::ALL.len() {
+        let (mode, rest) = (place % Mode::ALL.len(), place / Mode::ALL.len());
+        let (column, function) = (rest % Protocol::ALL.len(), Function::ALL[rest / Protocol::ALL.len()]);
+        if function.allowed(Protocol::ALL[column], Mode::ALL[mode]) {
+            table[column][mode] |= 1 << function as u32;
         }
-        Self(set)
-    }
-}
-
-/// By column of the table of calls, then by mode.
-static ALLOWED: [[Functions; Mode::ALL.len()]; Protocol::ALL.len()] = {
-    let mut table = [[Functions(0); Mode::ALL.len()]; Protocol::ALL.len()];
-    let mut column = 0;
-    while column < Protocol::ALL.len() {
-        let protocol = Protocol::ALL[column];
-        let mut mode = 0;
-        while mode < Mode::ALL.len() {
-            table[protocol.column()][mode] = Functions::collect(protocol, Mode::ALL[mode]);
-            mode += 1;
-        }
-        column += 1;
+        place += 1;
     }
     table
 };
@@ -359,10 +329,10 @@ mod tests {
     fn the_functions_of_a_mode_are_those_that_allow_it() {
         for protocol in Protocol::ALL {
             for mode in Mode::ALL {
-                let functions = Functions::allowed(protocol, mode);
+                let functions = ALLOWED[protocol.column()][mode as usize];
                 for &function in Function::ALL {
                     let expected = function.allowed(protocol, mode);
-                    assert_eq!(functions.contains(function), expected, "{function:?} {protocol:?} {mode:?}");
+                    assert_eq!(functions >> function as u32 & 1 != 0, expected, "{function:?} {protocol:?} {mode:?}");
                 }
             }
         }

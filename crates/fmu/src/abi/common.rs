@@ -14,10 +14,7 @@ use crate::runner::Model as _;
 
 /// Returns true if the FMU provides an interface.
 pub(super) fn provides<E: Export>(interface: Interface) -> bool {
-    match interface {
-        Interface::CoSimulation => E::FORMAT.interfaces.co_simulation,
-        Interface::ModelExchange => E::FORMAT.interfaces.model_exchange && E::Model::MODEL_EXCHANGE,
-    }
+    E::FORMAT.interfaces.contains(interface) && (E::Model::MODEL_EXCHANGE || interface == Interface::CoSimulation)
 }
 
 /// Makes an instance, or logs the reason for the failure and returns a null pointer.
