@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use fmu::testing::abi::Export;
-use fmu::testing::runner::{Context, Kind as ModelKind, Model, Step};
+use fmu::testing::runner::{Context, Kind as ModelKind, Model, Run, Step};
 use fmu::testing::store::ValueStore;
 use fmu::testing::variable::{Kind, Layout, Role};
 use fmu_import::description::{BaseType, Causality, Variable};
@@ -179,7 +179,7 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
     let no_resources = Path::new("");
     let derived = M::load(&p, no_resources).expect("the start values suit each other");
     let mut ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
-    let mut memory = M::init(ctx, no_resources, &values).expect("the start values suit each other");
+    let mut run = M::init(ctx, no_resources, &values).expect("the start values suit each other");
     let inputs = layout.inputs.reals();
     let start = values.reals[inputs.clone()].to_vec();
     let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0, stops_at_events: false };
@@ -189,11 +189,11 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
         step.time = f64::from(k) * STEP;
         step.reached = step.time;
         let parts = M::parts(layout, &values, step) as u64;
-        M::step(ctx, &mut memory, &mut values, step, parts).expect("the run stays finite");
+        M::step(Run { ctx, run: &mut run, values: &mut values }, step, parts).expect("the run stays finite");
         step.sample += parts;
         if M::KIND == ModelKind::Continuous {
             ctx.time = step.time + STEP;
-            M::outputs(ctx, &memory, &mut values);
+            M::outputs(ctx, &run, &mut values);
         }
         black_box(&values);
     }

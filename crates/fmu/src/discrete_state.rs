@@ -42,12 +42,6 @@ pub enum Word<'a> {
 /// Values of a state in the order in which they were saved.
 pub struct Words<'a>(pub(crate) &'a mut dyn FnMut() -> Result<OwnedWord, String>);
 
-impl std::fmt::Debug for Words<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Words")
-    }
-}
-
 /// A value that was read.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum OwnedWord {

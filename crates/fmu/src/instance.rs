@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::calls::{ALLOWED, Function, Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::description::Description;
-use crate::runner::{Context, Kind as ModelKind, Model, are_finite};
+use crate::runner::{Context, Kind as ModelKind, Model, Run, are_finite};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
@@ -78,12 +78,6 @@ pub struct Instance<M: Model> {
     has_not_finite: bool,
     /// Strings handed out by fmi2GetString; they live until the value changes.
     texts: Box<[CString]>,
-}
-
-impl<M: Model> std::fmt::Debug for Instance<M> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Instance").field("model", &M::INFO.name).field("mode", &self.mode).finish_non_exhaustive()
-    }
 }
 
 impl<M: Model> Instance<M> {
@@ -280,11 +274,11 @@ impl<M: Model> Instance<M> {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
             _ => Mode::Event,
         };
-        let (ctx, run, values) = self.context();
+        let Run { ctx, run, values } = self.context();
         if mode == Mode::Event {
             M::init_events(run, ctx.layout, ctx.time);
         } else {
-            M::init_steps(ctx, run, values).map_err(|error| self.failure(function, error))?;
+            M::init_steps(Run { ctx, run, values }).map_err(|error| self.failure(function, error))?;
             self.forget_results();
         }
         self.enter(mode);
@@ -309,12 +303,12 @@ impl<M: Model> Instance<M> {
 
     /// The model, the state of the run and the values, once the derived parameters are computed.
     #[inline]
-    fn context(&mut self) -> (Context<'_, M>, &mut M::RunnerState, &mut ValueStore) {
+    fn context(&mut self) -> Run<'_, M> {
         let (Some(derived), Some(run)) = (self.derived.as_deref(), &mut self.run) else {
             unreachable!("made by `derive`, at the latest at the end of initialization");
         };
         let ctx = Context { p: &self.parameters, derived, layout: &self.description.layout, time: self.clock.time };
-        (ctx, run, &mut self.values)
+        Run { ctx, run, values: &mut self.values }
     }
 
     /// Returns the derived parameters, computed again if a parameter has changed. Before the start also computes the
@@ -419,7 +413,7 @@ impl<M: Model> Instance<M> {
             self.derive()?;
         }
         let is_frozen = M::MODEL_EXCHANGE && self.mode == Mode::ContinuousTime;
-        let (ctx, run, values) = self.context();
+        let Run { ctx, run, values } = self.context();
         let mut has_not_finite = false;
         if outputs {
             if is_frozen {

@@ -129,6 +129,16 @@ impl<M: Model> Clone for Context<'_, M> {
 }
 impl<M: Model> Copy for Context<'_, M> {}
 
+/// A model at one time with the state of the run and the values, which its functions change.
+pub struct Run<'a, M: Model> {
+    /// The model.
+    pub ctx: Context<'a, M>,
+    /// State of the run.
+    pub run: &'a mut M::RunnerState,
+    /// All values.
+    pub values: &'a mut ValueStore,
+}
+
 /// Interface of a model for instances.
 pub trait Model: Sized + 'static {
     /// Facts about the model.
@@ -186,36 +196,23 @@ pub trait Model: Sized + 'static {
     ///
     /// # Errors
     /// A number is not finite or the model rejects the step; `values` is kept then, the state of the run is not.
-    fn step(
-        ctx: Context<'_, Self>,
-        run: &mut Self::RunnerState,
-        values: &mut ValueStore,
-        step: Step,
-        parts: u64,
-    ) -> Result<Option<f64>, StepError>;
+    fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError>;
     /// Co-simulation without Event Mode: handles the time events that are due at the start.
     ///
     /// # Errors
     /// As [`Self::handle_events`].
-    fn init_steps(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &mut ValueStore) -> Result<(), StepError> {
+    fn init_steps(_: Run<'_, Self>) -> Result<(), StepError> {
         Ok(())
     }
     /// Prepares the state of the run for events that the importer handles, unless it is prepared: those up to `time` are done.
-    fn init_events(_memory: &mut Self::RunnerState, _layout: &Layout, _time: f64) {}
+    fn init_events(_: &mut Self::RunnerState, _: &Layout, _time: f64) {}
     /// Computes the outputs; those of the first sample of a source.
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore);
     /// Computes the derivatives of the state.
-    fn derivatives(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &mut ValueStore) {}
+    fn derivatives(_: Context<'_, Self>, _: &Self::RunnerState, _: &mut ValueStore) {}
     /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first;
     /// if `is_frozen`, with the relations as they were at the last event.
-    fn directional(
-        _ctx: Context<'_, Self>,
-        _memory: &mut Self::RunnerState,
-        _values: &ValueStore,
-        _is_frozen: bool,
-        _direction: &[f64],
-        result: &mut [f64],
-    ) {
+    fn directional(_: Run<'_, Self>, _is_frozen: bool, _direction: &[f64], result: &mut [f64]) {
         result.fill(0.0);
     }
     /// The values of the discrete state on which equations may branch.
@@ -228,32 +225,26 @@ pub trait Model: Sized + 'static {
     }
     /// Dependencies of the real outputs, then of the state derivatives, a line for each: the known variables are the real
     /// inputs, then the states, then the time. `None` if everything may depend on everything.
-    fn dependencies(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &ValueStore) -> Option<Structure> {
+    fn dependencies(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> Option<Structure> {
         None
     }
     /// The expressions that the outputs, then the state derivatives have at these values of Booleans, Integers and Strings.
-    fn expressions(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &ValueStore) -> Expressions {
+    fn expressions(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> Expressions {
         Expressions::default()
     }
     /// Number of relations in the equations at these values.
-    fn count_relations(_ctx: Context<'_, Self>, _memory: &Self::RunnerState, _values: &ValueStore) -> usize {
+    fn count_relations(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> usize {
         0
     }
     /// Model exchange: handles the events that are due at the time of the clock.
     ///
     /// # Errors
     /// A number is not finite or the model rejects; values, state and clock are kept then.
-    fn handle_events(
-        ctx: Context<'_, Self>,
-        run: &mut Self::RunnerState,
-        values: &mut ValueStore,
-        clock: &mut Clock,
-    ) -> Result<Update, StepError>;
+    fn handle_events(run: Run<'_, Self>, clock: &mut Clock) -> Result<Update, StepError>;
     /// Model exchange: sets every relation to the side of the present values, and the scale of every indicator.
-    fn freeze_relations(_ctx: Context<'_, Self>, _memory: &mut Self::RunnerState, _values: &ValueStore) {}
+    fn freeze_relations(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore) {}
     /// Model exchange: computes the outputs or the derivatives with the relations as they were frozen.
-    fn eval_frozen(_ctx: Context<'_, Self>, _memory: &mut Self::RunnerState, _values: &mut ValueStore, _outputs: bool) {
-    }
+    fn eval_frozen(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &mut ValueStore, _outputs: bool) {}
     /// Model exchange: the event indicators, for relations as they were frozen: first those of the declared zero crossings.
     fn event_indicators(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore, result: &mut [f64]) {
         result.fill(1.0);
@@ -269,7 +260,7 @@ pub trait Model: Sized + 'static {
     /// A value is missing, of another type, or impossible.
     fn restore(run: &mut Self::RunnerState, layout: &Layout, source: &mut Words<'_>) -> Result<(), String>;
     /// Name and value of the first number in the state that is not finite.
-    fn not_finite(_memory: &Self::RunnerState) -> Option<(&'static str, f64)> {
+    fn not_finite(_: &Self::RunnerState) -> Option<(&'static str, f64)> {
         None
     }
 }

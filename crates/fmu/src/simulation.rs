@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::model::{Continuous, Discrete, Sample};
-use crate::runner::{Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step};
+use crate::runner::{Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Run, Step};
 use crate::store::{Counts, ValueStore};
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::Variables as _;
@@ -97,7 +97,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
         let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
         Runner::<M>::initialize(ctx, &mut values);
         let mut run = Runner::<M>::init(ctx, resources, &values)?;
-        Runner::<M>::init_steps(ctx, &mut run, &mut values).map_err(|error| error.message(&layout))?;
+        Runner::<M>::init_steps(Run { ctx, run: &mut run, values: &mut values })
+            .map_err(|error| error.message(&layout))?;
         Ok(Self {
             model: model.into(),
             derived: derived.into(),
@@ -126,7 +127,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
         if self.time == 0.0 {
             let resources = Arc::clone(&self.resources);
-            let (ctx, _, values) = self.context();
+            let Run { ctx, values, .. } = self.context();
             let run = Runner::<M>::init(ctx, &resources, values);
             self.run = run.unwrap_or_else(|_| unreachable!("a continuous-time model always has one"));
         }
@@ -154,9 +155,9 @@ impl<M: Continuous> ContinuousSimulation<M> {
         Ok(())
     }
 
-    fn context(&mut self) -> (Context<'_, Runner<M>>, &mut <Runner<M> as Model>::RunnerState, &mut ValueStore) {
+    fn context(&mut self) -> Run<'_, Runner<M>> {
         let Self { model, derived, layout, run, values, time, .. } = self;
-        (Context { p: &**model, derived: &**derived, layout, time: *time }, run, values)
+        Run { ctx: Context { p: &**model, derived: &**derived, layout, time: *time }, run, values }
     }
 
     /// The derived parameters.
@@ -168,7 +169,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// The outputs for these inputs.
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let (ctx, run, values) = self.context();
+        let Run { ctx, run, values } = self.context();
         Runner::<M>::outputs(ctx, run, values);
         M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
@@ -179,17 +180,16 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let (ctx, run, values) = self.context();
-        let time = ctx.time;
+        let run = self.context();
+        let Context { layout, time, .. } = run.ctx;
         let interval = Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false };
-        let parts = Runner::<M>::parts(ctx.layout, values, interval);
+        let parts = Runner::<M>::parts(layout, run.values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(
                 "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
             ));
         }
-        let advanced = Runner::<M>::step(ctx, run, values, interval, parts as u64);
-        advanced.map_err(|error| error.message(ctx.layout))?;
+        Runner::<M>::step(run, interval, parts as u64).map_err(|error| error.message(layout))?;
         self.time += step;
         Ok(())
     }

@@ -63,8 +63,7 @@ impl<M: Model> Instance<M> {
             self.derive()?;
         }
         let parts = u64::from(parts as u32); // quicker than to u64, and the limit is below 2^32
-        let (ctx, run, values) = self.context();
-        let result = M::step(ctx, run, values, span, parts);
+        let result = M::step(self.context(), span, parts);
         self.forget_results();
         let stopped = match result {
             Ok(stopped) => stopped,

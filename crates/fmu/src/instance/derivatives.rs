@@ -4,7 +4,7 @@ use fmu_math::sparse::{Structure, groups};
 
 use super::{CallError, CallResult, Instance, Mode};
 use crate::calls::{Function, Version};
-use crate::runner::{Kind as ModelKind, Model};
+use crate::runner::{Kind as ModelKind, Model, Run};
 
 /// A variable whose derivative is requested.
 #[derive(Clone, Copy)]
@@ -128,7 +128,7 @@ impl<M: Model> Instance<M> {
         let mut rows = Structure::default();
         let all = if knowns.len() > FEW {
             self.derive()?;
-            let (ctx, run, values) = self.context();
+            let Run { ctx, run, values } = self.context();
             M::dependencies(ctx, run, values)
         } else {
             None
@@ -159,9 +159,8 @@ impl<M: Model> Instance<M> {
     fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        let (ctx, run, values) = self.context();
-        let mut slopes = vec![0.0; ctx.layout.outputs.counts.reals + ctx.layout.states.counts.reals];
-        M::directional(ctx, run, values, is_frozen, direction, &mut slopes);
+        let mut slopes = vec![0.0; self.layout().outputs.counts.reals + self.layout().states.counts.reals];
+        M::directional(self.context(), is_frozen, direction, &mut slopes);
         Ok(slopes)
     }
 

@@ -2,7 +2,7 @@
 
 use super::{CallError, CallResult, Instance};
 use crate::calls::{Function, Interface, Mode};
-use crate::runner::{Model, StepError, Update};
+use crate::runner::{Model, Run, StepError, Update};
 
 impl<M: Model> Instance<M> {
     /// fmi2EnterEventMode.
@@ -29,8 +29,7 @@ impl<M: Model> Instance<M> {
         self.check(function)?;
         self.derive()?;
         let mut clock = self.clock;
-        let (ctx, run, values) = self.context();
-        let result = M::handle_events(ctx, run, values, &mut clock);
+        let result = M::handle_events(self.context(), &mut clock);
         self.clock = clock;
         self.forget_results();
         result.map_err(|error| self.failure(function, error))
@@ -41,7 +40,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
         self.derive()?;
-        let (ctx, run, values) = self.context();
+        let Run { ctx, run, values } = self.context();
         M::freeze_relations(ctx, run, values);
         self.enter(Mode::ContinuousTime);
         self.forget_results();
@@ -151,7 +150,7 @@ impl<M: Model> Instance<M> {
         self.check_length(function, "event indicators", count, indicators.len())?;
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;
-        let (ctx, run, values) = self.context();
+        let Run { ctx, run, values } = self.context();
         if is_frozen {
             M::event_indicators(ctx, run, values, indicators);
         } else {

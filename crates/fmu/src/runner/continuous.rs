@@ -11,7 +11,7 @@ use fmu_math::sparse::Structure;
 use exchange::{Exchange, Part, Sides};
 use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
 
-use super::{Context, Expressions, Kind, Model, Modes, Step, StepError, Update, are_finite, first_not_finite};
+use super::{Context, Expressions, Kind, Model, Modes, Run, Step, StepError, Update, are_finite, first_not_finite};
 use crate::clock::{Clock, slack};
 use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
@@ -219,13 +219,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
     }
 
-    fn step(
-        ctx: Context<'_, Self>,
-        run: &mut Self::RunnerState,
-        values: &mut ValueStore,
-        step: Step,
-        parts: u64,
-    ) -> Result<Option<f64>, StepError> {
+    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError> {
         let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
         if !Self::HAS_EVENTS {
             return advance(ctx, run, values, step, parts);
@@ -256,14 +250,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         p.derivatives(at).write(&mut values.view_mut(), layout.derivatives.at);
     }
 
-    fn directional(
-        ctx: Context<'_, Self>,
-        run: &mut Self::RunnerState,
-        values: &ValueStore,
-        is_frozen: bool,
-        direction: &[f64],
-        result: &mut [f64],
-    ) {
+    fn directional(Run { ctx, run, values }: Run<'_, Self>, is_frozen: bool, direction: &[f64], result: &mut [f64]) {
         let slope = |index: usize| direction[number(ctx.layout, index)];
         let time_slope = direction.last().copied().unwrap_or(0.0);
         let mut others = values.clone();
@@ -302,14 +289,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         })
     }
 
-    fn init_steps(
-        ctx: Context<'_, Self>,
-        run: &mut Self::RunnerState,
-        values: &mut ValueStore,
-    ) -> Result<(), StepError> {
+    fn init_steps(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), StepError> {
         if M::HAS_TIME_EVENTS {
-            let mut clock = Clock { time: ctx.time, ..Clock::ZERO };
-            Self::handle_events(ctx, run, values, &mut clock)?;
+            let mut clock = Clock::ZERO;
+            Self::handle_events(Run { ctx, run, values }, &mut clock)?;
             run.exchange = None;
         }
         Ok(())
@@ -347,12 +330,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     // First zero crossings, then time events, in the order of co-simulation.
-    fn handle_events(
-        Context { p, derived, layout, time }: Context<'_, Self>,
-        run: &mut Self::RunnerState,
-        values: &mut ValueStore,
-        _: &mut Clock,
-    ) -> Result<Update, StepError> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, StepError> {
+        let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);
         let exchange = run.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());

@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, MOST_PARTS, Model, Step, StepError, Update, first_not_finite};
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, StepError, Update, first_not_finite};
 use crate::clock::{Clock, samples_due, slack};
 use crate::declare::Spec;
 use crate::definition::SAMPLE_TIME;
@@ -83,13 +83,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         samples_due(step.time + step.step, step.start, sample_time(layout, values), step.step, step.sample)
     }
 
-    fn step(
-        ctx: Context<'_, Self>,
-        state: &mut M::State,
-        values: &mut ValueStore,
-        step: Step,
-        parts: u64,
-    ) -> Result<Option<f64>, StepError> {
+    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError> {
         if parts == 0 {
             return Ok(None);
         }
@@ -99,7 +93,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         let mut samples = || {
             for sample in step.sample..step.sample + parts {
                 let time = step.start + sample as i64 as f64 * period;
-                Self::sample(&ctx, state, values, time)?;
+                Self::sample(&ctx, run, values, time)?;
             }
             Ok(None)
         };
@@ -115,12 +109,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         p.start(time, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
     }
 
-    fn handle_events(
-        ctx: Context<'_, Self>,
-        state: &mut M::State,
-        values: &mut ValueStore,
-        clock: &mut Clock,
-    ) -> Result<Update, StepError> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, clock: &mut Clock) -> Result<Update, StepError> {
         let layout = ctx.layout;
         let period = sample_time(layout, values);
         let instant = |sample: u64| clock.start + sample as i64 as f64 * period;
@@ -131,7 +120,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
             return Err(StepError::Rejected(message));
         }
         let before = M::Outputs::read(values.view(), layout.outputs.at);
-        let mut new = state.clone();
+        let mut new = run.clone();
         let mut next = clock.sample;
         while instant(next) <= end {
             Self::sample(&ctx, &mut new, values, instant(next))
@@ -139,7 +128,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
             next += 1;
         }
         let next_event_time = Some(instant(next)).filter(|time| time.is_finite());
-        *state = new;
+        *run = new;
         clock.sample = next;
         Ok(Update { states_changed: false, next_event_time })
     }
