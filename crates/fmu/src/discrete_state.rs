@@ -39,35 +39,56 @@ pub enum Word<'a> {
     Bytes(&'a [u8]),
 }
 
-/// Values of a state in the order in which they were saved.
-pub struct Words<'a>(pub(crate) &'a mut dyn FnMut() -> Result<OwnedWord, String>);
-
-/// A value that was read.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum OwnedWord {
-    Real(f64),
-    Whole(u64),
-    Bytes(Vec<u8>),
-}
-
-impl From<Word<'_>> for OwnedWord {
-    fn from(word: Word<'_>) -> Self {
-        match word {
-            Word::Real(value) => Self::Real(value),
-            Word::Whole(value) => Self::Whole(value),
-            Word::Bytes(bytes) => Self::Bytes(bytes.to_vec()),
+impl Word<'_> {
+    /// Appends the value to the bytes of a state: a mark of its type, and the value.
+    pub(crate) fn write(self, bytes: &mut Vec<u8>) {
+        let (mark, number) = match self {
+            Self::Real(value) => (0, value.to_bits()),
+            Self::Whole(value) => (1, value),
+            Self::Bytes(value) => (2, value.len() as u64),
+        };
+        bytes.push(mark);
+        bytes.extend(number.to_le_bytes());
+        if let Self::Bytes(value) = self {
+            bytes.extend(value);
         }
     }
 }
 
-impl Words<'_> {
+/// The bytes of a state from the next value on.
+pub struct Words<'a>(pub(crate) &'a [u8]);
+
+impl<'a> Words<'a> {
+    pub(crate) fn bytes_of(&mut self, length: u64) -> Result<&'a [u8], String> {
+        let length = usize::try_from(length).unwrap_or(usize::MAX);
+        let (first, rest) = self.0.split_at_checked(length).ok_or("the bytes end too early")?;
+        self.0 = rest;
+        Ok(first)
+    }
+    pub(crate) fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        self.bytes_of(N as u64).map(|bytes| bytes.try_into().expect("so many bytes"))
+    }
+    pub(crate) fn u64(&mut self) -> Result<u64, String> {
+        self.take().map(u64::from_le_bytes)
+    }
+    fn next(&mut self) -> Result<Word<'a>, String> {
+        match self.take()? {
+            [0] => self.u64().map(f64::from_bits).map(Word::Real),
+            [1] => self.u64().map(Word::Whole),
+            [2] => {
+                let length = self.u64()?;
+                self.bytes_of(length).map(Word::Bytes)
+            }
+            [kind] => Err(format!("unknown kind of value {kind}")),
+        }
+    }
     /// The next value, a real number.
     ///
     /// # Errors
     /// It is missing or of another type.
     pub fn real(&mut self, name: &str) -> Result<f64, String> {
-        match (self.0)()? {
-            OwnedWord::Real(value) => Ok(value),
+        match self.next()? {
+            Word::Real(value) => Ok(value),
             other => Err(format!("'{name}' must be a real number, got {other:?}")),
         }
     }
@@ -76,8 +97,8 @@ impl Words<'_> {
     /// # Errors
     /// As [`Self::real`].
     pub fn whole(&mut self, name: &str) -> Result<u64, String> {
-        match (self.0)()? {
-            OwnedWord::Whole(value) => Ok(value),
+        match self.next()? {
+            Word::Whole(value) => Ok(value),
             other => Err(format!("'{name}' must be a whole number, got {other:?}")),
         }
     }
@@ -85,9 +106,9 @@ impl Words<'_> {
     ///
     /// # Errors
     /// As [`Self::real`].
-    pub fn bytes(&mut self, name: &str) -> Result<Vec<u8>, String> {
-        match (self.0)()? {
-            OwnedWord::Bytes(value) => Ok(value),
+    pub fn bytes(&mut self, name: &str) -> Result<&'a [u8], String> {
+        match self.next()? {
+            Word::Bytes(value) => Ok(value),
             other => Err(format!("'{name}' must be a text, got {other:?}")),
         }
     }
@@ -168,7 +189,7 @@ impl StateField for String {
         sink(Word::Bytes(self.as_bytes()));
     }
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
-        *self = Self::from_utf8(source.bytes(name)?).map_err(|_| format!("'{name}' must be UTF-8"))?;
+        *self = Self::from_utf8(source.bytes(name)?.to_vec()).map_err(|_| format!("'{name}' must be UTF-8"))?;
         Ok(())
     }
 }

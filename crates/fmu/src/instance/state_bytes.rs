@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Snapshot;
 use crate::calls::{Interface, Mode, Protocol};
 use crate::clock::Clock;
-use crate::discrete_state::{OwnedWord, Word, Words};
+use crate::discrete_state::Words;
 use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
@@ -21,22 +21,9 @@ pub(crate) fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-struct Writer(Vec<u8>);
-
-impl Writer {
-    fn u32(&mut self, value: u32) {
-        self.0.extend(value.to_le_bytes());
-    }
-    fn u64(&mut self, value: u64) {
-        self.0.extend(value.to_le_bytes());
-    }
-    fn f64(&mut self, value: f64) {
-        self.u64(value.to_bits());
-    }
-    fn text(&mut self, value: &str) {
-        self.u32(u32::try_from(value.len()).expect("texts are shorter than 4 GiB"));
-        self.0.extend(value.as_bytes());
-    }
+fn write_text(out: &mut Vec<u8>, text: &str) {
+    out.extend(u32::try_from(text.len()).expect("texts are shorter than 4 GiB").to_le_bytes());
+    out.extend(text.as_bytes());
 }
 
 /// Serializes a snapshot. The bytes depend on the state alone, not on results computed from it for reading.
@@ -58,44 +45,30 @@ pub(crate) fn write<M: Model>(
             Kind::String { .. } => values.strings[index].clone_from(&starts.strings[index]),
         }
     }
-    let mut out = Writer(MAGIC.to_vec());
-    out.u32(VERSION);
-    out.u32(protocol.column() as u32);
-    out.text(guid);
-    out.u32(snapshot.mode as u32);
-    out.f64(snapshot.clock.start);
-    out.u32(u32::from(snapshot.clock.stop.is_some()));
-    out.f64(snapshot.clock.stop.unwrap_or(0.0));
-    out.f64(snapshot.clock.time);
-    out.u64(snapshot.clock.sample);
-    values.reals.iter().for_each(|&value| out.f64(value));
-    values.integers.iter().for_each(|&value| out.0.extend(value.to_le_bytes()));
-    values.booleans.iter().for_each(|&value| out.0.push(u8::from(value)));
-    values.strings.iter().for_each(|value| out.text(value));
+    let mut out = MAGIC.to_vec();
+    out.extend(VERSION.to_le_bytes());
+    out.extend((protocol.column() as u32).to_le_bytes());
+    write_text(&mut out, guid);
+    out.extend((snapshot.mode as u32).to_le_bytes());
+    let Clock { start, stop, time, sample } = snapshot.clock;
+    out.extend(start.to_le_bytes());
+    out.extend(u32::from(stop.is_some()).to_le_bytes());
+    out.extend(stop.unwrap_or(0.0).to_le_bytes());
+    out.extend(time.to_le_bytes());
+    out.extend(sample.to_le_bytes());
+    values.reals.iter().for_each(|value| out.extend(value.to_le_bytes()));
+    values.integers.iter().for_each(|value| out.extend(value.to_le_bytes()));
+    out.extend(values.booleans.iter().map(|&value| u8::from(value)));
+    values.strings.iter().for_each(|value| write_text(&mut out, value));
     // After the start the parameter has its value.
-    out.u32(u32::from(!initialized && snapshot.is_tolerance_set));
+    out.extend(u32::from(!initialized && snapshot.is_tolerance_set).to_le_bytes());
     // Before the start the state of the run follows from the values.
     if let (true, Some(derived), Some(run)) = (initialized, snapshot.derived.as_deref(), &snapshot.run) {
-        out.u64(M::fingerprint(derived));
-        M::save(run, &mut |word| match word {
-            Word::Real(value) => {
-                out.0.push(0);
-                out.f64(value);
-            }
-            Word::Whole(value) => {
-                out.0.push(1);
-                out.u64(value);
-            }
-            Word::Bytes(bytes) => {
-                out.0.push(2);
-                out.u64(bytes.len() as u64);
-                out.0.extend(bytes);
-            }
-        })?;
+        out.extend(M::fingerprint(derived).to_le_bytes());
+        M::save(run, &mut |word| word.write(&mut out))?;
     }
-    let sum = checksum(&out.0);
-    out.u64(sum);
-    Ok(out.0)
+    out.extend(checksum(&out).to_le_bytes());
+    Ok(out)
 }
 
 /// Returns true if the initialization has ended.
@@ -119,39 +92,17 @@ fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
     }
 }
 
-struct Reader<'a>(&'a [u8]);
+fn read_switch(source: &mut Words<'_>) -> Result<bool, String> {
+    match u32::from_le_bytes(source.take()?) {
+        0 => Ok(false),
+        1 => Ok(true),
+        other => Err(format!("a Boolean must be 0 or 1, got {other}")),
+    }
+}
 
-impl Reader<'_> {
-    fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        let (first, rest) = self.0.split_first_chunk().ok_or("the bytes end too early")?;
-        self.0 = rest;
-        Ok(*first)
-    }
-    fn u8(&mut self) -> Result<u8, String> {
-        Ok(self.take::<1>()?[0])
-    }
-    fn u32(&mut self) -> Result<u32, String> {
-        Ok(u32::from_le_bytes(self.take()?))
-    }
-    fn u64(&mut self) -> Result<u64, String> {
-        Ok(u64::from_le_bytes(self.take()?))
-    }
-    fn f64(&mut self) -> Result<f64, String> {
-        Ok(f64::from_bits(self.u64()?))
-    }
-    fn switch(&mut self) -> Result<bool, String> {
-        match self.u32()? {
-            0 => Ok(false),
-            1 => Ok(true),
-            other => Err(format!("a Boolean must be 0 or 1, got {other}")),
-        }
-    }
-    fn text(&mut self) -> Result<String, String> {
-        let length = self.u32()? as usize;
-        let (first, rest) = self.0.split_at_checked(length).ok_or("the bytes end too early")?;
-        self.0 = rest;
-        String::from_utf8(first.to_vec()).map_err(|_| "a text is not UTF-8".to_owned())
-    }
+fn read_text(source: &mut Words<'_>) -> Result<String, String> {
+    let length = u32::from_le_bytes(source.take()?);
+    String::from_utf8(source.bytes_of(length.into())?.to_vec()).map_err(|_| "a text is not UTF-8".to_owned())
 }
 
 /// Reads the snapshot of some bytes.
@@ -164,50 +115,55 @@ pub(crate) fn read<M: Model>(
 ) -> Result<Snapshot<M>, String> {
     let body = bytes.len().checked_sub(8).filter(|&body| body > MAGIC.len()).ok_or("too few bytes for a state")?;
     let (body, sum) = bytes.split_at(body);
-    let mut source = Reader(body);
+    let source = &mut Words(body);
     if &source.take::<8>()? != MAGIC {
         return Err("these are not the bytes of a state of this exporter".to_owned());
     }
-    let version = source.u32()?;
+    let version = u32::from_le_bytes(source.take()?);
     if version != VERSION {
         return Err(format!("format version must be {VERSION}, got {version}"));
     }
-    let column = source.u32()?;
+    let column = u32::from_le_bytes(source.take()?);
     if column != protocol.column() as u32 {
         let from = Protocol::ALL.get(column as usize).map_or_else(|| "an unknown interface".to_owned(), Protocol::name);
         return Err(format!("the state was saved by an instance for {from}, this one is for {}", protocol.name()));
     }
-    let found = source.text()?;
+    let found = read_text(source)?;
     if found != guid {
         return Err(format!("the state belongs to another FMU: GUID {found} instead of {guid}"));
     }
-    if Reader(sum).u64()? != checksum(body) {
+    if Words(sum).u64()? != checksum(body) {
         return Err("the bytes are damaged (checksum)".to_owned());
     }
-    let number = source.u32()?;
+    let number = u32::from_le_bytes(source.take()?);
     let mode = Mode::ALL.get(number as usize).copied().filter(|mode| mode.belongs_to(protocol));
     let mode = mode.ok_or_else(|| format!("unknown mode {number}"))?;
     if mode == Mode::Event && protocol.interface == Interface::CoSimulation && !M::HAS_EVENTS {
         return Err(format!("a model without events has no {} in co-simulation", mode.name()));
     }
-    let start = source.f64()?;
-    let has_stop = source.switch()?;
-    let stop = source.f64()?;
-    let clock = Clock { start, stop: has_stop.then_some(stop), time: source.f64()?, sample: source.u64()? };
+    let start = f64::from_le_bytes(source.take()?);
+    let has_stop = read_switch(source)?;
+    let stop = f64::from_le_bytes(source.take()?);
+    let clock = Clock {
+        start,
+        stop: has_stop.then_some(stop),
+        time: f64::from_le_bytes(source.take()?),
+        sample: source.u64()?,
+    };
     let mut values = ValueStore::start(layout);
     for value in &mut values.reals {
-        *value = source.f64()?;
+        *value = f64::from_le_bytes(source.take()?);
     }
     for value in &mut values.integers {
         *value = i32::from_le_bytes(source.take()?);
     }
     for value in &mut values.booleans {
-        *value = source.u8()? != 0;
+        *value = source.take()? != [0];
     }
     for value in &mut values.strings {
-        *value = source.text()?;
+        *value = read_text(source)?;
     }
-    let is_tolerance_set = source.switch()?;
+    let is_tolerance_set = read_switch(source)?;
     let initialized = is_initialized(mode);
     if mode == Mode::Broken {
         return Err(format!("no state can be saved in {}", mode.name()));
@@ -255,18 +211,7 @@ pub(crate) fn read<M: Model>(
         }
         let ctx = Context { p: &parameters, derived: &*derived, layout, time: clock.start };
         let run = run.insert(M::init(ctx, resources, values)?);
-        let mut next = || match source.u8()? {
-            0 => source.f64().map(OwnedWord::Real),
-            1 => source.u64().map(OwnedWord::Whole),
-            2 => {
-                let length = usize::try_from(source.u64()?).map_err(|_| "the bytes end too early")?;
-                let (bytes, rest) = source.0.split_at_checked(length).ok_or("the bytes end too early")?;
-                source.0 = rest;
-                Ok(OwnedWord::Bytes(bytes.to_vec()))
-            }
-            kind => Err(format!("unknown kind of value {kind}")),
-        };
-        M::restore(run, layout, &mut Words(&mut next))?;
+        M::restore(run, layout, source)?;
         (snapshot.derived, snapshot.derived_are_old) = (Some(derived), false);
     }
     if !source.0.is_empty() {

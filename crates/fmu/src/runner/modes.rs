@@ -1,7 +1,7 @@
 //! Values of a discrete state on which equations may branch.
 
 use crate::combinations::MOST_VALUES;
-use crate::discrete_state::{DiscreteState, OwnedWord, Words};
+use crate::discrete_state::{DiscreteState, Word, Words};
 
 /// Numbers that no enumeration contains, because it would need too many items.
 const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
@@ -17,7 +17,7 @@ impl Modes {
         let is_possible = |at: usize, value: u64| with(discrete, words.clone(), &[(at, value)]).is_some();
         let is_limited = |at: usize| NOT_LISTED.iter().any(|&value| !is_possible(at, value));
         let values = |at: usize| (0..MOST_VALUES as u64).filter(|&value| is_possible(at, value)).collect::<Vec<_>>();
-        let whole = (0..words.len()).filter(|&at| matches!(words[at], OwnedWord::Whole(_)) && is_limited(at));
+        let whole = (0..words.len()).filter(|&at| Words(&words[at]).whole("").is_ok() && is_limited(at));
         Self(whole.map(|at| (at, values(at))).filter(|(_, values)| !values.is_empty()).collect())
     }
 
@@ -33,18 +33,23 @@ impl Modes {
     }
 }
 
-fn words<D: DiscreteState>(discrete: &D) -> Vec<OwnedWord> {
+/// The bytes of each value.
+fn words<D: DiscreteState>(discrete: &D) -> Vec<Vec<u8>> {
     let mut words = Vec::new();
-    discrete.save(&mut |word| words.push(OwnedWord::from(word)));
+    discrete.save(&mut |word| words.push(bytes(word)));
     words
 }
 
-fn with<D: DiscreteState + Clone>(discrete: &D, mut words: Vec<OwnedWord>, changes: &[(usize, u64)]) -> Option<D> {
+fn bytes(word: Word<'_>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    word.write(&mut bytes);
+    bytes
+}
+
+fn with<D: DiscreteState + Clone>(discrete: &D, mut words: Vec<Vec<u8>>, changes: &[(usize, u64)]) -> Option<D> {
     for &(at, value) in changes {
-        words[at] = OwnedWord::Whole(value);
+        words[at] = bytes(Word::Whole(value));
     }
-    let mut rest = words.into_iter();
-    let mut next = || rest.next().ok_or_else(|| "too few values".to_owned());
     let mut state = discrete.clone();
-    state.load(&mut Words(&mut next)).ok().map(|()| state)
+    state.load(&mut Words(&words.concat())).ok().map(|()| state)
 }

@@ -76,7 +76,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         let Some(serialize) = &M::SERIALIZE else {
             return Err("the state of this model cannot be serialized".to_owned());
         };
-        *simulation = (serialize.load)(&source.bytes("simulation")?)?;
+        *simulation = (serialize.load)(source.bytes("simulation")?)?;
         Ok(())
     }
 }
