@@ -384,7 +384,6 @@ impl Name {
 }
 
 /// A text built at compile time.
-#[derive(Debug)]
 pub struct Text {
     bytes: [u8; 256],
     length: usize,

@@ -109,7 +109,6 @@ pub struct Expressions {
 }
 
 /// A model at one time: what its functions read besides the values and the state of the run.
-#[derive(Debug)]
 pub struct Context<'a, M: Model> {
     /// Parameters.
     pub p: &'a M::Parameters,

@@ -327,13 +327,11 @@ impl<M: Continuous> Keep<M> for OnHeap {
 }
 
 /// The Jacobian of a stiff model and the factors of the matrix of a step.
-#[derive(Debug)]
 enum Jacobian {
     Dense { matrix: Vec<f64>, pivots: Vec<usize> },
     Sparse(Box<Sparse>),
 }
 
-#[derive(Debug)]
 struct Sparse {
     by_column: Structure,
     /// Values of the elements, by columns.
@@ -453,7 +451,7 @@ impl Jacobian {
 pub(crate) type Inputs = ByType<Vec<f64>, Vec<i32>, Vec<bool>, Vec<String>>;
 
 /// Working memory of the solvers. From one step to the next, it keeps only data that follows from the equations.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Scratch {
     n: usize,
     /// Unused states.

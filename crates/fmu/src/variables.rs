@@ -140,7 +140,6 @@ impl<S, const N: usize> From<[S; N]> for Starts<S, N> {
 
 /// Number of listed start values.
 #[doc(hidden)]
-#[derive(Debug)]
 pub struct Listed<const M: usize>;
 
 /// Implemented by the number of start values that fits an array of `N`.
@@ -438,7 +437,6 @@ impl<T: Scalar> ContinuousState<T> for () {
 impl Derived for () {}
 
 /// The names of a struct of variables. Without the derive of the struct, which is reported elsewhere, it has none.
-#[derive(Debug)]
 pub struct NamesOf<V>(PhantomData<V>);
 
 impl<V: Variables<f64>> NamesOf<V> {
@@ -447,7 +445,6 @@ impl<V: Variables<f64>> NamesOf<V> {
 }
 
 /// [`NamesOf`] for derived parameters.
-#[derive(Debug)]
 pub struct NamesOfDerived<D>(PhantomData<D>);
 
 impl<D: Derived> NamesOfDerived<D> {

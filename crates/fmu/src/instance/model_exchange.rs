@@ -1,8 +1,11 @@
 //! Model exchange: the importer integrates, the instance evaluates the equations and handles events.
 
+use std::ops::Range;
+
 use super::{CallError, CallResult, Instance};
 use crate::calls::{Function, Interface, Mode};
 use crate::runner::{Model, Run, StepError, Update};
+use crate::variable::Block;
 
 impl<M: Model> Instance<M> {
     /// fmi2EnterEventMode.
@@ -72,9 +75,7 @@ impl<M: Model> Instance<M> {
     /// On a wrong number of states; fmi2Discard for a state that is not finite, which a solver may try.
     pub fn set_continuous_states(&mut self, states: &[f64]) -> CallResult {
         let function = Function::SetContinuousStates;
-        self.check(function)?;
-        let range = self.layout().states.reals();
-        self.check_length(function, "states", range.len(), states.len())?;
+        let range = self.range(function, self.layout().states, states)?;
         if let Some(at) = states.iter().position(|state| !state.is_finite()) {
             let name = self.layout().real_name(range.start + at);
             return Err(self.discard(function, format_args!("'{name}' must be finite, got {}", states[at])));
@@ -89,10 +90,7 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// On a wrong number of states, or inconsistent parameters.
     pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
-        let function = Function::GetContinuousStates;
-        self.check(function)?;
-        let range = self.layout().states.reals();
-        self.check_length(function, "states", range.len(), states.len())?;
+        let range = self.range(Function::GetContinuousStates, self.layout().states, states)?;
         // States may follow from the parameters.
         self.derive()?;
         states.copy_from_slice(&self.values.reals[range]);
@@ -104,10 +102,7 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// On a wrong number of states.
     pub fn nominals(&self, nominals: &mut [f64]) -> CallResult {
-        let function = Function::GetNominalsOfContinuousStates;
-        self.check(function)?;
-        let range = self.layout().states.reals();
-        self.check_length(function, "states", range.len(), nominals.len())?;
+        let range = self.range(Function::GetNominalsOfContinuousStates, self.layout().states, nominals)?;
         for (nominal, index) in nominals.iter_mut().zip(range) {
             *nominal = self.layout().nominal(index);
         }
@@ -120,17 +115,12 @@ impl<M: Model> Instance<M> {
     /// On a wrong number of states; fmi2Discard for a derivative that is not finite, so that a solver can shorten its step.
     pub fn state_derivatives(&mut self, derivatives: &mut [f64]) -> CallResult {
         let function = Function::GetDerivatives;
-        self.check(function)?;
-        let range = self.layout().derivatives.reals();
-        self.check_length(function, "states", range.len(), derivatives.len())?;
+        let range = self.range(function, self.layout().derivatives, derivatives)?;
         self.refresh(false, false, true)?;
-        let values = &self.values.reals[range.clone()];
-        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
-            let (name, value, time) = (self.layout().real_name(range.start + at), values[at], self.clock.time);
-            let message = format_args!("'{name}' = {value} at time {time} s, not a finite number");
-            return Err(self.discard(function, message));
+        if let Some(index) = range.clone().find(|&index| !self.values.reals[index].is_finite()) {
+            return Err(self.discard(function, self.not_finite(index)));
         }
-        derivatives.copy_from_slice(values);
+        derivatives.copy_from_slice(&self.values.reals[range]);
         Ok(())
     }
 
@@ -164,6 +154,13 @@ impl<M: Model> Instance<M> {
             return Err(self.discard(function, message));
         }
         Ok(())
+    }
+
+    /// Indices of the reals of a block, for an array of their length.
+    fn range(&self, function: Function, block: Block, array: &[f64]) -> CallResult<Range<usize>> {
+        self.check(function)?;
+        self.check_length(function, "states", block.counts.reals, array.len())?;
+        Ok(block.reals())
     }
 
     fn check_length(&self, function: Function, what: &str, expected: usize, got: usize) -> CallResult {

@@ -58,7 +58,11 @@ impl<M: Model> Instance<M> {
         if self.has_not_finite
             && let Some(&reference) = references.iter().find(|&&reference| !reals[reference as usize].is_finite())
         {
-            return Err(self.not_finite(reference as usize));
+            let message = self.not_finite(reference as usize);
+            return Err(match self.protocol.interface {
+                Interface::CoSimulation => self.error(Function::GetReal, message),
+                Interface::ModelExchange => self.discard(Function::GetReal, message),
+            });
         }
         for (value, &reference) in values.iter_mut().zip(references) {
             *value = reals[reference as usize];
@@ -116,13 +120,9 @@ impl<M: Model> Instance<M> {
     }
 
     #[cold]
-    fn not_finite(&self, index: usize) -> CallError {
+    pub(super) fn not_finite(&self, index: usize) -> String {
         let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.clock.time);
-        let message = format!("'{name}' = {value} at time {time} s, not a finite number");
-        match self.protocol.interface {
-            Interface::CoSimulation => self.error(Function::GetReal, message),
-            Interface::ModelExchange => self.discard(Function::GetReal, message),
-        }
+        format!("'{name}' = {value} at time {time} s, not a finite number")
     }
 
     /// Index of a value that is not a real number.

@@ -27,12 +27,10 @@ use crate::variable::{Declarations, Kind as Type, Layout, Role};
 use crate::variables::{Derived as _, Variables as _};
 
 /// Runs a [`Continuous`] model, with or without model exchange.
-#[derive(Debug)]
 pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
 /// Discrete state, solver and events of a continuous-time model. `clone` leaves out the working memory of the solver, and `clone_from`
 /// keeps that of the target.
-#[derive(Debug)]
 pub struct RunnerState<D> {
     discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.

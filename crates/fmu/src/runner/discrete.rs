@@ -14,7 +14,6 @@ use crate::variable::{Declarations, Layout};
 use crate::variables::{Derived as _, Variables as _};
 
 /// Runs a [`Discrete`] model, with or without model exchange.
-#[derive(Debug)]
 pub struct DiscreteModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
 #[inline]

@@ -12,7 +12,6 @@ use crate::variable::{Declarations, Layout};
 use crate::variables::Variables as _;
 
 /// Runs a [`Stateful`] model.
-#[derive(Debug)]
 pub struct StatefulModel<M>(PhantomData<M>);
 
 impl<M: Stateful> Model for StatefulModel<M> {
