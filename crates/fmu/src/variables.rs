@@ -68,53 +68,30 @@ impl<T: Scalar> RealField<T> for T {
     }
 }
 
-impl<T: Scalar> Field<T> for i32 {
-    type Start = i32;
-    const COUNTS: Counts = Counts::INTEGER;
-    const IS_REAL: bool = false;
-    fn declare(spec: &Spec, start: Option<i32>, all: &mut Vec<Declaration>) {
-        spec.declare_integer(start, all);
-    }
-    #[inline]
-    fn read(values: Values<'_, T>, at: Counts) -> Self {
-        values.integers[at.integers]
-    }
-    #[inline]
-    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-        values.integers[at.integers] = *self;
-    }
+macro_rules! field {
+    ($($type:ty = $start:ty: $values:ident $counts:ident $declare:ident;)*) => {$(
+        impl<T: Scalar> Field<T> for $type {
+            type Start = $start;
+            const COUNTS: Counts = Counts::$counts;
+            const IS_REAL: bool = false;
+            fn declare(spec: &Spec, start: Option<$start>, all: &mut Vec<Declaration>) {
+                spec.$declare(start, all);
+            }
+            #[inline]
+            fn read(values: Values<'_, T>, at: Counts) -> Self {
+                values.$values[at.$values].clone()
+            }
+            #[inline]
+            fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+                values.$values[at.$values].clone_from(self);
+            }
+        }
+    )*};
 }
-
-impl<T: Scalar> Field<T> for bool {
-    type Start = bool;
-    const COUNTS: Counts = Counts::BOOLEAN;
-    const IS_REAL: bool = false;
-    fn declare(spec: &Spec, start: Option<bool>, all: &mut Vec<Declaration>) {
-        spec.declare_boolean(start, all);
-    }
-    #[inline]
-    fn read(values: Values<'_, T>, at: Counts) -> Self {
-        values.booleans[at.booleans]
-    }
-    #[inline]
-    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-        values.booleans[at.booleans] = *self;
-    }
-}
-
-impl<T: Scalar> Field<T> for String {
-    type Start = &'static str;
-    const COUNTS: Counts = Counts::STRING;
-    const IS_REAL: bool = false;
-    fn declare(spec: &Spec, start: Option<&'static str>, all: &mut Vec<Declaration>) {
-        spec.declare_string(start, all);
-    }
-    fn read(values: Values<'_, T>, at: Counts) -> Self {
-        values.strings[at.strings].clone()
-    }
-    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-        values.strings[at.strings].clone_from(self);
-    }
+field! {
+    i32 = i32: integers INTEGER declare_integer;
+    bool = bool: booleans BOOLEAN declare_boolean;
+    String = &'static str: strings STRING declare_string;
 }
 
 /// Start values of an array: one for all elements, or one for each.
