@@ -63,10 +63,7 @@ pub trait Export: 'static {
     const FORMAT: Format = Format::FMI2;
     /// Returns the data that the library keeps while it is loaded.
     fn library() -> &'static Library;
-    /// Computed on first use, then the same for all instances.
-    ///
-    /// # Panics
-    /// As [`Description::of`].
+    /// Computed on first use, then the same for all instances. Panics as [`Description::of`].
     fn description() -> Arc<Description> {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {

@@ -89,10 +89,7 @@ pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sam
 impl Clock {
     pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 
-    /// Checks a clock read from the bytes of a state.
-    ///
-    /// # Errors
-    /// No sequence of steps leads to it.
+    /// Checks a clock read from the bytes of a state. Fails if no sequence of steps leads to it.
     pub(crate) fn check(
         &self,
         interface: Interface,

@@ -64,20 +64,14 @@ pub struct Description {
 }
 
 impl Description {
-    /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads.
-    ///
-    /// # Panics
-    /// If the declarations contradict each other (two variables of one name, a start value outside its limits), or a
-    /// model has no derived parameters for any value of its Booleans and enumerations. The test that
-    /// [`model`](macro@crate::model) adds to the package finds that.
+    /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads. Panics if the declarations contradict
+    /// each other (two variables of one name, a start value outside its limits), or a model has no derived parameters for any value of
+    /// its Booleans and enumerations. The test that [`model`](macro@crate::model) adds to the package finds that.
     pub fn of<M: Model>(format: Format, resources: &Path) -> Self {
         Self::try_of::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
-    /// As [`Self::of`].
-    ///
-    /// # Errors
-    /// The contradiction in the declarations.
+    /// As [`Self::of`]. An error is the contradiction in the declarations.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
         let mut layout = M::layout();
         let Format { version, interfaces, .. } = format;

@@ -77,10 +77,7 @@ macro_rules! enumeration_fields {
     };
 }
 
-/// Restores a variant.
-///
-/// # Errors
-/// A value is missing, of another type, or not one of the enumeration.
+/// Restores a variant. Fails if a value is missing, of another type, or not one of the enumeration.
 #[doc(hidden)]
 pub fn load<E: Enumeration>(name: &'static str, source: &mut Words<'_>) -> Result<E, String> {
     let word = source.whole(name)?;

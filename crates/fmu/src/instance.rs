@@ -125,10 +125,7 @@ impl<M: Model> Instance<M> {
         self.allowed = ALLOWED[self.protocol.column()][mode as usize];
     }
 
-    /// Rejects a call out of order.
-    ///
-    /// # Errors
-    /// "called in X, allowed in Y".
+    /// Rejects a call out of order. An error reads "called in X, allowed in Y".
     #[inline]
     pub fn check(&self, function: Function) -> CallResult {
         if self.allowed >> function as u32 & 1 != 0 {
@@ -168,10 +165,8 @@ impl<M: Model> Instance<M> {
         self.run.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
     }
 
-    /// fmi2SetupExperiment, without a tolerance.
-    ///
-    /// # Errors
-    /// On a start time that is not finite, or a stop time that is not a number after it.
+    /// fmi2SetupExperiment, without a tolerance. Fails on a start time that is not finite, or a stop time that is not a number after
+    /// it.
     #[cfg(feature = "testing")]
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         let function = Function::SetupExperiment;
@@ -179,12 +174,9 @@ impl<M: Model> Instance<M> {
         self.set_experiment(function, start, stop, None)
     }
 
-    /// Sets start and stop time and relative tolerance, for a function. The tolerance is that of a solver with error control,
-    /// unless its parameter was set.
-    ///
-    /// # Errors
-    /// On a start time that is not finite, a stop time that is not a number after it, or a tolerance for such a solver that is not finite
-    /// and above 0.
+    /// Sets start and stop time and relative tolerance, for a function. The tolerance is that of a solver with error control, unless
+    /// its parameter was set. Fails on a start time that is not finite, a stop time that is not a number after it, or a tolerance for
+    /// such a solver that is not finite and above 0.
     pub fn set_experiment(
         &mut self,
         function: Function,
@@ -238,10 +230,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2ExitInitializationMode: computes the derived parameters, which checks the parameters together.
-    ///
-    /// # Errors
-    /// The parameters are inconsistent; the mode is kept.
+    /// fmi2ExitInitializationMode: computes the derived parameters, which checks the parameters together. Fails if the parameters are
+    /// inconsistent; the mode is kept.
     pub fn exit_initialization(&mut self) -> CallResult {
         let function = Function::ExitInitializationMode;
         self.check(function)?;

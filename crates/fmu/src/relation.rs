@@ -141,10 +141,7 @@ impl Relations {
         }
     }
 
-    /// Restores the contents of a saved state.
-    ///
-    /// # Errors
-    /// A value is missing or impossible.
+    /// Restores the contents of a saved state. Fails if a value is missing or impossible.
     pub(crate) fn restore(&mut self, source: &mut Words<'_>) -> Result<(), String> {
         let count = source.whole("number of relations")?;
         if count != self.sides.len() as u64 {

@@ -173,33 +173,23 @@ pub trait Model: Sized + 'static {
     fn parameters(values: &ValueStore) -> Self::Parameters {
         Self::Parameters::read(values.view(), Counts::ZERO)
     }
-    /// Computes the derived parameters.
-    ///
-    /// # Errors
-    /// A sentence that names the parameter, its value and the rule.
+    /// Computes the derived parameters. An error is a sentence that names the parameter, its value and the rule.
     fn load(p: &Self::Parameters, resources: &Path) -> Result<Self::Derived, String>;
     /// Hash of the loaded files.
     fn fingerprint(_derived: &Self::Derived) -> u64 {
         0
     }
-    /// The state of the run at the start, for these values and at this time.
-    ///
-    /// # Errors
-    /// A sentence that names the parameter, its value and the rule.
+    /// The state of the run at the start, for these values and at this time. An error is a sentence that names the parameter, its value
+    /// and the rule.
     fn init(ctx: Context<'_, Self>, resources: &Path, values: &ValueStore) -> Result<Self::RunnerState, String>;
     /// Writes the states that follow from the parameters, whatever their values are now.
     fn initialize(_ctx: Context<'_, Self>, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early.
-    ///
-    /// # Errors
-    /// A number is not finite or the model rejects the step; `values` is kept then, the state of the run is not.
+    /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early. Fails if a number
+    /// is not finite or the model rejects the step; `values` is kept then, the state of the run is not.
     fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError>;
-    /// Co-simulation without Event Mode: handles the time events that are due at the start.
-    ///
-    /// # Errors
-    /// As [`Self::handle_events`].
+    /// Co-simulation without Event Mode: handles the time events that are due at the start. Fails as [`Self::handle_events`].
     fn init_steps(_: Run<'_, Self>) -> Result<(), StepError> {
         Ok(())
     }
@@ -235,10 +225,8 @@ pub trait Model: Sized + 'static {
     fn count_relations(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> usize {
         0
     }
-    /// Model exchange: handles the events that are due at the time of the clock.
-    ///
-    /// # Errors
-    /// A number is not finite or the model rejects; values, state and clock are kept then.
+    /// Model exchange: handles the events that are due at the time of the clock. Fails if a number is not finite or the model rejects;
+    /// values, state and clock are kept then.
     fn handle_events(run: Run<'_, Self>, clock: &mut Clock) -> Result<Update, StepError>;
     /// Model exchange: sets every relation to the side of the present values, and the scale of every indicator.
     fn freeze_relations(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore) {}
@@ -248,15 +236,9 @@ pub trait Model: Sized + 'static {
     fn event_indicators(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore, result: &mut [f64]) {
         result.fill(1.0);
     }
-    /// Passes every value of the state to the sink.
-    ///
-    /// # Errors
-    /// The simulation cannot be serialized.
+    /// Passes every value of the state to the sink. Fails if the simulation cannot be serialized.
     fn save(run: &Self::RunnerState, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String>;
-    /// Restores the state of a run, which must be the one at the start.
-    ///
-    /// # Errors
-    /// A value is missing, of another type, or impossible.
+    /// Restores the state of a run, which must be the one at the start. Fails if a value is missing, of another type, or impossible.
     fn restore(run: &mut Self::RunnerState, layout: &Layout, source: &mut Words<'_>) -> Result<(), String>;
     /// Name and value of the first number in the state that is not finite.
     fn not_finite(_: &Self::RunnerState) -> Option<(&'static str, f64)> {

@@ -365,10 +365,7 @@ impl Trace {
 }
 
 impl Dependencies {
-    /// The set that holds only the known variable `index`.
-    ///
-    /// # Panics
-    /// If `index` is 2^32 or more.
+    /// The set that holds only the known variable `index`. Panics if `index` is 2^32 or more.
     #[must_use]
     pub(crate) fn on(index: usize) -> Self {
         let index = u32::try_from(index).expect("fewer than 2^32 known variables");

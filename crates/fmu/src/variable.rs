@@ -220,10 +220,7 @@ pub struct Declarations {
 }
 
 impl Layout {
-    /// Numbers the declared variables.
-    ///
-    /// # Panics
-    /// On more than [`u32::MAX`] variables.
+    /// Numbers the declared variables. Panics on more than [`u32::MAX`] variables.
     #[must_use]
     pub fn new(declared: Declarations) -> Self {
         let derivatives: Vec<_> = declared.states.iter().map(derivative_of).collect();

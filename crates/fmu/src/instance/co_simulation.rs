@@ -6,19 +6,14 @@ use crate::clock;
 use crate::runner::{Kind as ModelKind, MOST_PARTS, Model, Step};
 
 impl<M: Model> Instance<M> {
-    /// fmi2DoStep.
-    ///
-    /// # Errors
-    /// A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
-    /// the values before it and leaves the instance in Step Failed.
+    /// fmi2DoStep. A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores the
+    /// values before it and leaves the instance in Step Failed.
     pub fn do_step(&mut self, time: f64, step: f64) -> CallResult {
         self.advance(time, step, false).map(drop)
     }
 
-    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns true if there was one.
-    ///
-    /// # Errors
-    /// As [`Self::do_step`].
+    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns true if there was one. Fails as
+    /// [`Self::do_step`].
     pub fn do_step_to_event(&mut self, time: f64, step: f64) -> CallResult<bool> {
         self.advance(time, step, M::HAS_EVENTS)
     }

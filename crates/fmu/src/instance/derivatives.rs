@@ -26,11 +26,9 @@ impl Unknown {
 }
 
 impl<M: Model> Instance<M> {
-    /// fmi2GetDirectionalDerivative.
-    ///
-    /// # Errors
-    /// For a discrete-time model, whose outputs are held; on a reference that is not an output or state derivative (unknown) or not
-    /// an input or state (known), or a seed that is not finite; fmi2Discard for a derivative that is not finite, as at the root of 0.
+    /// fmi2GetDirectionalDerivative. Fails for a discrete-time model, whose outputs are held; on a reference that is not an output or
+    /// state derivative (unknown) or not an input or state (known), or a seed that is not finite; fmi2Discard for a derivative that is
+    /// not finite, as at the root of 0.
     pub fn directional_derivative(
         &mut self,
         unknown: &[u32],
@@ -70,10 +68,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetAdjointDerivative: the transposed matrix of derivatives times the seed, column by column.
-    ///
-    /// # Errors
-    /// As [`Self::directional_derivative`].
+    /// fmi3GetAdjointDerivative: the transposed matrix of derivatives times the seed, column by column. Fails as
+    /// [`Self::directional_derivative`].
     pub fn adjoint_derivative(
         &mut self,
         unknown: &[u32],

@@ -8,10 +8,7 @@ use crate::runner::{Model, Run, StepError, Update};
 use crate::variable::Block;
 
 impl<M: Model> Instance<M> {
-    /// fmi2EnterEventMode.
-    ///
-    /// # Errors
-    /// Out of order, or in co-simulation without Event Mode.
+    /// fmi2EnterEventMode. Fails out of order, or in co-simulation without Event Mode.
     pub fn enter_event_mode(&mut self) -> CallResult {
         let function = Function::EnterEventMode;
         self.check(function)?;
@@ -23,10 +20,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2NewDiscreteStates: handles the events of the present time. One call is enough.
-    ///
-    /// # Errors
-    /// A number is not finite, the model rejects the event, or events accumulate; everything is kept then.
+    /// fmi2NewDiscreteStates: handles the events of the present time. One call is enough. Fails if a number is not finite, the model
+    /// rejects the event, or events accumulate; everything is kept then.
     pub fn new_discrete_states(&mut self) -> CallResult<Update> {
         let function = Function::NewDiscreteStates;
         self.check(function)?;
@@ -50,10 +45,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetTime. A solver may evaluate the equations after the stop time.
-    ///
-    /// # Errors
-    /// On a time that is not finite or before the start.
+    /// fmi2SetTime. A solver may evaluate the equations after the stop time. Fails on a time that is not finite or before the start.
     pub fn set_time(&mut self, time: f64) -> CallResult {
         let function = Function::SetTime;
         self.check(function)?;
@@ -69,10 +61,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetContinuousStates.
-    ///
-    /// # Errors
-    /// On a wrong number of states; fmi2Discard for a state that is not finite, which a solver may try.
+    /// fmi2SetContinuousStates. Fails on a wrong number of states; fmi2Discard for a state that is not finite, which a solver may try.
     pub fn set_continuous_states(&mut self, states: &[f64]) -> CallResult {
         let function = Function::SetContinuousStates;
         let range = self.range(function, self.layout().states, states)?;
@@ -85,10 +74,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetContinuousStates.
-    ///
-    /// # Errors
-    /// On a wrong number of states, or inconsistent parameters.
+    /// fmi2GetContinuousStates. Fails on a wrong number of states, or inconsistent parameters.
     pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
         let range = self.range(Function::GetContinuousStates, self.layout().states, states)?;
         // States may follow from the parameters.
@@ -97,10 +83,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetNominalsOfContinuousStates.
-    ///
-    /// # Errors
-    /// On a wrong number of states.
+    /// fmi2GetNominalsOfContinuousStates. Fails on a wrong number of states.
     pub fn nominals(&self, nominals: &mut [f64]) -> CallResult {
         let range = self.range(Function::GetNominalsOfContinuousStates, self.layout().states, nominals)?;
         for (nominal, index) in nominals.iter_mut().zip(range) {
@@ -109,10 +92,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetDerivatives.
-    ///
-    /// # Errors
-    /// On a wrong number of states; fmi2Discard for a derivative that is not finite, so that a solver can shorten its step.
+    /// fmi2GetDerivatives. Fails on a wrong number of states; fmi2Discard for a derivative that is not finite, so that a solver can
+    /// shorten its step.
     pub fn state_derivatives(&mut self, derivatives: &mut [f64]) -> CallResult {
         let function = Function::GetDerivatives;
         let range = self.range(function, self.layout().derivatives, derivatives)?;
@@ -124,10 +105,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetEventIndicators.
-    ///
-    /// # Errors
-    /// On a wrong number of indicators; fmi2Discard for one that is not finite.
+    /// fmi2GetEventIndicators. Fails on a wrong number of indicators; fmi2Discard for one that is not finite.
     pub fn event_indicators(&mut self, indicators: &mut [f64]) -> CallResult {
         let function = Function::GetEventIndicators;
         self.check(function)?;

@@ -49,10 +49,7 @@ impl<M: Model> Instance<M> {
             .map_err(|message| self.error(Function::SerializeFMUstate, message))
     }
 
-    /// A snapshot from bytes.
-    ///
-    /// # Errors
-    /// On bytes that are damaged, of another format or FMU, or whose files have changed.
+    /// A snapshot from bytes. Fails on bytes that are damaged, of another format or FMU, or whose files have changed.
     pub fn deserialize(&self, bytes: &[u8]) -> CallResult<Snapshot<M>> {
         self.check(Function::DeSerializeFMUstate)?;
         state_bytes::read::<M>(self.protocol, &self.description.guid, self.layout(), &self.resources, bytes)

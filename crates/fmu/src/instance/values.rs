@@ -37,10 +37,8 @@ impl<M: Model> Instance<M> {
         self.error(function, message)
     }
 
-    /// fmi2GetReal.
-    ///
-    /// # Errors
-    /// On an unknown reference, an error of the derived parameters, or a result that is not finite; `values` is then kept.
+    /// fmi2GetReal. Fails on an unknown reference, an error of the derived parameters, or a result that is not finite; `values` is then
+    /// kept.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         self.check(Function::GetReal)?;
         let layout = self.layout();
@@ -70,10 +68,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetFloat64: also for the time and event indicators.
-    ///
-    /// # Errors
-    /// As [`Self::get_real`].
+    /// fmi3GetFloat64: also for the time and event indicators. Fails as [`Self::get_real`].
     pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
         // Fast path: the time and the event indicators have the last references.
@@ -226,10 +221,8 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// fmi2SetReal. Nothing is set unless all values are accepted.
-    ///
-    /// # Errors
-    /// On an unknown reference, a variable that may not be set now, a number that is not finite or outside its limits.
+    /// fmi2SetReal. Nothing is set unless all values are accepted. Fails on an unknown reference, a variable that may not be set now, a
+    /// number that is not finite or outside its limits.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> CallResult {
         self.check(Function::SetReal)?;
         let layout = self.layout();
@@ -291,10 +284,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetInteger. Nothing is set unless all values are accepted.
-    ///
-    /// # Errors
-    /// On an unknown reference, a parameter that may not be set now, or a value outside its limits.
+    /// fmi2SetInteger. Nothing is set unless all values are accepted. Fails on an unknown reference, a parameter that may not be set
+    /// now, or a value outside its limits.
     #[cfg(feature = "testing")]
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
         self.set_integer_by(Function::SetInteger, references, values)
@@ -314,19 +305,15 @@ impl<M: Model> Instance<M> {
         self.set_others(function, references, values, Self::integer, rule, |all| &mut all.integers)
     }
 
-    /// fmi2SetBoolean. Nothing is set unless all references are accepted.
-    ///
-    /// # Errors
-    /// On an unknown reference or a parameter that may not be set now.
+    /// fmi2SetBoolean. Nothing is set unless all references are accepted. Fails on an unknown reference or a parameter that may not be
+    /// set now.
     pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
         let (function, rule) = (Function::SetBoolean, |_: &Kind, _: &bool| Ok(()));
         self.set_others(function, references, values, Self::boolean, rule, |all| &mut all.booleans)
     }
 
-    /// fmi2SetString. Nothing is set unless all references are accepted.
-    ///
-    /// # Errors
-    /// On an unknown reference, a parameter that may not be set now, or a text with a zero byte.
+    /// fmi2SetString. Nothing is set unless all references are accepted. Fails on an unknown reference, a parameter that may not be set
+    /// now, or a text with a zero byte.
     pub fn set_string(&mut self, references: &[u32], values: &[String]) -> CallResult {
         let rule = |_: &Kind, value: &String| match value.contains('\0') {
             true => Err("must not contain a zero byte".to_owned()),

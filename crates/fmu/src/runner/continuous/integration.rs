@@ -27,10 +27,7 @@ pub(super) const fn has_error_control(solver: Solver) -> bool {
     matches!(solver, Solver::DormandPrince { .. } | Solver::Rosenbrock { .. })
 }
 
-/// Time of the next time event in s.
-///
-/// # Errors
-/// It is before the present time, or not a number.
+/// Time of the next time event in s. Fails if it is before the present time, or not a number.
 pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> Result<Option<f64>, StepError> {
     let next = model.next_time_event(at);
     if let Some(next) = next.filter(|next| next.is_nan() || *next < at.time) {
