@@ -97,7 +97,6 @@ struct Kept {
 
 impl Library {
     /// An empty library.
-    #[must_use]
     pub const fn new() -> Self {
         Self(Mutex::new(Kept { description: None, text: None }))
     }

@@ -44,7 +44,6 @@ impl Interfaces {
     pub const ALL: Self = Self { co_simulation: true, model_exchange: true };
 
     /// Returns true if an interface is provided.
-    #[must_use]
     pub const fn contains(self, interface: Interface) -> bool {
         match interface {
             Interface::CoSimulation => self.co_simulation,

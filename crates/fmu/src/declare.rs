@@ -65,14 +65,12 @@ macro_rules! setters {
         impl Spec {
             $(
                 $(#[$doc])*
-                #[must_use]
                 pub fn $name(self, $value: $type) -> Self {
                     Self { $field: $set, ..self }
                 }
             )*
             $(
                 $(#[$flag_doc])*
-                #[must_use]
                 pub fn $flag(self) -> Self {
                     Self { $flag: true, ..self }
                 }
@@ -112,7 +110,6 @@ setters! {
 
 impl Spec {
     /// A variable with a name of its own.
-    #[must_use]
     pub fn named(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -134,7 +131,6 @@ impl Spec {
         }
     }
     /// A variable of a definition.
-    #[must_use]
     pub fn defined(definition: &Definition) -> Self {
         let spec = Self {
             description: definition.description,
@@ -150,19 +146,16 @@ impl Spec {
         }
     }
     /// Above zero. A greater least value stays.
-    #[must_use]
     pub fn positive(self) -> Self {
         Self { min: Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE))), ..self }
     }
 
     /// The element of an array with named elements.
-    #[must_use]
     pub fn element(&self, index: usize, element: &Element) -> Self {
         self.part(index, &format!(".{}", element.name), element.description, element.name)
     }
 
     /// The element of an array `[T; N]`, which is counted from 1 in the name: `x[1]`, `x[1,2]`.
-    #[must_use]
     pub fn indexed(&self, index: usize) -> Self {
         if let Some(name) = self.elements.get(index) {
             return self.part(index, &format!(".{name}"), name, name);
@@ -352,7 +345,6 @@ impl Name {
     const BASE: u64 = 0x9e37_79b9_7f4a_7c15;
 
     /// A variable, or an array of variables.
-    #[must_use]
     pub const fn of(text: &'static str, is_array: bool) -> Self {
         let (mut hash, mut power, mut i) = (0_u64, 1_u64, 0);
         while i < text.len() {
@@ -364,7 +356,6 @@ impl Name {
     }
 
     /// A nested struct; no text if its names have no prefix.
-    #[must_use]
     pub const fn nested(prefix: &'static str, fields: &'static [Self]) -> Self {
         Self { fields: Some(fields), ..Self::of(prefix, false) }
     }
@@ -405,7 +396,6 @@ impl Text {
     }
 
     /// The text.
-    #[must_use]
     pub const fn as_str(&self) -> &str {
         match std::str::from_utf8(self.bytes.split_at(self.length).0) {
             Ok(text) => text,
@@ -416,7 +406,6 @@ impl Text {
 }
 
 /// The error if a name of a struct occurs twice, or also in a struct before it.
-#[must_use]
 pub const fn shared_name(earlier: &[&[Name]], names: &[Name]) -> Option<Text> {
     shared(earlier, names, names, 0, &[])
 }

@@ -106,7 +106,6 @@ impl Description {
 
     /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common, such as a
     /// wheel or an axle; empty if there is none. Native arrays have no terminals, because a terminal groups whole variables.
-    #[must_use]
     pub fn terminals(&self, format: Format) -> String {
         let xml = fmi3::terminals(&self.layout, format).expect("writing to memory does not fail");
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))

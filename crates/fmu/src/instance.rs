@@ -108,7 +108,6 @@ impl<M: Model> Instance<M> {
     }
 
     /// An instance for an importer that handles the events of co-simulation.
-    #[must_use]
     pub fn with_event_mode(self) -> Self {
         Self { uses_event_mode: true, ..self }
     }

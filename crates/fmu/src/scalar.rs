@@ -366,7 +366,6 @@ impl Trace {
 
 impl Dependencies {
     /// The set that holds only the known variable `index`. Panics if `index` is 2^32 or more.
-    #[must_use]
     pub(crate) fn on(index: usize) -> Self {
         let index = u32::try_from(index).expect("fewer than 2^32 known variables");
         TRACE.with_borrow_mut(|trace| trace.push((index, VARIABLE)))
@@ -384,7 +383,6 @@ impl Dependencies {
     }
 
     /// Returns the union of both sets.
-    #[must_use]
     pub(crate) fn union(self, other: Self) -> Self {
         match (self.0, other.0) {
             (one, other) if one == other => self,
@@ -437,7 +435,6 @@ impl DependencySet {
     }
 
     /// Returns true if the known variable `index` is in the set.
-    #[must_use]
     pub(crate) fn contains(&self, index: usize) -> bool {
         self.0.binary_search_by(|&other| (other as usize).cmp(&index)).is_ok()
     }

@@ -38,7 +38,6 @@ impl Counts {
     pub const STRING: Self = Self { strings: 1, ..Self::ZERO };
 
     /// The sum.
-    #[must_use]
     pub const fn plus(self, other: Self) -> Self {
         Self {
             reals: self.reals + other.reals,
@@ -49,7 +48,6 @@ impl Counts {
     }
 
     /// The product.
-    #[must_use]
     pub const fn times(self, count: usize) -> Self {
         Self {
             reals: self.reals * count,
@@ -77,7 +75,6 @@ impl<'a, T> ValuesMut<'a, T> {
 impl ValueStore {
     /// View to read from.
     #[inline]
-    #[must_use]
     pub fn view(&self) -> Values<'_, f64> {
         Values { reals: &self.reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }

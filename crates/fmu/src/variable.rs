@@ -138,7 +138,6 @@ pub struct Block {
 
 impl Block {
     /// Indices of the reals.
-    #[must_use]
     pub const fn reals(&self) -> Range<usize> {
         self.at.reals..self.at.reals + self.counts.reals
     }
@@ -159,7 +158,6 @@ pub struct Indicators {
 
 impl Indicators {
     /// All of them.
-    #[must_use]
     pub const fn total(self) -> usize {
         self.declared + self.relations
     }
@@ -221,7 +219,6 @@ pub struct Declarations {
 
 impl Layout {
     /// Numbers the declared variables. Panics on more than [`u32::MAX`] variables.
-    #[must_use]
     pub fn new(declared: Declarations) -> Self {
         let derivatives: Vec<_> = declared.states.iter().map(derivative_of).collect();
         let blocks = [
@@ -355,7 +352,6 @@ impl Layout {
 
 impl ValueStore {
     /// The start values.
-    #[must_use]
     pub fn start(layout: &Layout) -> Self {
         Self::of(layout.variables.iter().map(|variable| &variable.declaration))
     }
