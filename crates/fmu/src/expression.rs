@@ -8,7 +8,7 @@ use crate::table::Table;
 /// Hash of an expression of known variables and constants. Two evaluations of the equations that give the same hash have
 /// computed the same expression, except with a probability of about 2^-64 for each pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Expression(u128);
+pub struct Expression(u128);
 
 thread_local! {
     /// True if equations have read a value.

@@ -267,7 +267,7 @@ impl<M: Model> Instance<M> {
         if mode == Mode::Event {
             M::init_events(run, ctx.layout, ctx.time);
         } else {
-            M::init_steps(Run { ctx, run, values }).map_err(|error| self.failure(function, error))?;
+            M::init_steps(Run { ctx, run, values }).map_err(|error| self.error(function, error))?;
             self.forget_results();
         }
         self.enter(mode);

@@ -15,11 +15,11 @@ pub use stateful::StatefulModel;
 use fmu_math::sparse::Structure;
 
 use crate::clock::Clock;
-use crate::discrete_state::{Word, Words};
+use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::expression::Expression;
 use crate::model::{Influence, Info};
 use crate::store::{Counts, ValueStore};
-use crate::variable::Layout;
+use crate::variable::{Block, Layout};
 use crate::variables::{Derived, Parameters, Variables as _};
 
 /// Kind of model.
@@ -31,44 +31,6 @@ pub enum Kind {
     Discrete,
     /// [`Stateful`](crate::Stateful).
     Stateful,
-}
-
-/// Error of a step.
-#[derive(Debug)]
-pub enum StepError {
-    /// The real variable of this index is not finite.
-    NotFinite {
-        /// Index among the reals.
-        index: usize,
-        /// Its value.
-        value: f64,
-        /// Time in s.
-        time: f64,
-    },
-    /// The model rejected the step.
-    Rejected(String),
-    /// This field of the discrete state is not finite.
-    StateNotFinite {
-        /// Name of the field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Time in s.
-        time: f64,
-    },
-}
-
-impl StepError {
-    /// The reason in words.
-    pub(crate) fn message(self, layout: &Layout) -> String {
-        match self {
-            Self::NotFinite { index, value, time } => {
-                format!("'{}' became {value} at {time} s", layout.real_name(index))
-            }
-            Self::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
-            Self::Rejected(message) => message,
-        }
-    }
 }
 
 /// The most integration steps or samples in one communication step.
@@ -98,14 +60,6 @@ pub struct Update {
     pub states_changed: bool,
     /// Time of the next time event in s.
     pub next_event_time: Option<f64>,
-}
-
-/// Expressions that the equations compute, see [`Model::expressions`].
-#[derive(Debug, Default)]
-pub struct Expressions {
-    pub(crate) all: Vec<Expression>,
-    /// True if equations read a value, by [`Scalar::value`](crate::Scalar::value) or a comparison.
-    pub(crate) is_inspected: bool,
 }
 
 /// A model at one time: what its functions read besides the values and the state of the run.
@@ -188,9 +142,9 @@ pub trait Model: Sized + 'static {
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
     /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early. Fails if a number
     /// is not finite or the model rejects the step; `values` is kept then, the state of the run is not.
-    fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError>;
+    fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String>;
     /// Co-simulation without Event Mode: handles the time events that are due at the start. Fails as [`Self::handle_events`].
-    fn init_steps(_: Run<'_, Self>) -> Result<(), StepError> {
+    fn init_steps(_: Run<'_, Self>) -> Result<(), String> {
         Ok(())
     }
     /// Prepares the state of the run for events that the importer handles, unless it is prepared: those up to `time` are done.
@@ -217,9 +171,10 @@ pub trait Model: Sized + 'static {
     fn dependencies(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> Option<Structure> {
         None
     }
-    /// The expressions that the outputs, then the state derivatives have at these values of Booleans, Integers and Strings.
-    fn expressions(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> Expressions {
-        Expressions::default()
+    /// The expressions that the outputs, then the state derivatives have at these values of Booleans, Integers and Strings, and true if
+    /// equations read a value, by [`Scalar::value`](crate::Scalar::value) or a comparison.
+    fn expressions(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> (Vec<Expression>, bool) {
+        (Vec::new(), false)
     }
     /// Number of relations in the equations at these values.
     fn count_relations(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> usize {
@@ -227,7 +182,7 @@ pub trait Model: Sized + 'static {
     }
     /// Model exchange: handles the events that are due at the time of the clock. Fails if a number is not finite or the model rejects;
     /// values, state and clock are kept then.
-    fn handle_events(run: Run<'_, Self>, clock: &mut Clock) -> Result<Update, StepError>;
+    fn handle_events(run: Run<'_, Self>, clock: &mut Clock) -> Result<Update, String>;
     /// Model exchange: sets every relation to the side of the present values, and the scale of every indicator.
     fn freeze_relations(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore) {}
     /// Model exchange: computes the outputs or the derivatives with the relations as they were frozen.
@@ -253,12 +208,24 @@ pub(crate) fn are_finite(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite())
 }
 
-/// Returns an error for the first of some reals that is not finite.
+/// The error of a number that is not finite.
+#[cold]
+fn became(name: &str, value: f64, time: f64) -> String {
+    format!("'{name}' became {value} at {time} s")
+}
+
+/// Returns an error for the first real of a block that is not finite.
 #[inline]
-fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> Result<(), StepError> {
-    if are_finite(&reals[range.clone()]) {
+fn check_reals(layout: &Layout, block: Block, reals: &[f64], time: f64) -> Result<(), String> {
+    if are_finite(&reals[block.reals()]) {
         return Ok(());
     }
-    let index = range.clone().find(|&i| !reals[i].is_finite()).unwrap_or(range.start);
-    Err(StepError::NotFinite { index, value: reals[index], time })
+    let index = block.reals().find(|&i| !reals[i].is_finite()).unwrap_or(block.at.reals);
+    Err(became(layout.real_name(index), reals[index], time))
+}
+
+/// Returns an error for the first number of a discrete state that is not finite.
+#[inline]
+fn check_discrete(state: &impl DiscreteState, time: f64) -> Result<(), String> {
+    state.not_finite().map_or(Ok(()), |(name, value)| Err(became(name, value, time)))
 }

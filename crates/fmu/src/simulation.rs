@@ -97,8 +97,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
         Runner::<M>::initialize(ctx, &mut values);
         let mut run = Runner::<M>::init(ctx, resources, &values)?;
-        Runner::<M>::init_steps(Run { ctx, run: &mut run, values: &mut values })
-            .map_err(|error| error.message(&layout))?;
+        Runner::<M>::init_steps(Run { ctx, run: &mut run, values: &mut values })?;
         Ok(Self {
             model: model.into(),
             derived: derived.into(),
@@ -189,7 +188,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
                 "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
             ));
         }
-        Runner::<M>::step(run, interval, parts as u64).map_err(|error| error.message(layout))?;
+        Runner::<M>::step(run, interval, parts as u64)?;
         self.time += step;
         Ok(())
     }

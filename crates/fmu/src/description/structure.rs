@@ -110,9 +110,9 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
                         Some(sets) => union.iter_mut().enumerate().for_each(|(i, sum)| sum.extend(sets.line(i))),
                         None => union.fill(DependencySet::all(known)),
                     }
-                    let all = M::expressions(ctx, &run, &values);
-                    is_inspected |= all.is_inspected;
-                    found = all.all;
+                    let (all, is_read) = M::expressions(ctx, &run, &values);
+                    is_inspected |= is_read;
+                    found = all;
                 }
             }
             // A combination without derived parameters cannot be simulated, so it adds nothing.
@@ -141,7 +141,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
                 match begin(&mut values, &moved, choice) {
                     Ok((p, derived, run)) => {
                         let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
-                        *found = M::expressions(ctx, &run, &values).all;
+                        *found = M::expressions(ctx, &run, &values).0;
                     }
                     Err(_) => is_whole &= std::mem::take(found).is_empty(),
                 }

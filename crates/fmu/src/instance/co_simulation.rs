@@ -64,8 +64,9 @@ impl<M: Model> Instance<M> {
             Ok(stopped) => stopped,
             Err(error) => {
                 self.enter(Mode::StepFailed);
-                let what = error.message(self.layout());
-                return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
+                return rejected(format!(
+                    "{error}; the state at {time} s was restored and the instance cannot step on"
+                ));
             }
         };
         self.clock.time = stopped.unwrap_or(end);

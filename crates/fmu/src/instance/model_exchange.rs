@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::{CallError, CallResult, Instance};
 use crate::calls::{Function, Interface, Mode};
-use crate::runner::{Model, Run, StepError, Update};
+use crate::runner::{Model, Run, Update};
 use crate::variable::Block;
 
 impl<M: Model> Instance<M> {
@@ -30,7 +30,7 @@ impl<M: Model> Instance<M> {
         let result = M::handle_events(self.context(), &mut clock);
         self.clock = clock;
         self.forget_results();
-        result.map_err(|error| self.failure(function, error))
+        result.map_err(|error| self.error(function, error))
     }
 
     /// fmi2EnterContinuousTimeMode: relations keep their sides and discrete outputs their values until the next event.
@@ -150,10 +150,5 @@ impl<M: Model> Instance<M> {
 
     pub(super) fn discard(&self, function: Function, message: impl std::fmt::Display) -> CallError {
         CallError::Discard(format!("{}: {message}", function.name(self.protocol.version)))
-    }
-
-    /// The error of a failed event.
-    pub(super) fn failure(&self, function: Function, error: StepError) -> CallError {
-        self.error(function, error.message(self.layout()))
     }
 }

@@ -11,7 +11,7 @@ use fmu_math::sparse::Structure;
 use exchange::{Exchange, Part, Sides};
 use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
 
-use super::{Context, Expressions, Kind, Model, Modes, Run, Step, StepError, Update, are_finite, first_not_finite};
+use super::{Context, Kind, Model, Modes, Run, Step, Update, are_finite, check_discrete, check_reals};
 use crate::clock::{Clock, slack};
 use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
@@ -217,7 +217,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
     }
 
-    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError> {
+    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String> {
         let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
         if !Self::HAS_EVENTS {
             return advance(ctx, run, values, step, parts);
@@ -287,7 +287,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         })
     }
 
-    fn init_steps(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), StepError> {
+    fn init_steps(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
         if M::HAS_TIME_EVENTS {
             let mut clock = Clock::ZERO;
             Self::handle_events(Run { ctx, run, values }, &mut clock)?;
@@ -296,7 +296,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         Ok(())
     }
 
-    fn expressions(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &ValueStore) -> Expressions {
+    fn expressions(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &ValueStore) -> (Vec<Expression>, bool) {
         let layout = ctx.layout;
         let time = Expression::known(usize::MAX);
         let mut others = values.clone();
@@ -312,7 +312,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             (Role::Output, Type::String { .. }) => Some(Expression::text(&others.strings[variable.index])),
             _ => None,
         });
-        Expressions { all: all.collect(), is_inspected }
+        (all.collect(), is_inspected)
     }
 
     fn init_events(run: &mut Self::RunnerState, layout: &Layout, time: f64) {
@@ -328,7 +328,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     // First zero crossings, then time events, in the order of co-simulation.
-    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, StepError> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);
@@ -339,10 +339,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         let event =
             |x: &mut M::State<f64>, discrete: &mut M::DiscreteState, before: &[f64], after: &[f64], is_timed| {
                 p.on_event(Event { time, state: x, discrete, inputs, derived, is_timed, before, after });
-                match discrete.not_finite() {
-                    Some((name, value)) => Err(StepError::StateNotFinite { name, value, time }),
-                    None => Ok(()),
-                }
+                check_discrete(discrete, time)
             };
         if layout.indicators.declared > 0 {
             let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });
@@ -377,7 +374,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
         }
         x.write(&mut values.view_mut(), layout.states.at);
-        first_not_finite(&values.reals, layout.states.reals(), time)
+        check_reals(layout, layout.states, &values.reals, time)
             .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
         if layout.indicators.declared > 0 {
             let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });

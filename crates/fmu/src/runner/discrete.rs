@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, MOST_PARTS, Model, Run, Step, StepError, Update, first_not_finite};
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
 use crate::clock::{Clock, samples_due, slack};
 use crate::declare::Spec;
 use crate::definition::SAMPLE_TIME;
@@ -25,19 +25,14 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
     /// Takes one sample. Not inlined: in the loop over the samples of a step, usually one, the compiler would compute
     /// and store loop-invariant values in advance.
     #[inline(never)]
-    fn sample(
-        ctx: &Context<'_, Self>,
-        state: &mut M::State,
-        values: &mut ValueStore,
-        time: f64,
-    ) -> Result<(), StepError> {
+    fn sample(ctx: &Context<'_, Self>, state: &mut M::State, values: &mut ValueStore, time: f64) -> Result<(), String> {
         let Context { p, derived, layout, .. } = *ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
-        p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Rejected)?;
+        p.check(&Sample { time, state, inputs, derived })?;
         let outputs = p.update(Sample { time, state, inputs, derived });
         outputs.write(&mut values.view_mut(), layout.outputs.at);
-        first_not_finite(&values.reals, layout.outputs.reals(), time)?;
-        state.not_finite().map_or(Ok(()), |(name, value)| Err(StepError::StateNotFinite { name, value, time }))
+        check_reals(layout, layout.outputs, &values.reals, time)?;
+        check_discrete(state, time)
     }
 }
 
@@ -82,7 +77,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         samples_due(step.time + step.step, step.start, sample_time(layout, values), step.step, step.sample)
     }
 
-    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, StepError> {
+    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String> {
         if parts == 0 {
             return Ok(None);
         }
@@ -108,7 +103,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         p.start(time, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
     }
 
-    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, clock: &mut Clock) -> Result<Update, StepError> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, clock: &mut Clock) -> Result<Update, String> {
         let layout = ctx.layout;
         let period = sample_time(layout, values);
         let instant = |sample: u64| clock.start + sample as i64 as f64 * period;
@@ -116,7 +111,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         let due = if instant(clock.sample) <= end { ((end - clock.start) / period).floor() + 1.0 } else { 0.0 };
         if due - clock.sample as f64 > MOST_PARTS {
             let message = format!("more than {MOST_PARTS} samples up to {} s", clock.time);
-            return Err(StepError::Rejected(message));
+            return Err(message);
         }
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         let mut new = run.clone();

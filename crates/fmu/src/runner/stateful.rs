@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, Model, Run, Step, StepError, Update, first_not_finite};
+use super::{Context, Kind, Model, Run, Step, Update, check_reals};
 use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
 use crate::model::{Info, Stateful};
@@ -44,13 +44,13 @@ impl<M: Stateful> Model for StatefulModel<M> {
         1.0
     }
 
-    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, _: u64) -> Result<Option<f64>, StepError> {
+    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, _: u64) -> Result<Option<f64>, String> {
         let Context { p, layout, .. } = ctx;
         let inputs = M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::Outputs::read(values.view(), layout.outputs.at);
-        p.step(run, &inputs, step.time, step.step).map_err(StepError::Rejected)?;
+        p.step(run, &inputs, step.time, step.step)?;
         p.outputs(run).write(&mut values.view_mut(), layout.outputs.at);
-        first_not_finite(&values.reals, layout.outputs.reals(), step.time + step.step)
+        check_reals(layout, layout.outputs, &values.reals, step.time + step.step)
             .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
         Ok(None)
     }
@@ -59,7 +59,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         ctx.p.outputs(simulation).write(&mut values.view_mut(), ctx.layout.outputs.at);
     }
 
-    fn handle_events(_: Run<'_, Self>, _: &mut Clock) -> Result<Update, StepError> {
+    fn handle_events(_: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
         unreachable!("neither model exchange nor Event Mode is provided")
     }
 

@@ -4,8 +4,7 @@ use std::marker::PhantomData;
 
 use fmu_math::ode;
 
-use super::{Context, ContinuousModel, RunnerState, Step, StepError, branches, first_not_finite, is_stiff};
-use crate::discrete_state::DiscreteState as _;
+use super::{Context, ContinuousModel, RunnerState, Step, branches, check_discrete, check_reals, is_stiff};
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
 use crate::runner::MOST_PARTS;
 use crate::solver::{Interval, Keep, Problem, Scratch};
@@ -21,30 +20,28 @@ type Advance<'f, 'a, M, K> = &'f mut dyn FnMut(
     f64,
     &<K as Keep<M>>::State,
     f64,
-) -> Result<(<K as Keep<M>>::State, f64), StepError>;
+) -> Result<(<K as Keep<M>>::State, f64), String>;
 
 pub(super) const fn has_error_control(solver: Solver) -> bool {
     matches!(solver, Solver::DormandPrince { .. } | Solver::Rosenbrock { .. })
 }
 
 /// Time of the next time event in s. Fails if it is before the present time, or not a number.
-pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> Result<Option<f64>, StepError> {
+pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> Result<Option<f64>, String> {
     let next = model.next_time_event(at);
     if let Some(next) = next.filter(|next| next.is_nan() || *next < at.time) {
-        return Err(StepError::Rejected(format!(
+        return Err(format!(
             "`next_time_event` must not return a time before the present one, {} s, got {next} s; count from the start \
              (`initial_discrete_state` knows it) or from the last event",
             at.time
-        )));
+        ));
     }
     Ok(next)
 }
 
 /// Error of time events that repeat without end at one time.
-pub(super) fn too_many_at(time: f64) -> StepError {
-    StepError::Rejected(format!(
-        "more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns"
-    ))
+pub(super) fn too_many_at(time: f64) -> String {
+    format!("more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns")
 }
 
 /// Advances the state over a step of the master, and keeps states by `K`.
@@ -71,7 +68,7 @@ pub(super) const fn has_events<M: Continuous>() -> bool {
 
 impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     /// The state after one part of the step, of `h` s, which ends at `end`.
-    fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, StepError> {
+    fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, String> {
         if !has_events::<M>() {
             let after = self.fixed(time, &x, h);
             self.recycle(x);
@@ -81,7 +78,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     }
 
     /// The state at `end`, by a solver with error control.
-    fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, StepError> {
+    fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, String> {
         let mut steps = 0_u64;
         self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
             this.accepted(time, x, limit, tolerance, &mut steps)
@@ -96,7 +93,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         limit: f64,
         tolerance: f64,
         steps: &mut u64,
-    ) -> Result<(K::State, f64), StepError> {
+    ) -> Result<(K::State, f64), String> {
         let Self { problem, run, .. } = self;
         // At first a small part of the step, but not one that is lost in the rounding of the time.
         let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
@@ -108,9 +105,9 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             // The limit may be short: the next event, or the end of the step.
             let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
             if *steps as f64 > MOST_PARTS || is_too_short {
-                return Err(StepError::Rejected(format!(
+                return Err(format!(
                     "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
-                )));
+                ));
             }
             let Some(end) = K::estimated(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch)
             else {
@@ -137,7 +134,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         mut x: K::State,
         end: f64,
         advance: Advance<'_, 'a, M, K>,
-    ) -> Result<K::State, StepError> {
+    ) -> Result<K::State, String> {
         if !has_events::<M>() {
             while time < end {
                 let limit = end - time;
@@ -203,7 +200,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     }
 
     /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
-    fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), StepError> {
+    fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), String> {
         let now = self.crossings(time, x);
         let before = std::mem::take(&mut self.run.crossings);
         let is_changed = before.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now));
@@ -305,7 +302,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         before: &[f64],
         after: &[f64],
         is_timed: bool,
-    ) -> Result<(), StepError> {
+    ) -> Result<(), String> {
         if self.events == 0 {
             self.first_event = time;
             self.run.before_events = Some(self.run.discrete.clone());
@@ -315,10 +312,10 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             return Err(too_many_at(time));
         }
         if self.events > MOST_EVENTS {
-            return Err(StepError::Rejected(format!(
+            return Err(format!(
                 "more than {MOST_EVENTS} events between {} s and {time} s; let the model come to rest, or use shorter steps",
                 self.first_event
-            )));
+            ));
         }
         let Self { problem: Problem { model, inputs, derived }, run, .. } = self;
         let RunnerState { discrete, scratch, .. } = &mut **run;
@@ -331,10 +328,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         let values = self.crossings(time, x);
         self.run.crossings.clear();
         self.run.crossings.extend_from_slice(values.as_ref());
-        match self.run.discrete.not_finite() {
-            Some((name, value)) => Err(StepError::StateNotFinite { name, value, time }),
-            None => Ok(()),
-        }
+        check_discrete(&self.run.discrete, time)
     }
 }
 
@@ -356,7 +350,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<Option<f64>, StepError> {
+    ) -> Result<Option<f64>, String> {
         let Context { p, derived, layout, .. } = ctx;
         if run.scratch.is_missing::<M>() {
             run.scratch = Scratch::new::<M>(layout);
@@ -406,7 +400,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             exchange.announced = stopped.unwrap_or(f64::INFINITY);
         }
         K::store(&x, &mut values.view_mut(), layout.states.at);
-        first_not_finite(&values.reals, layout.states.reals(), end)
+        check_reals(layout, layout.states, &values.reals, end)
             .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
         K::recycle(x, &mut run.scratch);
         K::recycle(before, &mut run.scratch);
