@@ -15,11 +15,13 @@ pub use stateful::StatefulModel;
 use fmu_math::sparse::Structure;
 
 use crate::clock::Clock;
+use crate::declare::Spec;
+use crate::definition::Definition;
 use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::expression::Expression;
 use crate::model::{Influence, Info};
 use crate::store::{Counts, ValueStore};
-use crate::variable::{Block, Layout};
+use crate::variable::{Block, Declarations, Layout};
 use crate::variables::{Derived, Parameters, Variables as _};
 
 /// Kind of model.
@@ -206,6 +208,17 @@ pub trait Model: Sized + 'static {
 #[inline]
 pub(crate) fn are_finite(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite())
+}
+
+/// Numbers declared variables, and the parameter that the solver reads, with its start value, unless the model declares it.
+fn layout(mut declared: Declarations, solver: Option<(Definition, f64)>) -> Layout {
+    if let Some((definition, start)) = solver {
+        if declared.parameters.iter().all(|parameter| parameter.name != definition.name) {
+            Spec::defined(&definition).declare_real(Some(start), &mut declared.parameters);
+        }
+        declared.solver = Some(definition.name);
+    }
+    Layout::new(declared)
 }
 
 /// The error of a number that is not finite.

@@ -141,6 +141,10 @@ impl Block {
     pub const fn reals(&self) -> Range<usize> {
         self.at.reals..self.at.reals + self.counts.reals
     }
+    /// Position of a real in the block by its value reference.
+    pub(crate) fn position(&self, reference: u32) -> Option<usize> {
+        (reference as usize).checked_sub(self.at.reals).filter(|&position| position < self.counts.reals)
+    }
     /// Returns true if it has variables that are not real.
     pub(crate) const fn has_others(&self) -> bool {
         self.counts.integers + self.counts.booleans + self.counts.strings > 0

@@ -47,13 +47,10 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
 }
 
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
-    xml::type_definitions(xml, layout, |xml, one, attributes| {
-        element(xml, "SimpleType", &borrowed(&attributes), |xml| {
-            if one.is_enumeration {
-                element(xml, "Enumeration", &[], |xml| items(xml, one.items))
-            } else {
-                empty(xml, "Integer", &borrowed(&one.limits()))
-            }
+    xml::type_definitions(xml, layout, |xml, attributes, all, limits| {
+        element(xml, "SimpleType", &borrowed(&attributes), |xml| match limits {
+            Some(limits) => empty(xml, "Integer", &borrowed(&limits)),
+            None => element(xml, "Enumeration", &[], |xml| items(xml, all)),
         })
     })
 }

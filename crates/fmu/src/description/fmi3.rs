@@ -63,13 +63,12 @@ fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable>
 }
 
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
-    xml::type_definitions(xml, layout, |xml, one, mut attributes| {
-        if one.is_enumeration {
-            element(xml, "EnumerationType", &borrowed(&attributes), |xml| items(xml, one.items))
-        } else {
-            attributes.extend(one.limits());
+    xml::type_definitions(xml, layout, |xml, mut attributes, all, limits| match limits {
+        Some(limits) => {
+            attributes.extend(limits);
             empty(xml, "Int32Type", &borrowed(&attributes))
         }
+        None => element(xml, "EnumerationType", &borrowed(&attributes), |xml| items(xml, all)),
     })
 }
 

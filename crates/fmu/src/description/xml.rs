@@ -260,34 +260,6 @@ pub(super) fn start(variable: &Variable) -> String {
     }
 }
 
-/// A type of the enumerations of a model. Most are Integers, because several masters cannot set FMI enumerations; their
-/// description lists the meaning of the numbers.
-pub(super) struct EnumerationType {
-    pub(super) name: String,
-    pub(super) description: String,
-    pub(super) items: &'static [Item],
-    pub(super) min: i32,
-    pub(super) max: i32,
-    pub(super) is_enumeration: bool,
-}
-
-/// All types of enumerations, by name.
-fn enumeration_types(layout: &Layout) -> impl Iterator<Item = EnumerationType> {
-    let mut types = BTreeMap::new();
-    for variable in &layout.variables {
-        if let Kind::Integer { items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
-            && !items.is_empty()
-        {
-            types.insert(simple_type(layout, type_name, *is_enumeration), (*items, *min, *max, *is_enumeration));
-        }
-    }
-    types.into_iter().map(|(name, (items, min, max, is_enumeration))| {
-        let described = items.iter().map(|item| format!("{} {}: {}", item.value, item.name, item.description));
-        let description = described.collect::<Vec<_>>().join("; ");
-        EnumerationType { name, description, items, min, max, is_enumeration }
-    })
-}
-
 /// Name of the type of an enumeration. One that is an Integer too has two types.
 pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> String {
     let is_integer = |variable: &Variable| matches!(&variable.declaration.kind, Kind::Integer { type_name, is_enumeration: false, .. } if *type_name == name);
@@ -295,28 +267,32 @@ pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> 
     if is_both { format!("{name}Enumeration") } else { name.to_owned() }
 }
 
-/// Writes the types of enumerations, each by `write`, which gets its attributes.
+/// Writes the types of enumerations by name. `write` gets the attributes of one, its items, and the limits of an Integer. Most are
+/// Integers, because several masters cannot set FMI enumerations; their description lists the meaning of the numbers.
 pub(super) fn type_definitions(
     xml: &mut Xml,
     layout: &Layout,
-    write: impl Fn(&mut Xml, &EnumerationType, Attributes) -> Written,
+    write: impl Fn(&mut Xml, Attributes, &[Item], Option<Attributes>) -> Written,
 ) -> Written {
-    let mut types = enumeration_types(layout).peekable();
-    if types.peek().is_none() {
+    let mut types = BTreeMap::new();
+    for variable in &layout.variables {
+        if let Kind::Integer { items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
+            && !items.is_empty()
+        {
+            let limits = (!is_enumeration).then(|| vec![("min", min.to_string()), ("max", max.to_string())]);
+            types.insert(simple_type(layout, type_name, *is_enumeration), (*items, limits));
+        }
+    }
+    if types.is_empty() {
         return Ok(());
     }
     element(xml, "TypeDefinitions", &[], |xml| {
-        types.try_for_each(|one| {
-            write(xml, &one, vec![("name", one.name.clone()), ("description", one.description.clone())])
+        types.into_iter().try_for_each(|(name, (items, limits))| {
+            let described = items.iter().map(|item| format!("{} {}: {}", item.value, item.name, item.description));
+            let description = described.collect::<Vec<_>>().join("; ");
+            write(xml, vec![("name", name), ("description", description)], items, limits)
         })
     })
-}
-
-impl EnumerationType {
-    /// Least and greatest value.
-    pub(super) fn limits(&self) -> Attributes {
-        vec![("min", self.min.to_string()), ("max", self.max.to_string())]
-    }
 }
 
 /// Writes the element of an interface with its capabilities.

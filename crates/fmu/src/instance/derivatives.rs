@@ -5,6 +5,7 @@ use fmu_math::sparse::{Structure, groups};
 use super::{CallError, CallResult, Instance, Mode};
 use crate::calls::{Function, Version};
 use crate::runner::{Kind as ModelKind, Model, Run};
+use crate::variable::Layout;
 
 /// A variable whose derivative is requested.
 #[derive(Clone, Copy)]
@@ -165,41 +166,31 @@ impl<M: Model> Instance<M> {
         if M::KIND != ModelKind::Continuous {
             return Err(self.error(function, "not provided: only continuous-time models have derivatives"));
         }
-        let (inputs, states) = (self.layout().inputs.reals(), self.layout().states.reals());
-        let position = |&reference: &u32| {
-            let index = reference as usize;
-            if inputs.contains(&index) {
-                Ok(index - inputs.start)
-            } else if states.contains(&index) {
-                Ok(inputs.len() + index - states.start)
-            } else if reference == self.layout().end && self.protocol.version == Version::Fmi3 {
-                Ok(inputs.len() + states.len())
-            } else {
+        let Layout { inputs, states, end, .. } = self.layout();
+        let count = inputs.counts.reals + states.counts.reals;
+        let position = |&reference: &u32| match inputs.position(reference) {
+            Some(position) => Ok(position),
+            None if reference == *end && self.protocol.version == Version::Fmi3 => Ok(count),
+            None => states.position(reference).map(|position| inputs.counts.reals + position).ok_or_else(|| {
                 let message = format_args!("value reference {reference} is neither a real input nor a state (known)");
-                Err(self.error(function, message))
-            }
+                self.error(function, message)
+            }),
         };
         references.iter().map(position).collect()
     }
 
     fn unknowns(&self, function: Function, references: &[u32]) -> CallResult<Vec<Unknown>> {
-        let layout = self.layout();
-        let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
-        let (outputs, derivatives) = (layout.outputs.reals(), layout.derivatives.reals());
+        let Layout { inputs, outputs, states, derivatives, .. } = self.layout();
         let unknown = |&reference: &u32| {
-            let index = reference as usize;
-            if outputs.contains(&index) {
-                Ok(Unknown::Computed(index - outputs.start))
-            } else if derivatives.contains(&index) {
-                Ok(Unknown::Computed(outputs.len() + index - derivatives.start))
-            } else if states.contains(&index) {
-                Ok(Unknown::State(inputs.len() + index - states.start))
-            } else {
+            let derivative = || derivatives.position(reference).map(|position| outputs.counts.reals + position);
+            let state = || states.position(reference).map(|position| Unknown::State(inputs.counts.reals + position));
+            let computed = outputs.position(reference).or_else(derivative).map(Unknown::Computed);
+            computed.or_else(state).ok_or_else(|| {
                 let message = format_args!(
                     "value reference {reference} is neither a real output nor the derivative of a state (unknown)"
                 );
-                Err(self.error(function, message))
-            }
+                self.error(function, message)
+            })
         };
         references.iter().map(unknown).collect()
     }

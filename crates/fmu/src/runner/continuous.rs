@@ -11,9 +11,8 @@ use fmu_math::sparse::Structure;
 use exchange::{Exchange, Part, Sides};
 use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
 
-use super::{Context, Kind, Model, Modes, Run, Step, Update, are_finite, check_discrete, check_reals};
+use super::{Context, Kind, Model, Modes, Run, Step, Update, are_finite, check_discrete, check_reals, layout};
 use crate::clock::{Clock, slack};
-use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::dual::{Dual, Dual64};
@@ -59,15 +58,6 @@ impl<D: Clone> Clone for RunnerState<D> {
     fn clone_from(&mut self, source: &Self) {
         let scratch = std::mem::take(&mut self.scratch);
         *self = Self { scratch, ..source.clone() };
-    }
-}
-
-/// The parameter that the solver reads, with its start value.
-fn solver_parameter(solver: Solver, step_size: f64) -> Option<(crate::Definition, f64)> {
-    match solver {
-        Solver::RungeKutta => Some((MAX_STEP, step_size)),
-        Solver::DormandPrince { tolerance } | Solver::Rosenbrock { tolerance } => Some((TOLERANCE, tolerance)),
-        Solver::Exact => None,
     }
 }
 
@@ -139,23 +129,21 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     type RunnerState = RunnerState<M::DiscreteState>;
 
     fn layout() -> Layout {
-        let parameter = solver_parameter(M::SOLVER, M::INFO.step_size);
         let mut declared = Declarations {
             parameters: M::declarations(),
             inputs: M::Inputs::<f64>::declarations(),
             outputs: M::Outputs::<f64>::declarations(),
             states: M::State::<f64>::declarations(),
             crossings: size_of::<M::Crossings>() / size_of::<f64>(),
-            solver: parameter.map(|(definition, _)| definition.name),
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
-        if let Some((definition, start)) = parameter
-            && declared.parameters.iter().all(|parameter| parameter.name != definition.name)
-        {
-            Spec::defined(&definition).declare_real(Some(start), &mut declared.parameters);
-        }
-        Layout::new(declared)
+        let solver = match M::SOLVER {
+            Solver::RungeKutta => Some((MAX_STEP, M::INFO.step_size)),
+            Solver::DormandPrince { tolerance } | Solver::Rosenbrock { tolerance } => Some((TOLERANCE, tolerance)),
+            Solver::Exact => None,
+        };
+        layout(declared, solver)
     }
 
     fn load(p: &M, resources: &Path) -> Result<M::Derived, String> {

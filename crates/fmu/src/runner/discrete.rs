@@ -3,9 +3,8 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, layout};
 use crate::clock::{Clock, samples_due, slack};
-use crate::declare::Spec;
 use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Discrete, Influence, Info, Sample};
@@ -51,14 +50,10 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
             parameters: M::declarations(),
             inputs: M::Inputs::declarations(),
             outputs: M::Outputs::declarations(),
-            solver: Some(SAMPLE_TIME.name),
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
-        if declared.parameters.iter().all(|parameter| parameter.name != SAMPLE_TIME.name) {
-            Spec::defined(&SAMPLE_TIME).declare_real(Some(M::INFO.step_size), &mut declared.parameters);
-        }
-        Layout::new(declared)
+        layout(declared, Some((SAMPLE_TIME, M::INFO.step_size)))
     }
 
     fn load(p: &M, resources: &Path) -> Result<M::Derived, String> {
