@@ -11,6 +11,12 @@ pub const DORMAND_PRINCE_WORK: usize = 7;
 /// Numbers of working memory that [`rodas`] needs for each state.
 pub const RODAS_WORK: usize = 5;
 
+/// The first lists of `n` numbers each.
+#[inline]
+fn split<const K: usize>(mut work: &mut [f64], n: usize) -> [&mut [f64]; K] {
+    core::array::from_fn(|_| work.split_off_mut(..n).expect("`work` is long enough"))
+}
+
 /// to = x + (h a) k, element by element.
 #[inline]
 fn along(to: &mut [f64], x: &[f64], factor: f64, k: &[f64]) {
@@ -51,10 +57,7 @@ pub fn runge_kutta<E>(
     work: &mut [f64],
 ) -> Result<(), E> {
     let n = x.len();
-    let (k1, rest) = work.split_at_mut(n);
-    let (k2, rest) = rest.split_at_mut(n);
-    let (k3, rest) = rest.split_at_mut(n);
-    let k4 = &mut rest[..n];
+    let [k1, k2, k3, k4] = split(work, n);
     f(time, x, k1)?;
     along(end, x, 0.5 * h, k1);
     f(time + 0.5 * h, end, k2)?;
@@ -87,14 +90,7 @@ pub fn dormand_prince<E>(
     error: &mut [f64],
     work: &mut [f64],
 ) -> Result<(), E> {
-    let n = x.len();
-    let (k1, rest) = work.split_at_mut(n);
-    let (k2, rest) = rest.split_at_mut(n);
-    let (k3, rest) = rest.split_at_mut(n);
-    let (k4, rest) = rest.split_at_mut(n);
-    let (k5, rest) = rest.split_at_mut(n);
-    let (k6, rest) = rest.split_at_mut(n);
-    let k7 = &mut rest[..n];
+    let [k1, k2, k3, k4, k5, k6, k7] = split(work, x.len());
     f(time, x, k1)?;
     sum(end, x, h, &[(1.0 / 5.0, k1)]);
     f(time + 1.0 / 5.0 * h, end, k2)?;
@@ -102,8 +98,7 @@ pub fn dormand_prince<E>(
     f(time + 3.0 / 10.0 * h, end, k3)?;
     sum(end, x, h, &[(44.0 / 45.0, k1), (-56.0 / 15.0, k2), (32.0 / 9.0, k3)]);
     f(time + 4.0 / 5.0 * h, end, k4)?;
-    let parts: [(f64, &[f64]); 4] =
-        [(19372.0 / 6561.0, k1), (-25360.0 / 2187.0, k2), (64448.0 / 6561.0, k3), (-212.0 / 729.0, k4)];
+    let parts = [(19372.0 / 6561.0, &*k1), (-25360.0 / 2187.0, k2), (64448.0 / 6561.0, k3), (-212.0 / 729.0, k4)];
     sum(end, x, h, &parts);
     f(time + 8.0 / 9.0 * h, end, k5)?;
     let parts: [(f64, &[f64]); 5] = [

@@ -47,12 +47,6 @@ impl Structure {
         self.starts.push(u32::try_from(kept).expect("fewer than 2^32 elements"));
     }
 
-    /// Removes all lines and keeps the memory.
-    pub fn clear(&mut self) {
-        self.starts.truncate(1);
-        self.positions.clear();
-    }
-
     /// Number of lines.
     #[must_use]
     pub fn lines(&self) -> usize {
@@ -160,7 +154,6 @@ fn minimum_degree(by_column: &Structure, limit: usize) -> Option<(Vec<u32>, usiz
     let mut queue: BTreeSet<(u32, u32)> = (0..n).map(|i| (neighbors[i].len() as u32, i as u32)).collect();
     let mut order = Vec::with_capacity(n);
     let mut elements = 0;
-    let mut merged = Vec::new();
     while let Some((degree, next)) = queue.pop_first() {
         order.push(next);
         elements += degree as usize;
@@ -178,22 +171,10 @@ fn minimum_degree(by_column: &Structure, limit: usize) -> Option<(Vec<u32>, usiz
         for &member in &clique {
             let own = &mut neighbors[member as usize];
             queue.remove(&(own.len() as u32, member));
-            // Union of two ascending lists without `next` and the member itself.
-            merged.clear();
-            let (mut a, mut b) = (own.iter().peekable(), clique.iter().peekable());
-            loop {
-                let smallest = match (a.peek(), b.peek()) {
-                    (Some(&&a), Some(&&b)) => a.min(b),
-                    (Some(&&one), None) | (None, Some(&&one)) => one,
-                    (None, None) => break,
-                };
-                a.next_if(|&&one| one == smallest);
-                b.next_if(|&&one| one == smallest);
-                if smallest != next && smallest != member {
-                    merged.push(smallest);
-                }
-            }
-            core::mem::swap(own, &mut merged);
+            own.extend(clique.iter().filter(|&&other| other != member));
+            own.sort_unstable();
+            own.dedup();
+            own.retain(|&other| other != next);
             queue.insert((own.len() as u32, member));
         }
     }

@@ -15,7 +15,7 @@ pub struct Element {
 }
 
 /// A variable, or an array of variables, under construction.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Spec {
     name: String,
     description: &'static str,
@@ -36,8 +36,8 @@ pub struct Spec {
     array: Option<ArrayElement>,
 }
 
-/// Units of an array: one for all elements, or one for each.
-#[derive(Clone, Debug)]
+/// Units of an array: none, one for all elements, or one for each.
+#[derive(Clone, Debug, Default)]
 pub struct Units(Vec<Unit>);
 
 impl From<Unit> for Units {
@@ -111,24 +111,7 @@ setters! {
 impl Spec {
     /// A variable with a name of its own.
     pub fn named(name: &str) -> Self {
-        Self {
-            name: name.to_owned(),
-            description: "",
-            doc: "",
-            words: String::new(),
-            units: Units(vec![Unit::NONE]),
-            display: None,
-            min: None,
-            max: None,
-            nominal: None,
-            elements: &[],
-            descriptions: &[],
-            tunable: false,
-            local: false,
-            calculated: false,
-            enumeration: false,
-            array: None,
-        }
+        Self { name: name.to_owned(), ..Self::default() }
     }
     /// A variable of a definition.
     pub fn defined(definition: &Definition) -> Self {
