@@ -449,28 +449,39 @@ pub(crate) fn fields(input: &DeriveInput) -> Result<Punctuated<Field, Token![,]>
     }
 }
 
+/// The name of a type, or of the elements of an array.
+pub(crate) fn name_of(ty: &Type) -> Option<String> {
+    match (element(ty), ty) {
+        (Some(element), _) => name_of(element),
+        (None, Type::Paren(inner)) => name_of(&inner.elem),
+        (None, Type::Path(path)) => Some(path.path.segments.last()?.ident.to_string()),
+        _ => None,
+    }
+}
+
+/// The type of the elements of an array.
+pub(crate) fn element(ty: &Type) -> Option<&Type> {
+    match ty {
+        Type::Array(array) => Some(&array.elem),
+        Type::Group(inner) => element(&inner.elem),
+        Type::Path(path) => match &path.path.segments.last()?.arguments {
+            PathArguments::AngleBracketed(arguments) => match arguments.args.first()? {
+                GenericArgument::Type(ty) => Some(ty),
+                _ => None,
+            },
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
 /// Returns the kind of values in the type of a field; `number` is the type parameter.
 pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
-    match ty {
-        Type::Array(array) => content(&array.elem, number),
-        Type::Paren(inner) => content(&inner.elem, number),
-        Type::Path(path) => {
-            let Some(last) = path.path.segments.last() else { return Content::Unknown };
-            if let PathArguments::AngleBracketed(arguments) = &last.arguments {
-                // An array with named elements.
-                return match arguments.args.first() {
-                    Some(GenericArgument::Type(element)) => content(element, number),
-                    _ => Content::Unknown,
-                };
-            }
-            match last.ident.to_string().as_str() {
-                "f64" => Content::Real,
-                "i32" => Content::Integer,
-                "bool" | "String" => Content::Other,
-                _ if number.is_some_and(|number| path.path.is_ident(number)) => Content::Real,
-                _ => Content::Unknown,
-            }
-        }
+    match name_of(ty).as_deref() {
+        Some("f64") => Content::Real,
+        Some("i32") => Content::Integer,
+        Some("bool" | "String") => Content::Other,
+        Some(name) if number.is_some_and(|number| number == name) => Content::Real,
         _ => Content::Unknown,
     }
 }

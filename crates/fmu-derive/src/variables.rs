@@ -5,9 +5,9 @@ use quote::{format_ident, quote, quote_spanned};
 use syn::ext::IdentExt as _;
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned as _;
-use syn::{DeriveInput, Error, Expr, Field, GenericArgument, GenericParam, Ident, Lit, PathArguments, Result, Token};
+use syn::{DeriveInput, Error, Expr, Field, GenericParam, Ident, Lit, Result, Token};
 
-use crate::attribute::{Content, Source, Variable, content, doc, fields, literal, root};
+use crate::attribute::{Content, Source, Variable, content, doc, element, fields, literal, name_of, root};
 use crate::errors::Errors;
 
 /// Role of a struct of variables.
@@ -280,36 +280,11 @@ fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
     }
 }
 
-/// The name of a type, or of the elements of an array.
-fn name_of(ty: &syn::Type) -> Option<String> {
-    match (element(ty), ty) {
-        (Some(element), _) => name_of(element),
-        (None, syn::Type::Path(path)) => Some(path.path.segments.last()?.ident.to_string()),
-        _ => None,
-    }
-}
-
 /// Returns true if the elements of an array are numbered, not named.
 fn is_numbered(ty: &syn::Type, variable: &Variable) -> bool {
     match ty {
         syn::Type::Array(array) => variable.key("elements").is_none() && is_numbered(&array.elem, variable),
         other => element(other).is_none(),
-    }
-}
-
-/// The type of the elements of an array.
-fn element(ty: &syn::Type) -> Option<&syn::Type> {
-    match ty {
-        syn::Type::Array(array) => Some(&array.elem),
-        syn::Type::Group(inner) => element(&inner.elem),
-        syn::Type::Path(path) => match &path.path.segments.last()?.arguments {
-            PathArguments::AngleBracketed(arguments) => match arguments.args.first()? {
-                GenericArgument::Type(ty) => Some(ty),
-                _ => None,
-            },
-            _ => None,
-        },
-        _ => None,
     }
 }
 

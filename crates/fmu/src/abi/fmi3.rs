@@ -101,10 +101,11 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,
     early_return: Boolean,
-    intermediate_variables: size_t,
+    _intermediate_variables: *const ValueReference,
+    intermediate_count: size_t,
 ) -> Component {
     const NAME: &str = "fmi3InstantiateCoSimulation";
-    if intermediate_variables > 0 {
+    if intermediate_count > 0 {
         let message = "requiredIntermediateVariables must be empty, because intermediate update is not supported";
         return unsafe { arguments.reject::<E>(NAME, message) };
     }
@@ -273,6 +274,23 @@ functions! {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {
+    (@instantiate $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*) ($($unused:ident: $other:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(
+            name: *const c_char,
+            token: *const c_char,
+            resources: *const c_char,
+            _visible: Boolean,
+            logging_on: Boolean,
+            $($argument: $type,)*
+            environment: *mut c_void,
+            logger: Option<Logger>
+            $(, $unused: $other)*
+        ) -> Component {
+            let arguments = Arguments { name, token, resources, logging_on, environment, logger };
+            unsafe { $target::<$model>(arguments $(, $argument)*) }
+        }
+    )*};
     (@none $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
@@ -320,53 +338,10 @@ macro_rules! c_interface_of_fmi3 {
             pub unsafe extern "C" fn fmi3FreeInstance(component: Component) {
                 unsafe { free_instance::<$model>(component) }
             }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi3InstantiateModelExchange(
-                name: *const c_char,
-                token: *const c_char,
-                resources: *const c_char,
-                _visible: Boolean,
-                logging_on: Boolean,
-                environment: *mut c_void,
-                logger: Option<Logger>,
-            ) -> Component {
-                unsafe {
-                    instantiate_model_exchange::<$model>(Arguments { name, token, resources, logging_on, environment, logger })
-                }
-            }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
-                name: *const c_char,
-                token: *const c_char,
-                resources: *const c_char,
-                _visible: Boolean,
-                logging_on: Boolean,
-                event_mode: Boolean,
-                early_return: Boolean,
-                _intermediate: *const ValueReference,
-                n_intermediate: size_t,
-                environment: *mut c_void,
-                logger: Option<Logger>,
-                _update: *const c_void,
-            ) -> Component {
-                let arguments = Arguments { name, token, resources, logging_on, environment, logger };
-                unsafe { instantiate_co_simulation::<$model>(arguments, event_mode, early_return, n_intermediate) }
-            }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
-                name: *const c_char,
-                token: *const c_char,
-                resources: *const c_char,
-                _visible: Boolean,
-                logging_on: Boolean,
-                environment: *mut c_void,
-                logger: Option<Logger>,
-                _clock_update: *const c_void,
-                _lock: *const c_void,
-                _unlock: *const c_void,
-            ) -> Component {
-                let arguments = Arguments { name, token, resources, logging_on, environment, logger };
-                unsafe { instantiate_scheduled_execution::<$model>(arguments) }
+            $crate::c_interface_of_fmi3! { @instantiate $model:
+                fmi3InstantiateModelExchange instantiate_model_exchange () ();
+                fmi3InstantiateCoSimulation instantiate_co_simulation (event_mode: Boolean, early_return: Boolean, intermediate: *const ValueReference, n_intermediate: size_t) (_update: *const c_void);
+                fmi3InstantiateScheduledExecution instantiate_scheduled_execution () (_clock_update: *const c_void, _lock: *const c_void, _unlock: *const c_void);
             }
             $crate::c_functions! { $model:
                 fmi3SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);

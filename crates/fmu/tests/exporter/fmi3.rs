@@ -92,7 +92,7 @@ impl<E: Export> Instance<E> {
     fn co_simulation(events: bool) -> Self {
         // SAFETY: strings that end with a zero.
         let this = Self::new(|arguments| unsafe {
-            fmi3::instantiate_co_simulation::<E>(arguments, events.into(), events.into(), 0)
+            fmi3::instantiate_co_simulation::<E>(arguments, events.into(), events.into(), null(), 0)
         });
         assert!(!this.component.is_null());
         this
@@ -434,8 +434,9 @@ fn what_the_fmu_does_not_have_is_said() {
     let none = Instance::<Carts>::new(|arguments| unsafe { fmi3::instantiate_scheduled_execution::<Carts>(arguments) });
     assert!(none.component.is_null());
     assert_eq!(none.error(), "fmi3InstantiateScheduledExecution: this FMU does not provide scheduled execution");
-    let none =
-        Instance::<Filter>::new(|arguments| unsafe { fmi3::instantiate_co_simulation::<Filter>(arguments, 1, 1, 0) });
+    let none = Instance::<Filter>::new(|arguments| unsafe {
+        fmi3::instantiate_co_simulation::<Filter>(arguments, 1, 1, null(), 0)
+    });
     assert!(none.component.is_null());
     assert_eq!(
         none.error(),
