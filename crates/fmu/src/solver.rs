@@ -93,22 +93,32 @@ impl<M: Continuous> Problem<'_, M> {
         for (dual, x) in duals.iter_mut().zip(x) {
             *dual = Dual64::from(*x);
         }
-        if let Jacobian::Dense { matrix, .. } = jacobian {
-            let matrix = &mut matrix[..n * n];
-            for column in 0..n {
-                duals[column].eps = 1.0;
-                self.evaluate(Dual64::from(time), duals, &inputs, discrete, results);
-                duals[column].eps = 0.0;
-                for (row, result) in results.iter().enumerate() {
-                    matrix[row * n + column] = result.eps;
+        match jacobian {
+            Jacobian::Dense { matrix, .. } => {
+                let matrix = &mut matrix[..n * n];
+                for column in 0..n {
+                    duals[column].eps = 1.0;
+                    self.evaluate(Dual64::from(time), duals, &inputs, discrete, results);
+                    duals[column].eps = 0.0;
+                    for (row, result) in results.iter().enumerate() {
+                        matrix[row * n + column] = result.eps;
+                    }
                 }
             }
-        }
-        for group in 0..jacobian.groups() {
-            jacobian.columns(group).for_each(|column| duals[column].eps = 1.0);
-            self.evaluate(Dual64::from(time), duals, &inputs, discrete, results);
-            jacobian.columns(group).for_each(|column| duals[column].eps = 0.0);
-            jacobian.store(group, results);
+            Jacobian::Sparse(sparse) => {
+                let Sparse { by_column, values, groups, .. } = &mut **sparse;
+                for group in 0..groups.lines() {
+                    let columns = || groups.line(group).iter().map(|&column| column as usize);
+                    columns().for_each(|column| duals[column].eps = 1.0);
+                    self.evaluate(Dual64::from(time), duals, &inputs, discrete, results);
+                    columns().for_each(|column| duals[column].eps = 0.0);
+                    for column in columns() {
+                        for (value, &row) in values[by_column.range(column)].iter_mut().zip(by_column.line(column)) {
+                            *value = results[row as usize].eps;
+                        }
+                    }
+                }
+            }
         }
         if jacobian.follows_time() {
             self.evaluate(Dual64::new(time, 1.0), duals, &inputs, discrete, results);
@@ -379,36 +389,6 @@ impl Jacobian {
             by_column,
             lu,
         })))
-    }
-
-    /// Number of groups of columns of a sparse matrix.
-    fn groups(&self) -> usize {
-        match self {
-            Self::Dense { .. } => 0,
-            Self::Sparse(sparse) => sparse.groups.lines(),
-        }
-    }
-
-    /// The columns of a group.
-    fn columns(&self, group: usize) -> impl Iterator<Item = usize> {
-        let columns: &[u32] = match self {
-            Self::Dense { .. } => &[],
-            Self::Sparse(sparse) => sparse.groups.line(group),
-        };
-        columns.iter().map(|&column| column as usize)
-    }
-
-    /// Takes the elements of a group from the derivatives along the sum of its columns.
-    fn store(&mut self, group: usize, derivatives: &[Dual64]) {
-        if let Self::Sparse(sparse) = self {
-            let Sparse { by_column, values, groups, .. } = &mut **sparse;
-            for &column in groups.line(group) {
-                let elements = by_column.range(column as usize);
-                for (value, &row) in values[elements].iter_mut().zip(by_column.line(column as usize)) {
-                    *value = derivatives[row as usize].eps;
-                }
-            }
-        }
     }
 
     fn follows_time(&self) -> bool {

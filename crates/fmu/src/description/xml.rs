@@ -11,7 +11,7 @@ use crate::enumeration::Item;
 use crate::model::Info;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{Kind, Layout, Role, Variable};
+use crate::variable::{Declaration, Kind, Layout, Role, Variable};
 
 pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
@@ -172,35 +172,6 @@ pub(super) fn default_experiment(xml: &mut Xml, info: &Info) -> Written {
     empty(xml, "DefaultExperiment", &[("startTime", &"0.0"), ("stopTime", &stop), ("stepSize", &step)])
 }
 
-/// Causality, variability and initial of a variable.
-pub(super) fn kind_of<M: Model>(
-    layout: &Layout,
-    variable: &Variable,
-) -> (&'static str, &'static str, Option<&'static str>) {
-    let declaration = &variable.declaration;
-    let is_real = matches!(declaration.kind, Kind::Real(_));
-    match variable.role {
-        Role::Parameter => ("parameter", if declaration.tunable { "tunable" } else { "fixed" }, Some("exact")),
-        // They are computed from all parameters.
-        Role::Calculated => {
-            let is_tunable = layout.variables.iter().any(|variable| variable.declaration.tunable);
-            ("calculatedParameter", if is_tunable { "tunable" } else { "fixed" }, Some("calculated"))
-        }
-        Role::Input => ("input", if is_real { "continuous" } else { "discrete" }, None),
-        Role::Output => (
-            "output",
-            if M::KIND == ModelKind::Continuous && is_real { "continuous" } else { "discrete" },
-            Some(if M::CALCULATES_OUTPUTS { "calculated" } else { "exact" }),
-        ),
-        Role::State => (
-            if declaration.local { "local" } else { "output" },
-            "continuous",
-            Some(if declaration.calculated { "calculated" } else { "exact" }),
-        ),
-        Role::Derivative => ("local", "continuous", Some("calculated")),
-    }
-}
-
 /// Attributes of a variable or array in both versions, and true if it has a start value.
 pub(super) fn attributes<M: Model>(
     layout: &Layout,
@@ -208,16 +179,34 @@ pub(super) fn attributes<M: Model>(
     name: &str,
     description: &str,
 ) -> (Attributes, bool) {
-    let (causality, variability, initial) = kind_of::<M>(layout, variable);
-    let mut attributes = vec![
-        ("name", name.to_owned()),
-        ("valueReference", variable.reference.to_string()),
-        ("description", description.to_owned()),
-        ("causality", causality.to_owned()),
-        ("variability", variability.to_owned()),
+    let Declaration { kind, tunable, local, calculated, .. } = &variable.declaration;
+    let is_real = matches!(kind, Kind::Real(_));
+    let fixed = |is_tunable: bool| if is_tunable { "tunable" } else { "fixed" };
+    let discrete = |is_continuous: bool| if is_continuous { "continuous" } else { "discrete" };
+    let exact = |is_calculated: bool| if is_calculated { "calculated" } else { "exact" };
+    let (causality, variability, initial) = match variable.role {
+        Role::Parameter => ("parameter", fixed(*tunable), "exact"),
+        // They are computed from all parameters.
+        Role::Calculated => {
+            let is_tunable = layout.variables.iter().any(|variable| variable.declaration.tunable);
+            ("calculatedParameter", fixed(is_tunable), "calculated")
+        }
+        Role::Input => ("input", discrete(is_real), ""),
+        Role::Output => ("output", discrete(M::KIND == ModelKind::Continuous && is_real), exact(M::CALCULATES_OUTPUTS)),
+        Role::State => (if *local { "local" } else { "output" }, "continuous", exact(*calculated)),
+        Role::Derivative => ("local", "continuous", "calculated"),
+    };
+    let attributes = [
+        ("name", name),
+        ("valueReference", &variable.reference.to_string()),
+        ("description", description),
+        ("causality", causality),
+        ("variability", variability),
+        ("initial", initial),
     ];
-    attributes.extend(initial.map(|initial| ("initial", initial.to_owned())));
-    (attributes, initial != Some("calculated"))
+    let is_written = |(name, value): &(&str, &str)| *name != "initial" || !value.is_empty();
+    let attributes = attributes.into_iter().filter(is_written).map(|(name, value)| (name, value.to_owned()));
+    (attributes.collect(), initial != "calculated")
 }
 
 /// Attributes of the type of a variable in both versions.
