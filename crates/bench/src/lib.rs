@@ -9,7 +9,7 @@ use std::time::Instant;
 use fmu::testing::abi::Export;
 use fmu::testing::runner::{Context, Kind as ModelKind, Model, Run, Step};
 use fmu::testing::store::ValueStore;
-use fmu::testing::variable::{Kind, Layout, Role};
+use fmu::testing::variable::Layout;
 use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::loader::Instance;
@@ -36,13 +36,13 @@ const EVALUATIONS: usize = 101;
 /// If the FMU is not packed or does not run.
 pub fn compare<E: Export>() {
     let name = E::Model::INFO.name;
-    let path = fmu_path(name);
+    let path = target().join("fmu").join(format!("{name}.fmu"));
     let fmu = Fmu::open(&path).unwrap_or_else(|error| panic!("{error}; run `cargo fmu pack {name}`"));
     let layout = &E::description().layout;
     let (mut direct, mut through_c) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         direct.push(time_direct::<E::Model>(layout));
-        through_c.push(time_fmu(&fmu, layout));
+        through_c.push(time_fmu(&fmu));
     }
     let (direct, through_c) = (median(direct), median(through_c));
     println!("{name:28} {direct:8.0} ns directly {through_c:8.0} ns through C   ratio {:.2}", through_c / direct);
@@ -68,7 +68,7 @@ pub fn compare_versions(before: &Path) {
         let mut fastest = [f64::INFINITY; 2];
         for _ in 0..VERSION_ROUNDS {
             for (fastest, fmu) in fastest.iter_mut().zip(&fmus) {
-                *fastest = fastest.min(time_description(fmu));
+                *fastest = fastest.min(time_triangles(fmu));
             }
         }
         println!(
@@ -156,10 +156,6 @@ fn target() -> PathBuf {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target"), PathBuf::from)
 }
 
-fn fmu_path(name: &str) -> PathBuf {
-    target().join("fmu").join(format!("{name}.fmu"))
-}
-
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
@@ -200,32 +196,20 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
     begin.elapsed().as_secs_f64() / f64::from(STEPS) * 1e9
 }
 
-fn time_fmu(fmu: &Fmu, layout: &Layout) -> f64 {
-    // Reference and start value. The few Integers and Booleans keep theirs.
-    let reals = |role: Role| {
-        layout.variables.iter().filter(move |variable| variable.role == role).filter_map(|variable| {
-            match &variable.declaration.kind {
-                Kind::Real(real) => Some((variable.reference, real.start)),
-                _ => None,
-            }
-        })
-    };
-    let (inputs, start): (Vec<u32>, Vec<f64>) = reals(Role::Input).unzip();
-    let outputs: Vec<u32> = reals(Role::Output).chain(reals(Role::State)).map(|(reference, _)| reference).collect();
-    time_steps(fmu, &inputs, &outputs, |values, k| excite(values, &start, k))
+/// References and start values of the real variables of a causality. The few Integers and Booleans keep theirs.
+fn reals(fmu: &Fmu, causality: Causality) -> impl Iterator<Item = &Variable> {
+    let is_wanted = move |variable: &&Variable| variable.causality == causality && variable.base_type == BaseType::Real;
+    fmu.description().variables.iter().filter(is_wanted)
 }
 
-/// As [`time_fmu`], for any FMU: by its description.
-fn time_description(fmu: &Fmu) -> f64 {
-    let variables = &fmu.description().variables;
-    let reals = |causality| {
-        let is_wanted =
-            move |variable: &&Variable| variable.causality == causality && variable.base_type == BaseType::Real;
-        variables.iter().filter(is_wanted)
-    };
-    let inputs: Vec<u32> = reals(Causality::Input).map(|variable| variable.reference).collect();
-    let outputs: Vec<u32> = reals(Causality::Output).map(|variable| variable.reference).collect();
-    let waves: Vec<_> = reals(Causality::Input)
+fn time_fmu(fmu: &Fmu) -> f64 {
+    let start: Vec<f64> = reals(fmu, Causality::Input).map(signals::start).collect();
+    time_steps(fmu, |values, k| excite(values, &start, k))
+}
+
+/// As [`time_fmu`], with inputs whose size suits the unit of measure.
+fn time_triangles(fmu: &Fmu) -> f64 {
+    let waves: Vec<_> = reals(fmu, Causality::Input)
         .enumerate()
         .map(|(i, variable)| {
             let amplitude = signals::scale(variable);
@@ -233,7 +217,7 @@ fn time_description(fmu: &Fmu) -> f64 {
             (signals::start(variable) + offset, amplitude, 0.37 * i as f64)
         })
         .collect();
-    time_steps(fmu, &inputs, &outputs, |values, k| {
+    time_steps(fmu, |values, k| {
         let turns = f64::from(k) * STEP / 1.7;
         for (value, (middle, amplitude, phase)) in values.iter_mut().zip(&waves) {
             *value = middle + amplitude * (4.0 * ((turns + phase).fract() - 0.5).abs() - 1.0);
@@ -242,7 +226,9 @@ fn time_description(fmu: &Fmu) -> f64 {
 }
 
 /// Time of a communication step with these inputs, in ns.
-fn time_steps(fmu: &Fmu, inputs: &[u32], outputs: &[u32], excite: impl Fn(&mut [f64], u32)) -> f64 {
+fn time_steps(fmu: &Fmu, excite: impl Fn(&mut [f64], u32)) -> f64 {
+    let references = |causality| reals(fmu, causality).map(|variable| variable.reference).collect::<Vec<_>>();
+    let (inputs, outputs) = (&references(Causality::Input), &references(Causality::Output));
     let run = || -> Result<f64, Box<dyn std::error::Error>> {
         let mut instance: Instance = fmu.instantiate("bench")?;
         instance.setup_experiment(0.0, None)?;
