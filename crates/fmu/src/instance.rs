@@ -239,24 +239,18 @@ impl<M: Model> Instance<M> {
         self.derive()?;
         let run = self.run.as_ref().expect("made with the derived parameters");
         if let Some((name, value)) = M::not_finite(run) {
-            return Err(format!(
-                "{}: start of '{name}' must be finite, got {value}; check the parameters",
-                M::INFO.name
-            )
-            .into());
+            return Err(Self::no_start(format_args!("start of '{name}' must be finite"), value));
         }
         if M::SOURCE.is_some() || M::KIND == ModelKind::Stateful {
             self.outputs_are_old = true;
             self.refresh(false, true, false)?;
             let outputs = self.layout().outputs.reals();
             if let Some(index) = outputs.into_iter().find(|&index| !self.values.reals[index].is_finite()) {
-                return Err(format!(
-                    "{}: '{}' must be finite at the start, got {}; check the parameters",
-                    M::INFO.name,
-                    self.layout().real_name(index),
-                    self.values.reals[index]
-                )
-                .into());
+                let name = self.layout().real_name(index);
+                return Err(Self::no_start(
+                    format_args!("'{name}' must be finite at the start"),
+                    self.values.reals[index],
+                ));
             }
         }
         let mode = match self.protocol.interface {
@@ -272,6 +266,11 @@ impl<M: Model> Instance<M> {
         }
         self.enter(mode);
         Ok(())
+    }
+
+    /// The error of a value at the start that is not finite.
+    fn no_start(rule: std::fmt::Arguments<'_>, value: f64) -> CallError {
+        format!("{}: {rule}, got {value}; check the parameters", M::INFO.name).into()
     }
 
     /// fmi2Terminate.
@@ -333,12 +332,8 @@ impl<M: Model> Instance<M> {
             let value = self.values.reals[index];
             let what = if index < layout.states.at.reals { "calculated parameter" } else { "start of" };
             if !value.is_finite() {
-                return Err(format!(
-                    "{}: {what} '{}' must be finite, got {value}; check the parameters",
-                    M::INFO.name,
-                    layout.real_name(index)
-                )
-                .into());
+                let name = layout.real_name(index);
+                return Err(Self::no_start(format_args!("{what} '{name}' must be finite"), value));
             }
         }
         if self.run.is_none() {
