@@ -59,23 +59,14 @@ fn resources_path(uri: &str) -> PathBuf {
         // On Windows, file:///C:/folder is the path C:/folder.
         if cfg!(windows) { rest.trim_start_matches('/') } else { rest }
     });
-    let bytes = path.as_bytes();
-    let mut decoded = Vec::with_capacity(bytes.len());
-    let mut i = 0;
-    while i < bytes.len() {
-        let code = (bytes[i] == b'%').then(|| path.get(i + 1..i + 3)).flatten();
+    let mut parts = path.split('%');
+    let mut decoded = parts.next().unwrap_or_default().as_bytes().to_vec();
+    for part in parts {
         // A sign is not a hexadecimal digit, but the parser would accept it.
-        let code = code.filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
-        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
-            Some(byte) => {
-                decoded.push(byte);
-                i += 3;
-            }
-            None => {
-                decoded.push(bytes[i]);
-                i += 1;
-            }
-        }
+        let code = part.get(..2).filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
+        let byte = code.and_then(|code| u8::from_str_radix(code, 16).ok());
+        decoded.push(byte.unwrap_or(b'%'));
+        decoded.extend(&part.as_bytes()[if byte.is_some() { 2 } else { 0 }..]);
     }
     PathBuf::from(String::from_utf8_lossy(&decoded).into_owned())
 }
