@@ -234,12 +234,13 @@ impl Variable {
     pub(crate) fn spec(&self, root: &TokenStream, doc: &str, content: Content) -> Result<TokenStream> {
         let mut errors = Errors::default();
         let (mut unit, mut doc) = (None, doc);
-        let mut spec = match &self.source {
+        let mut set = Vec::new();
+        let spec = match &self.source {
             Source::Definition(entry) => {
                 if let Some(key) = self.key("unit") {
                     errors.add(Error::new(key.span(), "the definition has its unit already"));
                 }
-                quote!(#root::Spec::defined(&#entry))
+                quote!(defined(&#entry))
             }
             Source::Name(name) => {
                 if doc.is_empty() {
@@ -249,23 +250,19 @@ impl Variable {
                 let parts = errors.keep(self.unit_and_description(root, doc, content, name));
                 let (tokens, parsed, description) = parts.unwrap_or((None, None, doc));
                 (unit, doc) = (parsed, description);
-                let spec = quote!(#root::Spec::named(#name));
-                match tokens {
-                    Some(tokens) => quote!(#spec.unit(#tokens)),
-                    None => spec,
-                }
+                set.extend(tokens.map(|units| quote!(units = #root::Units::from(#units))));
+                quote!(named(#name))
             }
         };
         if !doc.is_empty() {
-            spec = quote!(#spec.doc(#doc));
+            set.push(quote!(doc = #doc));
         }
         errors.keep(self.check_limits());
         for key in ["min", "max", "nominal"] {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
                 let key = Ident::new(key, value.span());
                 // Limits of an Integer are whole numbers.
-                let value = quote_spanned!(value.span()=> #root::limit(#value));
-                spec = quote!(#spec.#key(#value));
+                set.push(quote_spanned!(value.span()=> #key = ::core::option::Option::Some(#root::limit(#value))));
             }
         }
         if let Some(Some(display)) = errors.keep(self.value("display")) {
@@ -273,26 +270,34 @@ impl Variable {
                 (Expr::Lit(ExprLit { lit: Lit::Str(name), .. }), Some(unit)) => {
                     if let Some(display) = errors.keep(unit.display(&name.value(), name.span())) {
                         let display = unit.display_tokens(root, &display);
-                        spec = quote!(#spec.display(#display));
+                        set.push(quote!(display = ::core::option::Option::Some(#display)));
                     }
                 }
                 // The unit is a constant: the display unit must be one that it lists.
-                (display, _) => spec = quote!(#spec.display_named(#display)),
+                (display, _) => set.push(quote!(display_name = ::core::option::Option::Some(#display))),
             }
         }
-        for key in ["description", "elements"] {
+        for (key, field) in [("description", "descriptions"), ("elements", "elements")] {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
-                let method = Ident::new(if key == "elements" { "elements" } else { "descriptions" }, value.span());
-                spec = quote!(#spec.#method(&#value));
+                let field = Ident::new(field, value.span());
+                set.push(quote!(#field = &#value));
             }
         }
-        for key in ["positive", "tunable", "local", "calculated", "enumeration"] {
+        for key in ["tunable", "local", "calculated", "enumeration"] {
             if errors.keep(self.flag(key)) == Some(true) {
                 let key = Ident::new(key, self.span());
-                spec = quote!(#spec.#key());
+                set.push(quote!(#key = true));
             }
         }
-        errors.finish(spec)
+        if errors.keep(self.flag("positive")) == Some(true) {
+            set.push(quote!(make_positive()));
+        }
+        errors.finish(quote!({
+            #[allow(unused_mut)]
+            let mut spec = #root::Spec::#spec;
+            #(spec.#set;)*
+            spec
+        }))
     }
 
     /// Returns true if the unit is written in place and is not the second.

@@ -17,23 +17,37 @@ pub struct Element {
 /// A variable, or an array of variables, under construction.
 #[derive(Clone, Debug, Default)]
 pub struct Spec {
-    name: String,
-    description: &'static str,
-    doc: &'static str,
+    pub(crate) name: String,
+    pub(crate) description: &'static str,
+    /// The doc comment.
+    pub doc: &'static str,
     /// Description of the element of an array.
-    words: String,
-    units: Units,
-    display: Option<Display>,
-    min: Option<f64>,
-    max: Option<f64>,
-    nominal: Option<f64>,
-    elements: &'static [&'static str],
-    descriptions: &'static [&'static str],
-    tunable: bool,
-    local: bool,
-    calculated: bool,
-    enumeration: bool,
-    array: Option<ArrayElement>,
+    pub(crate) words: String,
+    /// Unit of measure, or one per element.
+    pub units: Units,
+    /// Unit to display in.
+    pub display: Option<DisplayUnit>,
+    /// Unit to display in, by its name among those of the unit.
+    pub display_name: Option<&'static str>,
+    /// Least value.
+    pub min: Option<f64>,
+    /// Greatest value.
+    pub max: Option<f64>,
+    /// Usual magnitude.
+    pub nominal: Option<f64>,
+    /// Names of the elements of an array.
+    pub elements: &'static [&'static str],
+    /// Descriptions of the elements of an array.
+    pub descriptions: &'static [&'static str],
+    /// May change between steps.
+    pub tunable: bool,
+    /// Not an output.
+    pub local: bool,
+    /// The start value follows from the parameters.
+    pub calculated: bool,
+    /// An FMI Enumeration.
+    pub enumeration: bool,
+    pub(crate) array: Option<ArrayElement>,
 }
 
 /// Units of an array: none, one for all elements, or one for each.
@@ -52,62 +66,6 @@ impl<const N: usize> From<[Unit; N]> for Units {
     }
 }
 
-#[derive(Clone, Debug)]
-enum Display {
-    Unit(DisplayUnit),
-    Named(&'static str),
-}
-
-/// Functions that set a field, or a flag.
-macro_rules! setters {
-    ($($(#[$doc:meta])* $name:ident($value:ident: $type:ty) $field:ident = $set:expr;)*
-        @flags $($(#[$flag_doc:meta])* $flag:ident;)*) => {
-        impl Spec {
-            $(
-                $(#[$doc])*
-                pub fn $name(self, $value: $type) -> Self {
-                    Self { $field: $set, ..self }
-                }
-            )*
-            $(
-                $(#[$flag_doc])*
-                pub fn $flag(self) -> Self {
-                    Self { $flag: true, ..self }
-                }
-            )*
-        }
-    };
-}
-setters! {
-    /// Unit of measure, or one per element.
-    unit(units: impl Into<Units>) units = units.into();
-    /// The doc comment.
-    doc(doc: &'static str) doc = doc;
-    /// Least value.
-    min(min: f64) min = Some(min);
-    /// Greatest value.
-    max(max: f64) max = Some(max);
-    /// Usual magnitude.
-    nominal(nominal: f64) nominal = Some(nominal);
-    /// Unit to display in.
-    display(display: DisplayUnit) display = Some(Display::Unit(display));
-    /// Unit to display in, by its name among those of the unit.
-    display_named(display: &'static str) display = Some(Display::Named(display));
-    /// Names of the elements of an array.
-    elements(elements: &'static [&'static str]) elements = elements;
-    /// Descriptions of the elements of an array.
-    descriptions(descriptions: &'static [&'static str]) descriptions = descriptions;
-    @flags
-    /// May change between steps.
-    tunable;
-    /// Not an output.
-    local;
-    /// The start value follows from the parameters.
-    calculated;
-    /// An FMI Enumeration.
-    enumeration;
-}
-
 impl Spec {
     /// A variable with a name of its own.
     pub fn named(name: &str) -> Self {
@@ -115,22 +73,24 @@ impl Spec {
     }
     /// A variable of a definition.
     pub fn defined(definition: &Definition) -> Self {
-        let spec = Self {
+        let mut spec = Self {
             description: definition.description,
-            display: definition.display.map(Display::Named),
+            units: definition.unit.into(),
+            display_name: definition.display,
             nominal: definition.nominal,
-            ..Self::named(definition.name).unit(definition.unit)
+            ..Self::named(definition.name)
         };
         match definition.range {
-            Range::Any => spec,
-            Range::NonNegative => spec.min(0.0),
-            Range::Positive => spec.positive(),
-            Range::AtLeast(min) => spec.min(min),
+            Range::Any => {}
+            Range::NonNegative => spec.min = Some(0.0),
+            Range::Positive => spec.make_positive(),
+            Range::AtLeast(min) => spec.min = Some(min),
         }
+        spec
     }
     /// Above zero. A greater least value stays.
-    pub fn positive(self) -> Self {
-        Self { min: Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE))), ..self }
+    pub fn make_positive(&mut self) {
+        self.min = Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE)));
     }
 
     /// The element of an array with named elements.
@@ -202,14 +162,9 @@ impl Spec {
 
     pub(crate) fn declare_real(&self, start: Option<f64>, all: &mut Vec<Declaration>) {
         let unit = self.units.0.first().copied().unwrap_or(Unit::NONE);
-        let display = match self.display {
-            None => None,
-            Some(Display::Unit(display)) => Some(display),
-            // An unknown name is reported when the description is generated.
-            Some(Display::Named(name)) => {
-                Some(unit.display_unit(name).unwrap_or(DisplayUnit { name, factor: f64::NAN, offset: 0.0 }))
-            }
-        };
+        // An unknown name is reported when the description is generated.
+        let named = |name| unit.display_unit(name).unwrap_or(DisplayUnit { name, factor: f64::NAN, offset: 0.0 });
+        let display = self.display.or_else(|| self.display_name.map(named));
         let kind = Kind::Real(Real {
             unit,
             display,

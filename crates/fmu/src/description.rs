@@ -248,8 +248,17 @@ mod tests {
 
     fn real(spec: Spec, start: f64) -> Vec<Declaration> {
         let mut all = Vec::new();
-        spec.doc("D").declare_real(Some(start), &mut all);
+        Spec { doc: "D", ..spec }.declare_real(Some(start), &mut all);
         all
+    }
+
+    fn named(name: &str, unit: Unit) -> Spec {
+        Spec { units: unit.into(), ..Spec::named(name) }
+    }
+
+    fn positive(mut spec: Spec) -> Spec {
+        spec.make_positive();
+        spec
     }
 
     fn plain(kind: Kind) -> Vec<Declaration> {
@@ -272,19 +281,23 @@ mod tests {
 
     #[test]
     fn contradicting_declarations_are_named() {
-        let x = || Spec::named("x").unit(unit!("m"));
-        assert_eq!(problem(real(x().min(-1.0).max(1.0).nominal(0.5), 0.0)), "");
+        let x = || named("x", unit!("m"));
+        assert_eq!(problem(real(Spec { min: Some(-1.0), max: Some(1.0), nominal: Some(0.5), ..x() }, 0.0)), "");
         assert_eq!(problem([real(x(), 0.0), real(x(), 0.0)].concat()), "two variables are named 'x'");
-        assert_eq!(problem(real(x().max(1.0), 2.0)), "start of 'x' = 2 is not within [-inf, 1]");
+        assert_eq!(problem(real(Spec { max: Some(1.0), ..x() }, 2.0)), "start of 'x' = 2 is not within [-inf, 1]");
         assert_eq!(problem(real(x(), f64::NAN)), "start of 'x' = NaN is not within [-inf, inf]");
-        assert_eq!(problem(real(x().positive(), 0.0)), "start of 'x' = 0 is not within [0.000001, inf]");
-        assert_eq!(problem(real(x().display_named("deg"), 0.0)), "'x': m cannot be displayed in deg");
-        for spec in [x().max(f64::INFINITY), x().min(f64::NEG_INFINITY), x().nominal(f64::NAN)] {
+        assert_eq!(problem(real(positive(x()), 0.0)), "start of 'x' = 0 is not within [0.000001, inf]");
+        assert_eq!(problem(real(Spec { display_name: Some("deg"), ..x() }, 0.0)), "'x': m cannot be displayed in deg");
+        for spec in [
+            Spec { max: Some(f64::INFINITY), ..x() },
+            Spec { min: Some(f64::NEG_INFINITY), ..x() },
+            Spec { nominal: Some(f64::NAN), ..x() },
+        ] {
             assert_eq!(problem(real(spec, 0.0)), "'x': a limit or the nominal value is not a finite number");
         }
-        assert_eq!(problem(real(x().nominal(0.0), 0.0)), "'x': the nominal value is not above 0");
+        assert_eq!(problem(real(Spec { nominal: Some(0.0), ..x() }, 0.0)), "'x': the nominal value is not above 0");
         assert_eq!(
-            problem([real(x(), 0.0), real(Spec::named("y").unit(Unit { name: "m", ..Unit::S }), 0.0)].concat()),
+            problem([real(x(), 0.0), real(named("y", Unit { name: "m", ..Unit::S }), 0.0)].concat()),
             "'y': there is another unit of the name m"
         );
         let mut other_mode = plain(enumeration("Law", ITEMS));
@@ -319,7 +332,7 @@ mod tests {
     #[test]
     fn names_that_fmi_3_needs_are_rejected() {
         let all = |names: &[&'static str]| -> Vec<Declaration> {
-            names.iter().flat_map(|name| real(Spec::named(name).unit(unit!("s")), 0.0)).collect()
+            names.iter().flat_map(|name| real(named(name, unit!("s")), 0.0)).collect()
         };
         let taken = ["time", "simulation_time", "independent_variable"];
         assert_eq!(problem_in(Format::FMI3, all(&taken[..2])), "");
@@ -342,7 +355,7 @@ mod tests {
     #[test]
     fn an_array_whose_name_is_taken_stays_scalars() {
         let element = |i: usize| {
-            let mut all = real(Spec::named("x").unit(unit!("m")), 0.0);
+            let mut all = real(named("x", unit!("m")), 0.0);
             all[0].name = format!("x[{i}]");
             let (name, description) = ("x".to_owned(), "D".to_owned());
             all[0].array = Some(ArrayElement { name, description, element: String::new(), dimensions: vec![2] });
@@ -353,7 +366,7 @@ mod tests {
             layout.array_of(&layout.variables[0]).is_some()
         };
         assert!(is_array([element(1), element(2)].concat()));
-        let scalar = real(Spec::named("x").unit(unit!("m")), 0.0);
+        let scalar = real(named("x", unit!("m")), 0.0);
         assert!(!is_array([element(1), element(2), scalar].concat()));
     }
 
@@ -377,8 +390,8 @@ mod tests {
             Kind::Real(real) => real.min,
             _ => None,
         };
-        assert_eq!(least(Spec::named("x").unit(unit!("1")).min(2.0).positive()), Some(2.0));
-        assert_eq!(least(Spec::named("x").unit(unit!("1")).min(-2.0).positive()), Some(1e-6));
-        assert_eq!(least(Spec::named("x").unit(unit!("1")).positive()), Some(1e-6));
+        for (min, expected) in [(Some(2.0), 2.0), (Some(-2.0), 1e-6), (None, 1e-6)] {
+            assert_eq!(least(positive(Spec { min, ..named("x", unit!("1")) })), Some(expected));
+        }
     }
 }
