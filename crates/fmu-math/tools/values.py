@@ -11,7 +11,7 @@ doubles: the arguments, the result rounded to a double, and the rest of the resu
 import math
 import random
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import mpmath
@@ -113,35 +113,27 @@ TWO: dict[str, tuple[Callable[[mpf, mpf], mpf], Callable[[], tuple[float, float]
 
 def split(value: mpf) -> tuple[float, float] | None:
     """Round to a double and the rest; None where the result is no normal number."""
-    if not 2.3e-308 < abs(value) < 1.7e308:
-        return None
-    return float(value), float(value - mpf(float(value)))
+    return (float(value), float(value - mpf(float(value)))) if 2.3e-308 < abs(value) < 1.7e308 else None
 
 
-def rows() -> Iterator[tuple[str, list[tuple[float, ...]]]]:
-    """Compute the rows of each function."""
-    for name, (function, sources) in ONE.items():
-        table: list[tuple[float, ...]] = []
-        while len(table) < ROWS:
-            x = sources[len(table) % len(sources)]()
-            if (result := split(function(mpf(x)))) is not None:
-                table.append((x, *result))
-        yield name, table
-    for name, (function2, source) in TWO.items():
-        table = []
-        while len(table) < ROWS:
-            x, y = source()
-            if (result := split(function2(mpf(x), mpf(y)))) is not None:
-                table.append((x, y, *result))
-        yield name, table
+def table(function: Callable[..., mpf], arguments: Callable[[int], tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """Compute the rows of a function for arguments that are chosen by the number of the row."""
+    rows: list[tuple[float, ...]] = []
+    while len(rows) < ROWS:
+        x = arguments(len(rows))
+        if (result := split(function(*map(mpf, x)))) is not None:
+            rows.append((*x, *result))
+    return rows
 
 
 def main() -> None:
     """Write the file."""
+    tables = {name: table(f, lambda i, s=sources: (s[i % len(s)](),)) for name, (f, sources) in ONE.items()}
+    tables |= {name: table(f, lambda _, s=source: s()) for name, (f, source) in TWO.items()}
     data = b""
-    for name, table in rows():
-        data += struct.pack("<8sII", name.encode(), len(table), len(table[0]) - 2)
-        data += b"".join(struct.pack(f"<{len(row)}d", *row) for row in table)
+    for name, rows in tables.items():
+        data += struct.pack("<8sII", name.encode(), len(rows), len(rows[0]) - 2)
+        data += b"".join(struct.pack(f"<{len(row)}d", *row) for row in rows)
     (Path(__file__).parent.parent / "tests" / "values.bin").write_bytes(data)
 
 
