@@ -13,10 +13,6 @@ use fmu::testing::variable::Layout;
 use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::loader::Instance;
-use fmu_system::fmus::Fmus;
-use fmu_system::master;
-use fmu_system::plan::Plan;
-use fmu_system::resolve::{FmuFolder, Options, resolve};
 use tests::signals;
 
 /// Communication step in s.
@@ -27,8 +23,6 @@ const STEPS: u32 = 20_000;
 const ROUNDS: usize = 7;
 /// Measurements of each of two versions; the fastest counts, the others were disturbed.
 const VERSION_ROUNDS: usize = 25;
-/// Evaluations of each kind; the fastest counts, the others were disturbed.
-const EVALUATIONS: usize = 101;
 
 /// Prints one line: name, ns per step directly, through C, and their ratio.
 ///
@@ -82,76 +76,9 @@ pub fn compare_versions(before: &Path) {
     assert!(compared > 0, "{} has no FMU with a name that `target/fmu` has", before.display());
 }
 
-/// A run of packed FMUs as in `chassis study`: libraries loaded once, instances per run, signals in memory.
-#[derive(Debug)]
-pub struct Evaluation {
-    plan: Plan,
-    fmus: Fmus,
-}
-
-impl Evaluation {
-    /// Resolves the first run of a scenario; `inputs` is the text of a CSV file of signals (see `chassis plan --inputs`).
-    ///
-    /// # Panics
-    /// If the scenario is invalid or an FMU is not packed.
-    #[must_use]
-    pub fn new(name: &str, scenario: &str, inputs: Option<&str>) -> Self {
-        let folder = target().join("bench");
-        std::fs::create_dir_all(&folder).expect("a folder for the scenario");
-        let write = |name: String, text: &str| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).expect("a file in the folder");
-            path
-        };
-        let path = write(format!("{name}.toml"), scenario);
-        let inputs = inputs.map(|text| write(format!("{name}.csv"), text));
-        let options = Options { inputs, ..Options::default() };
-        let plan = resolve(&path, &FmuFolder::new([target().join("fmu")]), &options)
-            .unwrap_or_else(|error| panic!("{error:?}; are the FMUs packed?"));
-        let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
-        Self { plan, fmus }
-    }
-
-    /// The recorded columns.
-    ///
-    /// # Panics
-    /// If the run fails.
-    #[must_use]
-    pub fn run(&self) -> Vec<Vec<f64>> {
-        let run = self.plan.runs.first().expect("a run");
-        let recording = master::execute(&self.plan.simulation, run, &self.fmus);
-        let recording = recording.unwrap_or_else(|error| panic!("{error}"));
-        recording.columns.into_iter().flatten().collect()
-    }
-}
-
-/// Prints one line: ms per evaluation directly, through the FMUs, and their ratio; measured alternately.
-///
-/// # Panics
-/// If the objectives are not bit-identical.
-pub fn compare_evaluations(name: &str, direct: impl Fn() -> f64, fmus: impl Fn() -> f64) {
-    let timed = |evaluate: &dyn Fn() -> f64| {
-        let begin = Instant::now();
-        let objective = black_box(evaluate());
-        (begin.elapsed().as_secs_f64() * 1e3, objective)
-    };
-    let (mut times, mut fmu_times) = (Vec::new(), Vec::new());
-    for _ in 0..EVALUATIONS {
-        let ((time, objective), (fmu_time, fmu_objective)) = (timed(&direct), timed(&fmus));
-        assert_eq!(objective, fmu_objective, "the same data give the same objective");
-        times.push(time);
-        fmu_times.push(fmu_time);
-    }
-    let fastest = |times: Vec<f64>| times.into_iter().fold(f64::INFINITY, f64::min);
-    let (time, fmu_time) = (fastest(times), fastest(fmu_times));
-    let objective = direct();
-    println!(
-        "{name:28} {time:8.2} ms directly {fmu_time:8.2} ms by FMUs   ratio {:.2}   objective {objective:.6}",
-        fmu_time / time
-    );
-}
-
-fn target() -> PathBuf {
+/// The folder that cargo builds in.
+#[must_use]
+pub fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target"), PathBuf::from)
 }
