@@ -96,11 +96,8 @@ impl Description {
         // The GUID is the hash of the description with an empty one. It is in the first element, so the first match is replaced.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
-        let empty = match version {
-            Version::Fmi2 => fmi2::NO_GUID,
-            Version::Fmi3 => fmi3::NO_TOKEN,
-        };
-        let xml = xml.replacen(empty, &empty.replace("\"\"", &format!("\"{guid}\"")), 1);
+        let name = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
+        let xml = xml.replacen(&format!("{name}=\"\""), &format!("{name}=\"{guid}\""), 1);
         Ok(Self { lengths: lengths(&layout, format), layout, guid, xml, notes: structure.notes })
     }
 

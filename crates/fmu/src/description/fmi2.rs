@@ -9,9 +9,6 @@ use super::{Format, Structure, xml};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Layout, Role, Variable};
 
-/// An empty GUID in the description.
-pub(super) const NO_GUID: &str = "guid=\"\"";
-
 /// modelDescription.xml with an empty GUID.
 pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
     let interfaces = format.interfaces;

@@ -13,9 +13,6 @@ use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Kind, Layout, Role, Variable, name_in};
 
-/// An empty instantiation token in the description.
-pub(super) const NO_TOKEN: &str = "instantiationToken=\"\"";
-
 /// modelDescription.xml with an empty instantiation token.
 pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
     let info = &M::INFO;

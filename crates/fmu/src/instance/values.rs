@@ -143,36 +143,39 @@ impl<M: Model> Instance<M> {
 
     /// fmi2GetInteger.
     pub fn get_integer(&mut self, reference: u32) -> CallResult<i32> {
-        self.check(Function::GetInteger)?;
-        let index = self.integer(Function::GetInteger, reference)?;
-        self.refresh_others()?;
+        let index = self.readable(Function::GetInteger, reference, Self::integer)?;
         Ok(self.values.integers[index])
     }
 
     /// fmi2GetBoolean.
     pub fn get_boolean(&mut self, reference: u32) -> CallResult<bool> {
-        self.check(Function::GetBoolean)?;
-        let index = self.boolean(Function::GetBoolean, reference)?;
-        self.refresh_others()?;
+        let index = self.readable(Function::GetBoolean, reference, Self::boolean)?;
         Ok(self.values.booleans[index])
     }
 
     /// fmi2GetString. The text stays valid until the value changes, a string is set or a state is restored.
     pub fn get_string(&mut self, reference: u32) -> CallResult<&CStr> {
-        self.check(Function::GetString)?;
-        let index = self.string(Function::GetString, reference)?;
-        self.refresh_others()?;
+        let index = self.readable(Function::GetString, reference, Self::string)?;
         if self.texts[index].to_bytes() != self.values.strings[index].as_bytes() {
             self.texts[index] = text(&self.values.strings[index]);
         }
         Ok(&self.texts[index])
     }
 
-    /// Updates outputs and calculated parameters that are not real.
-    fn refresh_others(&mut self) -> CallResult {
+    /// Index of a value that is not a real number, once outputs and calculated parameters of other types are up to date.
+    #[inline]
+    fn readable(
+        &mut self,
+        function: Function,
+        reference: u32,
+        index: impl Fn(&Self, Function, u32) -> CallResult<usize>,
+    ) -> CallResult<usize> {
+        self.check(function)?;
+        let index = index(self, function, reference)?;
         let layout = self.layout();
         let (calculated, outputs) = (layout.derived.has_others() && self.is_stale(), layout.outputs.has_others());
-        self.refresh(calculated, outputs, false)
+        self.refresh(calculated, outputs, false)?;
+        Ok(index)
     }
 
     /// Rejects variables that may not be set now.

@@ -246,7 +246,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             let time = dual(ctx.time, time_slope);
             let mut unknowns = || Self::unknowns(ctx, &run.discrete, &mut others, time, known);
             let unknowns = match &mut run.exchange {
-                Some(exchange) if is_frozen => exchange.frozen(unknowns),
+                Some(exchange) if is_frozen => exchange.relations.frozen(0, unknowns),
                 _ => unknowns(),
             };
             result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps.0);

@@ -49,11 +49,6 @@ impl Exchange {
         }
     }
 
-    /// Runs both functions of the model, derivatives first, with the relations as they were settled.
-    pub(super) fn frozen<R>(&mut self, equations: impl FnOnce() -> R) -> R {
-        self.relations.frozen(0, equations)
-    }
-
     pub(super) fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Real(self.handled));
         sink(Word::Real(self.announced));
