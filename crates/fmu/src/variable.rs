@@ -39,15 +39,6 @@ pub struct ArrayElement {
     pub dimensions: Vec<usize>,
 }
 
-/// An array of variables.
-#[derive(Clone, Debug)]
-pub(crate) struct Array<'a> {
-    pub(crate) name: String,
-    pub(crate) description: String,
-    pub(crate) dimensions: Vec<usize>,
-    pub(crate) elements: Vec<&'a Variable>,
-}
-
 /// Type of a variable with its start value and limits.
 #[derive(Clone, Debug)]
 pub enum Kind {
@@ -282,9 +273,9 @@ impl Layout {
         }
     }
 
-    /// The array that a variable is an element of, if all elements agree in the attributes of an array (type, unit and limits)
+    /// The array that a variable is an element of, and its elements, if all of them agree in the attributes of an array (type, unit and limits)
     /// and no variable has the name of the array.
-    pub(crate) fn array_of(&self, variable: &Variable) -> Option<Array<'_>> {
+    pub(crate) fn array_of<'a>(&'a self, variable: &'a Variable) -> Option<(&'a ArrayElement, Vec<&'a Variable>)> {
         let of = variable.declaration.array.as_ref()?;
         let is_element = |other: &&Variable| {
             other.role == variable.role && other.declaration.array.as_ref().is_some_and(|array| array.name == of.name)
@@ -295,12 +286,7 @@ impl Layout {
         let is_whole = elements.len() == of.dimensions.iter().product::<usize>();
         let is_connected = elements.iter().enumerate().all(|(i, element)| element.index == first.index + i);
         let is_free = self.variables.iter().all(|variable| variable.declaration.name != of.name);
-        (agree && is_whole && is_connected && is_free).then(|| Array {
-            name: of.name.clone(),
-            description: of.description.clone(),
-            dimensions: of.dimensions.clone(),
-            elements: elements.clone(),
-        })
+        (agree && is_whole && is_connected && is_free).then_some((of, elements))
     }
 
     /// For each value reference that of the first element of its array, or the same one outside of arrays.
@@ -308,8 +294,8 @@ impl Layout {
         let mut first: Vec<u32> = (0..self.end).collect();
         for variable in &self.variables {
             let is_known = first[variable.reference as usize] != variable.reference;
-            if let Some(array) = (!is_known).then(|| self.array_of(variable)).flatten() {
-                array.elements.iter().for_each(|element| first[element.reference as usize] = variable.reference);
+            if let Some((_, elements)) = (!is_known).then(|| self.array_of(variable)).flatten() {
+                elements.iter().for_each(|element| first[element.reference as usize] = variable.reference);
             }
         }
         first

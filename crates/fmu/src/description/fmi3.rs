@@ -113,13 +113,9 @@ fn event_indicator(xml: &mut Xml, layout: &Layout, index: usize) -> Written {
 fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, variable: &Variable) -> Written {
     let declaration = &variable.declaration;
     let array = if format.arrays { layout.array_of(variable) } else { None };
-    let elements: Vec<&Variable> = match &array {
-        Some(array) => array.elements.clone(),
-        None => vec![variable],
-    };
-    let (name, description) = match &array {
-        Some(array) => (&array.name, &array.description),
-        None => (&declaration.name, &declaration.description),
+    let (name, description, elements) = match &array {
+        Some((array, elements)) => (&array.name, &array.description, elements.as_slice()),
+        None => (&declaration.name, &declaration.description, &[variable][..]),
     };
     let (mut attributes, has_start) = attributes::<M>(layout, variable, name, description);
     attributes.extend(type_attributes(layout, variable));
@@ -141,7 +137,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         return empty(xml, name, &attributes);
     }
     element(xml, name, &attributes, |xml| {
-        let mut dimensions = array.iter().flat_map(|array| &array.dimensions);
+        let mut dimensions = array.iter().flat_map(|(array, _)| &array.dimensions);
         dimensions.try_for_each(|length| empty(xml, "Dimension", &[("start", length)]))?;
         starts.iter().filter(|_| is_text).try_for_each(|start| empty(xml, "Start", &[("value", start)]))
     })
