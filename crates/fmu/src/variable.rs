@@ -226,19 +226,16 @@ impl Layout {
         ];
         let mut total = Counts::ZERO;
         let mut variables = Vec::new();
-        let mut places = Vec::new();
-        for (role, block) in blocks {
-            let at = total;
-            let mut counts = Counts::ZERO;
+        let [parameters, derived, inputs, outputs, states, derivatives] = blocks.map(|(role, block)| {
+            let (at, mut counts) = (total, Counts::ZERO);
             for declaration in block {
-                let one = declaration.kind.counts();
                 let index = declaration.kind.of(at.plus(counts));
+                counts = counts.plus(declaration.kind.counts());
                 variables.push(Variable { declaration, role, index, reference: 0 });
-                counts = counts.plus(one);
             }
             total = total.plus(counts);
-            places.push(Block { at, counts });
-        }
+            Block { at, counts }
+        });
         let mut first = [0_u32; 5];
         for (i, count) in [total.reals, total.integers, total.booleans, total.strings].into_iter().enumerate() {
             first[i + 1] = first[i] + u32::try_from(count).expect("fewer than 2^32 variables");
@@ -253,15 +250,13 @@ impl Layout {
             variable.role == Role::Parameter && Some(variable.declaration.name.as_str()) == declared.solver
         };
         let solver = variables.iter().find(is_solver).map(|variable| variable.index);
-        let mut places = places.into_iter();
-        let mut next = || places.next().expect("one place per block");
         Self {
-            parameters: next(),
-            derived: next(),
-            inputs: next(),
-            outputs: next(),
-            states: next(),
-            derivatives: next(),
+            parameters,
+            derived,
+            inputs,
+            outputs,
+            states,
+            derivatives,
             indicators: Indicators { declared: declared.crossings, ..Indicators::default() },
             solver,
             first_integer: first[1],
