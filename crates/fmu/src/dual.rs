@@ -76,29 +76,36 @@ impl<T: Scalar> Neg for Dual<T> {
 }
 assign_and_sum!([T: Scalar] Dual<T>);
 
+/// Functions y(x) and their slopes.
+macro_rules! functions {
+    ($($function:ident: $x:ident $y:ident = $value:expr, $slope:expr;)*) => {$(
+        fn $function(self) -> Self {
+            let $x = self.re;
+            let $y = $value;
+            self.chain($y, $slope)
+        }
+    )*};
+}
+
 impl<T: Scalar> Scalar for Dual<T> {
-    fn sin(self) -> Self {
-        self.chain(self.re.sin(), self.re.cos())
-    }
-    fn cos(self) -> Self {
-        self.chain(self.re.cos(), -self.re.sin())
+    functions! {
+        sin: x y = x.sin(), x.cos();
+        cos: x y = x.cos(), -x.sin();
+        tan: x y = x.tan(), y * y + 1.0;
+        asin: x y = x.asin(), T::from(1.0) / (T::from(1.0) - x * x).sqrt();
+        acos: x y = x.acos(), T::from(-1.0) / (T::from(1.0) - x * x).sqrt();
+        atan: x y = x.atan(), T::from(1.0) / (x * x + 1.0);
+        sinh: x y = x.sinh(), x.cosh();
+        cosh: x y = x.cosh(), x.sinh();
+        // 1 - tanh^2 instead of a quotient of hyperbolic functions, which overflows for large arguments.
+        tanh: x y = x.tanh(), T::from(1.0) - y * y;
+        sqrt: x y = x.sqrt(), T::from(0.5) / y;
+        exp: x y = x.exp(), y;
+        ln: x y = x.ln(), T::from(1.0) / x;
     }
     fn sin_cos(self) -> (Self, Self) {
         let (sin, cos) = self.re.sin_cos();
         (self.chain(sin, cos), self.chain(cos, -sin))
-    }
-    fn tan(self) -> Self {
-        let value = self.re.tan();
-        self.chain(value, value * value + 1.0)
-    }
-    fn asin(self) -> Self {
-        self.chain(self.re.asin(), T::from(1.0) / (T::from(1.0) - self.re * self.re).sqrt())
-    }
-    fn acos(self) -> Self {
-        self.chain(self.re.acos(), T::from(-1.0) / (T::from(1.0) - self.re * self.re).sqrt())
-    }
-    fn atan(self) -> Self {
-        self.chain(self.re.atan(), T::from(1.0) / (self.re * self.re + 1.0))
     }
     fn atan2(self, x: Self) -> Self {
         // Not by the quotient, which has no derivative where x is 0.
@@ -106,28 +113,6 @@ impl<T: Scalar> Scalar for Dual<T> {
         let turn = x.re * self.eps - self.re * x.eps;
         // At the origin the angle has no derivative; 0 keeps a vehicle at rest differentiable.
         Self::new(self.re.atan2(x.re), if distance.value() == 0.0 { T::from(0.0) } else { turn / distance })
-    }
-    fn sinh(self) -> Self {
-        self.chain(self.re.sinh(), self.re.cosh())
-    }
-    fn cosh(self) -> Self {
-        self.chain(self.re.cosh(), self.re.sinh())
-    }
-    fn tanh(self) -> Self {
-        // 1 - tanh^2 instead of a quotient of hyperbolic functions, which overflows for large arguments.
-        let value = self.re.tanh();
-        self.chain(value, T::from(1.0) - value * value)
-    }
-    fn sqrt(self) -> Self {
-        let value = self.re.sqrt();
-        self.chain(value, T::from(0.5) / value)
-    }
-    fn exp(self) -> Self {
-        let value = self.re.exp();
-        self.chain(value, value)
-    }
-    fn ln(self) -> Self {
-        self.chain(self.re.ln(), T::from(1.0) / self.re)
     }
     fn powf(self, exponent: f64) -> Self {
         let slope = if exponent == 0.0 { T::from(0.0) } else { self.re.powf(exponent - 1.0) * exponent };
