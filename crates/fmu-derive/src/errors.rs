@@ -25,11 +25,6 @@ impl Errors {
         self.0.is_none()
     }
 
-    /// The mistakes; there is at least one.
-    pub(crate) fn finish_without<V>(self) -> Result<V> {
-        Err(self.0.unwrap_or_else(|| Error::new(proc_macro2::Span::call_site(), "a mistake without a message")))
-    }
-
     /// The value if there was no mistake.
     pub(crate) fn finish<V>(self, value: V) -> Result<V> {
         match self.0 {

@@ -370,28 +370,18 @@ impl<'ast> Visit<'ast> for CrossingNumbers<'_> {
 /// Adds `derivatives` and `outputs` from `evaluate`, or those of a model without states or outputs.
 fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut(&str, TokenStream)) {
     let at = quote!(#root::At<'_, T, Self>);
-    if has("evaluate") {
-        add(
-            "derivatives",
-            quote! {
+    for (function, ty, part) in [("derivatives", "State", 0), ("outputs", "Outputs", 1)] {
+        let part = syn::Index::from(part);
+        let [name, of] = [function, ty].map(|name| Ident::new(name, Span::call_site()));
+        if has("evaluate") {
+            let tokens = quote! {
                 #[inline]
-                fn derivatives<T: #root::Scalar>(&self, at: #at) -> Self::State<T> { self.evaluate(at).0 }
-            },
-        );
-        add(
-            "outputs",
-            quote! {
-                #[inline]
-                fn outputs<T: #root::Scalar>(&self, at: #at) -> Self::Outputs<T> { self.evaluate(at).1 }
-            },
-        );
-        return;
-    }
-    if !has("State") {
-        add("derivatives", quote! { fn derivatives<T: #root::Scalar>(&self, _: #at) {} });
-    }
-    if !has("Outputs") {
-        add("outputs", quote! { fn outputs<T: #root::Scalar>(&self, _: #at) {} });
+                fn #name<T: #root::Scalar>(&self, at: #at) -> Self::#of<T> { self.evaluate(at).#part }
+            };
+            add(function, tokens);
+        } else if !has(ty) {
+            add(function, quote! { fn #name<T: #root::Scalar>(&self, _: #at) {} });
+        }
     }
 }
 

@@ -350,7 +350,7 @@ fn part(
     let are_known = errors.keep(variable.allow(&block.keys(content))).is_some();
     if let Some(message) = mistaken(&ty, parameter) {
         errors.add(Error::new_spanned(&ty, message));
-        return errors.finish_without();
+        return Err(errors.finish(()).unwrap_err());
     }
     if let Some(prefix) = variable.nested(field)? {
         let span = ty.span().resolved_at(Span::call_site());
