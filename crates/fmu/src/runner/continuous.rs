@@ -208,10 +208,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String> {
         let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
         if !Self::HAS_EVENTS {
-            return advance(ctx, run, values, step, parts);
+            return advance(Run { ctx, run, values }, step, parts);
         }
         run.before_events = None;
-        let result = advance(ctx, run, values, step, parts);
+        let result = advance(Run { ctx, run, values }, step, parts);
         if result.is_err()
             && let Some(discrete) = run.before_events.take()
         {

@@ -4,11 +4,10 @@ use std::marker::PhantomData;
 
 use fmu_math::ode;
 
-use super::{Context, ContinuousModel, RunnerState, Step, branches, check_discrete, check_reals, is_stiff};
+use super::{Context, ContinuousModel, Run, RunnerState, Step, branches, check_discrete, check_reals, is_stiff};
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
 use crate::runner::MOST_PARTS;
 use crate::solver::{Interval, Keep, Problem, Scratch};
-use crate::store::ValueStore;
 use crate::variables::Variables as _;
 
 /// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
@@ -202,17 +201,13 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
     fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), String> {
         let now = self.crossings(time, x);
-        let before = std::mem::take(&mut self.run.crossings);
-        let is_changed = before.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now));
-        let result = if is_changed { self.event(time, x, &before, now.as_ref(), false) } else { Ok(()) };
-        let kept = std::mem::replace(&mut self.run.crossings, before);
-        if is_changed {
-            self.run.crossings = kept;
-        } else {
-            self.run.crossings.clear();
-            self.run.crossings.extend_from_slice(now.as_ref());
+        if self.run.crossings.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now)) {
+            let before = std::mem::take(&mut self.run.crossings);
+            return self.event(time, x, &before, now.as_ref(), false);
         }
-        result
+        self.run.crossings.clear();
+        self.run.crossings.extend_from_slice(now.as_ref());
+        Ok(())
     }
 
     fn crossings(&self, time: f64, x: &K::State) -> Crossings<M> {
@@ -345,9 +340,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     /// Advances the states. If that fails, the values are kept, and the discrete state is the one at the failure.
     #[inline]
     pub(super) fn advance<K: Keep<M>>(
-        ctx: Context<'_, Self>,
-        run: &mut RunnerState<M::DiscreteState>,
-        values: &mut ValueStore,
+        Run { ctx, run, values }: Run<'_, Self>,
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, String> {
