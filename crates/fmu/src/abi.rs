@@ -290,6 +290,7 @@ unsafe fn call<E: Export>(
 macro_rules! functions {
     ($($(#[$attribute:meta])* fn $name:ident[$function:ident]($h:pat, $call:pat
         $(, $argument:ident: $type:ty)* $(,)?) $body:block)*) => {$(
+        #[doc = concat!("`", stringify!($function), "` in the table of calls.\n")]
         $(#[$attribute])*
         pub unsafe fn $name<E: Export>(component: Component $(, $argument: $type)*) -> Status {
             unsafe { call::<E>(component, Function::$function, |$h, $call| $body) }

@@ -79,7 +79,6 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
 }
 
 functions! {
-    /// fmi2SetDebugLogging, fmi3SetDebugLogging.
     fn set_debug_logging[SetDebugLogging](h, call, is_on: impl Into<c_int>, count: size_t, categories: *const *const c_char) {
         let is_on = is_on.into() != 0;
         let names = call.array("categories", categories, count)?;
@@ -96,21 +95,18 @@ functions! {
         Ok(())
     }
 
-    /// fmi2ExitInitializationMode.
     fn exit_initialization_mode[ExitInitializationMode](h, _) {
         h.instance.exit_initialization()?;
         h.log.write(Status::Ok, LOG_EVENTS, "initialized");
         Ok(())
     }
 
-    /// fmi2Terminate.
     fn terminate[Terminate](h, _) {
         h.instance.terminate()?;
         h.log.write(Status::Ok, LOG_EVENTS, &format!("terminated at {} s", h.instance.time()));
         Ok(())
     }
 
-    /// fmi2Reset.
     fn reset[Reset](h, _) {
         h.instance.reset()?;
         h.log.write(Status::Ok, LOG_EVENTS, "reset");
@@ -130,7 +126,6 @@ functions! {
         Ok(())
     }
 
-    /// fmi2SetFMUstate.
     fn set_fmu_state[SetFMUstate](h, call, state: FmuState) {
         let snapshot = call.snapshot(h, state)?;
         h.instance.restore(&*snapshot)?;
@@ -154,14 +149,12 @@ functions! {
         Ok(())
     }
 
-    /// fmi2SerializedFMUstateSize.
     fn serialized_fmu_state_size[SerializedFMUstateSize](h, call, state: FmuState, size: *mut size_t) {
         let snapshot = call.snapshot(h, state)?;
         *call.target("size", size)? = h.instance.serialize(&*snapshot)?.len();
         Ok(())
     }
 
-    /// fmi2SerializeFMUstate.
     fn serialize_fmu_state[SerializeFMUstate](h, call, state: FmuState, bytes: *mut impl Sized, size: size_t) {
         let snapshot = call.snapshot(h, state)?;
         let written = h.instance.serialize(&*snapshot)?;
@@ -172,7 +165,6 @@ functions! {
         Ok(())
     }
 
-    /// fmi2DeSerializeFMUstate.
     fn deserialize_fmu_state[DeSerializeFMUstate](h, call, bytes: *const impl Sized, size: size_t, state: *mut FmuState) {
         let state = call.target("FMUstate", state)?;
         let snapshot = h.instance.deserialize(call.array("serializedState", bytes.cast::<u8>(), size)?)?;
@@ -185,36 +177,28 @@ functions! {
         Ok(())
     }
 
-    /// fmi2EnterEventMode.
     fn enter_event_mode[EnterEventMode](h, _) { h.instance.enter_event_mode() }
 
-    /// fmi2EnterContinuousTimeMode.
     fn enter_continuous_time_mode[EnterContinuousTimeMode](h, _) { h.instance.enter_continuous_time_mode() }
 
-    /// fmi2SetTime.
     fn set_time[SetTime](h, _, time: f64) { h.instance.set_time(argument(time)) }
 
-    /// fmi2SetContinuousStates.
     fn set_continuous_states[SetContinuousStates](h, call, states: *const f64, count: size_t) {
         h.instance.set_continuous_states(call.array("x", states, count)?)
     }
 
-    /// fmi2GetDerivatives.
     fn get_derivatives[GetDerivatives](h, call, values: *mut f64, count: size_t) {
         h.instance.state_derivatives(call.array_mut("derivatives", values, count)?)
     }
 
-    /// fmi2GetEventIndicators.
     fn get_event_indicators[GetEventIndicators](h, call, values: *mut f64, count: size_t) {
         h.instance.event_indicators(call.array_mut("eventIndicators", values, count)?)
     }
 
-    /// fmi2GetContinuousStates.
     fn get_continuous_states[GetContinuousStates](h, call, values: *mut f64, count: size_t) {
         h.instance.continuous_states(call.array_mut("x", values, count)?)
     }
 
-    /// fmi2GetNominalsOfContinuousStates.
     fn get_nominals_of_continuous_states[GetNominalsOfContinuousStates](h, call, values: *mut f64, count: size_t) {
         h.instance.nominals(call.array_mut("x_nominal", values, count)?)
     }

@@ -142,24 +142,20 @@ functions! {
         h.instance.set_experiment(call.0, argument(start), stop, tolerance)
     }
 
-    /// fmi2EnterInitializationMode.
     fn enter_initialization_mode[EnterInitializationMode](h, _) { h.instance.enter_initialization() }
 
     // Real values take the shortest way: they are set and read in every step.
 
-    /// fmi2GetReal.
     fn get_real[GetReal](h, call, references: *const ValueReference, count: size_t, values: *mut f64) {
         let references = call.array("vr", references, count)?;
         h.instance.get_real(references, call.array_mut("value", values, count)?)
     }
 
-    /// fmi2SetReal.
     fn set_real[SetReal](h, call, references: *const ValueReference, count: size_t, values: *const f64) {
         let references = call.array("vr", references, count)?;
         h.instance.set_real(references, call.array("value", values, count)?)
     }
 
-    /// fmi2GetDirectionalDerivative.
     fn get_directional_derivative[GetDirectionalDerivative](
         h, call, unknown: *const ValueReference, unknown_count: size_t, known: *const ValueReference, known_count: size_t,
         seed: *const f64, result: *mut f64
@@ -186,7 +182,6 @@ functions! {
         Err(call.error(NOT_SUPPORTED))
     }
 
-    /// fmi2DoStep.
     fn do_step[DoStep](h, _, time: f64, step: f64, _no_set_before: Boolean) {
         h.instance.do_step(argument(time), argument(step))
     }
@@ -221,7 +216,6 @@ functions! {
     /// fmi2GetStringStatus: no step is ever pending.
     fn get_string_status[GetStringStatus](_, call, kind: c_int, _value: *mut *const c_char) { call.no_status(kind) }
 
-    /// fmi2NewDiscreteStates.
     fn new_discrete_states[NewDiscreteStates](h, call, info: *mut EventInfo) {
         let info = call.target("eventInfo", info)?;
         let update = h.instance.new_discrete_states()?;

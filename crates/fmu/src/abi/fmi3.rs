@@ -176,7 +176,6 @@ functions! {
         h.instance.enter_initialization()
     }
 
-    /// fmi3GetDirectionalDerivative.
     #[expect(clippy::too_many_arguments, reason = "those of the standard")]
     fn get_directional_derivative[GetDirectionalDerivative](
         h, call, unknowns: *const ValueReference, unknown_count: size_t, knowns: *const ValueReference, known_count: size_t,
@@ -191,7 +190,6 @@ functions! {
         instance.directional_derivative(&unknowns, knowns, seed, result)
     }
 
-    /// fmi3GetAdjointDerivative.
     #[expect(clippy::too_many_arguments, reason = "those of the standard")]
     fn get_adjoint_derivative[GetAdjointDerivative](
         h, call, unknowns: *const ValueReference, unknown_count: size_t, knowns: *const ValueReference, known_count: size_t,
@@ -228,22 +226,18 @@ functions! {
     /// fmi3EvaluateDiscreteStates: discrete outputs are always evaluated.
     fn evaluate_discrete_states[EvaluateDiscreteStates](_, _) { Ok(()) }
 
-    /// fmi3GetNumberOfEventIndicators.
     fn get_number_of_event_indicators[GetNumberOfEventIndicators](h, call, count: *mut size_t) {
         *call.target("nEventIndicators", count)? = h.instance.layout().indicators.total();
         Ok(())
     }
 
-    /// fmi3GetNumberOfContinuousStates.
     fn get_number_of_continuous_states[GetNumberOfContinuousStates](h, call, count: *mut size_t) {
         *call.target("nContinuousStates", count)? = h.instance.layout().states.counts.reals;
         Ok(())
     }
 
-    /// fmi3EnterStepMode.
     fn enter_step_mode[EnterStepMode](h, _) { h.instance.enter_step_mode() }
 
-    /// fmi3DoStep.
     #[expect(clippy::too_many_arguments, reason = "those of the standard")]
     fn do_step[DoStep](
         h, call, time: f64, step: f64, _no_set_before: Boolean, event_handling_needed: *mut Boolean, terminate: *mut Boolean,
