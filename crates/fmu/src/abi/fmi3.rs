@@ -165,6 +165,38 @@ pub unsafe fn not_provided<E: Export>(component: Component, function: Function) 
     unsafe { call::<E>(component, function, |_, call| Err(call.error("not provided (see the model description)"))) }
 }
 
+/// fmi3GetDirectionalDerivative and fmi3GetAdjointDerivative.
+#[expect(clippy::too_many_arguments, reason = "those of the standard")]
+pub unsafe fn get_derivative<E: Export>(
+    component: Component,
+    function: Function,
+    unknowns: *const ValueReference,
+    unknown_count: size_t,
+    knowns: *const ValueReference,
+    known_count: size_t,
+    seed: *const f64,
+    seed_count: size_t,
+    result: *mut f64,
+    result_count: size_t,
+) -> Status {
+    unsafe {
+        call::<E>(component, function, |h, call| {
+            let seed = call.array("seed", seed, seed_count)?;
+            let result = call.array_mut("sensitivity", result, result_count)?;
+            let unknowns = &elements(h, call, unknowns, unknown_count)?.0.to_vec();
+            let (knowns, instance) = elements(h, call, knowns, known_count)?;
+            let is_adjoint = function == Function::GetAdjointDerivative;
+            let (of_seed, of_result) = if is_adjoint { (&**unknowns, knowns) } else { (knowns, &**unknowns) };
+            check_count(call, of_seed.len(), seed.len())?;
+            check_count(call, of_result.len(), result.len())?;
+            match is_adjoint {
+                true => instance.adjoint_derivative(unknowns, knowns, seed, result),
+                false => instance.directional_derivative(unknowns, knowns, seed, result),
+            }
+        })
+    }
+}
+
 functions! {
     /// fmi3EnterInitializationMode. The tolerance is that of a solver with error control, unless its parameter was set.
     fn enter_initialization_mode[EnterInitializationMode](
@@ -174,34 +206,6 @@ functions! {
         let tolerance = (tolerance_defined != 0).then(|| argument(tolerance));
         h.instance.set_experiment(call.0, argument(start), stop, tolerance)?;
         h.instance.enter_initialization()
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "those of the standard")]
-    fn get_directional_derivative[GetDirectionalDerivative](
-        h, call, unknowns: *const ValueReference, unknown_count: size_t, knowns: *const ValueReference, known_count: size_t,
-        seed: *const f64, seed_count: size_t, result: *mut f64, result_count: size_t
-    ) {
-        let seed = call.array("seed", seed, seed_count)?;
-        let result = call.array_mut("sensitivity", result, result_count)?;
-        let unknowns = elements(h, call, unknowns, unknown_count)?.0.to_vec();
-        let (knowns, instance) = elements(h, call, knowns, known_count)?;
-        check_count(call, knowns.len(), seed.len())?;
-        check_count(call, unknowns.len(), result.len())?;
-        instance.directional_derivative(&unknowns, knowns, seed, result)
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "those of the standard")]
-    fn get_adjoint_derivative[GetAdjointDerivative](
-        h, call, unknowns: *const ValueReference, unknown_count: size_t, knowns: *const ValueReference, known_count: size_t,
-        seed: *const f64, seed_count: size_t, result: *mut f64, result_count: size_t
-    ) {
-        let seed = call.array("seed", seed, seed_count)?;
-        let result = call.array_mut("sensitivity", result, result_count)?;
-        let unknowns = elements(h, call, unknowns, unknown_count)?.0.to_vec();
-        let (knowns, instance) = elements(h, call, knowns, known_count)?;
-        check_count(call, unknowns.len(), seed.len())?;
-        check_count(call, knowns.len(), result.len())?;
-        instance.adjoint_derivative(&unknowns, knowns, seed, result)
     }
 
     /// fmi3UpdateDiscreteStates: one call handles all events of a time.
@@ -353,8 +357,8 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3EvaluateDiscreteStates evaluate_discrete_states ();
                 fmi3UpdateDiscreteStates update_discrete_states (needs_update: *mut Boolean, terminate: *mut Boolean, nominals: *mut Boolean, states: *mut Boolean, next_defined: *mut Boolean, next: *mut f64);
                 fmi3EnterStepMode enter_step_mode ();
-                fmi3GetDirectionalDerivative get_directional_derivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
-                fmi3GetAdjointDerivative get_adjoint_derivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetAdjointDerivative get_derivative GetAdjointDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
                 fmi3GetFloat64 get_float64 (vr: *const ValueReference, n: size_t, values: *mut f64, n_values: size_t);
                 fmi3SetFloat64 set_float64 (vr: *const ValueReference, n: size_t, values: *const f64, n_values: size_t);
                 fmi3GetInt32 get_int32 (vr: *const ValueReference, n: size_t, values: *mut i32, n_values: size_t);

@@ -150,16 +150,13 @@ impl<E: Export> Instance<E> {
     }
 
     fn derivative(&self, function: Function, unknowns: &[u32], knowns: &[u32], seed: &[f64]) -> Vec<f64> {
-        let (get, length) = if function == Function::GetAdjointDerivative {
-            (fmi3::get_adjoint_derivative::<E> as unsafe fn(_, _, _, _, _, _, _, _, _) -> _, knowns.len())
-        } else {
-            (fmi3::get_directional_derivative::<E> as _, unknowns.len())
-        };
+        let length = if function == Function::GetAdjointDerivative { knowns.len() } else { unknowns.len() };
         let mut result = vec![0.0; length];
         // SAFETY: arrays of these lengths.
         let status = unsafe {
-            get(
+            fmi3::get_derivative::<E>(
                 self.component,
+                function,
                 unknowns.as_ptr(),
                 unknowns.len(),
                 knowns.as_ptr(),
