@@ -8,7 +8,6 @@ import { shapeOf } from "../lab/src/shape";
 const vehicle = (outputs: string[]): Vehicle => ({
   fmu: "",
   title: "",
-  base: [],
   controllers: [],
   defaults: [],
   parameters: { "geometry.cg_to_front_axle": 1.2, "geometry.cg_to_rear_axle": 1.8 },

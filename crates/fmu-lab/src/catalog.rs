@@ -1,13 +1,14 @@
 //! Choices that the page offers, from the descriptions of FMUs and the scenarios.
 
 use crate::fmus::{Fmus, name_of};
-use crate::requests::{Adjustable, Catalog, Choice, Controller, Display, Maneuver, ScenarioEntry, Vehicle};
+use crate::requests::{Adjustable, Controller, Display, Vehicle};
 use fmu_assess::single::{self, Choosable, MANEUVERS};
 use fmu_import::description::{Causality, ModelDescription, Value};
-use fmu_system::compat::{self, Fit, Systems};
+use fmu_system::compat::{Fit, Systems};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Options, resolve};
-use std::collections::{BTreeMap, BTreeSet};
+use serde_json::{Value as Json, json};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Id of the maneuver of an FMU that runs without others, and name of its component.
@@ -69,7 +70,7 @@ pub(crate) fn scenarios(paths: &[String], fmus: &Fmus, systems: &Systems) -> Vec
     paths.iter().filter_map(resolved).collect()
 }
 
-pub(crate) fn catalog(fmus: &Fmus, systems: &Systems, scenarios: &[Scenario]) -> Catalog {
+pub(crate) fn catalog(fmus: &Fmus, systems: &Systems, scenarios: &[Scenario]) -> Json {
     let mut vehicles: Vec<Vehicle> =
         (0..systems.plants.len()).filter_map(|index| vehicle(index, fmus, systems, scenarios)).collect();
     let is_part = |name: &String| {
@@ -79,27 +80,23 @@ pub(crate) fn catalog(fmus: &Fmus, systems: &Systems, scenarios: &[Scenario]) ->
     // FMUs that fit no vehicle run without others.
     let alone: Vec<String> = fmus.dropped.iter().filter(|name| !is_part(name)).cloned().collect();
     vehicles.extend(alone.iter().filter_map(|name| lone(name, fmus)));
-    let alone = (!alone.is_empty()).then(|| Maneuver {
-        id: ALONE.to_owned(),
-        title: "Run without others".to_owned(),
-        kind: "bench",
-        values: Vec::new(),
-    });
-    Catalog {
-        vehicles,
-        maneuvers: MANEUVERS.iter().map(maneuver).chain(alone).collect(),
-        roads: ROADS.iter().map(|(id, title)| Choice::new(id, title)).collect(),
-        scenarios: scenarios.iter().map(entry).collect(),
-    }
+    let alone = (!alone.is_empty())
+        .then(|| json!({ "id": ALONE, "title": "Run without others", "kind": "bench", "values": [] }));
+    json!({
+        "vehicles": vehicles,
+        "maneuvers": MANEUVERS.iter().map(maneuver).chain(alone).collect::<Vec<_>>(),
+        "roads": ROADS.map(|(id, title)| json!({ "id": id, "title": title })),
+        "scenarios": scenarios.iter().map(entry).collect::<Vec<_>>(),
+    })
 }
 
-fn maneuver(maneuver: &single::Maneuver) -> Maneuver {
-    Maneuver {
-        id: maneuver.id.to_owned(),
-        title: maneuver.title.to_owned(),
-        kind: if maneuver.is_free { "free" } else { "bench" },
-        values: maneuver.values.iter().map(adjustable).collect(),
-    }
+fn maneuver(maneuver: &single::Maneuver) -> Json {
+    json!({
+        "id": maneuver.id,
+        "title": maneuver.title,
+        "kind": if maneuver.is_free { "free" } else { "bench" },
+        "values": maneuver.values.iter().map(adjustable).collect::<Vec<_>>(),
+    })
 }
 
 fn adjustable(value: &Choosable) -> Adjustable {
@@ -115,14 +112,15 @@ fn adjustable(value: &Choosable) -> Adjustable {
     }
 }
 
-fn entry(scenario: &Scenario) -> ScenarioEntry {
-    ScenarioEntry {
-        id: scenario.id.clone(),
-        title: scenario.plan.title.clone(),
-        vehicle: scenario.vehicle.clone(),
-        cases: scenario.plan.cases.iter().map(|case| Choice::new(&case.name, &case.title)).collect(),
-        seeds: scenario.plan.seeds.clone(),
-    }
+fn entry(scenario: &Scenario) -> Json {
+    let cases = scenario.plan.cases.iter().map(|case| json!({ "id": case.name, "title": case.title }));
+    json!({
+        "id": scenario.id,
+        "title": scenario.plan.title,
+        "vehicle": scenario.vehicle,
+        "cases": cases.collect::<Vec<_>>(),
+        "seeds": scenario.plan.seeds,
+    })
 }
 
 fn names(description: &ModelDescription, causality: Causality) -> BTreeSet<&str> {
@@ -136,12 +134,9 @@ fn lone(name: &str, fmus: &Fmus) -> Option<Vehicle> {
     Some(Vehicle {
         fmu: name.to_owned(),
         title: name.to_owned(),
-        base: Vec::new(),
-        controllers: Vec::new(),
-        defaults: Vec::new(),
-        parameters: BTreeMap::new(),
         outputs: names(description, Causality::Output).into_iter().map(str::to_owned).collect(),
         maneuvers: vec![ALONE.to_owned()],
+        ..Vehicle::default()
     })
 }
 
@@ -191,14 +186,13 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
             })
             .collect(),
         defaults: defaults(name, &controllers, scenarios),
-        parameters: parameters.collect::<BTreeMap<_, _>>(),
+        parameters: parameters.collect(),
         outputs: names(description, Causality::Output).into_iter().map(str::to_owned).collect(),
         maneuvers: MANEUVERS
             .iter()
             .filter(|maneuver| not_applicable(maneuver).is_ok_and(|reason| reason.is_none()))
             .map(|maneuver| maneuver.id.to_owned())
             .collect(),
-        base,
     })
 }
 
@@ -219,9 +213,4 @@ fn defaults(vehicle: &str, controllers: &[&String], scenarios: &[Scenario]) -> V
         }
     }
     best
-}
-
-/// Compares all FMUs with all plants.
-pub(crate) fn systems(fmus: &Fmus) -> Systems {
-    compat::systems(&fmus.descriptions)
 }

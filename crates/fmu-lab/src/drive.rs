@@ -20,8 +20,10 @@ pub(crate) struct Driver {
     readers: BTreeMap<String, Vec<Input>>,
     /// Front steering angle at full lock, rad.
     largest_steer: f64,
-    speed: f64,
-    driving: Option<Driving>,
+    /// Of a plant with prescribed speed, m/s.
+    pub(crate) speed: f64,
+    /// `None` while the visitor does not drive.
+    pub(crate) driving: Option<Driving>,
 }
 
 /// The signal of a prescribed speed.
@@ -41,10 +43,6 @@ impl Driver {
             }
         }
         Self { component: component.to_owned(), readers, largest_steer, speed, driving: None }
-    }
-
-    pub(crate) fn drive(&mut self, driving: Driving) {
-        self.driving = Some(driving);
     }
 
     pub(crate) fn all_readers(&self) -> impl Iterator<Item = &Input> {
@@ -87,10 +85,5 @@ impl Driver {
             value: self.speed,
             display: Display::new("km/h", 3.6),
         })
-    }
-
-    /// Sets the speed of a plant with prescribed speed.
-    pub(crate) fn set_speed(&mut self, speed: f64) {
-        self.speed = speed;
     }
 }

@@ -23,11 +23,11 @@ pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String
     let mut plan = plan.clone();
     plan.simulation = running.simulation;
     // Outputs of the system are the columns of the plan, without those that only the CSV has.
-    let mut run = running.planned().clone();
+    let mut run = running.run.clone();
     run.columns.truncate(plan.columns.len());
-    let system = System::described(&plan, &run, &describe).map_err(|error| Failure::new(error.to_string()))?;
+    let system = System::described(&plan, &run, &describe).map_err(Failure::new)?;
     let copy = |file: &str, output: &mut dyn Write| output.write_all(&fmu(file, fmus)?);
-    let file = system.write_ssp(Cursor::new(Vec::new()), &copy).map_err(|error| Failure::new(error.to_string()))?;
+    let file = system.write_ssp(Cursor::new(Vec::new()), &copy).map_err(Failure::new)?;
     Ok((format!("{}_wasm32.ssp", system.name), file.into_inner()))
 }
 

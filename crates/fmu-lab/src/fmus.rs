@@ -1,9 +1,9 @@
 //! The FMUs of the lab, and instances of them.
 
-use crate::requests::{Dropped, Failure};
+use crate::requests::Failure;
 use fmu_import::archive::{Archive, ArchiveError};
 use fmu_import::description::{Interface, ModelDescription};
-use fmu_import::fmu::{Binary, FmuError};
+use fmu_import::fmu::Binary;
 use fmu_import::loader::{Instance, Library};
 use fmu_import::wasm;
 use fmu_system::fmus::{FmusError, Instances};
@@ -51,8 +51,8 @@ impl Fmus {
         self.texts.get(name).map(String::as_str)
     }
 
-    /// Reads an archive that a visitor has dropped. Returns its module, too.
-    pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(Dropped, Vec<u8>), Failure> {
+    /// Reads an archive that a visitor has dropped. Returns the name and the text of the description of the FMU, and its module.
+    pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(String, String, Vec<u8>), Failure> {
         const PACK: &str = "FMUs for the lab contain WebAssembly: cargo fmu pack --platforms linux64,wasm32";
         let failed =
             |error: ArchiveError| Failure::with_help(format!("{error}."), "Choose another file, or pack it again.");
@@ -83,13 +83,10 @@ impl Fmus {
         if wasm::Names::read(&module).is_none() {
             return Err(Failure::with_help(format!("{file}: {entry} is not a WebAssembly module."), PACK));
         }
-        let documentation = ["documentation/index.html", "documentation/_main.html"].into_iter();
-        let documentation = documentation.filter_map(|name| archive.entry(name).ok().flatten()).next();
-        let documentation = documentation.map_or(String::new(), |text| String::from_utf8_lossy(&text).into_owned());
         // Named after its file; it never replaces one of ours.
         let stem = name_of(file).to_owned();
         let name = if self.texts.contains_key(&stem) { format!("{stem} (dropped)") } else { stem };
-        Ok((Dropped { name, description: text, documentation }, module))
+        Ok((name, text, module))
     }
 }
 
@@ -134,11 +131,5 @@ impl Instances for Modules {
     fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
         let found = self.descriptions.get(name_of(&component.fmu));
         found.map(|description| (**description).clone()).ok_or_else(|| FmusError::NotLoaded(component.fmu.clone()))
-    }
-}
-
-impl From<FmuError> for Failure {
-    fn from(error: FmuError) -> Self {
-        Self::new(error.to_string())
     }
 }

@@ -146,7 +146,7 @@ fn alone(fmus: &Fmus, name: &str) -> Result<Prepared, Failure> {
         ResolveError::Problems(problems) => {
             Failure::new(problems.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))
         }
-        other => Failure::new(other.to_string()),
+        other => Failure::new(other),
     })?;
     let run = plan.runs.first().cloned().ok_or_else(|| Failure::new("there is no run"))?;
     Ok(Prepared {
@@ -202,7 +202,7 @@ fn set(prepared: &mut Prepared, fmus: &Fmus, id: &str, value: f64) -> Result<(),
         }
         let describe = |path: &str| fmus.descriptions.get(name_of(path)).map(|description| &**description);
         let set = prepared.run.set_described(&describe, component, &name, converted(variable, value));
-        set.map_err(|error| Failure::new(error.to_string()))?;
+        set.map_err(Failure::new)?;
     }
     Ok(())
 }

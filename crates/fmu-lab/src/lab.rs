@@ -5,15 +5,15 @@ use crate::columns::show_all;
 use crate::fmus::{Fmus, name_of};
 use crate::free::{Source, prepare, split};
 use crate::metrics::{self, Recorded};
-use crate::requests::{
-    ComponentInfo, Driving, Failure, Needs, Opened, Origin, Request, Setup, Sought, SystemInfo, VariableInfo,
-};
+use crate::requests::{Driving, Failure, Request, Setup};
 use crate::running::{Action, Running};
 use crate::{adjust, export};
 use fmu_import::description::Value;
+use fmu_system::compat;
 use fmu_system::plan::Plan;
 use fmu_system::results;
 use serde::Serialize;
+use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Text of a response, or a failure, and bytes.
@@ -40,12 +40,12 @@ struct Open {
 impl Open {
     fn recorded(&self) -> Recorded<'_> {
         let Self { plan, source, running, .. } = self;
-        Recorded { plan, source, simulation: &running.simulation, recording: running.recording() }
+        Recorded { plan, source, simulation: &running.simulation, recording: &running.recording }
     }
 }
 
 fn json(response: &impl Serialize) -> Result<String, Failure> {
-    serde_json::to_string(response).map_err(|error| Failure::new(error.to_string()))
+    serde_json::to_string(response).map_err(Failure::new)
 }
 
 impl Lab {
@@ -64,14 +64,15 @@ impl Lab {
         match request {
             Request::Start { descriptions, texts } => self.start(descriptions, texts),
             Request::Drop { name } => {
-                let (dropped, module) = self.fmus.read(&name, body)?;
+                let (name, description, module) = self.fmus.read(&name, body)?;
                 *bytes = module;
-                json(&dropped)
+                json(&json!({ "name": name, "description": description }))
             }
             Request::Add { name, description } => {
                 self.fmus.add(name.clone(), description)?;
                 self.fmus.dropped.push(name);
-                json(&self.catalog())
+                let systems = compat::systems(&self.fmus.descriptions);
+                json(&catalog::catalog(&self.fmus, &systems, &self.scenarios))
             }
             Request::Open { setup, modules } => self.open(&setup, &modules.into_iter().collect()),
             Request::Seek { time } => {
@@ -80,17 +81,16 @@ impl Lab {
                 }
                 // A system whose run has ended before the time stays at its end.
                 let times = self.systems.iter().map(|open| open.running.time());
-                json(&Sought { time: times.reduce(f64::max).unwrap_or(0.0) })
+                json(&json!({ "time": times.reduce(f64::max).unwrap_or(0.0) }))
             }
             Request::Set { system, adjustable, value } => {
                 self.set(system, &adjustable, value).map(|()| "null".to_owned())
             }
             Request::Drive { driving } => self.drive(driving).map(|()| "null".to_owned()),
-            Request::Metrics => json(&metrics::of(&self.recorded())),
+            Request::Metrics => json(&metrics::of(&self.systems.iter().map(Open::recorded).collect::<Vec<_>>())),
             Request::Csv { system } => {
                 let open = self.system(system)?;
-                let written = results::push_csv(bytes, &open.names, open.running.recording());
-                written.map_err(|error| Failure::new(error.to_string()))?;
+                results::push_csv(bytes, &open.names, &open.running.recording).map_err(Failure::new)?;
                 json(&format!("{}.csv", open.plan.name))
             }
             Request::Ssp { system } => {
@@ -119,13 +119,9 @@ impl Lab {
         for (path, text) in texts {
             fmu_import::limits::provide(path, text);
         }
-        let systems = catalog::systems(&self.fmus);
+        let systems = compat::systems(&self.fmus.descriptions);
         self.scenarios = catalog::scenarios(&self.paths, &self.fmus, &systems);
         json(&catalog::catalog(&self.fmus, &systems, &self.scenarios))
-    }
-
-    fn catalog(&self) -> crate::requests::Catalog {
-        catalog::catalog(&self.fmus, &catalog::systems(&self.fmus), &self.scenarios)
     }
 
     fn open(&mut self, setup: &Setup, modules: &BTreeSet<String>) -> Result<String, Failure> {
@@ -134,7 +130,7 @@ impl Lab {
         let needed: BTreeSet<String> = components().map(|component| name_of(&component.fmu).to_owned()).collect();
         let missing: Vec<String> = needed.difference(modules).cloned().collect();
         if !missing.is_empty() {
-            return json(&Needs { missing });
+            return json(&json!({ "missing": missing }));
         }
         self.systems.clear();
         let first = prepared.first().ok_or_else(|| Failure::new("the setup has no system"))?;
@@ -153,24 +149,17 @@ impl Lab {
                 }
             }
             let is_driven = system.driver.is_some();
-            infos.push(SystemInfo {
-                title: system.title,
-                vehicle: system.vehicle,
-                components: system
-                    .run
-                    .components
-                    .iter()
-                    .map(|component| ComponentInfo {
-                        name: component.name.clone(),
-                        fmu: name_of(&component.fmu).to_owned(),
-                    })
-                    .collect(),
-                columns: shown.iter().map(|shown| shown.column.clone()).collect(),
-                adjustables: {
-                    let speed = system.driver.as_ref().and_then(|driver| driver.slider());
-                    speed.into_iter().chain(adjust::of_run(&system.run, &self.fmus)).collect()
-                },
-            });
+            let components = system.run.components.iter();
+            let speed = system.driver.as_ref().and_then(|driver| driver.slider());
+            infos.push(json!({
+                "title": system.title,
+                "vehicle": system.vehicle,
+                "components": components
+                    .map(|component| json!({ "name": component.name, "fmu": name_of(&component.fmu) }))
+                    .collect::<Vec<_>>(),
+                "columns": shown.iter().map(|shown| &shown.column).collect::<Vec<_>>(),
+                "adjustables": speed.into_iter().chain(adjust::of_run(&system.run, &self.fmus)).collect::<Vec<_>>(),
+            }));
             let descriptions = &self.fmus.descriptions;
             let mut running = Running::new(index, &system.simulation, system.run, shown, system.driver, descriptions)?;
             running.ends_rolled_over = !matches!(system.source, Source::Scenario { .. });
@@ -182,28 +171,24 @@ impl Lab {
         let row_every = self.systems.first().map_or(1, |open| open.running.row_every);
         let origin = needed.iter().filter_map(|name| {
             let description = self.fmus.descriptions.get(name)?;
-            let version = description.version.clone().unwrap_or_default();
-            Some(Origin { fmu: name.clone(), version, guid: description.guid.clone() })
+            let version = description.version.as_deref().unwrap_or_default();
+            Some(json!({ "fmu": name, "version": version, "guid": description.guid }))
         });
         let middle =
             |[begin, end, right, left]: &[f64; 4]| [[*begin, 0.5 * (right + left)], [*end, 0.5 * (right + left)]];
-        json(&Opened {
-            step: simulation.step,
-            stop: simulation.stop,
-            row_step: simulation.step * row_every as f64,
-            systems: infos,
-            path: cones.iter().flat_map(middle).collect(),
-            cones,
-            origin: origin.collect(),
-        })
+        json(&json!({
+            "step": simulation.step,
+            "stop": simulation.stop,
+            "rowStep": simulation.step * row_every as f64,
+            "systems": infos,
+            "path": cones.iter().flat_map(middle).collect::<Vec<_>>(),
+            "cones": cones,
+            "origin": origin.collect::<Vec<_>>(),
+        }))
     }
 
     fn system(&self, index: usize) -> Result<&Open, Failure> {
         self.systems.get(index).ok_or_else(|| Failure::new(format!("there is no system {index}")))
-    }
-
-    fn recorded(&self) -> Vec<Recorded<'_>> {
-        self.systems.iter().map(Open::recorded).collect()
     }
 
     fn set(&mut self, system: Option<usize>, id: &str, value: f64) -> Result<(), Failure> {
@@ -235,12 +220,14 @@ impl Lab {
         let variables: Vec<_> = description
             .variables
             .iter()
-            .map(|variable| VariableInfo {
-                name: variable.name.clone(),
-                causality: format!("{:?}", variable.causality).to_lowercase(),
-                unit: variable.unit.clone().unwrap_or_default(),
-                start: variable.start.as_ref().map_or(String::new(), start),
-                description: variable.description.clone().unwrap_or_default(),
+            .map(|variable| {
+                json!({
+                    "name": variable.name,
+                    "causality": format!("{:?}", variable.causality).to_lowercase(),
+                    "unit": variable.unit.as_deref().unwrap_or_default(),
+                    "start": variable.start.as_ref().map_or(String::new(), start),
+                    "description": variable.description.as_deref().unwrap_or_default(),
+                })
             })
             .collect();
         json(&variables)
@@ -276,8 +263,7 @@ impl Lab {
     pub(crate) fn failure(&self, system: usize) -> String {
         let stopped = self.systems.get(system).and_then(|open| open.running.stopped.clone());
         stopped.map_or("null".to_owned(), |stopped| {
-            serde_json::json!({ "time": stopped.time, "component": stopped.component, "message": stopped.message })
-                .to_string()
+            json!({ "time": stopped.time, "component": stopped.component, "message": stopped.message }).to_string()
         })
     }
 }

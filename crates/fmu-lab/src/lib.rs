@@ -1,7 +1,7 @@
 //! The part of the lab (`web/lab`) that handles systems of FMUs, compiled to WebAssembly: it resolves scenarios and maneuvers, makes the
 //! calls of each step, keeps recordings and saved states, and computes metrics. All of it comes from the crates that `cargo fmu` uses.
 //!
-//! The page's worker sends requests as JSON ([`requests`]) and advances systems by a number of steps. Modules of FMUs have memories of their
+//! The page's worker sends requests as JSON (`requests.rs`) and advances systems by a number of steps. Modules of FMUs have memories of their
 //! own; the worker connects them as `fmu_import::loader` describes.
 
 mod adjust;
@@ -14,7 +14,7 @@ mod fmus;
 mod free;
 mod lab;
 mod metrics;
-pub mod requests;
+mod requests;
 mod running;
 
 pub use lab::Lab;

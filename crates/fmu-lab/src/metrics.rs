@@ -1,7 +1,7 @@
 //! Numbers of the runs so far.
 
 use crate::free::Source;
-use crate::requests::{Metric, MetricValue};
+use crate::requests::Metric;
 use fmu_assess::{Direction, Value};
 use fmu_system::master::Recording;
 use fmu_system::metrics::Columns;
@@ -9,6 +9,7 @@ use fmu_system::plan::Plan;
 use fmu_system::report;
 use fmu_system::requirements;
 use fmu_system::run::Simulation;
+use serde_json::{Value as Json, json};
 
 /// A system and its recording.
 pub(crate) struct Recorded<'a> {
@@ -89,7 +90,7 @@ fn of_scenario(systems: &[Recorded<'_>]) -> Vec<Metric> {
                 .as_ref()
                 .and_then(|requirement| verdict(requirement, case(&systems[0]), values[0])),
             reason: if values[0].is_none() { reason } else { String::new() },
-            values: values.into_iter().map(|value| value.map(MetricValue::Number)).collect(),
+            values: values.into_iter().map(|value| json!(value)).collect(),
         });
     }
     found
@@ -133,9 +134,9 @@ fn of_maneuver(systems: &[Recorded<'_>]) -> Vec<Metric> {
         .collect();
     let Some(Some(first)) = evaluated.first() else { return Vec::new() };
     let shown = |value: &Value| match value {
-        Value::Number(number) => Some(MetricValue::Number(*number)),
-        Value::Boolean(value) => Some(MetricValue::Boolean(*value)),
-        Value::Numbers(_) | Value::Null(_) => None,
+        Value::Number(number) => json!(number),
+        Value::Boolean(value) => json!(value),
+        Value::Numbers(_) | Value::Null(_) => Json::Null,
     };
     first
         .metrics
@@ -143,7 +144,7 @@ fn of_maneuver(systems: &[Recorded<'_>]) -> Vec<Metric> {
         .filter(|metric| !matches!(metric.value, Value::Numbers(_)))
         .map(|metric| {
             let of = |evaluation: &Option<fmu_assess::Evaluation>| {
-                evaluation.as_ref().and_then(|evaluation| evaluation.value(&metric.name)).and_then(shown)
+                evaluation.as_ref().and_then(|evaluation| evaluation.value(&metric.name)).map_or(Json::Null, shown)
             };
             let definition = metric.definition;
             let place = metric.name.strip_prefix(definition.name).unwrap_or_default().trim_start_matches('.');

@@ -5,7 +5,7 @@ use crate::drive::{Driver, SPEED};
 use crate::fmus::{Descriptions, Modules, name_of};
 use crate::requests::{Driving, Failure};
 use fmu_assess::single::{PLANT, ROLLED_OVER};
-use fmu_import::description::{Causality, Value, Variable};
+use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_system::failure::FailureKind;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
@@ -54,7 +54,7 @@ pub(crate) struct Running {
     /// Steps between two rows for the page.
     pub(crate) row_every: u64,
     state_every: u64,
-    recording: Recording,
+    pub(crate) recording: Recording,
     rows: Vec<f64>,
     checkpoints: Vec<Checkpoint>,
     actions: Vec<(u64, Action)>,
@@ -77,7 +77,7 @@ impl Running {
         descriptions: &Descriptions,
     ) -> Result<Self, Failure> {
         let instances = Modules::new(modules, descriptions.clone());
-        let session = Session::new(simulation, &run, &instances).map_err(|error| Failure::new(error.to_string()))?;
+        let session = Session::new(simulation, &run, &instances).map_err(Failure::new)?;
         let steps = |time: f64| ((time / simulation.step).round() as u64).max(1);
         let columns = run.columns.iter().map(|slot| slot.map(|_| Vec::new())).collect();
         let mut running = Self {
@@ -105,15 +105,6 @@ impl Running {
 
     pub(crate) fn time(&self) -> f64 {
         self.session.time()
-    }
-
-    /// The run.
-    pub(crate) fn planned(&self) -> &Run {
-        &self.run
-    }
-
-    pub(crate) fn recording(&self) -> &Recording {
-        &self.recording
     }
 
     /// New rows: number and values.
@@ -223,7 +214,7 @@ impl Running {
         match action {
             Action::Drive(driving) => {
                 if let Some(driver) = &mut self.driver {
-                    driver.drive(*driving);
+                    driver.driving = Some(*driving);
                     let readers: Vec<_> = driver.all_readers().cloned().collect();
                     for (component, variable) in readers {
                         self.overwrite(&component, &variable)?;
@@ -237,9 +228,11 @@ impl Running {
         }
     }
 
-    fn variable(&self, component: &str, variable: &str) -> Option<Variable> {
-        let planned = self.run.components.iter().find(|planned| planned.name == component)?;
-        self.descriptions.get(name_of(&planned.fmu))?.variable(variable).cloned()
+    fn variable(&self, component: &str, name: &str) -> Result<Variable, Failure> {
+        let planned = self.run.components.iter().find(|planned| planned.name == component);
+        let description = planned.and_then(|planned| self.descriptions.get(name_of(&planned.fmu)));
+        let variable = description.and_then(|description| description.variable(name)).cloned();
+        variable.ok_or_else(|| Failure::new(format!("the system has no `{component}:{name}`")))
     }
 
     /// Returns the input, whose value is set from here from now on.
@@ -248,27 +241,25 @@ impl Running {
         if let Some(input) = self.overwrites.get(&key) {
             return Ok(*input);
         }
-        let missing = || Failure::new(format!("the system has no `{component}:{name}`"));
-        let variable = self.variable(component, name).ok_or_else(missing)?;
-        let input = self.session.overwrite(component, &variable).map_err(|error| Failure::new(error.to_string()))?;
+        let variable = self.variable(component, name)?;
+        let input = self.session.overwrite(component, &variable).map_err(Failure::new)?;
         self.overwrites.insert(key, input);
         Ok(input)
     }
 
     fn set(&mut self, component: &str, name: &str, value: f64) -> Result<(), Failure> {
         if let Some(driver) = self.driver.as_mut().filter(|driver| driver.component == component && name == SPEED) {
-            driver.set_speed(value);
+            driver.speed = value;
             return Ok(());
         }
-        let missing = || Failure::new(format!("the system has no `{component}:{name}`"));
-        let variable = self.variable(component, name).ok_or_else(missing)?;
+        let variable = self.variable(component, name)?;
         if variable.causality == Causality::Input {
             let input = self.overwrite(component, name)?;
             self.session.set(input, value);
             return Ok(());
         }
         let value = converted(&variable, value);
-        self.session.tune(component, &variable, value).map_err(|error| Failure::new(error.to_string()))
+        self.session.tune(component, &variable, value).map_err(Failure::new)
     }
 
     /// Rewinds to a time and discards what came after it.
@@ -315,8 +306,7 @@ impl Running {
         let checkpoint = &self.checkpoints[at];
         self.session.restore(&checkpoint.saved)?;
         self.driver.clone_from(&checkpoint.driver);
-        let rows = usize::try_from(checkpoint.step / self.simulation.every + 1).unwrap_or(usize::MAX);
-        self.truncate(rows);
+        self.truncate(usize::try_from(checkpoint.step / self.simulation.every + 1).unwrap_or(usize::MAX));
         Ok(())
     }
 
@@ -346,7 +336,6 @@ impl Running {
 
 /// A number as a value of a variable.
 pub(crate) fn converted(variable: &Variable, value: f64) -> Value {
-    use fmu_import::description::BaseType;
     match variable.base_type {
         BaseType::Integer => Value::Integer(value.round() as i64),
         BaseType::Boolean => Value::Boolean(value > 0.5),

@@ -24,8 +24,6 @@ export interface Vehicle {
   /** Name of the FMU. */
   fmu: string;
   title: string;
-  /** FMUs that belong to it in every system, such as BrakeAndDriveActuators. */
-  base: string[];
   /** Controllers that fit by their signals, each with the ones it cannot work without. */
   controllers: Controller[];
   /** Controllers of the default system: those of its paper. */

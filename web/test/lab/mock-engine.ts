@@ -37,7 +37,7 @@ function vehicles(fmus: FmuFile[]): Vehicle[] {
     columnsOf.set(fmu, [...outputs, ...inputs].map(({ name, description, unit }) => ({ name, description, unit, display: DISPLAY[unit] ?? { unit, factor: 1 } })));
     const parameters = Object.fromEntries(variables.filter(({ causality }) => causality === "parameter").map(({ name, start }) => [name, start]));
     const title = /description="([^"]*)"/.exec(description)?.[1] ?? "";
-    return [{ fmu, title, base: [], controllers: CONTROLLERS, defaults: ["Steady"], parameters, outputs: outputs.map(({ name }) => name), maneuvers: ["weave", "free"] }];
+    return [{ fmu, title, controllers: CONTROLLERS, defaults: ["Steady"], parameters, outputs: outputs.map(({ name }) => name), maneuvers: ["weave", "free"] }];
   });
 }
 

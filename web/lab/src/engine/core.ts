@@ -184,8 +184,8 @@ export class Core {
   }
 
   /** Adds a dropped archive; returns the name it got. */
-  drop(name: string, archive: Uint8Array): { name: string; description: string; documentation: string; catalog: Catalog } {
-    const [dropped, bytes] = this.#request<{ name: string; description: string; documentation: string }>({ kind: "drop", name }, archive);
+  drop(name: string, archive: Uint8Array): { name: string; description: string; catalog: Catalog } {
+    const [dropped, bytes] = this.#request<{ name: string; description: string }>({ kind: "drop", name }, archive);
     const refuse = (reason: string, help: string): never => {
       throw new Failure(`${name}: ${reason}`, help);
     };
