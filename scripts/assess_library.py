@@ -6,18 +6,17 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from chassis_fmu.assess.assessment import Assessment, Folder, Name, Number, Row
 from chassis_fmu.assess.report import words
 from chassis_fmu.program import ROOT
-from tune_on_bench import TUNINGS
+from tune_on_bench import TUNINGS, driven
 
 
 @dataclass(frozen=True)
@@ -119,177 +118,77 @@ class Tuned:
     """Titles of conditions that the search did not have, and the values that make them (`--set`)."""
 
 
+SPEEDS = ("iso3888_1.max_entry_speed", "iso3888_2.max_entry_speed")
+LOADS = ("fishhook.load_transfer_peak", "j_turn.load_transfer_peak")
+CAR = ("sine_with_dwell.stable", "sine_with_dwell.lateral_displacement", *SPEEDS, LOADS[0])
+RIDE = ("ride.c.heave_weighted", "ride.c.dynamic_load_coefficient", "ride.c.suspension_travel_rms")
+STABILITY = ("stability", "rollover")
+
 TUNED = (
     Tuned(
-        "bench_esp_car",
-        "EspCar, for its own friction",
-        (
-            "sine_with_dwell.stable",
-            "sine_with_dwell.lateral_displacement",
-            "iso3888_1.max_entry_speed",
-            "iso3888_2.max_entry_speed",
-            "fishhook.load_transfer_peak",
-        ),
-        ("stability", "rollover"),
-        TUNINGS["bench_esp_car_friction"].conditions,
+        "bench_esp_car", "EspCar, for its own friction", CAR, STABILITY, TUNINGS["bench_esp_car_friction"].conditions
     ),
-    Tuned(
-        "bench_esp_car_friction",
-        "EspCar, for any friction",
-        (
-            "sine_with_dwell.stable",
-            "sine_with_dwell.lateral_displacement",
-            "iso3888_1.max_entry_speed",
-            "iso3888_2.max_entry_speed",
-            "fishhook.load_transfer_peak",
-        ),
-        ("stability", "rollover"),
-    ),
-    Tuned(
-        "bench_rescue_vehicle",
-        "RescueVehicle",
-        (
-            "sine_with_dwell.unstable_from",
-            "iso3888_1.max_entry_speed",
-            "iso3888_2.max_entry_speed",
-            "fishhook.load_transfer_peak",
-            "j_turn.load_transfer_peak",
-        ),
-        ("stability", "rollover"),
-    ),
-    Tuned(
-        "bench_heavy_vehicle",
-        "HeavyVehicle",
-        (
-            "iso3888_1.max_entry_speed",
-            "iso3888_2.max_entry_speed",
-            "fishhook.load_transfer_peak",
-            "j_turn.load_transfer_peak",
-        ),
-        ("stability", "rollover"),
-    ),
-    Tuned(
-        "bench_hydro_pneumatic_half_car",
-        "HydroPneumaticHalfCar",
-        ("ride.c.heave_weighted", "ride.c.dynamic_load_coefficient", "ride.c.suspension_travel_rms"),
-        ("ride",),
-    ),
+    Tuned("bench_esp_car_friction", "EspCar, for any friction", CAR, STABILITY),
+    Tuned("bench_rescue_vehicle", "RescueVehicle", ("sine_with_dwell.unstable_from", *SPEEDS, *LOADS), STABILITY),
+    Tuned("bench_heavy_vehicle", "HeavyVehicle", (*SPEEDS, *LOADS), STABILITY),
+    Tuned("bench_hydro_pneumatic_half_car", "HydroPneumaticHalfCar", RIDE, ("ride",)),
 )
 
 
-@dataclass(frozen=True)
-class Reference:
-    """A number of the independent implementation of the bench, as its specification has it, and ours."""
+class Reference(NamedTuple):
+    """Numbers of the independent implementation of the bench for each system, as its specification has them."""
 
     plant: str
-    """The system is the first one of the plant, or that which is coordinated."""
     quantity: str
-    system: Name
-    theirs: str
+    unit: str
     ours: str
-    """A metric, or `RUN:METRIC` of a run."""
-    why: str = ""
-    coordinated: bool = False
+    """Our number: a metric, or `RUN:METRIC` of a run."""
+    without: str
+    with_: str
+    """The first system of the plant."""
+    coordinated: str
+    why: str
+    """What the number is, if not that of the tables above."""
 
 
-BISECTION = "bisection to 0.5 instead of 1.25 km/h"
-SEED = "that of seed 1; the table above has the mean of three seeds"
-AMPLITUDE = "the table above has the least displacement of all runs from 5 A on"
-CYCLES = "see below"
+# Section 10 of the specification of the bench.
+REFERENCES = """\
+EspCar | A | deg | slowly_increasing_steer.A | 20.6 | | |
+EspCar | understeer gradient | | slowly_increasing_steer.understeer_gradient | 0.001916 | | |
+EspCar | step steer, overshoot of the yaw rate | | step_steer.yaw_rate.overshoot | 0.062 | 0.033 | |
+EspCar | step steer, response time | s | step_steer.yaw_rate.response_time | 0.200 | 0.169 | |
+EspCar | sine with dwell, unstable from | A | sine_with_dwell.unstable_from | 3 | | |
+EspCar | sine with dwell, displacement at 5 A | m | sine_with_dwell.left.103.0:lateral_displacement | 2.57 | | |
+EspCar | sine with dwell, displacement at 5 A | m | sine_with_dwell.left.103.0:lateral_displacement | | 1.69 | | min
+EspCar | sine with dwell, displacement at 270 deg | m | sine_with_dwell.left.270.0:lateral_displacement | | 1.22 | | min
+EspCar | sine with dwell, displacement at 270 deg | m | sine_with_dwell.lateral_displacement | | | 0.71 |
+EspCar | braking, MFDD | m/s2 | braking.mfdd | 5.81 | 6.72 | 6.73 |
+EspCar | braking, distance | m | braking.distance | 71.5 | 60.6 | 60.1 |
+EspCar | split friction, yaw angle | rad | split_friction.yaw_peak | 2.1 | 0.36 | |
+EspCar | split friction, offset | m | split_friction.lateral_peak | | 0.74 | |
+EspCar | split friction, steering wheel in 2 s | deg | split_friction.steering_wheel_peak_2s | | 504 | |
+EspCar | split friction, steering wheel | deg | split_friction.steering_wheel_peak | | 636 | |
+EspCar | brake in turn, yaw rate ratio | | brake_in_turn.yaw_rate_ratio_1s | 0.01 | | |
+EspCar | brake in turn, yaw rate ratio | | brake_in_turn.yaw_rate_ratio_1s | | 1.18 | 0.95 | cycles
+EspCar | ISO 3888-1 | km/h | iso3888_1.max_entry_speed | 78.75 | 78.75 | | bisection
+EspCar | ISO 3888-2 | km/h | iso3888_2.max_entry_speed | 51.25 | 47.5 | | bisection
+EspCar | ride, class C | m/s2 | ride.c.1:vibration_total | 0.718 | | 0.605 | seed
+RescueVehicle | ISO 3888-1 | km/h | iso3888_1.max_entry_speed | 38.75 | 46.25 | | bisection
+RescueVehicle | ISO 3888-2 | km/h | iso3888_2.max_entry_speed | 21.25 | | | bisection
+RescueVehicle | ISO 3888-2 | km/h | iso3888_2.max_entry_speed | | none | |
+RescueVehicle | fishhook, load transfer | | fishhook.load_transfer_peak | 0.66 | 0.33 | |
+HeavyVehicle | ISO 3888-1 | km/h | iso3888_1.max_entry_speed | 55 | 66.25 | | bisection
+HeavyVehicle | fishhook, load transfer | | fishhook.load_transfer_peak | 0.81 | 0.92 | |
+HydroPneumaticHalfCar | ISO 3888-1 | km/h | iso3888_1.max_entry_speed | 70 | 70 | | bisection
+HydroPneumaticHalfCar | fishhook, rolls over at | mph | fishhook.lift_speed | 35 | 35 | |"""
 
-REFERENCES = (
-    Reference("EspCar", "A, deg", "without", "20.6", "slowly_increasing_steer.A"),
-    Reference("EspCar", "understeer gradient", "without", "0.001916", "slowly_increasing_steer.understeer_gradient"),
-    Reference("EspCar", "step steer, overshoot of the yaw rate", "without", "0.062", "step_steer.yaw_rate.overshoot"),
-    Reference("EspCar", "step steer, overshoot of the yaw rate", "with", "0.033", "step_steer.yaw_rate.overshoot"),
-    Reference("EspCar", "step steer, response time, s", "without", "0.200", "step_steer.yaw_rate.response_time"),
-    Reference("EspCar", "step steer, response time, s", "with", "0.169", "step_steer.yaw_rate.response_time"),
-    Reference("EspCar", "sine with dwell, unstable from, A", "without", "3", "sine_with_dwell.unstable_from"),
-    Reference(
-        "EspCar",
-        "sine with dwell, displacement at 5 A, m",
-        "without",
-        "2.57",
-        "sine_with_dwell.left.103.0:lateral_displacement",
-    ),
-    Reference(
-        "EspCar",
-        "sine with dwell, displacement at 5 A, m",
-        "with",
-        "1.69",
-        "sine_with_dwell.left.103.0:lateral_displacement",
-        AMPLITUDE,
-    ),
-    Reference(
-        "EspCar",
-        "sine with dwell, displacement at 270 deg, m",
-        "with",
-        "1.22",
-        "sine_with_dwell.left.270.0:lateral_displacement",
-        AMPLITUDE,
-    ),
-    Reference(
-        "EspCar",
-        "sine with dwell, displacement at 270 deg, coordinated, m",
-        "with",
-        "0.71",
-        "sine_with_dwell.lateral_displacement",
-        coordinated=True,
-    ),
-    Reference("EspCar", "braking, MFDD, m/s2", "without", "5.81", "braking.mfdd"),
-    Reference("EspCar", "braking, MFDD, m/s2", "with", "6.72", "braking.mfdd"),
-    Reference("EspCar", "braking, MFDD, coordinated, m/s2", "with", "6.73", "braking.mfdd", coordinated=True),
-    Reference("EspCar", "braking, distance, m", "without", "71.5", "braking.distance"),
-    Reference("EspCar", "braking, distance, m", "with", "60.6", "braking.distance"),
-    Reference("EspCar", "braking, distance, coordinated, m", "with", "60.1", "braking.distance", coordinated=True),
-    Reference("EspCar", "split friction, yaw angle, rad", "without", "2.1", "split_friction.yaw_peak"),
-    Reference("EspCar", "split friction, yaw angle, rad", "with", "0.36", "split_friction.yaw_peak"),
-    Reference("EspCar", "split friction, offset, m", "with", "0.74", "split_friction.lateral_peak"),
-    Reference(
-        "EspCar", "split friction, steering wheel in 2 s, deg", "with", "504", "split_friction.steering_wheel_peak_2s"
-    ),
-    Reference("EspCar", "split friction, steering wheel, deg", "with", "636", "split_friction.steering_wheel_peak"),
-    Reference("EspCar", "brake in turn, yaw rate ratio", "without", "0.01", "brake_in_turn.yaw_rate_ratio_1s"),
-    Reference("EspCar", "brake in turn, yaw rate ratio", "with", "1.18", "brake_in_turn.yaw_rate_ratio_1s", CYCLES),
-    Reference(
-        "EspCar",
-        "brake in turn, yaw rate ratio, coordinated",
-        "with",
-        "0.95",
-        "brake_in_turn.yaw_rate_ratio_1s",
-        CYCLES,
-        coordinated=True,
-    ),
-    Reference("EspCar", "ISO 3888-1, km/h", "without", "78.75", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("EspCar", "ISO 3888-1, km/h", "with", "78.75", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("EspCar", "ISO 3888-2, km/h", "without", "51.25", "iso3888_2.max_entry_speed", BISECTION),
-    Reference("EspCar", "ISO 3888-2, km/h", "with", "47.5", "iso3888_2.max_entry_speed", BISECTION),
-    Reference("EspCar", "ride, class C, m/s2", "without", "0.718", "ride.c.1:vibration_total", SEED),
-    Reference(
-        "EspCar",
-        "ride, class C, coordinated, m/s2",
-        "with",
-        "0.605",
-        "ride.c.1:vibration_total",
-        SEED,
-        coordinated=True,
-    ),
-    Reference("RescueVehicle", "ISO 3888-1, km/h", "without", "38.75", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("RescueVehicle", "ISO 3888-1, km/h", "with", "46.25", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("RescueVehicle", "ISO 3888-2, km/h", "without", "21.25", "iso3888_2.max_entry_speed", BISECTION),
-    Reference("RescueVehicle", "ISO 3888-2, km/h", "with", "none", "iso3888_2.max_entry_speed"),
-    Reference("RescueVehicle", "fishhook, load transfer", "without", "0.66", "fishhook.load_transfer_peak"),
-    Reference("RescueVehicle", "fishhook, load transfer", "with", "0.33", "fishhook.load_transfer_peak"),
-    Reference("HeavyVehicle", "ISO 3888-1, km/h", "without", "55", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("HeavyVehicle", "ISO 3888-1, km/h", "with", "66.25", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("HeavyVehicle", "fishhook, load transfer", "without", "0.81", "fishhook.load_transfer_peak"),
-    Reference("HeavyVehicle", "fishhook, load transfer", "with", "0.92", "fishhook.load_transfer_peak"),
-    Reference("HydroPneumaticHalfCar", "ISO 3888-1, km/h", "without", "70", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("HydroPneumaticHalfCar", "ISO 3888-1, km/h", "with", "70", "iso3888_1.max_entry_speed", BISECTION),
-    Reference("HydroPneumaticHalfCar", "fishhook, rolls over at, mph", "without", "35", "fishhook.lift_speed"),
-    Reference("HydroPneumaticHalfCar", "fishhook, rolls over at, mph", "with", "35", "fishhook.lift_speed"),
-)
-"""Section 10 of the specification of the bench."""
+WHY = {
+    "": "",
+    "min": "the table above has the least displacement of all runs from 5 A on",
+    "bisection": "bisection to 0.5 instead of 1.25 km/h",
+    "cycles": "see below",
+    "seed": "that of seed 1; the table above has the mean of three seeds",
+}
 
 # What the page shows of each.
 METRICS = (
@@ -334,14 +233,7 @@ VERDICTS = {"pass": "passed", "fail": "**failed**", "error": "**error**", "compa
 
 def assessed(plant: str, controllers: Sequence[str], more: Sequence[str] = ()) -> Assessment:
     """Assess a vehicle."""
-    out = ROOT / "target" / "assessments" / plant
-    command = ["cargo", "chassis", "bench", "run", plant, "--no-page", "--out", str(out), *more]
-    for controller in controllers:
-        command += ["--with", controller]
-    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
-    if done.returncode not in (0, 1):
-        raise SystemExit(f"error: {' '.join(command)}: exit code {done.returncode}")
-    return Folder(out).read()
+    return driven(ROOT / "target" / "assessments" / plant, plant, controllers, more)
 
 
 def number(value: Number) -> str:
@@ -353,13 +245,17 @@ def number(value: Number) -> str:
     return f"{value:.4g}"
 
 
+def value(found: Assessment, system: str, name: str) -> Number:
+    """Return the value of a metric with or without controllers."""
+    row = found.by_name[name]
+    return row.with_ if system == "with" else row.without
+
+
 def note(text: str, found: Assessment) -> str:
     """Fill the numbers of an assessment into a note."""
 
     def fill(place: re.Match[str]) -> str:
-        system, name = place[1].split(".", 1)
-        row = found.by_name[name]
-        return number(row.with_ if system == "with" else row.without)
+        return number(value(found, *place[1].split(".", 1)))
 
     return re.sub(r"\{([^}]+)\}", fill, text)
 
@@ -403,21 +299,23 @@ def section(system: System, found: Assessment) -> list[str]:
     return lines
 
 
-def compared(references: Sequence[Reference], found: Assessment) -> list[str]:
+def compared(plant: str, is_coordinated: bool, found: Assessment) -> Iterator[str]:
     """Return the lines of numbers beside those of the independent implementation."""
-
-    def ours(reference: Reference) -> Number:
-        run_name, _, metric = reference.ours.partition(":")
-        if metric:
-            runs = (run for run in found.runs if (run.name, run.system) == (run_name, reference.system))
-            return float(next(runs).metrics[metric])
-        row = found.by_name[run_name]
-        return row.with_ if reference.system == "with" else row.without
-
-    return [
-        f"| {of.plant} | {of.quantity} | {of.system} | {of.theirs} | {number(ours(of))} | {of.why} |"
-        for of in references
-    ]
+    references = (Reference(*(cell.strip() for cell in row.split("|"))) for row in REFERENCES.splitlines())
+    for of in (of for of in references if of.plant == plant):
+        quantity = ", ".join(filter(None, (of.quantity, "coordinated" if is_coordinated else "", of.unit)))
+        systems: dict[Name, str] = (
+            {"with": of.coordinated} if is_coordinated else {"without": of.without, "with": of.with_}
+        )
+        for system, theirs in systems.items():
+            if theirs:
+                run_name, _, metric = of.ours.partition(":")
+                if metric:
+                    runs = (run for run in found.runs if (run.name, run.system) == (run_name, system))
+                    ours: Number = float(next(runs).metrics[metric])
+                else:
+                    ours = value(found, system, run_name)
+                yield f"| {plant} | {quantity} | {system} | {theirs} | {number(ours)} | {WHY[of.why]} |"
 
 
 def turning(found: Assessment, controllers: Sequence[str]) -> str:
@@ -512,9 +410,7 @@ def main() -> int:
     for system in SYSTEMS:
         found = assessed(system.plant, system.controllers)
         lines += section(system, found)
-        is_coordinated = "FiniteStateCoordination" in system.controllers
-        of_plant = [of for of in REFERENCES if of.plant == system.plant and of.coordinated == is_coordinated]
-        beside += compared(of_plant, found)
+        beside += compared(system.plant, "FiniteStateCoordination" in system.controllers, found)
         if system is SYSTEMS[0]:
             explanation = turning(found, system.controllers)
         print(f"{system.plant}: {system.title}", file=sys.stderr)
@@ -524,7 +420,7 @@ def main() -> int:
         lines += tuned_section(tuned)
         print(f"{TUNINGS[tuned.name].plant}: tuned on the bench", file=sys.stderr)
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(Path(PAGE).relative_to(ROOT))
+    print(PAGE.relative_to(ROOT))
     return 0
 
 

@@ -240,30 +240,24 @@ def rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
+def driven(out: Path, plant: str, controllers: Sequence[str], more: Sequence[str]) -> Assessment:
+    """Drive a vehicle through the maneuvers of the bench."""
+    command = [str(worker_program()), "bench", "run", plant, "--no-page", "--out", str(out)]
+    command += ["--fmus", str(ROOT / "target" / "fmu"), *more]
+    command += [part for name in controllers for part in ("--with", name)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
+    if done.returncode not in (0, 1):
+        raise SystemExit(done.stderr)
+    return Folder(out).read()
+
+
 def assessed(tuning: Tuning, values: Mapping[str, float], condition: Sequence[str]) -> Assessment:
     """Drive the maneuvers with these values in a condition."""
+    settings = [*condition, *(f"{name.replace('.', ':', 1)}={value!r}" for name, value in values.items())]
+    more = [part for suite in tuning.suites for part in ("--suite", suite)]
+    more += [part for setting in settings for part in ("--set", setting)]
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            str(worker_program()),
-            "bench",
-            "run",
-            tuning.plant,
-            "--no-page",
-            "--out",
-            folder,
-            "--fmus",
-            str(ROOT / "target" / "fmu"),
-        ]
-        command += [part for name in tuning.controllers for part in ("--with", name)]
-        command += [part for suite in tuning.suites for part in ("--suite", suite)]
-        command += [part for value in condition for part in ("--set", value)]
-        for name, value in values.items():
-            component, parameter = name.split(".", 1)
-            command += ["--set", f"{component}:{parameter}={value!r}"]
-        done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
-        if done.returncode not in (0, 1):
-            raise SystemExit(done.stderr)
-        return Folder(Path(folder)).read()
+        return driven(Path(folder), tuning.plant, tuning.controllers, more)
 
 
 def missed(tuning: Tuning, found: Assessment) -> float:
