@@ -403,8 +403,8 @@ rides are means over three roads. A dash is a maneuver that fails at its lowest 
 """
 
 
-def main() -> int:
-    """Run the command; returns its exit code."""
+def main() -> None:
+    """Run the command."""
     lines = HEAD.splitlines()
     beside: list[str] = []
     for system in SYSTEMS:
@@ -421,8 +421,7 @@ def main() -> int:
         print(f"{TUNINGS[tuned.name].plant}: tuned on the bench", file=sys.stderr)
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
     print(PAGE.relative_to(ROOT))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -222,8 +222,8 @@ def table(rows: Iterable[Row]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="scripts/bench exporters", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--tools",
@@ -234,7 +234,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "cargo-fmi is installed into its subfolder bin (default: target/tools)",
     )
     parser.add_argument("--only", nargs="+", choices=EXPORTERS, default=list(EXPORTERS), help="measure only these")
-    options = parser.parse_args(argv)
+    options = parser.parse_args()
     manifest = SOURCES / "Cargo.toml"
     run(["cargo", "build", "--release", "--locked", "--manifest-path", manifest, "--target-dir", ROOT / "target"])
     rows: list[Row] = []
@@ -256,8 +256,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"\n{row.fmu.exporter}, FMI {row.fmu.fmi}.0, {row.fmu.model}: {message}")
     for text in missing:
         print(f"\nnot measured: {text}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

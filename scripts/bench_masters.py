@@ -37,8 +37,8 @@ def table(times: dict[str, list[float]]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="scripts/bench masters", description=__doc__.splitlines()[0])
     parser.add_argument(
         "scenario", type=Path, metavar="SCENARIO", help="scenario file (default: the step steer of the rescue vehicle)"
@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="runs of each command (default: 3)")
     parser.add_argument("--stop", metavar="T", help="override the scenario's stop time, in seconds")
     parser.add_argument("--seeds", metavar="N", help="use only the first N seeds")
-    options = parser.parse_args(argv)
+    options = parser.parse_args()
     more = [text for key in ("stop", "seeds") if (value := getattr(options, key)) for text in (f"--{key}", value)]
     timed = commands(options.scenario.resolve(), ROOT / "target" / "bench", more)
     times: dict[str, list[float]] = {name: [] for name in timed}
@@ -54,8 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for name, command in timed.items():
             times[name].append(run(command).seconds)
     print(table(times))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

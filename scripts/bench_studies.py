@@ -8,29 +8,19 @@ these pairs, of wall time and of CPU time, which other work on the machine distu
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
 import os
-import pickle
 import re
-import statistics
 import sys
-import tempfile
-import time
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import fmpy
-import fmpy.fmi2
 import pyarrow.parquet
 
 from chassis_fmu.program import ROOT
-from chassis_fmu.scenario import Outcome, Scenario, processors
+from chassis_fmu.scenario import processors
 from chassis_fmu.shell import positive
-from chassis_fmu.study import bundle, file
-from chassis_fmu.study.job import Job
-from chassis_fmu.study.journal import Journal
 from measuring import Measured, run
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
@@ -182,144 +172,33 @@ def with_dask(runs: int, rounds: int) -> Iterator[str]:
         )
 
 
-def _echo(samples: Sequence[object]) -> Sequence[object]:
-    return samples
+PARTS = ("closed_loop", "growth", "dask")
 
 
-def overheads() -> Iterator[str]:
-    """Measure the parts of a study that runs at other machines cost this one."""
-    import distributed
-
-    dask: Any = distributed
-    path = write_study("short", SHORT)
-    folders = [ROOT / "target" / "fmu"]
-    job = Job(file.read(path, folders), path, folders)
-    task = job.task(0, {"mass": 3e4, "road": 5})
-    outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, None, None, 0.0205)
-    content = bundle.archive(job)
-    with (
-        dask.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as here,
-        dask.Client(here) as client,
-    ):
-        begin = time.perf_counter()
-        client.register_plugin(bundle.Bundle(content))
-        sent = time.perf_counter() - begin
-        batches = 2000
-        for each in (1, 50):
-            samples = [task.sample] * each
-            begin = time.perf_counter()
-            futures = [client.submit(_echo, samples, pure=False) for _ in range(batches)]
-            client.gather(futures)
-            taken = time.perf_counter() - begin
-            of = f"an empty batch of {each} {'sample' if each == 1 else 'samples'}, two workers"
-            yield row(of, f"{1e3 * taken / batches:.2f} ms")
-            del futures
-    sizes = f"{len(pickle.dumps(task.sample))}, {len(pickle.dumps(outcome))} bytes"
-    yield row(f"scenario and FMUs, {len(content) / 1e6:.2f} MB, to two workers", f"{sent:.2f} s")
-    yield row("a sample, and a row, on their way", sizes)
-    count = 100_000
-    begin = time.perf_counter()
-    tasks = [job.task(number, {"mass": 3e4, "road": number}) for number in range(count)]
-    yield row("to make a sample", f"{1e6 * (time.perf_counter() - begin) / count:.1f} µs")
-    del tasks
-    target = FOLDER / "journal.jsonl"
-    target.unlink(missing_ok=True)
-    with Journal(target, "benchmark", None, resume=False) as journal:
-        begin = time.perf_counter()
-        for number in range(count):
-            done = job.done(task, outcome)
-            journal.add(dataclasses.replace(done, number=number))
-        taken = time.perf_counter() - begin
-    yield row("to take a row and write it down", f"{1e6 * taken / count:.1f} µs")
-    lines = target.read_text(encoding="utf-8").splitlines()
-    begin = time.perf_counter()
-    json.loads("[" + ",".join(lines[1:]) + "]")
-    yield row("to read a row again", f"{1e6 * (time.perf_counter() - begin) / count:.1f} µs")
-
-
-# Number of instances that are timed through FMPy, and the calls that are timed.
-TIMES = 200
-INSTANCES = ("instantiate and free, µs", "reset, µs", "initialize, µs")
-
-
-def instances() -> Iterator[str]:
-    """Measure what runs would save if they used the instances of the run before again, after a reset."""
-    components = Scenario(SCENARIO).plan.runs[-1].components
-    saved = 0.0
-    for path in dict.fromkeys(component.fmu for component in components):
-        with tempfile.TemporaryDirectory() as folder:
-            fmpy.extract(str(path), folder)
-            about = fmpy.read_model_description(folder)
-            identifier = about.coSimulation.modelIdentifier
-            fmu = fmpy.fmi2.FMU2Slave(guid=about.guid, unzipDirectory=folder, modelIdentifier=identifier)
-            times: dict[str, list[float]] = {"instance": [], "initialization": [], "reset": []}
-            for _ in range(TIMES):
-                begin = time.perf_counter()
-                fmu.instantiate()
-                made = time.perf_counter()
-                fmu.setupExperiment(startTime=0.0)
-                fmu.enterInitializationMode()
-                fmu.exitInitializationMode()
-                ready = time.perf_counter()
-                fmu.reset()
-                reset = time.perf_counter()
-                # Not `freeInstance` of FMPy, which unloads the library, too.
-                fmu.fmi2FreeInstance(fmu.component)
-                freed = time.perf_counter()
-                for name, of in zip(times, (made - begin + freed - reset, ready - made, reset - ready), strict=True):
-                    times[name].append(1e6 * of)
-            # The process that has loaded it ends soon.
-            instance, initialization, reset = (statistics.median(of) for of in times.values())
-            saved += sum(component.fmu == path for component in components) * (instance - reset)
-            yield row(f"`{path.stem}`", f"{instance:.0f}", f"{reset:.0f}", f"{initialization:.0f}")
-    yield row("all components of a run, instance less reset", f"{saved:.0f}", "", "")
-
-
-PARTS = ("closed_loop", "growth", "dask", "overheads", "instances")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    parser = argparse.ArgumentParser(prog="scripts/bench studies", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "--parts",
-        choices=PARTS,
-        nargs="+",
-        default=PARTS,
-        metavar="PART",
-        help=f"parts to measure, of {', '.join(PARTS)} (default: all)",
+def main() -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/bench studies",
+        description=(__doc__ or "").splitlines()[0],
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
-    parser.add_argument(
-        "--runs", type=positive, default=1000, metavar="N", help="number of runs of the closed loop (default: 1000)"
-    )
-    parser.add_argument(
-        "--growth",
-        type=positive,
-        nargs="+",
-        default=[1000, 10_000],
-        metavar="N",
-        help="numbers of short runs (default: 1000 10000)",
-    )
-    parser.add_argument(
-        "--dask", type=positive, default=1000, metavar="N", help="number of runs with Dask (default: 1000)"
-    )
-    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="number of comparisons (default: 3)")
-    options = parser.parse_args(argv)
+    counts: dict[str, Any] = {"type": positive, "metavar": "N"}
+    parser.add_argument("--parts", choices=PARTS, nargs="+", default=PARTS, help="parts to measure")
+    parser.add_argument("--runs", default=1000, help="number of runs of the closed loop", **counts)
+    parser.add_argument("--growth", nargs="+", default=[1000, 10_000], help="numbers of short runs", **counts)
+    parser.add_argument("--dask", default=1000, help="number of runs with Dask", **counts)
+    parser.add_argument("--rounds", default=3, help="number of comparisons", **counts)
+    options = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for part, head, lines in (
-        ("closed_loop", "| closed loop | |\n|---|---|", closed_loop(options.runs, options.rounds)),
-        ("growth", "", growth(options.growth)),
-        ("dask", "| Dask | |\n|---|---|", with_dask(options.dask, options.rounds)),
-        ("overheads", "| part | |\n|---|---|", overheads()),
-        ("instances", f"| FMU | {' | '.join(INSTANCES)} |\n|---|---|---|---|", instances()),
-    ):
-        if part not in options.parts:
-            continue
-        print(head, flush=True)
-        for line in lines:
+    tables = {
+        "closed_loop": ("| closed loop | |\n|---|---|", closed_loop(options.runs, options.rounds)),
+        "growth": ("", growth(options.growth)),
+        "dask": ("| Dask | |\n|---|---|", with_dask(options.dask, options.rounds)),
+    }
+    for head, lines in (tables[part] for part in PARTS if part in options.parts):
+        for line in chain([head], lines):
             print(line, flush=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import filecmp
 import statistics
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -50,8 +49,8 @@ def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
     return f"{name:10}{len(pairs):>6}{medians}{middle:>8.3f}   ({low:.3f} to {high:.3f})"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="scripts/bench workers", description=__doc__.splitlines()[0])
     parser.add_argument("other", type=Path, metavar="PROGRAM", help="chassis of another commit")
     parser.add_argument(
@@ -59,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--other-fmus", type=Path, metavar="DIR", help="folder with FMUs of another commit for PROGRAM")
     parser.add_argument("--only", choices=["run", "study"], help="measure only this command")
-    options = parser.parse_args(argv)
+    options = parser.parse_args()
     out = ROOT / "target" / "bench"
     fmus = FMUS if options.other_fmus is None else options.other_fmus.resolve()
     other, ours = commands(options.other.resolve(), out / "other", fmus), commands(OURS, out / "ours")
@@ -75,10 +74,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(line(f"{name} CPU", [(a.cpu, b.cpu) for a, b in pairs]), flush=True)
         print(line(f"{name} wall", [(a.seconds, b.seconds) for a, b in pairs]), flush=True)
     if options.other_fmus is None and (files := differing(out / "other", out / "ours")):
-        print(f"error: results differ: {', '.join(files)}", file=sys.stderr)
-        return 1
-    return 0
+        raise SystemExit(f"error: results differ: {', '.join(files)}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from chassis_fmu import scenario
@@ -118,21 +118,20 @@ def sensitivity(name: str, of: Numbers) -> Iterator[str]:
             yield ""
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="study_library.py", description=(__doc__ or "").splitlines()[0])
     out = ROOT / "target" / "study_library"
     parser.add_argument(
         "--out", type=Path, default=out, metavar="DIR", help="folder for results (default: %(default)s)"
     )
-    options = parser.parse_args(argv)
+    options = parser.parse_args()
     lines = [HEAD]
     for name in ROBUST:
         lines += robust(name, numbers(name, options.out))
     lines += sensitivity(SENSITIVITY, numbers(SENSITIVITY, options.out))
     (ROOT / "docs" / "study_results.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import re
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -344,13 +343,13 @@ def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
     )
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"tunings to run, of {', '.join(TUNINGS)} (default: all)"
     )
-    names = parser.parse_args(argv).names or list(TUNINGS)
+    names = parser.parse_args().names or list(TUNINGS)
     unknown = [name for name in names if name not in TUNINGS]
     if unknown:
         parser.error(f"there is no tuning {unknown[0]}; there are {', '.join(TUNINGS)}")
@@ -363,8 +362,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         path = PARAMETERS / f"{name}.ssv"
         path.write_text(parameter_set(name, tuning, study.best_params), encoding="utf-8")
         print(f"{path.relative_to(ROOT)}: cost {study.best_value:.4f} in trial {study.best_trial.number}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
