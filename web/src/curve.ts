@@ -2,12 +2,12 @@
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
-import { axisTitle, convert, text, withRoom } from "./format";
+import { element } from "./dom";
+import { convert, measured, withRoom } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
-import { type Range, type Values, Frame, axisStyle, coordinates } from "./panel";
+import { type Range, type Values, Plane, coordinates } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
-import { ticks } from "./ticks";
 
 /** The cursor that plots over time share. */
 const TIME = "Time (s)";
@@ -41,8 +41,7 @@ function extent(values: number[]): Range {
   return [values.reduce((m, v) => Math.min(m, v), Infinity), values.reduce((m, v) => Math.max(m, v), -Infinity)];
 }
 
-export class Curve extends Frame {
-  readonly #words: Uint16Array;
+export class Curve extends Plane {
   #drawn: Drawn[] = [];
   /** Lines of which all recorded samples are there; null: they cannot be had. */
   readonly #recorded = new Map<Line, { x: Values; y: Values; times: number[] } | null>();
@@ -54,8 +53,7 @@ export class Curve extends Frame {
   #marks = new Map<Drawn, HTMLElement>();
 
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
-    super(data, panel, state);
-    this.#words = words;
+    super(data, panel, state, words);
     this.element.classList.toggle("is-map", this.#isMap);
     // The cursor of plots over time; uPlot calls its members by this function.
     const follower = { pub: (_: string, plot: uPlot, x: number) => this.#follow(x < 0 ? null : plot.posToVal(x, "x")) };
@@ -83,17 +81,16 @@ export class Curve extends Frame {
   }
 
   protected draw(): void {
-    const width = this.body.clientWidth;
-    if (width === 0) return;
+    if (this.body.clientWidth === 0) return;
     const kept = this.chosen;
     const [across, up] = [this.unitOf(this.panel.x), this.unitOf(this.panel.y)];
     this.#drawn = this.panel.lines
       .filter((line) => this.state.shows(line))
       .map((line) => {
         const recorded = this.#recorded.get(line) ?? null;
-        const { x, y } = recorded ?? coordinates(this.#words, line);
+        const { x, y } = recorded ?? coordinates(this.words, line);
         const known = x.map((value, i) => value !== null && y[i] !== null && y[i] !== undefined);
-        const times = recorded?.times ?? (line.t === undefined ? [] : numbers(this.#words, line.t));
+        const times = recorded?.times ?? (line.t === undefined ? [] : numbers(this.words, line.t));
         const begins = new Set<number>();
         let count = 0;
         known.forEach((here, i) => {
@@ -112,44 +109,11 @@ export class Curve extends Frame {
     this.full = this.#room(this.panel.x, this.#drawn.flatMap(({ xs }) => xs));
     this.#at.clear();
     this.#isOwn = false;
-    this.plot?.destroy();
-    const axis = axisStyle();
-    const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
-    const series = this.#drawn.map((drawn) => ({ facets, paths: (plot: uPlot) => this.#paint(plot, drawn) }));
-    const points: [number[], number[]][] = this.#drawn.map(({ xs, ys }) => [xs, ys]);
-    if (series.length === 0) {
-      // When all cases are off: a plot needs a series.
-      series.push({ facets, paths: () => null });
-      points.push([[], []]);
-    }
-    const options = {
-      mode: 2,
-      width,
-      height: this.height,
-      series: [null, ...series],
-      legend: { show: false },
-      padding: [10, 12, 0, 0],
-      scales: {
-        x: { time: false, auto: false, distr: this.panel.x.log ? 3 : 1, range: this.full },
-        y: { auto: false, distr: this.panel.y.log ? 3 : 1, range: [1, 10] },
-      },
-      axes: [
-        { ...axis, scale: "x", label: axisTitle(this.panel.x, across), labelSize: 20, size: 32, ...ticks(this.panel.x) },
-        { ...axis, scale: "y", label: axisTitle(this.panel.y, up), labelSize: 18, size: 44, ...ticks(this.panel.y) },
-      ],
-      cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
-      hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
-    } as unknown as uPlot.Options;
-    this.plot = new uPlot(options, [null, ...points] as unknown as uPlot.AlignedData, this.body);
-    const over = this.plot.over;
-    this.#marks = new Map(
-      this.#drawn.map((drawn) => {
-        const mark = document.createElement("div");
-        mark.className = "plot-mark";
-        over.append(mark);
-        return [drawn, mark];
-      }),
-    );
+    const series = this.#drawn.map((drawn) => ({ paint: (plot: uPlot) => this.#paint(plot, drawn), points: [drawn.xs, drawn.ys] as [number[], number[]] }));
+    // When all cases are off: a plot needs a series.
+    const { over } = this.make(series.length === 0 ? [{ paint: () => {}, points: [[], []] }] : series, [1, 10]);
+    this.#marks = new Map(this.#drawn.map((drawn) => [drawn, element("div", { className: "plot-mark" })]));
+    over.append(...this.#marks.values());
     this.zoom(kept);
     this.#read();
   }
@@ -194,7 +158,7 @@ export class Curve extends Frame {
       if (file === undefined || signal === undefined || over === undefined || t === undefined) return false;
       const [across, up] = await Promise.all([samples(file, over), samples(file, signal)]);
       if (across === null || up === null) return false;
-      const [begin, end] = extent(numbers(this.#words, t).filter((time) => time !== null));
+      const [begin, end] = extent(numbers(this.words, t).filter((time) => time !== null));
       const inside = (_: number, i: number) => up.times[i]! >= begin && up.times[i]! <= end;
       this.#recorded.set(line, { x: across.values.filter(inside), y: up.values.filter(inside), times: up.times.filter(inside) });
       return true;
@@ -205,13 +169,9 @@ export class Curve extends Frame {
   }
 
   /** Draws a line. */
-  #paint(plot: uPlot, drawn: Drawn): null {
-    const { ctx, bbox } = plot;
+  #paint(plot: uPlot, drawn: Drawn): void {
+    const { ctx } = plot;
     const { line, xs, begins } = drawn;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
     ctx.strokeStyle = ctx.fillStyle = this.stroke(line);
     ctx.lineWidth = 1.6 * devicePixelRatio;
     ctx.lineJoin = "round";
@@ -241,12 +201,10 @@ export class Curve extends Frame {
         }
       });
     }
-    ctx.restore();
-    return null;
   }
 
   /** Finds the point that is nearest to the mouse. */
-  #find(plot: uPlot): void {
+  protected find(plot: uPlot): void {
     const { left = -1, top = -1 } = plot.cursor;
     let [found, least]: [[Drawn, number] | null, number] = [null, Infinity];
     if (left >= 0 && top >= 0) {
@@ -316,14 +274,9 @@ export class Curve extends Frame {
       const entry = this.entry(drawn.line);
       const i = this.#at.get(drawn);
       if (i === undefined) return entry;
-      const coordinate = (value: number, size: number, unit: { name: string }) => {
-        const number = document.createElement("b");
-        number.textContent = text(value, size);
-        return [" ", number, unit.name === "" ? "" : ` ${unit.name}`];
-      };
       entry.dataset["x"] = String(drawn.xs[i]);
-      entry.append(...coordinate(drawn.xs[i]!, drawn.digits[0], this.unitOf(this.panel.x)), ",");
-      entry.append(...coordinate(drawn.ys[i]!, drawn.digits[1], this.unitOf(this.panel.y)));
+      entry.append(...measured(drawn.xs[i]!, drawn.digits[0], this.unitOf(this.panel.x)), ",");
+      entry.append(...measured(drawn.ys[i]!, drawn.digits[1], this.unitOf(this.panel.y)));
       return entry;
     });
     this.readout.replaceChildren(...entries);

@@ -13,11 +13,17 @@ export function read(): PageData | null {
   return data.format === 1 ? data : null;
 }
 
+/** Bytes that are compressed, in base64. */
+export async function inflated(base64: string, format: CompressionFormat): Promise<ArrayBuffer> {
+  const text = atob(base64);
+  const compressed = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) compressed[i] = text.charCodeAt(i);
+  return new Response(new Blob([compressed]).stream().pipeThrough(new DecompressionStream(format))).arrayBuffer();
+}
+
 /** The words of the block, each column as differences. */
 export async function unpack(block: string): Promise<Uint16Array> {
-  const compressed = Uint8Array.from(atob(block), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([compressed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const bytes = new DataView(await new Response(stream).arrayBuffer());
+  const bytes = new DataView(await inflated(block, "deflate"));
   return Uint16Array.from({ length: bytes.byteLength / 2 }, (_, i) => bytes.getUint16(2 * i, true));
 }
 

@@ -1,21 +1,19 @@
 /** A figure: its panels instead of the static picture, which stays for print. */
 
-import { button } from "./controls";
 import { Curve } from "./curve";
+import { button, element } from "./dom";
 import { Heat } from "./heat";
-import type { Figure, PageData } from "./page-data";
-import { type Range, type View, scaled, shifted } from "./panel";
+import type { Figure, PageData, Panel } from "./page-data";
+import { type Frame, type Range, scaled, shifted } from "./panel";
 import { Plot } from "./plot";
 import type { State } from "./state";
 import { caseSwitches } from "./switches";
 
+const KINDS: Record<string, new (data: PageData, panel: Panel, state: State, words: Uint16Array) => Frame> = { heat: Heat, curve: Curve, map: Curve };
+
 /** Makes a figure interactive. `place` is the element with the static picture. */
 export function enhance(place: HTMLElement, figure: Figure, data: PageData, state: State, words: Uint16Array): void {
-  const view = (panel: Figure["panels"][number]): View => {
-    if (panel.kind === "heat") return new Heat(data, panel, state, words);
-    return new (panel.kind === "curve" || panel.kind === "map" ? Curve : Plot)(data, panel, state, words);
-  };
-  const plots = figure.panels.map(view);
+  const plots = figure.panels.map((panel) => new (KINDS[panel.kind ?? ""] ?? Plot)(data, panel, state, words));
   // All panels show the same part of the abscissa.
   const zoom = (range: Range | null) => {
     for (const plot of plots) plot.zoom(range);
@@ -23,21 +21,15 @@ export function enhance(place: HTMLElement, figure: Figure, data: PageData, stat
   for (const plot of plots) plot.onZoom = zoom;
   const first = plots[0];
   if (first === undefined) return;
-  const buttons = document.createElement("div");
-  buttons.className = "plot-buttons";
-  buttons.append(
-    button("+", "Zoom in", () => zoom(scaled(first.range, 0.5, null))),
-    button("−", "Zoom out", () => zoom(scaled(first.range, 2, null))),
-    button("‹", "Move left", () => zoom(shifted(first.range, -0.25, first.isLog))),
-    button("›", "Move right", () => zoom(shifted(first.range, 0.25, first.isLog))),
-    button("Show all", "Show all", () => zoom(null)),
-  );
-  const panels = document.createElement("div");
-  panels.className = plots.length > 1 ? "plots several" : "plots";
-  panels.append(...plots.map((plot) => plot.element));
-  const interactive = document.createElement("div");
-  interactive.className = "interactive";
-  interactive.append(caseSwitches(data, state, "Runs", figure.name), buttons, panels);
-  place.append(interactive);
+  const buttons = [
+    button("+", () => zoom(scaled(first.range, 0.5, null)), "Zoom in"),
+    button("−", () => zoom(scaled(first.range, 2, null)), "Zoom out"),
+    button("‹", () => zoom(shifted(first.range, -0.25, first.isLog)), "Move left"),
+    button("›", () => zoom(shifted(first.range, 0.25, first.isLog)), "Move right"),
+    button("Show all", () => zoom(null)),
+  ];
+  const panels = element("div", { className: plots.length > 1 ? "plots several" : "plots" }, ...plots.map((plot) => plot.element));
+  const switches = caseSwitches(data, state, "Runs", figure.name);
+  place.append(element("div", { className: "interactive" }, switches, element("div", { className: "plot-buttons" }, ...buttons), panels));
   place.classList.add("is-interactive");
 }

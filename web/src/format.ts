@@ -1,5 +1,6 @@
 /** Numbers and units as text. */
 
+import { element } from "./dom";
 import type { Axis, Unit } from "./page-data";
 
 /** Signs of a power of ten. */
@@ -20,6 +21,11 @@ export function text(value: number, digits: number): string {
 export function cell(value: number): string {
   const plain = value.toPrecision(3);
   return value === 0 || Math.abs(value) < 1e-4 || plain.includes("e") ? text(value, 3) : plain.replace("-", "−");
+}
+
+/** A value in a readout: after a space, in bold, with its unit. */
+export function measured(value: number, digits: number, unit: Unit): (string | Node)[] {
+  return [" ", element("b", {}, text(value, digits)), unit.name === "" ? "" : ` ${unit.name}`];
 }
 
 /** The title of an axis with its unit. */

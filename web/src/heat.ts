@@ -2,11 +2,11 @@
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
-import { axisTitle, cell, convert, text } from "./format";
+import { element } from "./dom";
+import { axisTitle, cell, convert, measured, text } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
-import { type Range, Frame, axisStyle, coordinates } from "./panel";
+import { type Range, Plane, coordinates } from "./panel";
 import type { State } from "./state";
-import { ticks } from "./ticks";
 
 const HEIGHT = 340;
 /** Cells narrower or lower than this have no number in them, px. */
@@ -39,7 +39,7 @@ function isLight([red, green, blue]: readonly [number, number, number]): boolean
 }
 
 /** Borders of cells about their centers, which rise: half way to the neighbors, on a logarithmic axis by ratio. */
-export function borders(centers: number[], log: boolean): number[] {
+function borders(centers: number[], log: boolean): number[] {
   const there = (value: number) => (log ? Math.log10(value) : value);
   const back = (value: number) => (log ? 10 ** value : value);
   const at = centers.map(there);
@@ -49,8 +49,7 @@ export function borders(centers: number[], log: boolean): number[] {
   return [2 * at[0]! - inner[0]!, ...inner, 2 * at[last]! - inner[last - 1]!].map(back);
 }
 
-export class Heat extends Frame {
-  readonly #words: Uint16Array;
+export class Heat extends Plane {
   readonly #line: Line;
   /** Centers of the cells in the units shown, and values by row and column. */
   #xs: number[] = [];
@@ -60,14 +59,11 @@ export class Heat extends Frame {
   #limits: Range = [0, 1];
   /** Column and row of the cell at the cursor. */
   #at: [number, number] | null = null;
-  readonly #mark = document.createElement("div");
+  readonly #mark = element("div", { className: "heat-mark" });
 
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
-    super(data, panel, state);
-    this.#words = words;
+    super(data, panel, state, words, "heat map with a cursor. Arrow keys go from cell to cell");
     this.#line = panel.lines[0];
-    this.#mark.className = "heat-mark";
-    this.body.setAttribute("aria-label", `${panel.title}${panel.note === "" ? "" : `, ${panel.note}`}: heat map with a cursor. Arrow keys go from cell to cell, plus and minus zoom, Escape shows everything.`);
   }
 
   protected get ownHeight(): number {
@@ -79,8 +75,8 @@ export class Heat extends Frame {
   }
 
   #cells(): void {
-    const { x, y } = coordinates(this.#words, this.#line);
-    const z = this.#line.z === undefined ? [] : numbers(this.#words, this.#line.z);
+    const { x, y } = coordinates(this.words, this.#line);
+    const z = this.#line.z === undefined ? [] : numbers(this.words, this.#line.z);
     const rising = (values: (number | null)[]) => [...new Set(values.filter((value) => value !== null))].sort((a, b) => a - b);
     const [across, up] = [rising(x), rising(y)];
     const values: (number | null)[][] = up.map(() => across.map(() => null));
@@ -99,38 +95,15 @@ export class Heat extends Frame {
   }
 
   protected draw(): void {
-    const width = this.body.clientWidth;
-    if (width === 0) return;
+    if (this.body.clientWidth === 0) return;
     const kept = this.chosen;
     this.#cells();
     const [across, up] = this.#borders;
     this.full = [across[0] ?? 0, across.at(-1) ?? 1];
     const vertical: Range = [up[0] ?? 0, up.at(-1) ?? 1];
-    this.plot?.destroy();
-    const axis = axisStyle();
-    const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
-    const atCells = (centers: number[]) => (centers.length <= MOST_TICKS ? { splits: () => centers } : {});
-    const distribution = (of: Axis) => (of.log ? 3 : 1);
-    const options = {
-      mode: 2,
-      width,
-      height: this.height,
-      series: [null, { facets, paths: (plot: uPlot) => this.#paint(plot) }],
-      legend: { show: false },
-      padding: [10, 12, 0, 0],
-      scales: {
-        x: { time: false, auto: false, distr: distribution(this.panel.x), range: this.full },
-        y: { auto: false, distr: distribution(this.panel.y), range: vertical },
-      },
-      axes: [
-        { ...axis, grid: { show: false }, scale: "x", label: axisTitle(this.panel.x, this.unitOf(this.panel.x)), labelSize: 20, size: 32, ...ticks(this.panel.x), ...atCells(this.#xs) },
-        { ...axis, grid: { show: false }, scale: "y", label: axisTitle(this.panel.y, this.unitOf(this.panel.y)), labelSize: 18, size: 44, ...ticks(this.panel.y), ...atCells(this.#ys) },
-      ],
-      cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
-      hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
-    } as unknown as uPlot.Options;
-    this.plot = new uPlot(options, [null, [this.#xs, this.#xs]] as unknown as uPlot.AlignedData, this.body);
-    this.plot.over.append(this.#mark);
+    const atCells = (centers: number[]) => ({ grid: { show: false }, ...(centers.length <= MOST_TICKS ? { splits: () => centers } : {}) });
+    const series = [{ paint: (plot: uPlot) => this.#paint(plot), points: [this.#xs, this.#xs] as [number[], number[]] }];
+    this.make(series, vertical, atCells(this.#xs), atCells(this.#ys)).over.append(this.#mark);
     this.element.dataset["vertical"] = `${vertical[0]} ${vertical[1]}`;
     this.zoom(kept);
     this.#read();
@@ -152,13 +125,9 @@ export class Heat extends Frame {
     return high > low ? (value - low) / (high - low) : 0.5;
   }
 
-  #paint(plot: uPlot): null {
-    const { ctx, bbox } = plot;
+  #paint(plot: uPlot): void {
+    const { ctx } = plot;
     const ratio = devicePixelRatio;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
     ctx.font = `${11 * ratio}px ${getComputedStyle(document.body).fontFamily}`;
     ctx.textAlign = "center";
     ctx.textBaseline = "middle";
@@ -177,11 +146,9 @@ export class Heat extends Frame {
         }
       }),
     );
-    ctx.restore();
-    return null;
   }
 
-  #find(plot: uPlot): void {
+  protected find(plot: uPlot): void {
     const { left = -1, top = -1 } = plot.cursor;
     const inside = (value: number, of: number[]) => of.findIndex((border, i) => value >= border && value <= (of[i + 1] ?? -Infinity));
     const at: [number, number] =
@@ -215,15 +182,11 @@ export class Heat extends Frame {
     this.#mark.hidden = at === null;
     const unit = this.unitOf(this.#z);
     const size = this.#line.z === undefined ? 4 : digits(this.#line.z);
-    const suffix = unit.name === "" ? "" : ` ${unit.name}`;
     if (at === null) {
-      const bar = document.createElement("i");
-      bar.className = "heat-bar";
+      const bar = element("i", { className: "heat-bar" });
       bar.style.background = `linear-gradient(to right, ${COLORS.map(css).join(", ")})`;
       const [low, high] = this.#limits;
-      const key = document.createElement("span");
-      key.className = "heat-key";
-      key.append(text(low, 4), bar, text(high, 4));
+      const key = element("span", { className: "heat-key" }, text(low, 4), bar, text(high, 4));
       this.readout.replaceChildren(axisTitle(this.#z, unit), key);
       return;
     }
@@ -233,16 +196,12 @@ export class Heat extends Frame {
     const [bottom, top] = [row, row + 1].map((i) => plot.valToPos(up[i]!, "y")) as Range;
     Object.assign(this.#mark.style, { left: `${left}px`, top: `${top}px`, width: `${right - left}px`, height: `${bottom - top}px` });
     const value = this.#values[row]?.[column] ?? null;
-    const number = document.createElement("b");
-    number.textContent = value === null ? "–" : text(value, size);
     const name = (axis: Axis, place: number) => {
       const of = this.unitOf(axis);
       return `${axis.title} ${text(place, 4)}${of.name === "" ? "" : ` ${of.name}`}`;
     };
-    const entry = document.createElement("span");
-    entry.dataset["x"] = String(this.#xs[column]);
-    entry.dataset["y"] = String(this.#ys[row]);
-    entry.append(`${name(this.panel.x, this.#xs[column]!)}, ${name(this.panel.y, this.#ys[row]!)}: `, number, value === null ? "" : suffix);
-    this.readout.replaceChildren(entry);
+    const [x, y] = [this.#xs[column]!, this.#ys[row]!];
+    const number = value === null ? [" ", element("b", {}, "–")] : measured(value, size, unit);
+    this.readout.replaceChildren(element("span", { "data-x": String(x), "data-y": String(y) }, `${name(this.panel.x, x)}, ${name(this.panel.y, y)}:`, ...number));
   }
 }

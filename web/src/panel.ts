@@ -2,9 +2,11 @@
 
 import uPlot from "uplot";
 import { numbers } from "./data";
+import { color, element } from "./dom";
 import { axisTitle } from "./format";
-import type { Line, PageData, Panel } from "./page-data";
+import type { Axis, Line, PageData, Panel } from "./page-data";
 import type { State } from "./state";
+import { ticks } from "./ticks";
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 4]];
 /** Marks of a key. */
@@ -16,27 +18,9 @@ const ACROSS = 66;
 export type Values = (number | null)[];
 export type Range = [number, number];
 
-/** A panel as the buttons of a figure and the other panels see it. */
-export interface View {
-  readonly element: HTMLElement;
-  /** The part of the abscissa that is shown. */
-  readonly range: Range;
-  /** Whether the abscissa is logarithmic. */
-  readonly isLog: boolean;
-  /** Shows a part of the abscissa; null: all of it. */
-  zoom(range: Range | null): void;
-  /** Told when the user zooms or pans; null: everything is to be shown. */
-  onZoom: (range: Range | null) => void;
-}
-
-/** A color of the page. */
-export function color(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-}
-
 /** What a line looks like; without dashes (null) only its mark. */
 export function lineKey(stroke: string, dashes: readonly number[] | null, mark = "", fill = stroke): Element {
-  const key = document.createElement("span");
+  const key = element("span");
   key.innerHTML = `<svg class="plot-key" viewBox="0 0 24 10" aria-hidden="true">${dashes === null ? "" : `<path d="M0 5h24" stroke-dasharray="${dashes.join(" ")}"/>`}${mark}</svg>`;
   const svg = key.firstElementChild as SVGElement;
   Object.assign(svg.style, { stroke, fill });
@@ -51,39 +35,33 @@ export function axisStyle(): uPlot.Axis {
 
 /** Width of a text on an axis, px. */
 function widthOf(title: string): number {
-  const context = document.createElement("canvas").getContext("2d")!;
+  const context = element("canvas").getContext("2d")!;
   context.font = axisStyle().font as string;
   return context.measureText(title).width;
 }
 
-export abstract class Frame implements View {
-  readonly element = document.createElement("div");
-  protected readonly readout = document.createElement("p");
-  protected readonly body = document.createElement("div");
+export abstract class Frame {
+  readonly element: HTMLElement;
+  protected readonly readout = element("p", { className: "plot-readout" });
+  protected readonly body: HTMLElement;
   protected plot: uPlot | null = null;
   protected full: Range = [0, 1];
+  /** Called when the user zooms or pans; null: everything is to be shown. */
   onZoom: (range: Range | null) => void = () => {};
 
   constructor(
     protected readonly data: PageData,
     protected readonly panel: Panel,
     protected readonly state: State,
+    protected readonly words: Uint16Array,
+    /** What the plot is, and what arrow keys do. */
+    about = "plot with a cursor. Arrow keys move the cursor",
   ) {
-    this.element.className = "plot";
-    const head = document.createElement("p");
-    head.className = "plot-title";
-    const title = document.createElement("b");
-    title.textContent = panel.title;
-    const note = document.createElement("span");
-    note.textContent = panel.note;
-    head.append(title, note);
-    this.readout.className = "plot-readout";
-    this.body.className = "plot-body";
-    this.body.tabIndex = 0;
-    this.body.setAttribute("role", "img");
-    this.body.setAttribute("aria-label", `${panel.title}${panel.note === "" ? "" : `, ${panel.note}`}: plot with a cursor. Arrow keys move the cursor, plus and minus zoom, Escape shows everything.`);
-    this.body.addEventListener("keydown", (event) => this.#key(event));
-    this.element.append(head, this.readout, this.body);
+    const title = `${panel.title}${panel.note === "" ? "" : `, ${panel.note}`}`;
+    const label = `${title}: ${about}, plus and minus zoom, Escape shows everything.`;
+    this.body = element("div", { className: "plot-body", tabIndex: 0, role: "img", "aria-label": label, onkeydown: (event) => this.#key(event) });
+    const head = element("p", { className: "plot-title" }, element("b", {}, panel.title), element("span", {}, panel.note));
+    this.element = element("div", { className: "plot" }, head, this.readout, this.body);
     new ResizeObserver(() => this.#resize()).observe(this.body);
     state.listen(() => this.draw());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
@@ -100,6 +78,7 @@ export abstract class Frame implements View {
     return false;
   }
 
+  /** Shows a part of the abscissa; null: all of it. */
   abstract zoom(range: Range | null): void;
 
   /** Height that the kind of plot has, px. */
@@ -112,6 +91,7 @@ export abstract class Frame implements View {
     return Math.max(this.ownHeight, ...titles.map((title) => widthOf(title) + ACROSS));
   }
 
+  /** The part of the abscissa that is shown. */
   get range(): Range {
     const x = this.plot?.scales["x"];
     return [x?.min ?? this.full[0], x?.max ?? this.full[1]];
@@ -121,7 +101,7 @@ export abstract class Frame implements View {
     return this.panel.x.log;
   }
 
-  protected unitOf(axis: Panel["x"]) {
+  protected unitOf(axis: Axis) {
     return (this.state.base ? axis.units[1] : undefined) ?? axis.units[0];
   }
 
@@ -139,11 +119,9 @@ export abstract class Frame implements View {
 
   /** The key of a line, with its dashes and marks, and its title, to which a readout appends values. */
   protected entry(line: Line): HTMLSpanElement {
-    const entry = document.createElement("span");
     const mark = line.crosses === true ? CROSS : line.marks === true || line.apart === true ? DOT : "";
     const stroke = this.stroke(line);
-    entry.append(lineKey(stroke, line.apart === true ? null : this.dash(line), mark, line.kind === "paper" ? color("card") : stroke), line.title);
-    return entry;
+    return element("span", {}, lineKey(stroke, line.apart === true ? null : this.dash(line), mark, line.kind === "paper" ? color("card") : stroke), line.title);
   }
 
   /** Tells which part of the abscissa is shown. */
@@ -223,6 +201,44 @@ export abstract class Frame implements View {
     };
     const action = actions[event.key];
     if (action !== undefined && action() !== false) event.preventDefault();
+  }
+}
+
+/** A panel without a common abscissa of its lines, which are painted by functions of their own. */
+export abstract class Plane extends Frame {
+  /** Moves the cursor to where the mouse is. */
+  protected abstract find(plot: uPlot): void;
+
+  /** Makes the plot: of each series a function that paints it, and its coordinates. */
+  protected make(series: { paint: (plot: uPlot) => void; points: [number[], number[]] }[], vertical: Range, across: uPlot.Axis = {}, up: uPlot.Axis = {}): uPlot {
+    this.plot?.destroy();
+    const { x, y } = this.panel;
+    const axis = (of: Axis) => ({ ...axisStyle(), label: axisTitle(of, this.unitOf(of)), ...ticks(of) });
+    const scale = (of: Axis, range: Range) => ({ time: false, auto: false, distr: of.log ? 3 : 1, range });
+    const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
+    const paths = (paint: (plot: uPlot) => void) => (plot: uPlot) => {
+      const { ctx, bbox } = plot;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      paint(plot);
+      ctx.restore();
+      return null;
+    };
+    const options = {
+      mode: 2,
+      width: this.body.clientWidth,
+      height: this.height,
+      series: [null, ...series.map(({ paint }) => ({ facets, paths: paths(paint) }))],
+      legend: { show: false },
+      padding: [10, 12, 0, 0],
+      scales: { x: scale(x, this.full), y: scale(y, vertical) },
+      axes: [{ ...axis(x), scale: "x", labelSize: 20, size: 32, ...across }, { ...axis(y), scale: "y", labelSize: 18, size: 44, ...up }],
+      cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
+      hooks: { setCursor: [(plot: uPlot) => this.find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
+    } as unknown as uPlot.Options;
+    return (this.plot = new uPlot(options, [null, ...series.map(({ points }) => points)] as unknown as uPlot.AlignedData, this.body));
   }
 }
 

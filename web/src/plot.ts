@@ -2,9 +2,10 @@
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
-import { axisTitle, convert, revert, text, withRoom } from "./format";
+import { color } from "./dom";
+import { axisTitle, convert, measured, revert, text, withRoom } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
-import { type Range, type Values, Frame, axisStyle, color, coordinates } from "./panel";
+import { type Range, type Values, Frame, axisStyle, coordinates } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
 import { ticks } from "./ticks";
@@ -52,7 +53,7 @@ export class Plot extends Frame {
   readonly #lines: Drawn[];
 
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
-    super(data, panel, state);
+    super(data, panel, state, words);
     this.#lines = panel.lines.map((line) => {
       const { x, y } = coordinates(words, line);
       return {
@@ -291,9 +292,7 @@ export class Plot extends Frame {
       const value = index === null || index === undefined ? null : plot.data[drawn.series]?.[index];
       if (value !== null && value !== undefined) {
         entry.dataset["x"] = String(plot.data[0][index!]);
-        const number = document.createElement("b");
-        number.textContent = text(value, drawn.digits);
-        entry.append(" ", number, unit.name === "" ? "" : ` ${unit.name}`);
+        entry.append(...measured(value, drawn.digits, unit));
         const spread = drawn.spread === null || index === undefined ? null : this.#spreadAt(drawn, plot.data[0][index!]!);
         if (spread !== null) entry.append(` ± ${text(spread * unit.factor, 3)}`);
       }

@@ -1,6 +1,6 @@
 /** The switches above the figures: cases, seeds, units. */
 
-import { group, toggle } from "./controls";
+import { element, group, toggle } from "./dom";
 import type { PageData } from "./page-data";
 import { DASHES, lineKey } from "./panel";
 import type { State } from "./state";
@@ -19,32 +19,26 @@ function seedToggle(seed: number, state: State): HTMLElement {
 
 /** A list to choose one seed of many from, or none. */
 function seedList(seeds: number[], state: State): HTMLElement {
-  const list = document.createElement("select");
-  list.setAttribute("aria-label", "Seed");
-  list.append(new Option("none", ""), ...seeds.map((seed) => new Option(String(seed), String(seed))));
+  const change = () => {
+    state.seeds.clear();
+    if (list.value !== "") state.seeds.add(Number(list.value));
+  };
+  const options = [new Option("none", ""), ...seeds.map((seed) => new Option(String(seed), String(seed)))];
+  const list = element("select", { "aria-label": "Seed", onchange: () => state.change(change) }, ...options);
   list.value = String([...state.seeds][0] ?? "");
-  list.addEventListener("change", () => {
-    state.change(() => {
-      state.seeds.clear();
-      if (list.value !== "") state.seeds.add(Number(list.value));
-    });
-  });
   return list;
 }
 
 /** A bar with switches of the cases of one figure, or of those of the page; empty if there is nothing to switch. */
 export function caseSwitches(data: PageData, state: State, title: string, figure?: string): HTMLElement {
-  const bar = document.createElement("div");
-  bar.className = "switches";
   const lines = data.figures.flatMap((one) => one.panels.flatMap((panel) => panel.lines));
   const cases = data.cases.filter((one) => one.figure === figure && lines.some((line) => line.case === one.name));
   const toggles = cases.map((one) => {
-    const element = toggle(one.title, one.title, true, (on) => state.change(() => put(state.cases, one.name, on)));
-    element.prepend(lineKey(`var(--series-${one.color})`, DASHES[one.dash] ?? []));
-    return element;
+    const result = toggle(one.title, one.title, true, (on) => state.change(() => put(state.cases, one.name, on)));
+    result.prepend(lineKey(`var(--series-${one.color})`, DASHES[one.dash] ?? []));
+    return result;
   });
-  if (toggles.length > 1) bar.append(group(title, toggles));
-  return bar;
+  return element("div", { className: "switches" }, ...(toggles.length > 1 ? [group(title, toggles)] : []));
 }
 
 /** The bar of switches of the page. */
@@ -57,9 +51,7 @@ export function switches(data: PageData, state: State): HTMLElement {
     const all = seeds.length <= FEW_SEEDS ? seeds.map((seed) => seedToggle(seed, state)) : [seedList(seeds, state)];
     bar.append(group("Seeds", [...(lines.some((line) => line.kind === "mean") ? [mean] : []), ...all]));
     if (seeds.length < data.seeds.length) {
-      const rest = document.createElement("small");
-      rest.textContent = `The page has ${seeds.length} of ${data.seeds.length} seeds one by one; mean and deviation are of all.`;
-      bar.append(rest);
+      bar.append(element("small", {}, `The page has ${seeds.length} of ${data.seeds.length} seeds one by one; mean and deviation are of all.`));
     }
   }
   if (data.figures.some((figure) => figure.panels.some((panel) => panel.y.units.length > 1))) {

@@ -1,6 +1,6 @@
 /** Tables: sorting, copying, lists on narrow screens, and a matrix of colors for long ones. The table is there without this code, too. */
 
-import { button, group } from "./controls";
+import { button, element, group, toggle } from "./dom";
 
 /** Tables with more rows can be shown as a matrix. */
 const LONG = 40;
@@ -29,19 +29,14 @@ function compare(one: string, other: string, direction: 1 | -1): number {
   return direction * (first === 0 ? numberIn(one) - numberIn(other) : one.localeCompare(other, "en", { numeric: true }));
 }
 
-/** The title of a column. */
-function titleOf(head: HTMLTableCellElement): string {
-  return head.dataset["text"] ?? textOf(head);
-}
-
 /** Whether the first cell of a group of rows is its title. */
 function isGrouped(table: HTMLTableElement): boolean {
   return table.querySelector("tbody th[rowspan]") !== null;
 }
 
 /** Titles, then rows, as texts; a cell over several rows is in each of them, and so is the title of a group. */
-export function matrix(table: HTMLTableElement): string[][] {
-  const head = [...(table.tHead?.rows[0]?.cells ?? [])].map(titleOf);
+function matrix(table: HTMLTableElement): string[][] {
+  const head = [...(table.tHead?.rows[0]?.cells ?? [])].map(textOf);
   const grouped = isGrouped(table);
   const group = table.dataset["group"];
   const rows = [...table.tBodies].flatMap((body) => {
@@ -57,12 +52,12 @@ export function matrix(table: HTMLTableElement): string[][] {
   return [group === undefined ? head : [group, ...head], ...rows];
 }
 
-export function csv(rows: string[][]): string {
+function csv(rows: string[][]): string {
   const quoted = (cell: string) => (/[",\n]/.test(cell) ? `"${cell.replaceAll('"', '""')}"` : cell);
   return rows.map((row) => row.map(quoted).join(",")).join("\n") + "\n";
 }
 
-export function markdown([head, ...rows]: string[][]): string {
+function markdown([head, ...rows]: string[][]): string {
   const line = (cells: string[]) => `| ${cells.map((cell) => cell.replaceAll("|", "\\|")).join(" | ")} |`;
   return [line(head ?? []), line((head ?? []).map(() => "---")), ...rows.map(line)].join("\n") + "\n";
 }
@@ -105,9 +100,7 @@ function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1)
 /** Makes the titles of columns buttons that sort, and returns a list for narrow screens, which have no titles of columns. */
 function makeSortable(table: HTMLTableElement): HTMLElement {
   const heads = [...(table.tHead?.rows[0]?.cells ?? [])];
-  const choice = document.createElement("select");
-  choice.setAttribute("aria-label", "Sort by");
-  choice.append(new Option("as given", ""));
+  const choice = element("select", { "aria-label": "Sort by" }, new Option("as given", ""));
   const by = (column: number | null, direction: 1 | -1) => {
     for (const other of heads) other.removeAttribute("aria-sort");
     if (column !== null) heads[column]?.setAttribute("aria-sort", direction === 1 ? "ascending" : "descending");
@@ -121,9 +114,8 @@ function makeSortable(table: HTMLTableElement): HTMLElement {
     const text = [...head.childNodes].find((node) => node.nodeType === Node.TEXT_NODE && node.textContent?.trim() !== "");
     if (text === undefined) return;
     const title = text.textContent!.trim();
-    const control = button(title, title, () => by(column, head.getAttribute("aria-sort") === "ascending" ? -1 : 1));
-    control.className = "sort";
-    control.title = "Sort";
+    const control = button(title, () => by(column, head.getAttribute("aria-sort") === "ascending" ? -1 : 1));
+    Object.assign(control, { className: "sort", title: "Sort" });
     head.dataset["text"] = title;
     text.replaceWith(control);
     choice.append(new Option(`${title}, rising`, `${column} 1`), new Option(`${title}, falling`, `${column} -1`));
@@ -139,7 +131,7 @@ function makeSortable(table: HTMLTableElement): HTMLElement {
 
 /** Gives cells the titles of their columns, which a narrow screen shows beside them instead of above. */
 export function label(table: HTMLTableElement): void {
-  const titles = [...(table.tHead?.rows[0]?.cells ?? [])].map(titleOf);
+  const titles = [...(table.tHead?.rows[0]?.cells ?? [])].map(textOf);
   for (const row of [...table.tBodies].flatMap((body) => [...body.rows])) {
     let column = 0;
     for (const cell of row.cells) {
@@ -177,34 +169,24 @@ function places(body: HTMLTableSectionElement): Map<string, Place[]> {
 
 /** Matrices of the numbers of a sweep, colored from the least to the greatest of each. */
 function heatMap(table: HTMLTableElement): HTMLElement {
-  const all = document.createElement("div");
-  all.className = "matrices";
+  const all = element("div", { className: "matrices" });
   for (const [title, cells] of [...table.tBodies].flatMap((body) => [...places(body)])) {
     const [rowTitles, columnTitles] = [[...new Set(cells.map((cell) => cell.row))], [...new Set(cells.map((cell) => cell.column))]];
     const values = cells.map((cell) => numberIn(cell.text)).filter((value) => !Number.isNaN(value));
     const [low, high] = [Math.min(...values), Math.max(...values)];
-    const found = document.createElement("table");
-    found.className = "matrix";
-    found.createCaption().textContent = title;
-    const head = found.createTHead().insertRow();
-    head.append(document.createElement("td"));
-    for (const name of columnTitles) head.append(Object.assign(document.createElement("th"), { textContent: name, scope: "col" }));
-    const rows = found.createTBody();
-    for (const name of rowTitles) {
-      const row = rows.insertRow();
-      row.append(Object.assign(document.createElement("th"), { textContent: name, scope: "row" }));
-      for (const column of columnTitles) {
-        const cell = row.insertCell();
-        cell.textContent = cells.find((one) => one.row === name && one.column === column)?.text ?? "";
-        const share = high > low ? (numberIn(cell.textContent) - low) / (high - low) : NaN;
+    const head = element("tr", {}, element("td"), ...columnTitles.map((name) => element("th", { scope: "col" }, name)));
+    const rows = rowTitles.map((name) => {
+      const values = columnTitles.map((column) => {
+        const text = cells.find((one) => one.row === name && one.column === column)?.text ?? "";
+        const cell = element("td", {}, text);
+        const share = high > low ? (numberIn(text) - low) / (high - low) : NaN;
         if (!Number.isNaN(share)) cell.style.setProperty("--share", `${Math.round(55 * share)}%`);
-      }
-    }
-    const scroll = document.createElement("div");
-    scroll.className = "scroll";
-    scroll.tabIndex = 0;
-    scroll.append(found);
-    all.append(scroll);
+        return cell;
+      });
+      return element("tr", {}, element("th", { scope: "row" }, name), ...values);
+    });
+    const found = element("table", { className: "matrix" }, element("caption", {}, title), element("thead", {}, head), element("tbody", {}, ...rows));
+    all.append(element("div", { className: "scroll", tabIndex: 0 }, found));
   }
   return all;
 }
@@ -215,23 +197,18 @@ export function enhanceTable(table: HTMLTableElement): void {
   if (!isGrouped(table)) label(table);
   if (!table.matches(".headline, .results")) return;
   const choice = makeSortable(table);
-  const asCsv = button("CSV", "Copy the table as CSV", () => void copy(csv(matrix(table)), asCsv));
-  const asMarkdown = button("Markdown", "Copy the table as Markdown", () => void copy(markdown(matrix(table)), asMarkdown));
-  const bar = document.createElement("div");
-  bar.className = "table-buttons";
+  const asCsv = button("CSV", () => void copy(csv(matrix(table)), asCsv), "Copy the table as CSV");
+  const asMarkdown = button("Markdown", () => void copy(markdown(matrix(table)), asMarkdown), "Copy the table as Markdown");
   const count = [...table.tBodies].reduce((sum, body) => sum + body.rows.length, 0);
   // A single row has no order.
-  bar.append(...(count > 1 ? [choice] : []), group("Copy as", [asCsv, asMarkdown]));
+  const bar = element("div", { className: "table-buttons" }, ...(count > 1 ? [choice] : []), group("Copy as", [asCsv, asMarkdown]));
   const frame = table.closest<HTMLElement>(".scroll") ?? table;
   if (count > LONG && table.querySelector("td.point") !== null) {
     const map = heatMap(table);
-    const control = button("Matrix", "Matrix of the points and cases", () => {
-      const shows = control.getAttribute("aria-pressed") !== "true";
-      control.setAttribute("aria-pressed", String(shows));
+    const control = toggle("Matrix", "Matrix of the points and cases", false, (shows) => {
       map.hidden = !shows;
       frame.hidden = shows;
     });
-    control.setAttribute("aria-pressed", "false");
     map.hidden = true;
     frame.after(map);
     bar.append(group("Show as", [control]));

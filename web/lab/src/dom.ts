@@ -1,17 +1,6 @@
-/** Elements of the page. */
+/** Elements of the lab. */
 
-type Children = (Node | string)[];
-
-/** An element with properties and children. */
-export function element<K extends keyof HTMLElementTagNameMap>(
-  tag: K,
-  properties: Partial<Omit<HTMLElementTagNameMap[K], "style">> = {},
-  ...children: Children
-): HTMLElementTagNameMap[K] {
-  const result = Object.assign(document.createElement(tag), properties);
-  result.append(...children);
-  return result;
-}
+import { element } from "../../src/dom";
 
 /** The element of the page's HTML with an id. */
 export function byId<T extends HTMLElement = HTMLElement>(id: string): T {
@@ -20,7 +9,7 @@ export function byId<T extends HTMLElement = HTMLElement>(id: string): T {
   return found as T;
 }
 
-export interface Option {
+interface Choice {
   value: string;
   title: string;
   /** Title of its group; empty for none. */
@@ -28,23 +17,14 @@ export interface Option {
 }
 
 /** Replaces the options of a select, in the groups of their first appearance. */
-export function fill(select: HTMLSelectElement, options: Option[], value: string): void {
-  const groups = new Map<string, HTMLElement>();
+export function fill(select: HTMLSelectElement, options: Choice[], value: string): void {
+  const groups = new Map<string, HTMLElement>([["", select]]);
   select.replaceChildren();
-  for (const option of options) {
-    const entry = element("option", { value: option.value, textContent: option.title });
-    const name = option.group ?? "";
-    if (name === "") {
-      select.append(entry);
-      continue;
-    }
-    let group = groups.get(name);
-    if (group === undefined) {
-      group = element("optgroup", { label: name });
-      groups.set(name, group);
-      select.append(group);
-    }
-    group.append(entry);
+  for (const { value, title, group: name = "" } of options) {
+    const group = groups.get(name) ?? element("optgroup", { label: name });
+    if (!groups.has(name)) select.append(group);
+    groups.set(name, group);
+    group.append(new Option(title, value));
   }
   select.value = value;
 }
@@ -73,10 +53,13 @@ export function download(name: string, content: Uint8Array): void {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-/** A color of the page's style. */
-export function color(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+/** What scrolls in the page, with a label for screen readers. */
+export function region(label: string, className: string, content: HTMLElement): HTMLElement {
+  return element("div", { className, tabIndex: 0, role: "region", "aria-label": label }, content);
 }
+
+/** A remark of a panel. */
+export const note = (text: string): HTMLElement => element("p", { className: "note" }, text);
 
 export const darkMode = matchMedia("(prefers-color-scheme: dark)");
 export const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");

@@ -1,6 +1,8 @@
 /** The FMUs beside the page. Their parts are scripts, because a page from `file://` may not read other files. */
 
 import { descriptions, names } from "lab:data";
+import { inflated } from "../../src/data";
+import { element } from "../../src/dom";
 import type { FmuFile } from "./protocol";
 
 export interface Documentation {
@@ -23,11 +25,7 @@ Object.assign(window, { chassisLab: { register: (name: string, content: unknown)
 
 /** Bytes that build-lab.mjs packed. */
 export async function unpack(base64: string): Promise<Uint8Array> {
-  const text = atob(base64);
-  const packed = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  return new Uint8Array(await inflated(base64, "deflate-raw"));
 }
 
 export async function unpackJson<T>(base64: string): Promise<T> {
@@ -65,14 +63,12 @@ export function part<K extends keyof Parts>(name: string, kind: K): Promise<Part
   let found = loaded.get(key);
   if (found === undefined) {
     found = new Promise<unknown>((resolve, reject) => {
-      const script = document.createElement("script");
       waiting.set(key, resolve);
-      script.addEventListener("error", () => {
+      const onerror = () => {
         loaded.delete(key);
         reject(new Error(`fmus/${key}.js cannot be loaded. It belongs beside this page.`));
-      });
-      script.src = `fmus/${key}.js`;
-      document.head.append(script);
+      };
+      document.head.append(element("script", { src: `fmus/${key}.js`, onerror }));
     });
     loaded.set(key, found);
   }

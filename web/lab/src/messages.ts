@@ -1,6 +1,7 @@
 /** Messages of the lab: errors stay until they are closed. */
 
-import { byId, element } from "./dom";
+import { element } from "../../src/dom";
+import { byId } from "./dom";
 import type { Message, Model } from "./model";
 
 /** How long an information stays, ms. */
@@ -18,22 +19,15 @@ export class Messages {
       const what = component === "" ? `ended at ${time.toFixed(3)} s` : `${component} failed at ${time.toFixed(3)} s`;
       this.#show({ level: "error", text: `${title}: ${what}: ${message}`, help: `Rewind, or change the setup.${others}` });
     });
-    // What was reported about the former system does not hold for the new one; errors of a restart stay.
-    model.on("opened", () => {
-      for (const one of [...this.#root.children]) if ((one as HTMLElement).dataset["level"] === "failed") one.remove();
-    });
   }
 
   #show({ level, text, help }: Message): void {
     for (const one of [...this.#root.children]) if ((one as HTMLElement).dataset["text"] === text) one.remove();
-    const close = element("button", { type: "button", className: "plain", textContent: "×" });
-    close.setAttribute("aria-label", "Close the message");
     const content = element("p", {}, text);
-    if (help !== "") content.append(" ", element("span", { className: "help", textContent: help }));
-    const message = element("div", { className: `message ${level}` }, content, close);
-    message.setAttribute("role", level === "error" ? "alert" : "status");
-    message.dataset["text"] = text;
-    close.addEventListener("click", () => message.remove());
+    if (help !== "") content.append(" ", element("span", { className: "help" }, help));
+    const close = element("button", { type: "button", className: "plain", "aria-label": "Close the message", onclick: () => message.remove() }, "×");
+    const role = level === "error" ? "alert" : "status";
+    const message: HTMLElement = element("div", { className: `message ${level}`, role, "data-text": text }, content, close);
     this.#root.append(message);
     while (this.#root.childElementCount > MOST) this.#root.firstElementChild!.remove();
     if (level === "info") setTimeout(() => message.remove(), STAY);

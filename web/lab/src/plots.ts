@@ -1,10 +1,12 @@
 /** Plots of signals over time that grow while the simulation runs. */
 
 import uPlot from "uplot";
+import { button, color, element } from "../../src/dom";
 import { text } from "../../src/format";
 import { lineKey } from "../../src/panel";
-import { color, darkMode, element, fill, unitText } from "./dom";
+import { darkMode, fill, unitText } from "./dom";
 import type { Model } from "./model";
+import { check } from "./panels/controls";
 import type { Column } from "./protocol";
 import type { Trace, Traces } from "./traces";
 
@@ -26,8 +28,8 @@ class LivePlot {
   readonly #select = element("select");
   readonly #description = element("span", { className: "plot-note" });
   readonly #readout = element("p", { className: "plot-readout" });
-  readonly #body = element("div", { className: "plot-body" });
-  readonly #now = element("div", { className: "now" });
+  readonly #body = element("div", { className: "plot-body", role: "img" });
+  readonly #now = element("div", { className: "now", hidden: true });
   #plot: uPlot | null = null;
   /** The visitor's own is the last one, so that it is drawn over the others. */
   #traces: Trace[] = [];
@@ -42,15 +44,12 @@ class LivePlot {
     onRemove: () => void,
   ) {
     this.#select.setAttribute("aria-label", `Signal of plot ${number}`);
-    this.#select.addEventListener("change", () => {
+    this.#select.onchange = () => {
       this.signal = this.#select.value;
       this.rebuild();
-    });
-    const remove = element("button", { type: "button", className: "plain", textContent: "×", title: "Remove this plot" });
-    remove.setAttribute("aria-label", `Remove plot ${number}`);
-    remove.addEventListener("click", onRemove);
-    this.#body.setAttribute("role", "img");
-    this.#now.hidden = true;
+    };
+    const remove = button("×", onRemove, `Remove plot ${number}`);
+    remove.className = "plain";
     this.element.append(element("div", { className: "plot-head" }, this.#select, remove), this.#description, this.#readout, this.#body);
     new ResizeObserver(() => this.#resize()).observe(this.#body);
   }
@@ -71,8 +70,7 @@ class LivePlot {
     const width = this.#body.clientWidth;
     this.#plot?.destroy();
     this.#plot = null;
-    this.#description.textContent = column?.description ?? "";
-    this.#description.title = column?.description ?? "";
+    this.#description.textContent = this.#description.title = column?.description ?? "";
     this.#body.setAttribute("aria-label", `${this.signal} over time`);
     if (column === undefined || width === 0) return;
     this.#traces = this.traces.shown.slice().reverse();
@@ -92,7 +90,7 @@ class LivePlot {
         series: [
           {},
           ...this.#traces.map((trace) => ({
-            stroke: this.traces.colorOf(trace),
+            stroke: color(trace.color),
             width: trace.isOwn ? 1.8 : 1,
             dash: dashesOf(trace),
             points: { show: false },
@@ -216,9 +214,7 @@ export class Plots {
     tools: HTMLElement,
     readonly switches: HTMLElement,
   ) {
-    const add = element("button", { type: "button", textContent: "Add a plot" });
-    add.addEventListener("click", () => this.#add(this.#unused()));
-    tools.append(add);
+    tools.append(button("Add a plot", () => this.#add(this.#unused())));
     model.on("opened", () => this.#open());
     model.on("rows", () => (this.#isStale = true));
     model.on("branch", () => this.retrace());
@@ -268,13 +264,13 @@ export class Plots {
   /** Lines have changed. */
   retrace(): void {
     const boxes = this.traces.all.map((trace) => {
-      const box = element("input", { type: "checkbox", checked: !this.traces.hidden.has(trace.key) });
-      box.addEventListener("change", () => {
-        if (box.checked) this.traces.hidden.delete(trace.key);
+      const box = check(trace.title, !this.traces.hidden.has(trace.key), (isOn) => {
+        if (isOn) this.traces.hidden.delete(trace.key);
         else this.traces.hidden.add(trace.key);
         for (const plot of this.#plots) plot.rebuild();
       });
-      return element("label", { className: "check" }, box, lineKey(`var(--${trace.color})`, dashesOf(trace)), element("span", { textContent: trace.title }));
+      box.lastElementChild!.before(lineKey(`var(--${trace.color})`, dashesOf(trace)));
+      return box;
     });
     this.switches.replaceChildren(...boxes);
     for (const plot of this.#plots) plot.rebuild();

@@ -1,9 +1,10 @@
 /** The view with its tools, numbers and legend. */
 
+import { button, element } from "../../src/dom";
 import { text } from "../../src/format";
-import { byId, element, field, fill, unitText } from "./dom";
+import { byId, field, fill, unitText } from "./dom";
 import type { Model } from "./model";
-import { button, check } from "./panels/controls";
+import { check } from "./panels/controls";
 import { CAMERAS, type Camera, View } from "./scene/view";
 import { shapeOf } from "./shape";
 import type { Traces } from "./traces";
@@ -49,27 +50,23 @@ export class Stage {
   }
 
   #addTools(view: View): void {
-    const camera = element("select");
+    const camera = element("select", { onchange: () => view.setCamera(camera.value as Camera) });
     fill(camera, Object.entries(CAMERAS).map(([value, { title }]) => ({ value, title })), "chase");
-    camera.addEventListener("change", () => view.setCamera(camera.value as Camera));
-    const motion = element("select");
-    fill(motion, FACTORS.map((factor) => ({ value: String(factor), title: factor === 1 ? "As it is" : `${factor}× larger` })), "1");
-    motion.addEventListener("change", () => {
+    const scale = () => {
       view.factor = Number(motion.value);
       this.#hudText = "";
-    });
-    this.#beside.addEventListener("change", () => {
+    };
+    const motion = element("select", { onchange: scale });
+    fill(motion, FACTORS.map((factor) => ({ value: String(factor), title: factor === 1 ? "As it is" : `${factor}× larger` })), "1");
+    this.#beside.onchange = () => {
       this.traces.beside = this.#beside.value;
       this.#showBeside();
       this.onBeside();
-    });
-    const larger = button("+", () => view.zoom(1 / 1.2));
-    larger.setAttribute("aria-label", "Nearer");
-    const smaller = button("−", () => view.zoom(1.2));
-    smaller.setAttribute("aria-label", "Farther away");
+    };
+    const zoom = [button("+", () => view.zoom(1 / 1.2), "Nearer"), button("−", () => view.zoom(1.2), "Farther away")];
     byId("view-tools").append(
       field("Camera", camera),
-      element("div", { className: "zoom row" }, larger, smaller),
+      element("div", { className: "zoom row" }, ...zoom),
       field("Beside it", this.#beside),
       field("Body motion", motion),
       element(

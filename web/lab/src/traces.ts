@@ -1,6 +1,5 @@
 /** What is drawn in the plots and beside the vehicle: the visitor's run, its twin, and older branches. */
 
-import { color } from "./dom";
 import type { Model } from "./model";
 
 export interface Trace {
@@ -52,9 +51,5 @@ export class Traces {
 
   get besideTrace(): Trace | null {
     return this.all.find(({ key, isOwn }) => !isOwn && key === this.beside) ?? null;
-  }
-
-  colorOf(trace: Trace): string {
-    return color(trace.color);
   }
 }

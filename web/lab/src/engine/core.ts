@@ -1,5 +1,5 @@
 // The core (crates/fmu-lab): the resolver, the master and the metrics as WebAssembly, and the modules of FMUs that it opens.
-import type { VariableInfo, Catalog, Driving, Metric, Opened, Setup } from "../protocol";
+import type { Catalog, Driving, Opened, Setup } from "../protocol";
 import { FUNCTIONS, REQUIRED, trampolines } from "./abi";
 import { Fmu } from "./fmu";
 import { Memory } from "./memory";
@@ -163,7 +163,7 @@ export class Core {
   }
 
   /** The response to a request, and its body. */
-  #request<T>(request: CoreRequest, body: Uint8Array = EMPTY): [T, Uint8Array] {
+  request<T>(request: CoreRequest, body: Uint8Array = EMPTY): [T, Uint8Array] {
     const text = ENCODER.encode(JSON.stringify(request));
     const [at, bodyAt] = [this.#put(text), this.#put(body)];
     this.#refusal = "";
@@ -179,13 +179,9 @@ export class Core {
     return [response as T, this.#memory.now.bytes.slice(from, from + this.#exports.lab_body_size()) as Uint8Array<ArrayBuffer>];
   }
 
-  start(descriptions: Record<string, string>, texts: Record<string, string>): Catalog {
-    return this.#request<Catalog>({ kind: "start", descriptions, texts })[0];
-  }
-
   /** Adds a dropped archive; returns the name it got. */
   drop(name: string, archive: Uint8Array): { name: string; description: string; catalog: Catalog } {
-    const [dropped, bytes] = this.#request<{ name: string; description: string }>({ kind: "drop", name }, archive);
+    const [dropped, bytes] = this.request<{ name: string; description: string }>({ kind: "drop", name }, archive);
     const refuse = (reason: string, help: string): never => {
       throw new Failure(`${name}: ${reason}`, help);
     };
@@ -205,38 +201,13 @@ export class Core {
       refuse(`its module does not export ${missing.join(", ")}`, "Export all functions of FMI 2.0; link with --export-table and --growable-table.");
     }
     this.#modules.set(dropped.name, { bytes, compiled });
-    const [catalog] = this.#request<Catalog>({ kind: "add", name: dropped.name, description: dropped.description });
+    const [catalog] = this.request<Catalog>({ kind: "add", name: dropped.name, description: dropped.description });
     return { ...dropped, catalog };
   }
 
   /** Makes systems, or says which modules they need. */
   open(setup: Setup): Opened | { missing: string[] } {
-    return this.#request<Opened | { missing: string[] }>({ kind: "open", setup, modules: [...this.#modules.keys()] })[0];
-  }
-
-  seek(time: number): number {
-    return this.#request<{ time: number }>({ kind: "seek", time })[0].time;
-  }
-
-  set(system: number | null, adjustable: string, value: number): void {
-    this.#request({ kind: "set", system, adjustable, value });
-  }
-
-  drive(driving: Driving): void {
-    this.#request({ kind: "drive", driving });
-  }
-
-  metrics(): Metric[] {
-    return this.#request<Metric[]>({ kind: "metrics" })[0];
-  }
-
-  /** A file with its name. */
-  file(kind: "csv" | "ssp", system: number): [string, Uint8Array] {
-    return this.#request<string>({ kind, system });
-  }
-
-  describe(fmu: string): VariableInfo[] {
-    return this.#request<VariableInfo[]>({ kind: "describe", fmu })[0];
+    return this.request<Opened | { missing: string[] }>({ kind: "open", setup, modules: [...this.#modules.keys()] })[0];
   }
 
   /** Makes steps; returns their number, fewer at the end of a system, -1 if it has failed. */

@@ -1,5 +1,5 @@
 // The engine of the lab: answers the page's requests, and lets the systems run in real time.
-import type { Event, Opened, Request, Response } from "../protocol";
+import type { Catalog, Event, Metric, Opened, Request, Response, VariableInfo } from "../protocol";
 import { Core, Failure } from "./core";
 
 /** Wall-clock time of one turn, ms: messages are read between turns. */
@@ -13,9 +13,9 @@ const CLOCK = 100;
 export type Post = (message: Response | Event, transfer: Transferable[]) => void;
 
 export class Engine {
-  #core: Core | null = null;
+  /** `null` before the first request. */
+  core: Core | null = null;
   #opened: Opened | null = null;
-  readonly #post: Post;
   #rate = 0;
   #failed: boolean[] = [];
   #over: boolean[] = [];
@@ -27,9 +27,7 @@ export class Engine {
   #told = 0;
   #scheduled = false;
 
-  constructor(post: Post) {
-    this.#post = post;
-  }
+  constructor(readonly post: Post) {}
 
   receive(request: Request): void {
     const id = "id" in request ? request.id : null;
@@ -39,55 +37,56 @@ export class Engine {
       const message = error instanceof Error ? error.message : String(error);
       const help = error instanceof Failure ? error.help : "";
       if (id === null) console.error(message);
-      else this.#post({ kind: "error", id, message, help }, []);
+      else this.post({ kind: "error", id, message, help }, []);
     }
   }
 
   get #running(): Core {
-    if (this.#core === null) throw new Error("the first request must be `start`");
-    return this.#core;
+    if (this.core === null) throw new Error("the first request must be `start`");
+    return this.core;
   }
 
   #answer(request: Request): void {
     switch (request.kind) {
       case "start": {
-        this.#core = new Core(request.core);
+        this.core = new Core(request.core);
         this.#add(request.fmus);
         const descriptions = Object.fromEntries(request.fmus.map((fmu) => [fmu.name, fmu.description]));
-        return this.#post({ kind: "started", id: request.id, catalog: this.#core.start(descriptions, request.texts) }, []);
+        const [catalog] = this.core.request<Catalog>({ kind: "start", descriptions, texts: request.texts });
+        return this.post({ kind: "started", id: request.id, catalog }, []);
       }
       case "add":
         this.#add(request.fmus);
-        return this.#post({ kind: "added", id: request.id }, []);
+        return this.post({ kind: "added", id: request.id }, []);
       case "drop": {
         const { name, description, catalog } = this.#running.drop(request.name, request.archive);
-        return this.#post({ kind: "dropped", id: request.id, name, description, catalog }, []);
+        return this.post({ kind: "dropped", id: request.id, name, description, catalog }, []);
       }
       case "open":
         return this.#open(request);
       case "play":
         return this.#play(request.rate);
       case "seek": {
-        const time = this.#running.seek(request.time);
+        const [{ time }] = this.#running.request<{ time: number }>(request);
         this.#from = time;
         this.#failed = this.#failed.map((_, index) => this.#running.failure(index) !== null);
         this.#over = this.#over.map(() => false);
-        this.#post({ kind: "sought", id: request.id, time }, []);
+        this.post({ kind: "sought", id: request.id, time }, []);
         return this.#tell();
       }
       case "set":
-        return this.#running.set(request.system, request.adjustable, request.value);
       case "drive":
-        return this.#running.drive(request.driving);
+        this.#running.request(request);
+        return;
       case "metrics":
-        return this.#post({ kind: "metrics", id: request.id, metrics: this.#running.metrics() }, []);
+        return this.post({ kind: "metrics", id: request.id, metrics: this.#running.request<Metric[]>(request)[0] }, []);
       case "csv":
       case "ssp": {
-        const [name, bytes] = this.#running.file(request.kind, request.system);
-        return this.#post({ kind: "file", id: request.id, name, bytes }, [bytes.buffer]);
+        const [name, bytes] = this.#running.request<string>(request);
+        return this.post({ kind: "file", id: request.id, name, bytes }, [bytes.buffer]);
       }
       case "describe":
-        return this.#post({ kind: "described", id: request.id, variables: this.#running.describe(request.fmu) }, []);
+        return this.post({ kind: "described", id: request.id, variables: this.#running.request<VariableInfo[]>(request)[0] }, []);
     }
   }
 
@@ -98,13 +97,13 @@ export class Engine {
   #open(request: Extract<Request, { kind: "open" }>): void {
     this.#rate = 0;
     const opened = this.#running.open(request.setup);
-    if ("missing" in opened) return this.#post({ kind: "needs", id: request.id, missing: opened.missing }, []);
+    if ("missing" in opened) return this.post({ kind: "needs", id: request.id, missing: opened.missing }, []);
     this.#opened = opened;
     this.#branch = 0;
     this.#from = null;
     this.#failed = opened.systems.map(() => false);
     this.#over = opened.systems.map(() => false);
-    this.#post({ kind: "opened", id: request.id, opened }, []);
+    this.post({ kind: "opened", id: request.id, opened }, []);
     this.#sendRows();
     this.#tell();
   }
@@ -162,7 +161,7 @@ export class Engine {
   #begin(): void {
     if (this.#from === null) return;
     this.#branch += 1;
-    this.#post({ kind: "branch", branch: this.#branch, from: this.#from }, []);
+    this.post({ kind: "branch", branch: this.#branch, from: this.#from }, []);
     this.#from = null;
     // A system that had stopped before the time of the branch is stopped in the branch, too.
     this.#failed.forEach((failed, system) => failed && this.#report(system));
@@ -184,13 +183,13 @@ export class Engine {
 
   #report(system: number): void {
     const failure = this.#running.failure(system);
-    this.#post({ kind: "failed", system, time: failure?.time ?? this.#running.time(system), component: failure?.component ?? "", message: failure?.message ?? "" }, []);
+    this.post({ kind: "failed", system, time: failure?.time ?? this.#running.time(system), component: failure?.component ?? "", message: failure?.message ?? "" }, []);
   }
 
   #sendRows(): void {
     this.#opened?.systems.forEach(({ columns }, system) => {
       const { count, data } = this.#running.rows(system, columns.length + 1);
-      if (count > 0) this.#post({ kind: "rows", system, branch: this.#branch, count, data }, [data.buffer]);
+      if (count > 0) this.post({ kind: "rows", system, branch: this.#branch, count, data }, [data.buffer]);
     });
   }
 
@@ -198,11 +197,6 @@ export class Engine {
     if (this.#opened === null) return;
     this.#told = performance.now();
     const times = this.#opened.systems.map((_, system) => this.#running.time(system));
-    this.#post({ kind: "clock", time: Math.max(...times), rate: this.#rate, playing: this.#rate > 0 }, []);
-  }
-
-  /** The core, for measurements. */
-  get core(): Core | null {
-    return this.#core;
+    this.post({ kind: "clock", time: Math.max(...times), rate: this.#rate, playing: this.#rate > 0 }, []);
   }
 }

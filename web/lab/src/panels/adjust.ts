@@ -1,9 +1,10 @@
 /** Sliders of tunable parameters and of inputs, which act while the simulation runs. */
 
-import { element } from "../dom";
+import { button, element } from "../../../src/dom";
+import { note } from "../dom";
 import type { Model } from "../model";
 import type { Adjustable } from "../protocol";
-import { type Slider, button, slider } from "./controls";
+import { type Slider, slider } from "./controls";
 
 /** With more sliders than this, a field finds them by name. */
 const MANY = 8;
@@ -12,9 +13,9 @@ const QUICK = /:(road_friction(\..*)?|tire\.friction|driver\.speed)$/;
 
 export class AdjustPanel {
   readonly #sliders = new Map<string, Slider>();
-  readonly #search = element("input", { type: "search", placeholder: "Find a value" });
+  readonly #search = element("input", { type: "search", placeholder: "Find a value", "aria-label": "Find a value by its name", oninput: () => this.#filter() });
   readonly #list = element("div", { className: "sliders" });
-  readonly #reset: HTMLButtonElement;
+  readonly #reset = button("Reset", () => this.#resetAll());
 
   constructor(
     readonly model: Model,
@@ -23,9 +24,6 @@ export class AdjustPanel {
     /** Place of the friction and of a prescribed speed, below the view. */
     readonly quick: HTMLElement,
   ) {
-    this.#search.setAttribute("aria-label", "Find a value by its name");
-    this.#search.addEventListener("input", () => this.#filter());
-    this.#reset = button("Reset", () => this.#resetAll());
     this.#reset.title = "Sets all values to those of the start";
     tools.append(this.#reset);
     root.append(this.#search, this.#list);
@@ -54,17 +52,13 @@ export class AdjustPanel {
       components.set(component, list);
     }
     const fmus = new Map(this.model.opened?.systems[0]?.components.map(({ name, fmu }) => [name, fmu]));
-    let isFirst = true;
     for (const [component, adjustables] of components) {
-      const group = element("details", { open: isFirst });
-      const fmu = fmus.get(component);
-      group.append(element("summary", {}, element("b", { textContent: fmu ?? component }), element("small", { textContent: ` ${adjustables.length}` })));
-      group.append(...adjustables.map((adjustable) => this.#slider(adjustable)));
-      this.#list.append(group);
-      isFirst = false;
+      const head = element("summary", {}, element("b", {}, fmus.get(component) ?? component), element("small", {}, ` ${adjustables.length}`));
+      const open = this.#list.childElementCount === 0;
+      this.#list.append(element("details", { open }, head, ...adjustables.map((adjustable) => this.#slider(adjustable))));
     }
     const count = this.#adjustables.length;
-    if (count === 0) this.#list.append(element("p", { className: "note", textContent: "This system has no value that may change while it runs." }));
+    if (count === 0) this.#list.append(note("This system has no value that may change while it runs."));
     this.#search.hidden = count <= MANY;
     this.#reset.hidden = count === 0;
     this.#reset.disabled = this.model.changed.size === 0;

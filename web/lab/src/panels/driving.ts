@@ -1,9 +1,9 @@
 /** Driving: arrow keys, a gamepad, or sliders. */
 
-import { element, isControl } from "../dom";
+import { button, element } from "../../../src/dom";
+import { isControl, note } from "../dom";
 import type { Model } from "../model";
 import type { Driving } from "../protocol";
-import { button } from "./controls";
 
 /** Time from the middle to full lock, and back, s. */
 const STEER_TIME = 0.9;
@@ -38,7 +38,7 @@ export class DrivingPanel {
   ) {
     const range = (title: string, min: number) => {
       const input = element("input", { type: "range", min: String(min), max: "1", step: "0.01", value: "0" });
-      return [input, element("label", { className: "slider" }, element("span", { textContent: title }), input)] as const;
+      return [input, element("label", { className: "slider" }, element("span", {}, title), input)] as const;
     };
     const [steer, steerLabel] = range("Steering: right to left", -1);
     const [throttle, throttleLabel] = range("Accelerator", 0);
@@ -47,10 +47,10 @@ export class DrivingPanel {
     steer.classList.add("mirrored");
     this.#sliders = { steer, throttle, brake };
     for (const [name, input] of Object.entries(this.#sliders) as [keyof Driving, HTMLInputElement][]) {
-      input.addEventListener("input", () => {
+      input.oninput = () => {
         this.#hasKeys = false;
         this.#driving = { ...this.#driving, [name]: input.valueAsNumber };
-      });
+      };
     }
     const center = button("Straight ahead, no pedal", () => {
       this.#hasKeys = false;
@@ -58,7 +58,7 @@ export class DrivingPanel {
     });
     root.append(
       element("h2", { id: "driving-title", textContent: "You drive" }),
-      element("p", { className: "note", textContent: "Arrow keys or W A S D, a gamepad, or these sliders." }),
+      note("Arrow keys or W A S D, a gamepad, or these sliders."),
       element("div", { className: "driving-controls" }, steerLabel, throttleLabel, brakeLabel, center),
     );
     window.addEventListener("keydown", (event) => this.#key(event, true));

@@ -1,8 +1,9 @@
 /** The metrics of the run, updated while it runs. */
 
+import { element } from "../../../src/dom";
 import { text } from "../../../src/format";
 import { label } from "../../../src/table";
-import { element, unitText } from "../dom";
+import { note, region, unitText } from "../dom";
 import type { Model } from "../model";
 import type { Metric } from "../protocol";
 
@@ -28,7 +29,7 @@ export class MetricsPanel {
     readonly model: Model,
     readonly root: HTMLElement,
   ) {
-    this.root.append(element("p", { className: "note", textContent: "Metrics follow when the simulation runs." }));
+    this.root.append(note("Metrics follow when the simulation runs."));
     model.on("opened", () => {
       this.#order += 1;
       this.#isWaiting = false;
@@ -54,7 +55,7 @@ export class MetricsPanel {
       const metrics = await this.model.metrics();
       if (order === this.#order) this.#show(metrics);
     } catch (error) {
-      if (order === this.#order) this.root.replaceChildren(element("p", { className: "note", textContent: `Metrics cannot be computed: ${(error as Error).message}` }));
+      if (order === this.#order) this.root.replaceChildren(note(`Metrics cannot be computed: ${(error as Error).message}`));
     } finally {
       if (order === this.#order) this.#isWaiting = false;
     }
@@ -65,12 +66,12 @@ export class MetricsPanel {
     const { opened, end } = this.model;
     // What is not over may still change: an overshoot at 1.55 s, a course that is not passed yet.
     const isProvisional = opened !== null && !this.model.hasEnded;
-    const note = isProvisional ? `Provisional: ${end.toFixed(1)} s of at most ${opened.stop.toFixed(1)} s. Verdicts follow at the end.` : "";
-    const shown = JSON.stringify([titles, metrics, note]);
+    const remark = isProvisional ? `Provisional: ${end.toFixed(1)} s of at most ${opened.stop.toFixed(1)} s. Verdicts follow at the end.` : "";
+    const shown = JSON.stringify([titles, metrics, remark]);
     if (shown === this.#shown) return;
     this.#shown = shown;
     if (metrics.length === 0) {
-      this.root.replaceChildren(element("p", { className: "note", textContent: "This maneuver has no metrics." }));
+      this.root.replaceChildren(note("This maneuver has no metrics."));
       return;
     }
     const cell = (title: string, className = "") => element("th", { scope: "col", textContent: title, className });
@@ -86,18 +87,16 @@ export class MetricsPanel {
         if (value === null && metric.reason !== "") result.append(element("small", { textContent: metric.reason }));
         return result;
       });
-      const verdict = element("td");
-      if (hasVerdicts && metric.verdict !== null) verdict.append(element("span", { className: `badge ${metric.verdict}`, textContent: VERDICTS[metric.verdict] }));
-      return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: unitText(DEGREES[metric.unit] ?? metric.unit) }), ...(hasVerdicts ? [verdict] : []));
+      const badge = metric.verdict === null ? "" : element("span", { className: `badge ${metric.verdict}` }, VERDICTS[metric.verdict]);
+      const unit = element("td", { className: "unit" }, unitText(DEGREES[metric.unit] ?? metric.unit));
+      return element("tr", {}, name, ...values, unit, ...(hasVerdicts ? [element("td", {}, badge)] : []));
     });
     const table = element("table", { className: "metrics" }, element("thead", {}, head), element("tbody", {}, ...rows));
-    const scroll = element("div", { className: "scroll", tabIndex: 0 }, table);
-    scroll.setAttribute("role", "region");
-    scroll.setAttribute("aria-labelledby", "metrics-title");
+    const scroll = region("Metrics", "scroll", table);
     // Someone who reads the table keeps the place.
     const left = this.root.querySelector(".scroll")?.scrollLeft ?? 0;
     const hadFocus = this.root.contains(document.activeElement);
-    this.root.replaceChildren(...(note === "" ? [] : [element("p", { className: "note", textContent: note })]), scroll);
+    this.root.replaceChildren(...(remark === "" ? [] : [note(remark)]), scroll);
     scroll.scrollLeft = left;
     label(table);
     if (hadFocus) scroll.focus({ preventScroll: true });

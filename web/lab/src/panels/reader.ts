@@ -1,7 +1,8 @@
 /** Documentation and variables of the FMUs of the system. */
 
+import { element } from "../../../src/dom";
 import { label } from "../../../src/table";
-import { element, field, fill } from "../dom";
+import { field, fill, note, region } from "../dom";
 import { isOurs, part, summary } from "../library";
 import type { Model } from "../model";
 import type { VariableInfo } from "../protocol";
@@ -17,18 +18,13 @@ function cleaned(html: string, picture: string): HTMLElement {
       one.remove();
       continue;
     }
-    const image = one instanceof HTMLImageElement || one.tagName === "IMG";
     const [target, alternative] = [one.getAttribute("href") ?? "", one.getAttribute("alt") ?? ""];
     for (const { name } of [...one.attributes]) if (!["colspan", "rowspan", "class"].includes(name)) one.removeAttribute(name);
     if (one.tagName === "A" && /^https:/.test(target)) one.setAttribute("href", target);
     if (one.tagName === "PRE") one.setAttribute("tabindex", "0");
-    if (!image) continue;
+    if (one.tagName !== "IMG") continue;
     if (picture === "") one.remove();
-    else {
-      one.setAttribute("src", `data:image/png;base64,${picture}`);
-      one.setAttribute("alt", alternative);
-      one.setAttribute("loading", "lazy");
-    }
+    else one.replaceWith(element("img", { src: `data:image/png;base64,${picture}`, alt: alternative, loading: "lazy" }));
   }
   // Headings of the page enclose those of the text.
   const result = element("div", { className: "documentation" });
@@ -49,7 +45,7 @@ function cleaned(html: string, picture: string): HTMLElement {
 export class ReaderPanel {
   readonly #select = element("select");
   readonly #part = element("select");
-  readonly #search = element("input", { type: "search", placeholder: "Find a variable" });
+  readonly #search = element("input", { type: "search", placeholder: "Find a variable", "aria-label": "Find a variable by its name or description", oninput: () => this.#showVariables() });
   readonly #body = element("div");
   #variables: VariableInfo[] = [];
   #order = 0;
@@ -60,9 +56,7 @@ export class ReaderPanel {
     tools: HTMLElement,
   ) {
     fill(this.#part, [{ value: "documentation", title: "Documentation and equations" }, { value: "variables", title: "Variables" }], "documentation");
-    this.#search.setAttribute("aria-label", "Find a variable by its name or description");
-    this.#search.addEventListener("input", () => this.#showVariables());
-    for (const select of [this.#select, this.#part]) select.addEventListener("change", () => void this.#show());
+    this.#select.onchange = this.#part.onchange = () => void this.#show();
     tools.append(field("FMU", this.#select), field("Show", this.#part));
     root.append(this.#search, this.#body);
     model.on("opened", () => this.#open());
@@ -92,22 +86,11 @@ export class ReaderPanel {
       } else {
         const { html, picture } = await part(fmu, "documentation");
         if (order !== this.#order) return;
-        this.#showDocumentation(fmu, html, picture);
+        this.#body.replaceChildren(html === "" ? note(`${fmu} has no documentation.`) : region(`Documentation of ${fmu}`, "text", cleaned(html, picture)));
       }
     } catch (error) {
-      if (order === this.#order) this.#body.replaceChildren(element("p", { className: "note", textContent: (error as Error).message }));
+      if (order === this.#order) this.#body.replaceChildren(note((error as Error).message));
     }
-  }
-
-  #showDocumentation(fmu: string, html: string, picture: string): void {
-    if (html === "") {
-      this.#body.replaceChildren(element("p", { className: "note", textContent: `${fmu} has no documentation.` }));
-      return;
-    }
-    const scroll = element("div", { className: "text", tabIndex: 0 }, cleaned(html, picture));
-    scroll.setAttribute("role", "region");
-    scroll.setAttribute("aria-label", `Documentation of ${fmu}`);
-    this.#body.replaceChildren(scroll);
   }
 
   #showVariables(): void {
@@ -118,11 +101,8 @@ export class ReaderPanel {
       element("tr", {}, element("th", { scope: "row" }, element("code", { textContent: name })), ...[causality, start, unit, description].map((text) => element("td", { textContent: text }))),
     );
     const table = element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows));
-    const scroll = element("div", { className: "scroll variables", tabIndex: 0 }, table);
     label(table);
-    scroll.setAttribute("role", "region");
-    scroll.setAttribute("aria-label", "Variables");
     const about = isOurs(this.#select.value) ? "" : `${summary(this.#select.value)} `;
-    this.#body.replaceChildren(element("p", { className: "note", textContent: `${about}${found.length} of ${this.#variables.length} variables` }), scroll);
+    this.#body.replaceChildren(note(`${about}${found.length} of ${this.#variables.length} variables`), region("Variables", "scroll variables", table));
   }
 }

@@ -1,16 +1,17 @@
 /** Choice of the system: vehicle, controllers, maneuver, road; or a scenario of the library. */
 
+import { button, element } from "../../../src/dom";
 import { Choice } from "../choice";
-import { element, field, fill } from "../dom";
+import { field, fill, note } from "../dom";
 import { summary } from "../library";
 import type { Model } from "../model";
 import type { Controller, FreeSystem, ScenarioSystem, Vehicle } from "../protocol";
-import { button, slider } from "./controls";
+import { slider } from "./controls";
 
 const KINDS = { bench: "Test bench", free: "You drive" };
 
 export class SetupPanel {
-  readonly #kind = element("select", { id: "setup-kind" });
+  readonly #kind = element("select", { id: "setup-kind", onchange: () => this.#changeKind() });
   readonly #body = element("div", { className: "fields" });
   #timer = 0;
   /** Whether controllers are listed that neither are chosen nor belong to the vehicle's paper. */
@@ -23,7 +24,6 @@ export class SetupPanel {
     readonly quick: HTMLElement,
   ) {
     fill(this.#kind, [{ value: "free", title: "A vehicle and controllers of your choice" }, { value: "scenario", title: "A scenario of the library" }], "free");
-    this.#kind.addEventListener("change", () => this.#changeKind());
     root.append(element("div", { className: "fields" }, field("Simulate", this.#kind)), this.#body);
     model.on("opened", () => this.show());
     model.on("catalog", () => this.show());
@@ -72,17 +72,14 @@ export class SetupPanel {
   }
 
   #select(title: string, key: string, options: { value: string; title: string; group?: string }[], value: string, change: (value: string) => void): HTMLElement {
-    const select = element("select");
-    select.dataset["key"] = key;
+    const select = element("select", { "data-key": key, onchange: () => change(select.value) });
     fill(select, options, value);
-    select.addEventListener("change", () => change(select.value));
     return field(title, select);
   }
 
   #seed(value: number, change: (value: number) => void): HTMLElement {
-    const input = element("input", { type: "number", min: "0", max: "1000000", step: "1", value: String(value) });
-    input.dataset["key"] = "seed";
-    input.addEventListener("change", () => input.checkValidity() && input.value !== "" && change(input.valueAsNumber));
+    const onchange = () => input.checkValidity() && input.value !== "" && change(input.valueAsNumber);
+    const input = element("input", { type: "number", min: "0", max: "1000000", step: "1", value: String(value), "data-key": "seed", onchange });
     return field("Seed of random numbers", input);
   }
 
@@ -101,7 +98,7 @@ export class SetupPanel {
       }),
     ];
     if (vehicle !== undefined) {
-      parts.push(element("p", { className: "note", textContent: summary(vehicle.fmu) || vehicle.title }), this.#controllers(vehicle, system, change));
+      parts.push(note(summary(vehicle.fmu) || vehicle.title), this.#controllers(vehicle, system, change));
     }
     const maneuvers = catalog.maneuvers.filter(({ id }) => vehicle?.maneuvers.includes(id) ?? true);
     const maneuver = maneuvers.find(({ id }) => id === system.maneuver);
@@ -136,19 +133,17 @@ export class SetupPanel {
     const isMain = ({ fmu }: Controller) => vehicle.defaults.includes(fmu) || system.controllers.includes(fmu);
     const others = vehicle.controllers.filter((controller) => !isMain(controller));
     const list = element("ul", { className: "controllers" }, ...vehicle.controllers.filter(isMain).map(entry));
-    const more = element("details", { open: this.#showsMore }, element("summary", { textContent: `Others that fit: ${others.length}` }), element("ul", { className: "controllers" }, ...others.map(entry)));
-    more.addEventListener("toggle", () => (this.#showsMore = more.open));
-    more.hidden = others.length === 0;
+    const otherList = element("ul", { className: "controllers" }, ...others.map(entry));
+    const ontoggle = () => (this.#showsMore = more.open);
+    const more = element("details", { open: this.#showsMore, hidden: others.length === 0, ontoggle }, element("summary", {}, `Others that fit: ${others.length}`), otherList);
     const set = (title: string, key: string, controllers: string[]) => {
       const result = button(title, () => change({ controllers }));
       result.dataset["key"] = key;
       return result;
     };
     const buttons = element("div", { className: "row" }, set("Those of the paper", "defaults", [...vehicle.defaults]), set("None", "none", []));
-    const box = element("fieldset", {}, element("legend", { textContent: "Controllers" }));
-    if (vehicle.controllers.length === 0) box.append(element("p", { className: "note", textContent: "No controller of the library fits this vehicle by its signals." }));
-    else box.append(list, more, buttons);
-    return box;
+    const parts = vehicle.controllers.length === 0 ? [note("No controller of the library fits this vehicle by its signals.")] : [list, more, buttons];
+    return element("fieldset", {}, element("legend", {}, "Controllers"), ...parts);
   }
 
   /** Says which other controllers come and go with one. */
@@ -164,14 +159,11 @@ export class SetupPanel {
 
   #controller({ fmu, title }: Controller, chosen: Choice, change: (isOn: boolean) => void): HTMLElement {
     const isOn = chosen.has(fmu);
-    const box = element("input", { type: "checkbox", checked: isOn });
-    box.dataset["key"] = `controller ${fmu}`;
-    box.addEventListener("change", () => change(box.checked));
-    const about = (summary(fmu) || title).replace(/\.?$/, ".");
-    const notes = [about];
+    const box = element("input", { type: "checkbox", checked: isOn, "data-key": `controller ${fmu}`, onchange: () => change(box.checked) });
+    const notes = [(summary(fmu) || title).replace(/\.?$/, ".")];
     if (!isOn && chosen.missing(fmu).length > 0) notes.push(`Adds ${chosen.missing(fmu).join(", ")}.`);
     if (!isOn && chosen.replaced(fmu).length > 0) notes.push(`Replaces ${chosen.replaced(fmu).join(", ")}.`);
-    return element("li", {}, element("label", { className: "check" }, box, element("span", {}, element("b", { textContent: fmu }), element("small", { textContent: notes.join(" ") }))));
+    return element("li", {}, element("label", { className: "check" }, box, element("span", {}, element("b", {}, fmu), element("small", {}, notes.join(" ")))));
   }
 
   #showScenario(system: ScenarioSystem): void {

@@ -1,31 +1,28 @@
 /** Link, files, and FMUs of the visitor. */
 
+import { button, element } from "../../../src/dom";
 import { Choice } from "../choice";
-import { byId, download, element } from "../dom";
+import { byId, download } from "../dom";
 import { encode } from "../link";
 import type { Model } from "../model";
 import type { FreeSystem } from "../protocol";
 import { isOurs, summary } from "../library";
-import { button } from "./controls";
 
 export class SharePanel {
-  readonly #link = element("input", { type: "text", readOnly: true, className: "link" });
-  readonly #twin: HTMLButtonElement;
+  readonly #link = element("input", { type: "text", readOnly: true, className: "link", "aria-label": "Link to this setup", onfocus: () => this.#link.select() });
+  readonly #twin = button("CSV of the twin", () => void this.#save("csv", 1));
   #timer = 0;
 
   constructor(
     readonly model: Model,
     root: HTMLElement,
   ) {
-    this.#link.setAttribute("aria-label", "Link to this setup");
-    this.#link.addEventListener("focus", () => this.#link.select());
-    this.#twin = button("CSV of the twin", () => void this.#save("csv", 1));
-    const file = element("input", { type: "file", accept: ".fmu", id: "fmu-file" });
-    file.addEventListener("change", () => {
+    const onchange = () => {
       const chosen = file.files?.[0];
       file.value = "";
       if (chosen !== undefined) void this.#take(chosen);
-    });
+    };
+    const file = element("input", { type: "file", accept: ".fmu", id: "fmu-file", onchange });
     root.append(
       element("div", { className: "row" }, button("Copy link", () => void this.#copy()), button("CSV", () => void this.#save("csv", 0)), this.#twin, button("SSP", () => void this.#save("ssp", 0))),
       this.#link,

@@ -1,14 +1,14 @@
 /** Play, pause, rate, and the slider of time. */
 
-import { element, field, fill } from "../dom";
+import { button, element } from "../../../src/dom";
+import { field, fill } from "../dom";
 import type { Model } from "../model";
-import { button } from "./controls";
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 20];
 
 export class Transport {
   readonly #play: HTMLButtonElement;
-  readonly #slider = element("input", { type: "range", min: "0", step: "any", value: "0", className: "time" });
+  readonly #slider = element("input", { type: "range", min: "0", step: "any", value: "0", className: "time", "aria-label": "Time; moving it back rewinds the simulation" });
   readonly #text = element("output", { className: "clock" });
   #shown = "";
   #isDragged = false;
@@ -18,18 +18,16 @@ export class Transport {
     root: HTMLElement,
     readonly restart: () => void,
   ) {
-    this.#play = button("Play", () => (model.playing ? model.pause() : void model.play()), "primary");
-    this.#play.disabled = true;
-    const rate = element("select");
+    this.#play = button("Play", () => (model.playing ? model.pause() : void model.play()));
+    Object.assign(this.#play, { className: "primary", disabled: true });
+    const rate = element("select", { onchange: () => model.setRate(Number(rate.value)) });
     fill(rate, [...RATES.map((rate) => ({ value: String(rate), title: `${rate}×` })), { value: "Infinity", title: "As fast as possible" }], "1");
-    rate.addEventListener("change", () => model.setRate(Number(rate.value)));
-    this.#slider.setAttribute("aria-label", "Time; moving it back rewinds the simulation");
-    this.#slider.addEventListener("input", () => {
+    this.#slider.oninput = () => {
       this.#isDragged = true;
       model.scrub(this.#slider.valueAsNumber);
-    });
-    this.#slider.addEventListener("change", () => (this.#isDragged = false));
-    this.#slider.addEventListener("keydown", (event) => this.#key(event));
+    };
+    this.#slider.onchange = () => (this.#isDragged = false);
+    this.#slider.onkeydown = (event) => this.#key(event);
     root.append(this.#play, button("Restart", restart), element("div", { className: "timeline" }, this.#slider, this.#text), field("Speed", rate));
     model.on("opened", () => {
       this.#play.disabled = false;

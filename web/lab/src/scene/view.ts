@@ -2,7 +2,8 @@
 
 import { DirectionalLight, HemisphereLight, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { color, darkMode, reducedMotion } from "../dom";
+import { color } from "../../../src/dom";
+import { darkMode, reducedMotion } from "../dom";
 import type { Opened } from "../protocol";
 import type { Recording } from "../recording";
 import type { Shape } from "../shape";
