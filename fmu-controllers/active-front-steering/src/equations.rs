@@ -14,7 +14,7 @@ use crate::{ActiveFrontSteering, D, U, X, Y};
 
 /// Tabulates the rules.
 pub(crate) fn derived(p: &ActiveFrontSteering) -> Result<D, String> {
-    Ok(D { pid: FuzzyPid::new(p.rule_table).map_err(|error| error.to_string())? })
+    Ok(D { pid: FuzzyPid::new(p.rule_table)? })
 }
 
 pub(crate) fn sample(p: &ActiveFrontSteering, d: &D, x: &mut X, u: &U) -> Y {
