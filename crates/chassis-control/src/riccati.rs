@@ -35,10 +35,11 @@
 //! no eigenvalue on the imaginary axis, and every mode of `A - B R^-1 N'` that is not stable is seen
 //! by the cost. The last point excludes designs in which an unstable mode costs nothing by itself:
 //! they have a solution, but not one that doubling finds; weight that mode. All other designs have
-//! no stabilizing solution. Both kinds are reported as [`RiccatiError::NoConvergence`].
+//! no stabilizing solution. Both kinds are reported as an iteration without
+//! convergence.
 //!
-//! Badly conditioned problems (many unstable modes on one input, long chains of integrators) end in
-//! [`RiccatiError::Inaccurate`] or [`RiccatiError::Unstable`], rather than in a wrong gain.
+//! Badly conditioned problems (many unstable modes on one input, long chains of integrators) end in an error about the
+//! residual or the poles, rather than in a wrong gain.
 //!
 //! # References
 //!
@@ -49,8 +50,6 @@
 //!   Transactions on Automatic Control 13(1), 1968, 114-115, doi:10.1109/TAC.1968.1098829.
 //! * B. D. O. Anderson, J. B. Moore, *Optimal Control: Linear Quadratic Methods*, Dover, 2007,
 //!   ISBN 0-486-45766-4 (the regulator, its existence, the cross term).
-
-use std::fmt;
 
 use fmu::math;
 use nalgebra::{Complex, DMatrix, DVector, Schur};
@@ -63,6 +62,10 @@ pub const MAX_RESIDUAL: f64 = 1e-10;
 /// shift. With one the error is halved in every step, and the rounding errors, which move such an
 /// eigenvalue off the axis by the root of their size, have not yet hidden it.
 const MAX_DOUBLINGS: usize = 26;
+
+const NOT_POSITIVE_DEFINITE: &str = "Riccati design: the weight R of the inputs is not positive definite";
+const NO_CONVERGENCE: &str = "Riccati design: no convergence; (A, B) is not stabilizable, the Hamiltonian matrix has \
+                              eigenvalues on the imaginary axis, or an unstable mode is not seen by the cost";
 
 /// A linear quadratic regulator.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,11 +95,8 @@ pub struct Regulator {
 ///
 /// # Errors
 ///
-/// * [`RiccatiError::Dimensions`] if the sizes do not fit each other,
-/// * [`RiccatiError::NotFinite`] if an element is infinite or NaN,
-/// * [`RiccatiError::NotPositiveDefinite`] if R is not positive definite to rounding,
-/// * [`RiccatiError::NoConvergence`] if no stabilizing solution exists, see the [module](self),
-/// * [`RiccatiError::Unstable`] or [`RiccatiError::Inaccurate`] if the result fails its checks.
+/// The sizes do not fit each other, an element is infinite or NaN, R is not positive definite to rounding, no stabilizing
+/// solution exists (see the [module](self)), or the result fails its checks.
 ///
 /// # Example
 ///
@@ -113,7 +113,7 @@ pub struct Regulator {
 ///     &DMatrix::zeros(2, 1),
 /// )?;
 /// assert!((regulator.gain - dmatrix![1.0, 3.0_f64.sqrt()]).amax() < 1e-12);
-/// # Ok::<(), chassis_control::riccati::RiccatiError>(())
+/// # Ok::<(), String>(())
 /// ```
 pub fn care(
     a: &DMatrix<f64>,
@@ -121,7 +121,7 @@ pub fn care(
     q: &DMatrix<f64>,
     r: &DMatrix<f64>,
     n: &DMatrix<f64>,
-) -> Result<Regulator, RiccatiError> {
+) -> Result<Regulator, String> {
     let (states, inputs) = (a.nrows().max(1), b.ncols().max(1));
     check("A", a, states, states)?;
     check("B", b, states, inputs)?;
@@ -132,7 +132,7 @@ pub fn care(
     // S R S has a unit diagonal to a factor of 2; u = S u_scaled.
     let diagonal = r.diagonal();
     if diagonal.iter().any(|&x| x <= 0.0) {
-        return Err(RiccatiError::NotPositiveDefinite);
+        return Err(NOT_POSITIVE_DEFINITE.to_owned());
     }
     let input_scale = diagonal.map(|x| power_of_two(x.sqrt().recip()));
     let scaled_r =
@@ -141,15 +141,15 @@ pub fn care(
         .cholesky()
         .map(|cholesky| cholesky.unpack())
         .filter(|l| l.diagonal().min().powi(2) > inputs as f64 * f64::EPSILON)
-        .ok_or(RiccatiError::NotPositiveDefinite)?;
+        .ok_or(NOT_POSITIVE_DEFINITE)?;
 
     // With R = L L': columns of B L^-T and N L^-T, as rows.
     let whitened = |m: &DMatrix<f64>| {
         let scaled = DMatrix::from_diagonal(&input_scale) * m.transpose();
         factor.solve_lower_triangular(&scaled)
     };
-    let b_rows = whitened(b).ok_or(RiccatiError::NotPositiveDefinite)?;
-    let n_rows = whitened(n).ok_or(RiccatiError::NotPositiveDefinite)?;
+    let b_rows = whitened(b).ok_or(NOT_POSITIVE_DEFINITE)?;
+    let n_rows = whitened(n).ok_or(NOT_POSITIVE_DEFINITE)?;
     let mut equation = Equation {
         a: a - b_rows.tr_mul(&n_rows),
         g: symmetric(b_rows.tr_mul(&b_rows)),
@@ -157,21 +157,21 @@ pub fn care(
     };
 
     let state_scale = equation.balance();
-    let mut p = equation.solve().ok_or(RiccatiError::NoConvergence)?;
+    let mut p = equation.solve().ok_or(NO_CONVERGENCE)?;
     // Newton's method: the correction solves a Lyapunov equation, which is a Riccati equation
     // without quadratic term.
     let correction =
         Equation { a: equation.closed_loop(&p), g: DMatrix::zeros(states, states), q: equation.residual(&p) };
-    p += correction.solve().ok_or(RiccatiError::NoConvergence)?;
+    p += correction.solve().ok_or(NO_CONVERGENCE)?;
 
     let residual = equation.relative_residual(&p);
-    let poles = eigenvalues(&equation.closed_loop(&p)).ok_or(RiccatiError::NoConvergence)?;
+    let poles = eigenvalues(&equation.closed_loop(&p)).ok_or(NO_CONVERGENCE)?;
     accept(residual, &poles)?;
 
     // x = D x_scaled, hence P = D^-1 P_scaled D^-1.
     let unscale = state_scale.map(f64::recip);
     let p = DMatrix::from_fn(states, states, |i, j| unscale[i] * p[(i, j)] * unscale[j]);
-    let gain = factor.tr_solve_lower_triangular(&(b_rows * &p + n_rows)).ok_or(RiccatiError::NotPositiveDefinite)?;
+    let gain = factor.tr_solve_lower_triangular(&(b_rows * &p + n_rows)).ok_or(NOT_POSITIVE_DEFINITE)?;
     let gain = DMatrix::from_diagonal(&input_scale) * gain;
     Ok(Regulator { p, gain, residual, poles })
 }
@@ -201,7 +201,7 @@ pub fn lqr_output_weighted(
     e: &DMatrix<f64>,
     q0: &DMatrix<f64>,
     r0: &DMatrix<f64>,
-) -> Result<Regulator, RiccatiError> {
+) -> Result<Regulator, String> {
     let (states, inputs, outputs) = (a.nrows(), b.ncols(), d.nrows());
     check("D", d, outputs, states)?;
     check("E", e, outputs, inputs)?;
@@ -352,13 +352,15 @@ impl Equation {
 }
 
 /// Final check of a design; `poles` is sorted, slowest first. NaN is rejected.
-fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), RiccatiError> {
+fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), String> {
     let slowest = poles.first().map_or(f64::NAN, |pole| pole.re);
     if slowest.is_nan() || slowest >= 0.0 {
-        return Err(RiccatiError::Unstable { real_part: slowest });
+        return Err(format!(
+            "Riccati design: the closed loop has a pole with real part {slowest:e} 1/s, expected all below 0"
+        ));
     }
     if residual.is_nan() || residual > MAX_RESIDUAL {
-        return Err(RiccatiError::Inaccurate { residual });
+        return Err(format!("Riccati design: relative residual {residual:e}, expected at most {MAX_RESIDUAL:e}"));
     }
     Ok(())
 }
@@ -430,95 +432,16 @@ fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| symmetric_element(&m, i, j))
 }
 
-fn check(name: &'static str, matrix: &DMatrix<f64>, rows: usize, columns: usize) -> Result<(), RiccatiError> {
-    if matrix.shape() != (rows, columns) {
-        return Err(RiccatiError::Dimensions { matrix: name, expected: (rows, columns), found: matrix.shape() });
+fn check(name: &str, matrix: &DMatrix<f64>, rows: usize, columns: usize) -> Result<(), String> {
+    let (n, m) = matrix.shape();
+    if (n, m) != (rows, columns) {
+        return Err(format!("Riccati design: {name} is {n} x {m}, expected {rows} x {columns}"));
     }
-    for (j, column) in matrix.column_iter().enumerate() {
-        for (i, &value) in column.iter().enumerate() {
-            if !value.is_finite() {
-                return Err(RiccatiError::NotFinite { matrix: name, row: i, column: j, value });
-            }
-        }
-    }
-    Ok(())
+    let Some(at) = matrix.iter().position(|value| !value.is_finite()) else { return Ok(()) };
+    // Elements are stored column by column.
+    let (row, column, value) = (at % n, at / n, matrix[at]);
+    Err(format!("Riccati design: element in row {row}, column {column} of {name} is {value}, expected a finite number"))
 }
-
-/// Error in the design of a regulator.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RiccatiError {
-    /// A matrix does not fit the others.
-    Dimensions {
-        /// Its name in the equations.
-        matrix: &'static str,
-        /// Expected numbers of rows and columns, from A, B and D.
-        expected: (usize, usize),
-        /// Actual numbers of rows and columns.
-        found: (usize, usize),
-    },
-    /// A matrix has an element that is infinite or NaN.
-    NotFinite {
-        /// Its name in the equations.
-        matrix: &'static str,
-        /// Row of the element, from 0.
-        row: usize,
-        /// Column of the element, from 0.
-        column: usize,
-        /// The element.
-        value: f64,
-    },
-    /// The weight R of the inputs is not positive definite: some combination of inputs would cost
-    /// nothing.
-    NotPositiveDefinite,
-    /// The iteration does not converge: the equation has no stabilizing solution ((A, B) is not
-    /// stabilizable, or the Hamiltonian matrix has eigenvalues on the imaginary axis), or an
-    /// unstable mode is not seen by the cost.
-    NoConvergence,
-    /// The closed loop with the computed gain is not stable: the problem is too badly conditioned
-    /// for double precision.
-    Unstable {
-        /// Largest real part of its poles, 1/s.
-        real_part: f64,
-    },
-    /// The relative residual of the equation exceeds [`MAX_RESIDUAL`]: the problem is too badly
-    /// conditioned for double precision.
-    Inaccurate {
-        /// The relative residual.
-        residual: f64,
-    },
-}
-
-impl fmt::Display for RiccatiError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Dimensions { matrix, expected, found } => write!(
-                f,
-                "Riccati design: {matrix} is {} x {}, expected {} x {}",
-                found.0, found.1, expected.0, expected.1
-            ),
-            Self::NotFinite { matrix, row, column, value } => write!(
-                f,
-                "Riccati design: element in row {row}, column {column} of {matrix} is {value}, expected a finite number"
-            ),
-            Self::NotPositiveDefinite => {
-                write!(f, "Riccati design: the weight R of the inputs is not positive definite")
-            }
-            Self::NoConvergence => write!(
-                f,
-                "Riccati design: no convergence; (A, B) is not stabilizable, the Hamiltonian matrix has eigenvalues on the imaginary axis, or an unstable mode is not seen by the cost"
-            ),
-            Self::Unstable { real_part } => write!(
-                f,
-                "Riccati design: the closed loop has a pole with real part {real_part:e} 1/s, expected all below 0"
-            ),
-            Self::Inaccurate { residual } => {
-                write!(f, "Riccati design: relative residual {residual:e}, expected at most {MAX_RESIDUAL:e}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for RiccatiError {}
 
 #[cfg(test)]
 mod tests {
@@ -721,12 +644,12 @@ mod tests {
         DMatrix::from_element(1, 1, x)
     }
 
-    fn scalar_care(a: f64, b: f64, q: f64, r: f64, n: f64) -> Result<Regulator, RiccatiError> {
+    fn scalar_care(a: f64, b: f64, q: f64, r: f64, n: f64) -> Result<Regulator, String> {
         care(&scalar(a), &scalar(b), &scalar(q), &scalar(r), &scalar(n))
     }
 
     /// Chain of n integrators driven at its end, with a weight on all states or on the first only.
-    fn integrator_chain(n: usize, all: bool) -> Result<Regulator, RiccatiError> {
+    fn integrator_chain(n: usize, all: bool) -> Result<Regulator, String> {
         let a = DMatrix::from_fn(n, n, |i, j| f64::from(j == i + 1));
         let b = DMatrix::from_fn(n, 1, |i, _| f64::from(i + 1 == n));
         let q = DMatrix::from_fn(n, n, |i, j| f64::from(i == j && (all || i == 0)));
@@ -801,21 +724,23 @@ mod tests {
             ),
         ];
         for (what, result) in unsolvable {
-            assert_eq!(result, Err(RiccatiError::NoConvergence), "{what}");
+            assert_eq!(result.unwrap_err(), NO_CONVERGENCE, "{what}");
         }
     }
 
     #[test]
     fn badly_conditioned_designs_are_rejected() {
-        assert!(matches!(
-            integrator_chain(20, false),
-            Err(RiccatiError::Inaccurate { residual }) if residual > MAX_RESIDUAL
-        ));
+        // A residual of 1e-10 is accepted.
+        let error = integrator_chain(20, false).unwrap_err();
+        assert!(
+            error.starts_with("Riccati design: relative residual ") && error.ends_with(" at most 1e-10"),
+            "{error}"
+        );
         // Between 23 and 39 states rounding makes the closed loop unstable; 30 is far from both ends.
-        assert!(matches!(
-            integrator_chain(30, false),
-            Err(RiccatiError::Unstable { real_part }) if real_part > 0.0
-        ));
+        let error = integrator_chain(30, false).unwrap_err();
+        let real_part = error.strip_prefix("Riccati design: the closed loop has a pole with real part ");
+        let real_part = real_part.and_then(|rest| rest.split(' ').next());
+        assert!(real_part.is_some_and(|text| text.parse::<f64>().unwrap() > 0.0), "{error}");
         let pole = |re| [Complex::new(re, 0.0)];
         assert!(accept(1e-11, &pole(-1.0)).is_ok());
         for (residual, re) in [(f64::NAN, -1.0), (2e-10, -1.0), (0.0, f64::NAN), (0.0, 0.0)] {
@@ -858,40 +783,36 @@ mod tests {
         for (i, name) in ["A", "B", "Q", "R", "N"].into_iter().enumerate() {
             let mut bad = good.clone();
             bad[i] = bad[i].clone().insert_row(0, 0.0);
-            let found = bad[i].shape();
+            let (rows, columns) = bad[i].shape();
             let error = solve(&bad).unwrap_err();
-            assert!(
-                matches!(error, RiccatiError::Dimensions { matrix, found: size, .. } if matrix == name && size == found),
-                "{name}: {error}"
-            );
+            assert!(error.starts_with(&format!("Riccati design: {name} is {rows} x {columns}, ")), "{error}");
 
             let mut bad = good.clone();
             bad[i][(0, 0)] = f64::NAN;
-            let error = solve(&bad).unwrap_err();
-            assert!(
-                matches!(error, RiccatiError::NotFinite { matrix, row: 0, column: 0, .. } if matrix == name),
-                "{name}: {error}"
-            );
+            let message =
+                format!("Riccati design: element in row 0, column 0 of {name} is NaN, expected a finite number");
+            assert_eq!(solve(&bad).unwrap_err(), message);
+            bad[i][(0, 0)] = 1.0;
+            let last = bad[i].shape();
+            bad[i][(last.0 - 1, last.1 - 1)] = f64::INFINITY;
+            let place = format!("row {}, column {} of {name} is inf", last.0 - 1, last.1 - 1);
+            assert!(solve(&bad).unwrap_err().contains(&place), "{place}");
         }
         let empty = DMatrix::zeros(0, 0);
-        assert!(matches!(
-            care(&empty, &empty, &empty, &empty, &empty),
-            Err(RiccatiError::Dimensions { matrix: "A", .. })
-        ));
+        let error = care(&empty, &empty, &empty, &empty, &empty).unwrap_err();
+        assert_eq!(error, "Riccati design: A is 0 x 0, expected 1 x 1");
         let no_input = DMatrix::zeros(2, 0);
-        assert!(matches!(
-            care(&good[0], &no_input, &good[2], &empty, &no_input),
-            Err(RiccatiError::Dimensions { matrix: "B", .. })
-        ));
+        let error = care(&good[0], &no_input, &good[2], &empty, &no_input).unwrap_err();
+        assert_eq!(error, "Riccati design: B is 2 x 0, expected 2 x 1");
         for (name, position) in [("D", 2), ("E", 3), ("Q0", 4), ("R0", 5)] {
             let mut m = [&good[0], &good[1], &good[0], &good[4], &good[0], &good[3]];
             let wrong = DMatrix::zeros(2, 5);
             m[position] = &wrong;
             let error = lqr_output_weighted(m[0], m[1], m[2], m[3], m[4], m[5]).unwrap_err();
-            assert!(matches!(error, RiccatiError::Dimensions { matrix, .. } if matrix == name), "{name}: {error}");
+            assert!(error.starts_with(&format!("Riccati design: {name} is 2 x 5, expected ")), "{error}");
         }
         assert_eq!(
-            lqr_output_weighted(&good[0], &good[1], &good[0], &good[4], &empty, &good[3]).unwrap_err().to_string(),
+            lqr_output_weighted(&good[0], &good[1], &good[0], &good[4], &empty, &good[3]).unwrap_err(),
             "Riccati design: Q0 is 0 x 0, expected 2 x 2"
         );
     }
@@ -908,7 +829,7 @@ mod tests {
             dmatrix![0.01, 0.03; 0.03, 0.09],
         ] {
             let result = care(&two, &two, &two, &r, &DMatrix::zeros(2, 2));
-            assert_eq!(result, Err(RiccatiError::NotPositiveDefinite), "{r}");
+            assert_eq!(result.unwrap_err(), NOT_POSITIVE_DEFINITE, "{r}");
         }
         // Very different units of the inputs are no obstacle.
         let r = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-12, 1e12]));
