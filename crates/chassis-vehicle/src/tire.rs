@@ -13,16 +13,9 @@ pub fn linear<T: Scalar>(c: f64, alpha: T) -> T {
     -alpha * c
 }
 
-/// F_y = -mu N tanh(C alpha / (mu N)): the linear law with its force limited by friction.
+/// F_y = -mu N tanh(C alpha / (mu N)) of several tires at once: the linear law with its force limited by friction.
 ///
 /// `mu_n`: friction coefficient times tire load in N; the force is 0 where it is not above 1 N (a tire in the air).
-#[inline]
-pub fn saturating<T: Scalar>(c: f64, mu_n: T, alpha: T) -> T {
-    let [force] = saturating_each([c], [mu_n], [alpha]);
-    force
-}
-
-/// [`saturating`] of several tires at once.
 #[inline]
 pub fn saturating_each<T: Scalar, const N: usize>(c: [f64; N], mu_n: [T; N], alpha: [T; N]) -> [T; N] {
     let least = T::from(1.0);
@@ -55,16 +48,9 @@ impl MagicFormula {
     /// The passenger car tire of textbooks.
     pub const PASSENGER_CAR: Self = Self { c: 1.3, a: [-22.1, 1011.0, 1078.0, 1.82, 0.208, 0.0, -0.354, 0.707] };
 
-    /// Lateral force in N.
+    /// Lateral forces of several tires in N.
     ///
     /// `mu`: factor on the peak, 1 for the fitted tire; `load`: tire load in N; `alpha`: slip angle in rad.
-    #[inline]
-    pub fn lateral<T: Scalar>(&self, mu: T, load: T, alpha: T) -> T {
-        let [force] = self.lateral_each([mu], [load], [alpha]);
-        force
-    }
-
-    /// [`MagicFormula::lateral`] of several tires at once.
     #[inline]
     pub fn lateral_each<T: Scalar, const N: usize>(&self, mu: [T; N], load: [T; N], alpha: [T; N]) -> [T; N] {
         let [a1, a2, a3, a4, a5, a6, a7, a8] = self.a;
@@ -85,7 +71,7 @@ impl MagicFormula {
     }
 }
 
-/// Longitudinal and lateral force of Dugoff's tire, in N, in the frame of the wheel: Dugoff, Fancher, Segel, "An analysis
+/// Longitudinal and lateral forces of several of Dugoff's tires, in N, in the frame of the wheel: Dugoff, Fancher, Segel, "An analysis
 /// of tire traction properties and their influence on vehicle dynamic performance", SAE paper 700377, 1970.
 ///
 /// ```text
@@ -97,13 +83,6 @@ impl MagicFormula {
 /// `c`: slip and cornering stiffness C_x in N and C_y in N/rad, >= 0; `mu_n`: friction coefficient times tire load mu F_z
 /// in N, without force where it is not positive; `s`: longitudinal slip within [-1, 1] (-1 locked); `t`: tangent of the
 /// slip angle. The law is continuous, also at s = -1, and the force is never greater than mu F_z.
-#[inline]
-pub fn dugoff<T: Scalar>(c: [T; 2], mu_n: T, s: T, t: T) -> [T; 2] {
-    let [[f_x], [f_y]] = dugoff_each([[c[0]], [c[1]]], [mu_n], [s], [t]);
-    [f_x, f_y]
-}
-
-/// [`dugoff`] of several tires at once: the longitudinal forces, then the lateral ones.
 #[inline]
 pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [T; N], t: [T; N]) -> [[T; N]; 2] {
     let g_x: [T; N] = from_fn(|i| c[0][i] * s[i]);
@@ -129,6 +108,15 @@ mod tests {
     use super::*;
     use fmu::Dual64;
 
+    /// The laws of one tire.
+    fn saturating(c: f64, mu_n: f64, alpha: f64) -> f64 {
+        saturating_each([c], [mu_n], [alpha])[0]
+    }
+
+    fn dugoff<T: Scalar>(c: [T; 2], mu_n: T, s: T, t: T) -> [T; 2] {
+        dugoff_each([[c[0]], [c[1]]], [mu_n], [s], [t]).map(|[force]| force)
+    }
+
     #[test]
     fn the_saturating_law_has_the_linear_slope_and_the_friction_limit() {
         // Closed forms: slope C at the origin (relative error alpha^2 (C/(mu N))^2 / 3 = 1e-9), limit mu N.
@@ -141,7 +129,7 @@ mod tests {
 
     /// Force of the textbook tire, N.
     fn magic(mu: f64, load: f64, alpha: f64) -> f64 {
-        MagicFormula::PASSENGER_CAR.lateral(mu, load, alpha)
+        MagicFormula::PASSENGER_CAR.lateral_each([mu], [load], [alpha])[0]
     }
 
     #[test]
@@ -178,8 +166,8 @@ mod tests {
         // In the air, pulling, without friction, and beyond the zero of the peak at 45.7 kN.
         for (mu, load) in [(1.0, 0.0), (1.0, -500.0), (0.0, 4000.0), (1.0, 50_000.0)] {
             assert_eq!(magic(mu, load, 0.1), 0.0);
-            let slope =
-                MagicFormula::PASSENGER_CAR.lateral(Dual64::from(mu), Dual64::new(load, 1.0), Dual64::new(0.0, 1.0));
+            let (load, alpha) = (Dual64::new(load, 1.0), Dual64::new(0.0, 1.0));
+            let [slope] = MagicFormula::PASSENGER_CAR.lateral_each([Dual64::from(mu)], [load], [alpha]);
             assert_eq!((slope.re, slope.eps), (0.0, 0.0));
         }
         // Just above it the force grows with the load, without a step.

@@ -163,8 +163,8 @@ fn the_yaw_gain_is_that_of_a_bicycle() {
     let n0 = derived(&p).n0;
     let length = p.l_f + p.l_r;
     let stiffness = |lever: f64| {
-        let slope = Dual64::new(0.0, -1.0);
-        2.0 * MagicFormula::PASSENGER_CAR.lateral(Dual64::from(1.0), Dual64::from(n0 * lever / length), slope).eps
+        let (mu, load, slope) = (Dual64::from(1.0), Dual64::from(n0 * lever / length), Dual64::new(0.0, -1.0));
+        2.0 * MagicFormula::PASSENGER_CAR.lateral_each([mu], [load], [slope])[0].eps
     };
     let (c_f, c_r) = (stiffness(p.l_r), stiffness(p.l_f));
     assert_abs_diff_eq!(c_f, 122_328.2, epsilon = 0.05); // check number
@@ -387,7 +387,7 @@ fn friction_of_a_side_scales_its_peak() {
     let (p, x) = (HydroPneumaticHalfCar::default(), X { beta: 0.3, ..X::default() });
     let u = U { friction: Sides([0.5, 1.0]), ..U::default() };
     let y = outputs(&p, &x, &u);
-    let half = MagicFormula::PASSENGER_CAR.lateral(0.5, 7970.625 * p.l_r / (p.l_f + p.l_r), 0.3);
+    let [half] = MagicFormula::PASSENGER_CAR.lateral_each([0.5], [7970.625 * p.l_r / (p.l_f + p.l_r)], [0.3]);
     assert_abs_diff_eq!(y.f_y[0], half, epsilon = 1e-9);
     assert_eq!(y.f_y[1], outputs(&p, &x, &U::default()).f_y[1]);
 }
