@@ -8,7 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from chassis_fmu.execution import master
+from fmpy.fmi1 import FMICallException
+
 from chassis_fmu.files import results
 from model_pictures import pictures
 
@@ -54,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             with results.replacing(target) as temporary:
                 temporary.write_bytes(picture)
             print(f"{target.relative_to(ROOT)} ({len(picture) / 1000:.0f} kB)")
-        except (OSError, LookupError, master.RunError) as error:
+        except (OSError, LookupError, FMICallException) as error:
             errors += 1
             print(f"error: {wanted}: {error}", file=sys.stderr)
     return 1 if errors else 0

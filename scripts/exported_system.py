@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -101,17 +101,13 @@ class Structure:
 
     def connectors(self, component: Any, kind: str) -> list[tuple[str, BaseType]]:
         """Name and type of the inputs or outputs of a component that are connectors."""
-        found = []
-        for connector in component.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
-            if connector.get("kind") == kind:
-                found.append((connector.get("name"), _kind(connector, "ssc")[0]))
-        return found
+        found = component.iterfind(f"ssd:Connectors/ssd:Connector[@kind='{kind}']", NAMESPACES)
+        return [(connector.get("name"), _kind(connector, "ssc")[0]) for connector in found]
 
     def values(self, component: Any) -> list[tuple[str, BaseType, str]]:
         """Name, type and text of the values of a component."""
-        if component.get("name") not in self._sets:
-            return []
-        parameters = self._sets[component.get("name")].iterfind("ssv:Parameters/ssv:Parameter", NAMESPACES)
+        values = self._sets.get(component.get("name"))
+        parameters = [] if values is None else values.iterfind("ssv:Parameters/ssv:Parameter", NAMESPACES)
         return [(p.get("name"), *_kind(p, "ssv")) for p in parameters]
 
     def writers(self) -> dict[tuple[str, str], tuple[str, str]]:
@@ -144,13 +140,9 @@ def _kind(element: Any, prefix: str) -> tuple[BaseType, str]:
 
 
 def _value(kind: BaseType, text: str) -> float | int | bool | str:
-    convert: Mapping[BaseType, Callable[[str], float | int | bool | str]] = {
-        "Real": float,
-        "Integer": int,
-        "Boolean": lambda t: t in ("true", "1"),
-        "String": str,
-    }
-    return convert[kind](text)
+    if kind == "Boolean":
+        return text in ("true", "1")
+    return {"Real": float, "Integer": int, "String": str}[kind](text)
 
 
 def _recording(structure: Structure, times: Array, rows: Array) -> Recording:
@@ -276,11 +268,6 @@ def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") 
         raise StructureError(f"{folder}: {error}") from error
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    read = {
-        "Real": observer.last_real_values,
-        "Integer": observer.last_integer_values,
-        "Boolean": observer.last_boolean_values,
-    }
     # One call for the outputs of a component and type.
     groups: dict[tuple[str, BaseType], list[tuple[int, str]]] = {}
     for column, (owner, name, kind) in enumerate(structure.outputs):
@@ -289,7 +276,8 @@ def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") 
     for (owner, kind), members in groups.items():
         index = execution.slave_index_from_instance_name(owner)
         references = _libcosim_references(execution, index)
-        reads.append((read[kind], index, [references[n] for _, n in members], [c for c, _ in members]))
+        read = getattr(observer, f"last_{kind.lower()}_values")
+        reads.append((read, index, [references[n] for _, n in members], [c for c, _ in members]))
     rows = np.empty((structure.steps, len(structure.outputs)))
     for k in range(structure.steps):
         if not execution.step():
@@ -313,18 +301,6 @@ def _libcosim_execution(structure: Structure) -> Any:
     if structure.start != 0.0:
         raise StructureError(f"{structure.path}: libcosim's calls begin at 0, not at {structure.start}")
     execution = CosimExecution.from_step_size(round(structure.step * 1e9))
-    start = {
-        "Real": execution.real_initial_value,
-        "Integer": execution.integer_initial_value,
-        "Boolean": execution.boolean_initial_value,
-        "String": execution.string_initial_value,
-    }
-    connect = {
-        "Real": execution.connect_real_variables,
-        "Integer": execution.connect_integer_variables,
-        "Boolean": execution.connect_boolean_variables,
-        "String": execution.connect_string_variables,
-    }
     slaves = {}
     for component in structure.components:
         owner, fmu = component.get("name"), structure.fmu(component)
@@ -335,11 +311,13 @@ def _libcosim_execution(structure: Structure) -> Any:
         index = execution.add_local_slave(slave)
         slaves[owner] = index, _libcosim_references(execution, index)
         for name, kind, text in structure.values(component):
-            if not start[kind](index, slaves[owner][1][name], _value(kind, text)):
+            start = getattr(execution, f"{kind.lower()}_initial_value")
+            if not start(index, slaves[owner][1][name], _value(kind, text)):
                 raise StructureError(f"{owner}:{name}: libcosim does not take the start value {text}")
     for kind, *ends in structure.wires():
         numbers = [number for owner, name in ends for number in (slaves[owner][0], slaves[owner][1][name])]
-        if connect[kind](*numbers) != CosimConstants.success:
+        connect = getattr(execution, f"connect_{kind.lower()}_variables")
+        if connect(*numbers) != CosimConstants.success:
             raise StructureError(f"{':'.join(ends[0])} and {':'.join(ends[1])}: libcosim does not connect them")
     return execution
 

@@ -15,9 +15,6 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from chassis_fmu.execution import master
-from chassis_fmu.files import plan
-
 STEP = 0.001
 
 Array = NDArray[np.floating[Any]]
@@ -145,52 +142,22 @@ def variable(description: ModelDescription, name: str) -> ScalarVariable:
     raise LookupError(f"{description.modelName} has no variable {name}")
 
 
-def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> tuple[Array, dict[str, Array]]:
-    """Run a demo on an FMU, which is extracted to `folder`. Returns times and drawn outputs.
-
-    Raises LookupError if the FMU has no variable of a name, master.RunError if the run fails.
-    """
-
-    def wire(name: str, slot: int) -> plan.Wire:
-        found = variable(description, name)
-        return plan.Wire(name, found.valueReference, found.type, slot)
-
-    def setting(name: str, value: float) -> plan.Setting:
-        found = variable(description, name)
-        return plan.Setting(name, found.type, found.valueReference, value)
-
-    steps = round(demo.stop / STEP)
-    grid = np.arange(steps + 1) * STEP
-    series = []
-    for slot, signal in enumerate(demo.inputs.values()):
-        if callable(signal):
-            series.append(plan.InputSeries(slot, "hold", tuple(grid.tolist()), tuple(signal(grid).tolist())))
-        else:
-            series.append(plan.InputSeries(slot, "hold", (0.0,), (signal,)))
-    inputs = tuple(wire(name, slot) for slot, name in enumerate(demo.inputs))
-    outputs = tuple(wire(name, slot) for slot, name in enumerate(demo.outputs, start=len(inputs)))
-    component = plan.Component(
-        name=description.modelName,
-        fmu=fmu,
-        fmi="2.0",
-        model_identifier=description.coSimulation.modelIdentifier,
-        guid=description.guid,
-        parameters=tuple(setting(name, value) for name, value in demo.parameters.items()),
-        constants=(),
-        inputs=inputs,
-        outputs=outputs,
+def run(demo: Demo, fmu: Path, description: ModelDescription) -> tuple[Array, dict[str, Array]]:
+    """Run a demo on an FMU; inputs without a signal keep their start values. Returns times and drawn outputs."""
+    times = np.arange(round(demo.stop / STEP) + 1) * STEP
+    starts = {v.name: float(v.start) for v in description.modelVariables if v.causality == "input"}
+    signals: dict[str, Signal] = {**starts, **demo.inputs}
+    inputs = np.zeros(len(times), dtype=[(name, float) for name in ("time", *signals)])
+    inputs["time"] = times
+    for name, signal in signals.items():
+        inputs[name] = signal(times) if callable(signal) else signal
+    rows = fmpy.simulate_fmu(
+        str(fmu),
+        fmi_type="CoSimulation",
+        stop_time=demo.stop,
+        output_interval=STEP,
+        start_values=dict(demo.parameters),
+        input=inputs,
+        output=list(demo.outputs),
     )
-    whole = plan.Run(
-        id="demo",
-        case="demo",
-        point=None,
-        seed=None,
-        components=(component,),
-        series=tuple(series),
-        slots=len(inputs) + len(outputs),
-        columns=tuple(w.slot for w in outputs),
-    )
-    fmpy.extract(str(fmu), str(folder))
-    simulation = plan.Simulation(0.0, demo.stop, STEP, steps, "sequential", 1)
-    times, rows = master.simulate(whole, simulation, lambda u: master.FmpyInstance(u, folder))
-    return times, {name: rows[:, i] for i, name in enumerate(demo.outputs)}
+    return rows["time"], {name: rows[name] for name in demo.outputs}

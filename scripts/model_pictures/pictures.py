@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -355,7 +354,7 @@ def _unit(unit: str) -> str:
 def read(fmu: Path, folder: str) -> Block:
     """Read what the picture of an FMU shows; `folder` is the top folder of its package.
 
-    Raises LookupError if a demo names a variable the FMU does not have, master.RunError if the demo fails.
+    Raises LookupError if a demo names a variable the FMU does not have.
     """
     description = read_model_description(str(fmu), validate=False)
     inputs = [v.name for v in description.modelVariables if v.causality == "input"]
@@ -366,8 +365,7 @@ def read(fmu: Path, folder: str) -> Block:
         title, found = "Reference run", _reference(fmu, outputs)
     else:
         title = demo.title
-        with tempfile.TemporaryDirectory() as temporary:
-            found = demos.run(demo, fmu, Path(temporary), description)
+        found = demos.run(demo, fmu, description)
     result = None
     if found is not None:
         times, lines = found
