@@ -12,7 +12,7 @@ import re
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -88,17 +88,7 @@ class Tuning:
     """Where the search begins besides the values of the paper."""
 
 
-# Yaw control of the car.
-YAW_CONTROL = {
-    "direct_yaw_control.moment.deadband": (50.0, 10000.0),
-    "direct_yaw_control.moment.limit": (500.0, 15000.0),
-    "direct_yaw_control.reaching.rate": (0.5, 20.0),
-    "direct_yaw_control.switching.gain": (0.05, 3.0),
-    "direct_yaw_control.switching.boundary_layer": (0.02, 1.0),
-    "direct_yaw_control.reference.time_constant": (0.02, 0.3),
-    "direct_yaw_control.pressure.limit": (1.0, 8.0),
-}
-YAW_CONTROL_BY_HAND = {
+CAR_BY_HAND = {
     "direct_yaw_control.moment.deadband": 5600.0,
     "direct_yaw_control.moment.limit": 12000.0,
     "direct_yaw_control.reaching.rate": 11.6,
@@ -107,39 +97,42 @@ YAW_CONTROL_BY_HAND = {
     "direct_yaw_control.reference.time_constant": 0.0844,
     "direct_yaw_control.pressure.limit": 2.9,
 }
-OF_CAR = (
-    Requirement("sine_with_dwell.yaw_rate_ratio_1s", most=0.35),
-    Requirement("sine_with_dwell.yaw_rate_ratio_1_75s", most=0.20),
-    Requirement("sine_with_dwell.lateral_displacement", least=1.83),
-    Requirement("iso3888_1.max_entry_speed", least=WITHOUT),
-    Requirement("iso3888_2.max_entry_speed", least=WITHOUT),
+CAR = Tuning(
+    "EspCar",
+    ("DirectYawControl", "AntilockBraking"),
+    ("stability",),
+    {
+        "direct_yaw_control.moment.deadband": (50.0, 10000.0),
+        "direct_yaw_control.moment.limit": (500.0, 15000.0),
+        "direct_yaw_control.reaching.rate": (0.5, 20.0),
+        "direct_yaw_control.switching.gain": (0.05, 3.0),
+        "direct_yaw_control.switching.boundary_layer": (0.02, 1.0),
+        "direct_yaw_control.reference.time_constant": (0.02, 0.3),
+        "direct_yaw_control.pressure.limit": (1.0, 8.0),
+    },
+    (
+        Requirement("sine_with_dwell.yaw_rate_ratio_1s", most=0.35),
+        Requirement("sine_with_dwell.yaw_rate_ratio_1_75s", most=0.20),
+        Requirement("sine_with_dwell.lateral_displacement", least=1.83),
+        Requirement("iso3888_1.max_entry_speed", least=WITHOUT),
+        Requirement("iso3888_2.max_entry_speed", least=WITHOUT),
+    ),
+    {"iso3888_2.max_entry_speed": 100.0},
+    40,
+    {},
+    CAR_BY_HAND,
 )
 
 TUNINGS = {
-    "bench_esp_car": Tuning(
-        "EspCar",
-        ("DirectYawControl", "AntilockBraking"),
-        ("stability",),
-        YAW_CONTROL,
-        OF_CAR,
-        {"iso3888_2.max_entry_speed": 100.0},
-        40,
-        {},
-        YAW_CONTROL_BY_HAND,
-    ),
-    "bench_esp_car_friction": Tuning(
-        "EspCar",
-        ("DirectYawControl", "AntilockBraking"),
-        ("stability",),
-        {**YAW_CONTROL, "direct_yaw_control.surface.weight.sideslip": (-0.03, 0.01)},
-        OF_CAR,
-        {"iso3888_2.max_entry_speed": 100.0},
-        40,
-        {
-            "friction 0.6 instead of 0.77": ("esp_car:tire.friction=0.6", "direct_yaw_control:tire.friction=0.6"),
-            "friction 0.9 instead of 0.77": ("esp_car:tire.friction=0.9", "direct_yaw_control:tire.friction=0.9"),
+    "bench_esp_car": CAR,
+    "bench_esp_car_friction": replace(
+        CAR,
+        bounds={**CAR.bounds, "direct_yaw_control.surface.weight.sideslip": (-0.03, 0.01)},
+        conditions={
+            f"friction {mu} instead of 0.77": (f"esp_car:tire.friction={mu}", f"direct_yaw_control:tire.friction={mu}")
+            for mu in (0.6, 0.9)
         },
-        {**YAW_CONTROL_BY_HAND, "direct_yaw_control.surface.weight.sideslip": -0.0107},
+        also_from={**CAR_BY_HAND, "direct_yaw_control.surface.weight.sideslip": -0.0107},
     ),
     "bench_rescue_vehicle": Tuning(
         "RescueVehicle",
