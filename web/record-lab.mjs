@@ -1,7 +1,6 @@
 // Records the view of the lab as an animated picture (WebP) for the README, in headless Chromium.
 //
-//   node record-lab.mjs --lab FOLDER --out FILE [--link '#…'] [--from 0] [--to 6] [--width 760] [--rate 12]
-//     [--camera chase] [--away 0] [--motion 1]
+//   node record-lab.mjs --out FILE [--link '#…'] [--from 0] [--to 6] [--width 760] [--away 0]
 //
 // The run is simulated first; frames are taken from its saved rows, so the speed of this machine does not matter.
 import { writeFileSync } from "node:fs";
@@ -12,20 +11,16 @@ import { chromium } from "playwright-core";
 
 const { values: options } = parseArgs({
   options: {
-    lab: { type: "string", default: "../target/lab" },
     out: { type: "string" },
     link: { type: "string", default: "" },
     from: { type: "string", default: "0" },
     to: { type: "string", default: "6" },
     width: { type: "string", default: "760" },
-    camera: { type: "string", default: "chase" },
-    motion: { type: "string", default: "1" },
-    rate: { type: "string", default: "12" },
     away: { type: "string", default: "0" },
   },
 });
 if (options.out === undefined) throw new Error("usage: node record-lab.mjs --out FILE");
-const RATE = Number(options.rate);
+const RATE = 12;
 const QUALITY = 0.72;
 
 const browser = await chromium.launch({
@@ -33,11 +28,11 @@ const browser = await chromium.launch({
   args: ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader"],
 });
 const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 }, colorScheme: "light" })).newPage();
-await page.goto(pathToFileURL(resolve(options.lab, "index.html")).href + options.link);
+await page.goto(pathToFileURL(resolve("../target/lab/index.html")).href + options.link);
 await page.waitForSelector('body[data-state="open"]');
 await page.getByLabel("Speed", { exact: true }).last().selectOption("Infinity");
-await page.getByLabel("Camera").selectOption(options.camera);
-await page.getByLabel("Body motion").selectOption(options.motion);
+await page.getByLabel("Camera").selectOption("chase");
+await page.getByLabel("Body motion").selectOption("1");
 for (let i = 0; i < Number(options.away); i++) await page.getByRole("button", { name: "Farther away" }).click();
 const [from, to] = [Number(options.from), Number(options.to)];
 await page.waitForFunction((to) => Number.parseFloat(document.querySelector(".clock").textContent) >= to, to, { timeout: 120_000 });

@@ -228,15 +228,8 @@ def _result(canvas: Figure, ax: Axes, result: Result, top: float, height: float,
         x += mark + _width(name, size) + gap
 
     y += 12.0
-    bounds = (left + 26.0, y, right - 4.0, y + PLOT - 30.0)
-    inner = canvas.add_axes(
-        (
-            bounds[0] / WIDTH,
-            1.0 - bounds[3] / height,
-            (bounds[2] - bounds[0]) / WIDTH,
-            (bounds[3] - bounds[1]) / height,
-        )
-    )
+    x, end, low = left + 26.0, right - 4.0, y + PLOT - 30.0
+    inner = canvas.add_axes((x / WIDTH, 1.0 - low / height, (end - x) / WIDTH, (low - y) / height))
     for values, color in zip(result.lines.values(), colors, strict=False):
         times, reduced = panels.decimate(result.times, values)
         inner.plot(times, reduced, color=color, linewidth=0.7 if plots.is_noisy(values) else 1.2)
@@ -244,9 +237,7 @@ def _result(canvas: Figure, ax: Axes, result: Result, top: float, height: float,
     inner.locator_params(axis="y", nbins=4)
     inner.locator_params(axis="x", nbins=6)
     inner.tick_params(labelsize=small, length=2.0, pad=2.0)
-    ax.text(
-        (bounds[0] + bounds[2]) / 2.0, bounds[3] + 25.0, "time in s", ha="center", fontsize=small, color=plots.MUTED
-    )
+    ax.text((x + end) / 2.0, low + 25.0, "time in s", ha="center", fontsize=small, color=plots.MUTED)
 
 
 def draw(block: Block) -> bytes:
@@ -279,28 +270,14 @@ def draw(block: Block) -> bytes:
         ax.add_patch(frame(facecolor="none", edgecolor=accent, linewidth=1.2, zorder=3.0))
 
         title = min(18.0, 18.0 * room / _width(block.name, 18.0, bold=True))
-        middle = 6.0 + HEADER / 2.0
-        ax.text(
-            WIDTH / 2.0,
-            middle,
-            block.name,
-            ha="center",
-            va="center_baseline",
-            fontsize=title * POINT,
-            fontweight="bold",
-            color=plots.PAPER,
-        )
+
+        def centered(y: float, text: str, size: float, color: str, weight: str = "normal") -> None:
+            how = {"fontsize": size * POINT, "fontweight": weight, "color": color}
+            ax.text(WIDTH / 2.0, y, text, ha="center", va="center_baseline", **how)  # type: ignore[arg-type]
+
+        centered(6.0 + HEADER / 2.0, block.name, title, plots.PAPER, "bold")
         for i, line in enumerate(lines):
-            y = 6.0 + HEADER + 8.0 + (i + 0.5) * LINE
-            ax.text(
-                WIDTH / 2.0,
-                y,
-                line,
-                ha="center",
-                va="center_baseline",
-                fontsize=LABEL * POINT,
-                color=plots.INK,
-            )
+            centered(6.0 + HEADER + 8.0 + (i + 0.5) * LINE, line, LABEL, plots.INK)
         size = _label_size(block)
         _ports(ax, block.inputs, body, size, accent, left=True)
         _ports(ax, block.outputs, body, size, accent, left=False)
