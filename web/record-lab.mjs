@@ -30,7 +30,7 @@ const browser = await chromium.launch({
 const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 }, colorScheme: "light" })).newPage();
 await page.goto(pathToFileURL(resolve("../target/lab/index.html")).href + options.link);
 await page.waitForSelector('body[data-state="open"]');
-await page.getByLabel("Speed", { exact: true }).last().selectOption("Infinity");
+await page.getByLabel("Speed", { exact: true }).first().selectOption("Infinity");
 await page.getByLabel("Camera").selectOption("chase");
 await page.getByLabel("Body motion").selectOption("1");
 for (let i = 0; i < Number(options.away); i++) await page.getByRole("button", { name: "Farther away" }).click();
