@@ -3,12 +3,18 @@
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
 //! Coupling Dynamics", 2022, section 3.2.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | w_d, w | reference of the yaw rate, yaw rate |
+//! | e, ec | error of the yaw rate and its filtered rate |
+//! | delta, dd | angle of the front axle demanded by the driver, and the added angle |
+//! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis_control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Rules, Settings, filtered_rate};
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
@@ -112,9 +118,27 @@ impl Discrete for ActiveFrontSteering {
     type Outputs = Y;
 
     fn derived(&self) -> Result<D, String> {
-        equations::derived(self)
+        Ok(D { pid: FuzzyPid::new(self.rule_table)? })
     }
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::sample(self, sample.derived, sample.state, sample.inputs)
+        let (x, u) = (sample.state, sample.inputs);
+        let e = u.w_d - u.w;
+        let previous = if x.has_previous { x.e } else { e };
+        let ec = filtered_rate(x.ec, e, previous, self.t_f, self.sample_time);
+        (x.e, x.ec, x.has_previous) = (e, ec, true);
+
+        let settings = Settings {
+            gains: Gains { proportional: self.kp, integral: self.ki, derivative: self.kd },
+            scales: Gains { proportional: self.kp_scale, integral: self.ki_scale, derivative: self.kd_scale },
+            error_range: self.error_range,
+            rate_range: self.rate_range,
+            output_minimum: self.output_minimum,
+            output_maximum: self.output_maximum,
+            integral_limit: self.integral_limit,
+            leak_rate: self.leak_rate,
+        };
+        let (dd, k) = sample.derived.pid.sample(&settings, &mut x.i, e, ec, self.sample_time);
+        let delta = FrontAxle([u.delta + dd]);
+        Y { delta, dd: FrontAxle([dd]), kp: k.proportional, ki: k.integral, kd: k.derivative }
     }
 }

@@ -3,8 +3,15 @@
 //!
 //! Made for the car of Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic
 //! stability program on a finite-state basis"; the paper names its antilock logic without describing it.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | u, omega | speed of the vehicle, speed of rotation of the wheel |
+//! | slip, pred | braking slip (positive, 1 locked), the same extrapolated by the lead time |
+//! | acc | acceleration of the wheel's circumference |
+//! | req, cmd | pressure demanded by driver and yaw control, commanded pressure |
+//! | T | sample time |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
@@ -80,6 +87,9 @@ pub struct X {
     cmd: [f64; 4],
 }
 
+/// Floor of the speed in the slip, m/s.
+const LEAST_SPEED: f64 = 0.5;
+
 /// Antilock brakes of a car: pressure of each wheel by thresholds of slip and wheel acceleration around a target slip
 #[fmu::model(stop_time = 6.0, step_size = 0.001)]
 impl Discrete for AntilockBraking {
@@ -88,6 +98,36 @@ impl Discrete for AntilockBraking {
     type Outputs = Y;
 
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::sample(self, sample.state, sample.inputs)
+        let (x, inputs) = (sample.state, sample.inputs);
+        let t = self.sample_time;
+        let u = inputs.u;
+        let is_on = inputs.enable && u >= self.speed_min;
+        for i in 0..4 {
+            let omega = inputs.omega[i];
+            let req = (inputs.master + inputs.p_dyc[i]).max(0.0).min(self.p_max);
+            let slip = (u - self.radius * omega) / u.max(LEAST_SPEED);
+            let acc = if x.has_past { self.radius * (omega - x.omega[i]) / t } else { 0.0 };
+            let pred = slip + self.lead * (slip - x.slip[i]) / t;
+            let is_high = pred > inputs.target[i] + self.band;
+            let is_low = pred < inputs.target[i] - self.band;
+            x.active[i] = is_on && (x.active[i] || (is_high && req > 0.0));
+            if x.active[i] {
+                let cmd = if is_high {
+                    // A wheel that already speeds up again keeps its pressure.
+                    if acc < self.reacceleration { x.cmd[i] - self.rate_down * t } else { x.cmd[i] }
+                } else if is_low {
+                    x.cmd[i] + self.rate_up * t
+                } else {
+                    x.cmd[i]
+                };
+                x.active[i] = cmd < req;
+                x.cmd[i] = cmd.min(req).max(0.0);
+            } else {
+                x.cmd[i] = req;
+            }
+            (x.omega[i], x.slip[i]) = (omega, slip);
+        }
+        x.has_past = true;
+        Y { cmd: FourWheels(x.cmd), active: FourWheels(x.active) }
     }
 }

@@ -2,13 +2,25 @@
 //! a constant share of its force.
 //!
 //! Applied Sciences 2020, 10, 1852, eqs. 15-23 (there RCSMC).
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | x1, x2 | height of the left wheel, heave of the body |
+//! | x3, x4 | their rates |
+//! | n1, n2, n3 | weights of x1, x2, x3 in the surface S; that of x4 is 1 |
+//! | e | force of spring and damper on the body |
+//! | NA, NB | rate of S without force, and per force |
+//! | mu, eta | switching gain and linear reaching rate |
+//! | f | force of a side; zeta is right over left |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_control::limit;
+use chassis_control::sliding_mode::reaching_law;
 use chassis_vehicle::data::hydro_pneumatic_half_car as data;
 use chassis_vehicle::prelude::*;
+use chassis_vehicle::suspension::spring_damper;
 use fmu::prelude::*;
 
 /// Symbols as in the paper.
@@ -76,6 +88,11 @@ pub struct Y {
     s: f64,
 }
 
+/// Rate of the surface per force of the left actuator, 1/kg.
+fn surface_rate_per_force(p: &ComfortSlidingMode) -> f64 {
+    1.0 / p.m_s - p.n3 / p.m_u
+}
+
 /// Ride comfort of a half car by a sliding mode of its left quarter; the right force is a constant share of the left
 /// one
 #[fmu::model(stop_time = 10.0, step_size = 0.001)]
@@ -84,9 +101,27 @@ impl Discrete for ComfortSlidingMode {
     type Outputs = Y;
 
     fn check(&self, _: &Sample<Self>) -> Result<(), String> {
-        equations::check(self)
+        // The weight is tunable, so every sample looks at it.
+        let singular = self.m_u / self.m_s;
+        // Within a few roundings of the weight at which body and wheel motion cancel in the surface.
+        if (surface_rate_per_force(self) * self.m_s).abs() > 1e-9 {
+            return Ok(());
+        }
+        Err(format!(
+            "'surface.weight.wheel_velocity' must differ from 'wheel.mass.side'/'body.mass' = {singular}, got {}: no force \
+             moves the surface",
+            self.n3
+        ))
     }
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::forces(self, sample.inputs)
+        let u = sample.inputs;
+        let ([x1], x2, [x3], x4) = (*u.x1, u.x2, *u.x3, u.x4);
+        let s = self.n1 * x1 + self.n2 * x2 + self.n3 * x3 + x4;
+        let e = spring_damper(self.k_s, self.c_s, x2 - x1, x4 - x3);
+        let na = self.n1 * x3 + self.n2 * x4 + self.n3 * (-self.k_t * x1 - e) / self.m_u + e / self.m_s;
+        let nb = surface_rate_per_force(self);
+        let f_l = (reaching_law(s, self.eta, self.mu, self.width) - na) / nb;
+        let f_l = limit::magnitude(f_l, limit::positive_or_none(self.limit));
+        Y { f: Sides([f_l, self.zeta * f_l]), s }
     }
 }

@@ -9,6 +9,14 @@ use proptest::prelude::*;
 
 use super::*;
 
+fn check(p: &ComfortSlidingMode) -> Result<(), String> {
+    p.check(&Sample { time: 0.0, derived: &(), state: &mut (), inputs: &U::default() })
+}
+
+fn forces(p: &ComfortSlidingMode, u: &U) -> Y {
+    p.update(Sample { time: 0.0, derived: &(), state: &mut (), inputs: u })
+}
+
 /// The paper's second parameter set, Table 5, found by a genetic algorithm.
 fn genetic() -> ComfortSlidingMode {
     ComfortSlidingMode {
@@ -42,11 +50,11 @@ fn is_stable([a3, a2, a1, a0]: [f64; 4]) -> bool {
 #[test]
 fn the_forces_have_the_check_numbers() {
     let u = inputs(0.01, 0.02, -0.1, 0.05);
-    let y = equations::forces(&ComfortSlidingMode::default(), &u);
+    let y = forces(&ComfortSlidingMode::default(), &u);
     assert_abs_diff_eq!(y.f[0], -603.8105750, epsilon = 5e-8);
     assert_abs_diff_eq!(y.f[1], -268.0918953, epsilon = 5e-8);
     assert_abs_diff_eq!(y.s, 0.057368, epsilon = 1e-15);
-    let y = equations::forces(&genetic(), &u);
+    let y = forces(&genetic(), &u);
     assert_abs_diff_eq!(y.f[0], -2970.221626, epsilon = 5e-7);
     assert_abs_diff_eq!(y.f[1], -1158.386434, epsilon = 5e-7);
     assert_abs_diff_eq!(y.s, 0.2248, epsilon = 1e-15);
@@ -54,14 +62,14 @@ fn the_forces_have_the_check_numbers() {
 
 #[test]
 fn at_rest_there_is_no_force() {
-    let y = equations::forces(&ComfortSlidingMode::default(), &U::default());
+    let y = forces(&ComfortSlidingMode::default(), &U::default());
     assert_eq!((y.f.0, y.s), ([0.0; 2], 0.0));
 }
 
 #[test]
 fn the_limit_holds_for_the_left_force_and_its_share() {
     let p = ComfortSlidingMode { limit: 500.0, ..ComfortSlidingMode::default() };
-    let y = equations::forces(&p, &inputs(0.01, 0.02, -0.1, 0.05));
+    let y = forces(&p, &inputs(0.01, 0.02, -0.1, 0.05));
     assert_eq!(y.f.0, [-500.0, p.zeta * -500.0]);
 }
 
@@ -97,12 +105,12 @@ fn the_conditions_of_the_paper_accept_an_unstable_surface() {
 fn a_surface_that_no_force_moves_is_rejected() {
     let p = ComfortSlidingMode { n3: 50.0 / 1525.0, ..ComfortSlidingMode::default() };
     assert_eq!(
-        equations::check(&p).unwrap_err(),
+        check(&p).unwrap_err(),
         "'surface.weight.wheel_velocity' must differ from 'wheel.mass.side'/'body.mass' = 0.03278688524590164, got \
          0.03278688524590164: no force moves the surface"
     );
-    assert!(equations::check(&ComfortSlidingMode { n3: 0.033, ..ComfortSlidingMode::default() }).is_ok());
-    assert!(equations::check(&ComfortSlidingMode::default()).is_ok());
+    assert!(check(&ComfortSlidingMode { n3: 0.033, ..ComfortSlidingMode::default() }).is_ok());
+    assert!(check(&ComfortSlidingMode::default()).is_ok());
 }
 
 proptest! {
@@ -116,7 +124,7 @@ proptest! {
     ) {
         let p = ComfortSlidingMode { n3, width, ..if genetic_set { genetic() } else { ComfortSlidingMode::default() } };
         let [x1, x2, x3, x4] = x;
-        let y = equations::forces(&p, &inputs(x1, x2, x3, x4));
+        let y = forces(&p, &inputs(x1, x2, x3, x4));
         let strut = p.k_s * (x1 - x2) + p.c_s * (x3 - x4) + y.f[0];
         let (wheel, body) = ((-p.k_t * x1 - strut) / p.m_u, strut / p.m_s);
         let rate = p.n1 * x3 + p.n2 * x4 + p.n3 * wheel + body;
@@ -129,8 +137,8 @@ proptest! {
     #[test]
     fn the_law_is_odd(x in prop::array::uniform4(-1.0..1.0f64), limit in 0.0..2000.0) {
         let p = ComfortSlidingMode { limit, ..ComfortSlidingMode::default() };
-        let y = equations::forces(&p, &inputs(x[0], x[1], x[2], x[3]));
-        let mirror = equations::forces(&p, &inputs(-x[0], -x[1], -x[2], -x[3]));
+        let y = forces(&p, &inputs(x[0], x[1], x[2], x[3]));
+        let mirror = forces(&p, &inputs(-x[0], -x[1], -x[2], -x[3]));
         prop_assert_eq!((y.f.0, y.s), (mirror.f.map(|f| -f), -mirror.s));
     }
 

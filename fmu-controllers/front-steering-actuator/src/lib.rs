@@ -3,11 +3,10 @@
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 14 and 15.
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis_control::front_steering::{ReferenceModel, Vehicle};
+use chassis_control::front_steering::{Limits, ReferenceModel, Vehicle};
 use chassis_vehicle::data::rescue_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
@@ -89,9 +88,19 @@ impl Discrete for FrontSteeringActuator {
     type Outputs = Y;
 
     fn derived(&self) -> Result<D, String> {
-        equations::derived(self)
+        let vehicle = Vehicle::new(self.m, self.g, [self.a, self.l12, self.l23], *self.c_tire)?;
+        Ok(D { vehicle, w_f: vehicle.w_f })
     }
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::sample(self, sample.derived, sample.state, sample.inputs)
+        let (x, inputs) = (sample.state, sample.inputs);
+        let limits = Limits {
+            model: self.reference_model,
+            ay_limit: self.ay_limit,
+            angle: self.front_limit,
+            rate: self.front_rate,
+        };
+        let u = inputs.u.max(self.u_min);
+        x.df = limits.sample(&sample.derived.vehicle, inputs.steer, u, x.df, self.sample_time).df;
+        Y { delta: FrontAxle([x.df]) }
     }
 }

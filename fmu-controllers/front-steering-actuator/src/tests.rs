@@ -6,7 +6,7 @@ use super::*;
 
 /// One sample, with the start values but for the model.
 fn sample(p: &FrontSteeringActuator, x: &mut X, steer: f64, u: f64) -> f64 {
-    equations::sample(p, &equations::derived(p).unwrap(), x, &U { steer, u }).delta[0]
+    p.update(Sample { time: 0.0, derived: &p.derived().unwrap(), state: x, inputs: &U { steer, u } }).delta[0]
 }
 
 /// The equations in the order of the README, with numbers of the rescue vehicle: its axles carry equal loads, so W_F/g is

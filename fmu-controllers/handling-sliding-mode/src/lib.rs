@@ -1,13 +1,26 @@
 //! `HandlingSlidingMode`: both suspensions hold the roll angle at zero by a sliding mode, with opposite forces.
 //!
 //! Applied Sciences 2020, 10, 1852, eqs. 9-14 (there HDSMC), derived again because of contradictory signs.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | phi, phid | roll angle and rate |
+//! | s, rho | sliding surface phid + rho phi |
+//! | d_s, dd_s | suspension deflection of a side and its rate |
+//! | F | force of spring and damper of a side, pushing the body up |
+//! | a_y | lateral acceleration |
+//! | mu + kap | switching gain; kap grows with the magnitudes of phi (kappa1) and phid (kappa2) |
+//! | eta | linear reaching rate |
+//! | f | actuator force of a side |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_control::limit;
+use chassis_control::sliding_mode::reaching_law;
 use chassis_vehicle::data::hydro_pneumatic_half_car as data;
 use chassis_vehicle::prelude::*;
+use chassis_vehicle::suspension::spring_damper;
 use fmu::prelude::*;
 
 /// Symbols as in the paper.
@@ -88,6 +101,16 @@ impl Discrete for HandlingSlidingMode {
     type Outputs = Y;
 
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::forces(self, sample.inputs)
+        let u = sample.inputs;
+        let U { phi, phid, a_y, .. } = *u;
+        let s = self.rho * phi + phid;
+        let f: [f64; 2] =
+            std::array::from_fn(|i| spring_damper(self.k_s, self.cancellation * self.c_s, u.d_s[i], u.dd_s[i]));
+        let kap = self.kappa1 * phi.abs() + self.kappa2 * phid.abs();
+        // The roll acceleration that brings s to 0, and the moments that act without the actuators.
+        let wanted = reaching_law(s, self.eta, self.mu + kap, self.width) - self.rho * phid;
+        let passive = self.t / 2.0 * (f[0] - f[1]) + self.m_s * self.h * (a_y + self.g * fmu::math::sin(phi));
+        let f_l = limit::magnitude((self.i_x * wanted - passive) / self.t, limit::positive_or_none(self.limit));
+        Y { f: Sides([f_l, -f_l]), s }
     }
 }

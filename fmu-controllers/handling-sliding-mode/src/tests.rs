@@ -8,6 +8,10 @@ use proptest::prelude::*;
 
 use super::*;
 
+fn forces(p: &HandlingSlidingMode, u: &U) -> Y {
+    p.update(Sample { time: 0.0, derived: &(), state: &mut (), inputs: u })
+}
+
 /// Inputs of the check numbers.
 const TURN: U = U { phi: 0.05, phid: 0.1, d_s: Sides([0.03, -0.02]), dd_s: Sides([0.1, -0.05]), a_y: 4.0 };
 
@@ -41,25 +45,25 @@ fn roll_acceleration(p: &HandlingSlidingMode, u: &U, f: &[f64; 2]) -> f64 {
 
 #[test]
 fn the_forces_have_the_check_numbers() {
-    let y = equations::forces(&HandlingSlidingMode::default(), &TURN);
+    let y = forces(&HandlingSlidingMode::default(), &TURN);
     assert_abs_diff_eq!(y.f[0], -4639.036789, epsilon = 5e-7);
     assert_abs_diff_eq!(y.s, 0.35, epsilon = 1e-15);
     // s is outside the boundary layer, so only the damper makes the difference.
-    assert_abs_diff_eq!(equations::forces(&damped(), &TURN).f[0], -4712.536789, epsilon = 5e-7);
-    let y = equations::forces(&damped(), &U { phi: 0.02, phid: 0.05, ..TURN });
+    assert_abs_diff_eq!(forces(&damped(), &TURN).f[0], -4712.536789, epsilon = 5e-7);
+    let y = forces(&damped(), &U { phi: 0.02, phid: 0.05, ..TURN });
     assert_abs_diff_eq!(y.f[0], -2592.727496, epsilon = 5e-7);
     assert_abs_diff_eq!(y.s, 0.15, epsilon = 1e-15);
 }
 
 #[test]
 fn at_rest_there_is_no_force() {
-    let y = equations::forces(&HandlingSlidingMode::default(), &U::default());
+    let y = forces(&HandlingSlidingMode::default(), &U::default());
     assert_eq!((y.f.0, y.s), ([0.0; 2], 0.0));
 }
 
 #[test]
 fn the_limit_holds_for_both_forces() {
-    let y = equations::forces(&HandlingSlidingMode { limit: 4000.0, ..HandlingSlidingMode::default() }, &TURN);
+    let y = forces(&HandlingSlidingMode { limit: 4000.0, ..HandlingSlidingMode::default() }, &TURN);
     assert_eq!(y.f.0, [-4000.0, 4000.0]);
 }
 
@@ -92,7 +96,7 @@ proptest! {
     #[test]
     fn roll_moves_as_demanded(u in any_inputs(), width in 0.0..0.5) {
         let p = HandlingSlidingMode { width, ..HandlingSlidingMode::default() };
-        let y = equations::forces(&p, &u);
+        let y = forces(&p, &u);
         let sign = if width > 0.0 { (y.s / width).clamp(-1.0, 1.0) } else { y.s.signum() };
         let switching = (p.mu + p.kappa1 * u.phi.abs() + p.kappa2 * u.phid.abs()) * sign;
         let wanted = -(p.rho + p.eta) * u.phid - p.rho * p.eta * u.phi - switching;
@@ -103,8 +107,8 @@ proptest! {
     #[test]
     fn the_damper_is_cancelled_by_its_share(u in any_inputs(), cancellation in 0.0..1.0) {
         let p = HandlingSlidingMode { cancellation, ..HandlingSlidingMode::default() };
-        let all = equations::forces(&HandlingSlidingMode::default(), &u);
-        let part = equations::forces(&p, &u);
+        let all = forces(&HandlingSlidingMode::default(), &u);
+        let part = forces(&p, &u);
         let damper = -(1.0 - cancellation) * p.c_s * p.t / 2.0 * (u.dd_s[0] - u.dd_s[1]) / p.i_x;
         let left = roll_acceleration(&p, &u, &part.f) - roll_acceleration(&p, &u, &all.f);
         prop_assert!((left - damper).abs() < 1e-10);
@@ -116,7 +120,7 @@ proptest! {
     fn the_lyapunov_function_falls(u in any_inputs(), error in -1.0..1.0, set in 0..3_usize) {
         let p = &sets()[set];
         prop_assume!(u.phi != 0.0 || u.phid != 0.0);
-        let y = equations::forces(p, &u);
+        let y = forces(p, &u);
         let disturbance = error * (p.kappa1 * u.phi.abs() + p.kappa2 * u.phid.abs());
         let phidd = roll_acceleration(p, &u, &y.f) + disturbance;
         let rate = u.phi * u.phid + y.s * (phidd + p.rho * u.phid);
@@ -128,9 +132,9 @@ proptest! {
     fn the_law_is_symmetric(u in any_inputs(), limit in 0.0..8000.0, cancellation in 0.0..1.0) {
         let p = HandlingSlidingMode { limit, cancellation, ..HandlingSlidingMode::default() };
         let swapped = |sides: Sides<f64>| Sides([sides[1], sides[0]]);
-        let y = equations::forces(&p, &u);
+        let y = forces(&p, &u);
         let mirror = U { phi: -u.phi, phid: -u.phid, d_s: swapped(u.d_s), dd_s: swapped(u.dd_s), a_y: -u.a_y };
-        let m = equations::forces(&p, &mirror);
+        let m = forces(&p, &mirror);
         prop_assert_eq!((y.f, y.s), (swapped(m.f), -m.s));
         prop_assert_eq!(y.f[0], -y.f[1]);
     }

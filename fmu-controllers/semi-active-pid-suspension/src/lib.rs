@@ -3,11 +3,23 @@
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eq. 18.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | a | vertical acceleration of the body above the wheel: now, one (a1) and two (a2) samples before |
+//! | v | velocity of the suspension |
+//! | u | accumulated law, a force that would accelerate the body further |
+//! | f_d, f | demanded force, and force of the actuator |
+//! | T_s | sample time |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
+use std::f64::consts::TAU;
+
+use chassis_control::limit::magnitude;
+use chassis_control::pid::{Gains, increment};
+use chassis_control::semi_active::dissipative;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
@@ -84,6 +96,24 @@ impl Discrete for SemiActivePidSuspension {
     type Outputs = Y;
 
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::sample(self, sample.state, sample.inputs)
+        let (x, inputs) = (sample.state, sample.inputs);
+        if !inputs.enable {
+            *x = X { u: [0.0; 4], a1: *inputs.a, a2: *inputs.a };
+            return Y { f: FourWheels([0.0; 4]) };
+        }
+        let leak = fmu::math::exp(-TAU * self.f_leak * self.sample_time);
+        let f = FourWheels::from_fn(|i| {
+            let (a, v) = (inputs.a[i], inputs.v[i]);
+            let gains = Gains { proportional: inputs.k_p[i], integral: inputs.k_i[i], derivative: inputs.k_d[i] };
+            let u = magnitude(leak * x.u[i] + increment(gains, [a, x.a1[i], x.a2[i]]), self.f_max);
+            x.u[i] = u;
+            (x.a2[i], x.a1[i]) = (x.a1[i], a);
+            let f_d = -self.gain * u;
+            match self.constraint {
+                Constraint::None => f_d,
+                Constraint::Dissipative => dissipative(f_d, v, self.f_max.min(self.c_add * v.abs())),
+            }
+        });
+        Y { f }
     }
 }

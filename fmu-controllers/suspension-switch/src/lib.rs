@@ -1,11 +1,19 @@
 //! `SuspensionSwitch`: chooses between the comfort and the handling law by the estimated load transfer ratio.
 //!
 //! Applied Sciences 2020, 10, 1852, eq. 8; hysteresis, blending and the test of the magnitude are additions.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | LTR, Q | load transfer ratio (estimate), its threshold |
+//! | f_c, f_h | forces that the comfort and the handling law propose |
+//! | w | share of the handling law |
+//! | h | sample time |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_control::limit;
+use chassis_control::switch::hysteresis;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
@@ -84,6 +92,21 @@ impl Discrete for SuspensionSwitch {
     type Outputs = Y;
 
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::sample(self, sample.state, sample.inputs)
+        let (x, u) = (sample.state, sample.inputs);
+        let ltr = if self.magnitude { u.ltr.abs() } else { u.ltr };
+        x.handling = match self.strategy {
+            Strategy::Switched | Strategy::Passive => hysteresis(x.handling, ltr, self.q, self.width),
+            Strategy::Comfort => false,
+            Strategy::Handling => true,
+        };
+        let mode = if x.handling { 1.0 } else { 0.0 };
+        x.w =
+            if self.blend_time > 0.0 { limit::rate(mode, x.w, 1.0 / self.blend_time, self.sample_time) } else { mode };
+        let w = x.w;
+        let f = match self.strategy {
+            Strategy::Passive => Sides([0.0; 2]),
+            _ => Sides::from_fn(|i| (1.0 - w) * u.f_c[i] + w * u.f_h[i]),
+        };
+        Y { f, mode: i32::from(x.handling), w }
     }
 }

@@ -3,7 +3,11 @@
 use fmu::Enumeration as _;
 use proptest::prelude::*;
 
-use super::{Sides, Strategy, SuspensionSwitch, U, X, equations};
+use super::{Discrete, Sample, Sides, Strategy, SuspensionSwitch, U, X, Y};
+
+fn sample(p: &SuspensionSwitch, x: &mut X, u: &U) -> Y {
+    p.update(Sample { time: 0.0, derived: &(), state: x, inputs: u })
+}
 
 /// A load transfer ratio with forces that can be told apart.
 fn inputs(ltr: f64) -> U {
@@ -13,7 +17,7 @@ fn inputs(ltr: f64) -> U {
 /// The modes for a sequence of load transfer ratios.
 fn modes(p: &SuspensionSwitch, ratios: &[f64]) -> Vec<i32> {
     let mut x = X::default();
-    ratios.iter().map(|&ltr| equations::sample(p, &mut x, &inputs(ltr)).mode).collect()
+    ratios.iter().map(|&ltr| sample(p, &mut x, &inputs(ltr)).mode).collect()
 }
 
 #[test]
@@ -37,11 +41,7 @@ fn the_magnitude_protects_right_turns_too() {
 #[test]
 fn the_control_cases_choose_the_law() {
     let sample = |strategy, ltr| {
-        let y = equations::sample(
-            &SuspensionSwitch { strategy, ..SuspensionSwitch::default() },
-            &mut X::default(),
-            &inputs(ltr),
-        );
+        let y = sample(&SuspensionSwitch { strategy, ..SuspensionSwitch::default() }, &mut X::default(), &inputs(ltr));
         (y.f.0, y.mode)
     };
     let (comfort, handling) = (inputs(0.0).f_c.0, inputs(0.0).f_h.0);
@@ -59,7 +59,7 @@ fn blending_takes_its_time() {
     let p = SuspensionSwitch { blend_time: 0.25, ..SuspensionSwitch::default() };
     let mut x = X::default();
     for n in 1..=260 {
-        let y = equations::sample(&p, &mut x, &inputs(0.9));
+        let y = sample(&p, &mut x, &inputs(0.9));
         let w = (0.004 * f64::from(n)).min(1.0);
         assert!((y.w - w).abs() < 1e-13, "{n}");
         assert!((y.f[0] - (100.0 - 2100.0 * w)).abs() < 1e-9, "{n}");
@@ -67,17 +67,17 @@ fn blending_takes_its_time() {
     }
     assert_eq!(x.w, 1.0);
     for _ in 0..100 {
-        equations::sample(&p, &mut x, &inputs(0.0));
+        sample(&p, &mut x, &inputs(0.0));
     }
     assert!((x.w - 0.6).abs() < 1e-13);
-    let y = equations::sample(&p, &mut x, &inputs(0.9));
+    let y = sample(&p, &mut x, &inputs(0.9));
     assert!((y.w - 0.604).abs() < 1e-13);
 }
 
 #[test]
 fn a_blend_shorter_than_a_sample_is_at_once() {
     let p = SuspensionSwitch { blend_time: 1e-4, ..SuspensionSwitch::default() };
-    assert_eq!(equations::sample(&p, &mut X::default(), &inputs(0.9)).w, 1.0);
+    assert_eq!(sample(&p, &mut X::default(), &inputs(0.9)).w, 1.0);
 }
 
 proptest! {
@@ -89,7 +89,7 @@ proptest! {
     ) {
         let p = SuspensionSwitch { blend_time, strategy: Strategy::from_value(strategy).unwrap(), ..SuspensionSwitch::default() };
         let u = U { ltr, f_c: Sides([f[0], f[1]]), f_h: Sides([f[2], f[3]]) };
-        let y = equations::sample(&p, &mut X { handling, w }, &u);
+        let y = sample(&p, &mut X { handling, w }, &u);
         prop_assert!((0.0..=1.0).contains(&y.w));
         if blend_time == 0.0 {
             prop_assert_eq!(y.f, if y.mode == 1 { u.f_h } else { u.f_c });

@@ -2,11 +2,20 @@
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
 //! Coupling Dynamics", 2022, eqs. 12-16, rederived because of contradictory signs.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | m, I_z | mass and yaw inertia of the vehicle |
+//! | l1, l2 | center of mass to front axle and to the trunnion between the rear axles; L is their sum |
+//! | kc | cornering stiffness of one front wheel |
+//! | u, delta | speed, steering angle of the front axle demanded by the driver |
+//! | k, tau | yaw rate of the steady turn per steering angle, time constant |
+//! | w | reference of the yaw rate |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
+use chassis_control::limit;
 use chassis_vehicle::data::heavy_vehicle as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
@@ -55,6 +64,13 @@ pub struct X {
     w: f64,
 }
 
+/// Gain k in 1/s and time constant tau in s at the speed `u`.
+fn gain_and_time_constant(p: &YawRateReference, u: f64) -> (f64, f64) {
+    let l = p.l1 + p.l2;
+    let den = 2.0 * p.kc[0] * p.l1 * l + p.m * p.l2 * u * u;
+    (2.0 * p.kc[0] * u * l / den, p.i_z * u / den)
+}
+
 /// Yaw rate of a heavy truck in a turn without sideslip, behind a first-order lag
 #[fmu::model(stop_time = 13.0, step_size = 0.001)]
 impl Discrete for YawRateReference {
@@ -63,6 +79,10 @@ impl Discrete for YawRateReference {
     type Outputs = Y;
 
     fn update(&self, sample: Sample<Self>) -> Y {
-        equations::sample(self, sample.state, sample.inputs)
+        let (x, u) = (sample.state, sample.inputs);
+        let (k, tau) = gain_and_time_constant(self, u.u);
+        let y = Y { w: x.w, beta: 0.0 };
+        x.w = limit::lag(x.w, k * u.delta, tau, self.sample_time);
+        y
     }
 }

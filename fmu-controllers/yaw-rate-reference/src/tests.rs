@@ -20,7 +20,7 @@ fn gains_and_time_constants_have_the_check_numbers() {
     let numbers =
         [(20.0, 1.25236, 0.10442), (40.0, 1.60005, 0.13340), (60.0, 1.49819, 0.12491), (80.0, 1.30896, 0.10913)];
     for (km_h, k, tau) in numbers {
-        let (actual_k, actual_tau) = equations::gain_and_time_constant(&YawRateReference::default(), km_h * KM_H);
+        let (actual_k, actual_tau) = gain_and_time_constant(&YawRateReference::default(), km_h * KM_H);
         assert_abs_diff_eq!(actual_k, k, epsilon = 5.1e-6);
         assert_abs_diff_eq!(actual_tau, tau, epsilon = 5.1e-6);
     }
@@ -31,7 +31,7 @@ fn the_gain_balances_forces_and_moments_without_sideslip() {
     // Steady turn with beta = 0: the front force 2 kc (delta - l1 w/u) and a rear force at l2 make m u w and no moment.
     let p = YawRateReference::default();
     let u = 60.0 * KM_H;
-    let (k, _) = equations::gain_and_time_constant(&p, u);
+    let (k, _) = gain_and_time_constant(&p, u);
     let (delta, w) = (0.01, k * 0.01);
     let front = 2.0 * p.kc[0] * (delta - p.l1 * w / u);
     let rear = p.m * u * w - front;
@@ -44,7 +44,7 @@ fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
     // Closed form of the sampled lag: k delta (1 - exp(-n T/tau)); roundings of numbers of order 0.1.
     let p = YawRateReference::default();
     let u = U { delta: 0.1, u: 60.0 * KM_H };
-    let (k, tau) = equations::gain_and_time_constant(&p, u.u);
+    let (k, tau) = gain_and_time_constant(&p, u.u);
     let references = run(&p, &u, 3000);
     assert_eq!(references[0], 0.0);
     for (n, reference) in references.iter().enumerate() {
@@ -60,7 +60,7 @@ fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
 
 #[test]
 fn a_standing_vehicle_does_not_turn() {
-    assert_eq!(equations::gain_and_time_constant(&YawRateReference::default(), 0.0), (0.0, 0.0));
+    assert_eq!(gain_and_time_constant(&YawRateReference::default(), 0.0), (0.0, 0.0));
     assert!(run(&YawRateReference::default(), &U { delta: 0.5, u: 0.0 }, 10).iter().all(|&reference| reference == 0.0));
 }
 

@@ -1,6 +1,12 @@
 //! `Actuator`: follows any command with a lag, at a limited rate and within a range. The README has the equations.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | u, x | command, value of the actuator |
+//! | T, r | time constant, greatest rate |
+//! | x_min, x_max | range |
+//! | step, h_r | step, and the part of it at the greatest rate |
 
-mod equations;
 #[cfg(test)]
 mod tests;
 
@@ -42,6 +48,11 @@ pub struct X<T> {
     x: T,
 }
 
+/// A value within the range.
+fn within<T: Scalar>(p: &Actuator, value: T) -> T {
+    Scalar::clamp(value, T::from(p.x_min), T::from(p.x_max))
+}
+
 /// Follows any command with a lag, at a limited rate and within a range
 #[fmu::model(stop_time = 2.0, step_size = 0.001)]
 impl Continuous for Actuator {
@@ -50,15 +61,26 @@ impl Continuous for Actuator {
     type Derived = ();
 
     fn derived(&self) -> Result<(), String> {
-        equations::check(self)
+        if self.x_min <= self.x_max {
+            return Ok(());
+        }
+        Err(format!("'actuator.minimum' = {} must not exceed 'actuator.maximum' = {}", self.x_min, self.x_max))
     }
     fn initialize(&self, (): &(), state: &mut X<f64>) {
-        state.x = equations::within(self, self.x_0);
+        state.x = within(self, self.x_0);
     }
     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
-        X { x: equations::rate(self, at.state.x, at.inputs.u) }
+        X { x: Scalar::clamp((within(self, at.inputs.u) - at.state.x) / self.t, T::from(-self.r), T::from(self.r)) }
     }
     fn advance(&self, at: At<f64, Self>, step: f64) -> X<f64> {
-        X { x: equations::advance(self, at.state.x, at.inputs.u, step) }
+        let (x, u) = (at.state.x, at.inputs.u);
+        // At the greatest rate until the error is r T, then the lag.
+        let target = within(self, u);
+        let e = target - x;
+        let h_r = (e.abs() / self.r - self.t).max(0.0);
+        if step <= h_r {
+            return X { x: x + (self.r * step).copysign(e) };
+        }
+        X { x: target - e.abs().min(self.r * self.t).copysign(e) * fmu::math::exp((h_r - step) / self.t) }
     }
 }

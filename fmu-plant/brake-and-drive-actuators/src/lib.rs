@@ -3,10 +3,18 @@
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eq. 12; the drive is an addition.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | p_master | pressure that the driver's pedal makes, MPa |
+//! | p, p_cmd | pressure of a wheel brake, and as commanded, MPa |
+//! | T_b, T_d | brake and drive torque of a wheel |
+//! | omega | speed of rotation of a wheel |
 
-mod equations;
 #[cfg(test)]
 mod tests;
+
+use std::f64::consts::PI;
 
 use chassis_vehicle::data::esp_car as data;
 use chassis_vehicle::prelude::*;
@@ -79,6 +87,9 @@ pub struct Y<T> {
     t_d: FourWheels<T>,
 }
 
+/// Pascal per megapascal.
+const MEGA: f64 = 1e6;
+
 /// Brakes and drive of a car: pressure of the pedal, lagged wheel pressures, brake torques, drive torque of the front
 /// wheels
 #[fmu::model(stop_time = 6.0, step_size = 0.001)]
@@ -88,12 +99,26 @@ impl Continuous for BrakeAndDriveActuators {
     type Outputs<T: Scalar> = Y<T>;
 
     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
-        equations::derivatives(self, at.state, at.inputs)
+        let (x, u) = (at.state, at.inputs);
+        X { p: FourWheels::from_fn(|i| (u.p_cmd[i] - x.p[i]) / self.tau_p) }
     }
     fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
-        equations::outputs(self, at.state, at.inputs)
+        let (x, u) = (at.state, at.inputs);
+        let (zero, one) = (T::from(0.0), T::from(1.0));
+        let per_pedal = 4.0 * self.f_pedal * self.i_b * self.eta_p * self.boost / (PI * self.d_m * self.d_m) / MEGA;
+        let mean_speed = (u.omega[0] + u.omega[1]) * 0.5;
+        let torque = Scalar::min(T::from(self.t_max), T::from(self.p_max) / Scalar::max(mean_speed, one));
+        let t_d = Scalar::clamp(u.throttle, zero, one) * torque;
+        Y {
+            p_master: Scalar::max(u.brake * per_pedal - self.p_loss, zero),
+            t_b: FourWheels::from_fn(|i| x.p[i] * (self.gain[axle_of(i)] * MEGA)),
+            t_d: FourWheels::from_fn(|i| if axle_of(i) == 0 { t_d * 0.5 } else { zero }),
+        }
     }
     fn advance(&self, at: At<f64, Self>, step: f64) -> X<f64> {
-        equations::advance(self, at.state, at.inputs, step)
+        let (x, u) = (at.state, at.inputs);
+        // The exact solution for held commands.
+        let decay = fmu::math::exp(-step / self.tau_p);
+        X { p: FourWheels::from_fn(|i| u.p_cmd[i] + (x.p[i] - u.p_cmd[i]) * decay) }
     }
 }

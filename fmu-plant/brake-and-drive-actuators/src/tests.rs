@@ -5,8 +5,12 @@ use proptest::prelude::*;
 
 use super::*;
 
+fn at<'a>(state: &'a X<f64>, inputs: &'a U<f64>) -> At<'a, f64, BrakeAndDriveActuators> {
+    At { time: 0.0, state, inputs, derived: &(), discrete: &() }
+}
+
 fn outputs(u: &U<f64>) -> Y<f64> {
-    equations::outputs(&BrakeAndDriveActuators::default(), &X::default(), u)
+    BrakeAndDriveActuators::default().outputs(at(&X::default(), u))
 }
 
 #[test]
@@ -39,7 +43,7 @@ fn the_drive_is_limited_by_torque_and_power() {
 fn torques_are_proportional_to_the_pressures() {
     // 167.48 and 66.396 N m per MPa; roundings.
     let x = X { p: FourWheels([1.0, 2.0, 3.0, 4.0]) };
-    let t_b = equations::outputs(&BrakeAndDriveActuators::default(), &x, &U::default()).t_b;
+    let t_b = BrakeAndDriveActuators::default().outputs(at(&x, &U::default())).t_b;
     for (actual, expected) in t_b.iter().zip([167.48, 334.96, 199.188, 265.584]) {
         assert!((actual - expected).abs() < 1e-12);
     }
@@ -56,10 +60,10 @@ proptest! {
         let p = BrakeAndDriveActuators::default();
         let u = U { p_cmd: FourWheels(p_cmd), ..U::default() };
         let x = X { p: FourWheels(p_0) };
-        let whole = equations::advance(&p, &x, &u, h);
-        let first = equations::advance(&p, &x, &u, part * h);
-        let second = equations::advance(&p, &first, &u, (1.0 - part) * h);
-        let rate = equations::derivatives(&p, &whole, &u);
+        let whole = p.advance(at(&x, &u), h);
+        let first = p.advance(at(&x, &u), part * h);
+        let second = p.advance(at(&first, &u), (1.0 - part) * h);
+        let rate = p.derivatives(at(&whole, &u));
         for i in 0..4 {
             prop_assert!((whole.p[i] - second.p[i]).abs() < 1e-13);
             // By hand: p_cmd + (p_0 - p_cmd) exp(-h/tau) and its slope, by a dual number.
