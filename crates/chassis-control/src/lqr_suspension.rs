@@ -15,74 +15,60 @@ use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
-pub use model::{LATERAL_STATES, STATES, Vehicle, output_rows, state_space};
+pub use model::{LATERAL_STATES, STATES, output_rows, state_space};
 
 /// Copies of the plant's parameters; a parameter set by name feeds both.
 #[derive(Parameters, Clone, Debug)]
+#[expect(missing_docs, reason = "the symbols stand in the plant's documentation")]
 pub struct VehicleParameters {
     #[var(VEHICLE_MASS, start = data::MASS)]
-    m: f64,
+    pub m: f64,
     #[var(WHEEL_MASS, start = data::WHEEL_MASS)]
-    m_w: f64,
+    pub m_w: f64,
     #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
-    a: f64,
+    pub a: f64,
     #[var(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
-    l12: f64,
+    pub l12: f64,
     #[var(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
-    l23: f64,
+    pub l23: f64,
     #[var(TRACK, start = data::TRACK)]
-    b_t: f64,
+    pub b_t: f64,
     #[var(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
-    h_s: f64,
+    pub h_s: f64,
     #[var(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
-    i_x: f64,
+    pub i_x: f64,
     #[var(BODY_PITCH_AXIS_INERTIA, start = data::PITCH_AXIS_INERTIA)]
-    i_y: f64,
+    pub i_y: f64,
     #[var(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
-    k_s: f64,
+    pub k_s: f64,
     #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
-    c_s: f64,
+    pub c_s: f64,
     #[var(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
-    k_t: f64,
+    pub k_t: f64,
     #[var(GRAVITY, start = data::GRAVITY)]
-    g: f64,
+    pub g: f64,
     /// used with `design.lateral_states`
     #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
-    i_z: f64,
+    pub i_z: f64,
     /// used with `design.lateral_states`
     #[var(BODY_PRODUCT_OF_INERTIA, start = data::PRODUCT_OF_INERTIA)]
-    i_xz: f64,
+    pub i_xz: f64,
     /// used with `design.lateral_states`
     #[var(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
-    c: ThreeAxles<f64>,
+    pub c: ThreeAxles<f64>,
     /// Sideslip and yaw rate are states of the design model and fed back, as eq. 9 of the paper suggests
     #[var("design.lateral_states", start = false)]
-    lateral_states: bool,
+    pub lateral_states: bool,
     /// Speed of the design model with lateral states
     #[var("design.speed", unit = "m/s", start = data::SPEED, positive, display = "km/h")]
-    speed: f64,
+    pub speed: f64,
 }
 
 impl VehicleParameters {
-    /// The data of the design model.
-    fn vehicle(&self) -> Vehicle {
+    /// Positions of the wheels in front and to the left of the center of mass, m.
+    fn positions(&self) -> ([f64; 6], [f64; 6]) {
         let x = [self.a, self.a - self.l12, self.a - self.l12 - self.l23];
-        Vehicle {
-            m: self.m,
-            m_w: self.m_w,
-            x: std::array::from_fn(|i| x[axle_of(i)]),
-            y: std::array::from_fn(|i| self.b_t / 2.0 * left_is_positive(i)),
-            h_s: self.h_s,
-            i_x: self.i_x,
-            i_y: self.i_y,
-            i_z: self.i_z,
-            i_xz: self.i_xz,
-            k_s: self.k_s,
-            c_s: self.c_s,
-            k_t: self.k_t,
-            c: std::array::from_fn(|i| self.c[axle_of(i)]),
-            g: self.g,
-        }
+        (std::array::from_fn(|i| x[axle_of(i)]), std::array::from_fn(|i| self.b_t / 2.0 * left_is_positive(i)))
     }
 }
 
@@ -243,9 +229,8 @@ pub fn regulator(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Res
         check_weight(quantity.parameter(), value)?;
     }
     check_weight("accepted.suspension_force", force)?;
-    let vehicle = p.vehicle();
-    let (a, b) = state_space(&vehicle, p.lateral_states.then_some(p.speed))?;
-    let (d, e, weights) = output_rows(&vehicle, &a, &b, outputs);
+    let (a, b) = state_space(p, p.lateral_states.then_some(p.speed))?;
+    let (d, e, weights) = output_rows(p, &a, &b, outputs);
     let q0 = DMatrix::from_diagonal(&DVector::from_vec(weights));
     let r0 = DMatrix::identity(6, 6) / (force * force);
     lqr_output_weighted(&a, &b, &d, &e, &q0, &r0)

@@ -4,11 +4,9 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis_vehicle::mirror::mirrored;
-use std::array;
-
-use chassis_control::lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
+use chassis_control::lqr_suspension::{LATERAL_STATES, VehicleParameters, state_space};
 use chassis_control::riccati::eigenvalues;
+use chassis_vehicle::mirror::mirrored;
 use fmu::simulation::ContinuousSimulation;
 use fmu::{Dual64, Variables};
 use nalgebra::{Complex, DMatrix};
@@ -210,23 +208,7 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
     // Two derivations of one model: these equations by dual numbers, and the matrices M, N, R, Q of the paper's
     // Appendix A (corrected). States v = u beta; a few roundings of the largest element.
     let p = linear();
-    let d = derived(&p);
-    let vehicle = Vehicle {
-        m: p.m,
-        m_w: p.m_w,
-        x: d.x,
-        y: d.y,
-        h_s: p.h_s,
-        i_x: p.i_x,
-        i_y: p.i_y,
-        i_z: p.i_z,
-        i_xz: p.i_xz,
-        k_s: p.k_s,
-        c_s: p.c_s,
-        k_t: p.k_t,
-        c: array::from_fn(|i| p.c[axle_of(i)]),
-        g: p.g,
-    };
+    let vehicle = VehicleParameters::default();
     let speed = data::SPEED;
     let (a_design, b_design) = state_space(&vehicle, Some(speed)).unwrap();
     let (a, b) = linearized(&p, &X::default(), &U { u: speed, ..U::default() });

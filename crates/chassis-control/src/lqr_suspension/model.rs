@@ -3,35 +3,15 @@
 //!
 //! X = [Z, theta, phi, z_w (6), their rates (9), beta, r]; W = [F_s (6), F_t (6), F_y (6)].
 
+use chassis_vehicle::positions::axle_of;
 use nalgebra::DMatrix;
 
-use super::{Accepted, Weighted};
+use super::{Accepted, VehicleParameters, Weighted};
 
 /// Number of vertical states.
 pub const STATES: usize = 18;
 /// Number of states with sideslip and yaw rate.
 pub const LATERAL_STATES: usize = 20;
-
-/// Data of the design model: symbols as in the paper, SI units, wheels in the order fl, fr, ml, mr, rl, rr.
-#[derive(Clone, Debug)]
-#[expect(missing_docs, reason = "the symbols stand in the plant's documentation")]
-pub struct Vehicle {
-    pub m: f64,
-    pub m_w: f64,
-    pub x: [f64; 6],
-    pub y: [f64; 6],
-    pub h_s: f64,
-    pub i_x: f64,
-    pub i_y: f64,
-    pub i_z: f64,
-    pub i_xz: f64,
-    pub k_s: f64,
-    pub c_s: f64,
-    pub k_t: f64,
-    /// Cornering stiffness of the tire, N/rad, positive.
-    pub c: [f64; 6],
-    pub g: f64,
-}
 
 // Indices of the states.
 const Z: usize = 0;
@@ -47,7 +27,7 @@ const R: usize = 19;
 ///
 /// # Errors
 /// The mass matrix is not positive definite; the message names the parameter and the rule it breaks.
-pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), String> {
+pub fn state_space(p: &VehicleParameters, speed: Option<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), String> {
     let size = if speed.is_some() { LATERAL_STATES } else { STATES };
     let unsprung = 6.0 * p.m_w;
     if p.m <= unsprung {
@@ -94,8 +74,9 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
     let mut q = DMatrix::zeros(LATERAL_STATES, 18);
     // Rows of S: F_s = k_s d + c_s dd, F_t = k_t z_w, F_y = -C (beta + x r/u).
     let mut s = DMatrix::zeros(18, LATERAL_STATES);
+    let (xs, ys) = p.positions();
     for i in 0..6 {
-        let (x, y) = (p.x[i], p.y[i]);
+        let (x, y) = (xs[i], ys[i]);
         r[(Z + RATE, i)] = 1.0;
         r[(THETA + RATE, i)] = -x;
         r[(PHI + RATE, i)] = y;
@@ -113,8 +94,8 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
             s[(i, first + Z_W + i)] = -factor;
         }
         s[(6 + i, Z_W + i)] = p.k_t;
-        s[(12 + i, BETA)] = -p.c[i];
-        s[(12 + i, R)] = -p.c[i] * x / u;
+        s[(12 + i, BETA)] = -p.c[axle_of(i)];
+        s[(12 + i, R)] = -p.c[axle_of(i)] * x / u;
     }
     let forces = n + q * s;
     let mass = mass.view((0, 0), (size, size)).into_owned();
@@ -128,12 +109,13 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
 
 /// D and E of Y = D X + E U and the weight of each row, for the quantities of a cost.
 pub fn output_rows(
-    p: &Vehicle,
+    p: &VehicleParameters,
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
     outputs: &[Accepted],
 ) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {
     let states = a.nrows();
+    let (x, y) = p.positions();
     // Every row as coefficients of X and of U.
     let mut rows: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
     for &Accepted { quantity, value } in outputs {
@@ -155,7 +137,7 @@ pub fn output_rows(
             Weighted::RollAcceleration => rows.push(acceleration(PHI)),
             Weighted::Roll => rows.push(of_state(&[(PHI, 1.0)])),
             Weighted::SuspensionDeflections => {
-                rows.extend((0..6).map(|i| of_state(&[(Z, 1.0), (THETA, -p.x[i]), (PHI, p.y[i]), (Z_W + i, -1.0)])))
+                rows.extend((0..6).map(|i| of_state(&[(Z, 1.0), (THETA, -x[i]), (PHI, y[i]), (Z_W + i, -1.0)])))
             }
             Weighted::TireDeflections => rows.extend((0..6).map(|i| of_state(&[(Z_W + i, 1.0)]))),
         }

@@ -38,7 +38,7 @@ fn roll() -> [Accepted; 4] {
 
 /// A and B of the design model with the start values.
 fn model() -> (DMatrix<f64>, DMatrix<f64>) {
-    state_space(&VehicleParameters::default().vehicle(), None).unwrap()
+    state_space(&VehicleParameters::default(), None).unwrap()
 }
 
 fn gain(outputs: &[Accepted]) -> DMatrix<f64> {
@@ -53,7 +53,7 @@ fn slowest(k1: f64, k2: f64) -> f64 {
 }
 
 /// Stiffness of a strut and its tire in series.
-fn series(p: &Vehicle) -> f64 {
+fn series(p: &VehicleParameters) -> f64 {
     p.k_s * p.k_t / (p.k_s + p.k_t)
 }
 
@@ -62,7 +62,7 @@ fn frequencies_with_massless_wheels_are_the_closed_forms() {
     // Wheels without mass are where their forces balance, which leaves A_bb - A_bw A_ww^-1 A_wb of the accelerations
     // per position. Closed forms of one degree of freedom: omega^2 = k/m with struts and tires in series, less the
     // moment of the weight (body: the wheels' forces on it). 1e-12: the condensation.
-    let p = VehicleParameters::default().vehicle();
+    let p = VehicleParameters::default();
     let (a, _) = model();
     let body = a.view((9, 0), (3, 3)) - {
         let ww = a.view((12, 3), (6, 6)).into_owned().lu();
@@ -70,10 +70,11 @@ fn frequencies_with_massless_wheels_are_the_closed_forms() {
     };
     let m_s = p.m - 6.0 * p.m_w;
     let weight = m_s * p.g * p.h_s;
+    let (x, y) = p.positions();
     let sum = |lever: &[f64; 6]| lever.iter().map(|l| l * l).sum::<f64>();
     let hertz = |squared: f64| squared.sqrt() / std::f64::consts::TAU;
     let closed =
-        [6.0 * series(&p) / m_s, (series(&p) * sum(&p.x) - weight) / p.i_y, (series(&p) * sum(&p.y) - weight) / p.i_x];
+        [6.0 * series(&p) / m_s, (series(&p) * sum(&x) - weight) / p.i_y, (series(&p) * sum(&y) - weight) / p.i_x];
     for (i, printed) in [0.96859, 0.79844, 0.83028].into_iter().enumerate() {
         assert_abs_diff_eq!(-body[(i, i)] / closed[i], 1.0, epsilon = 1e-12);
         assert_abs_diff_eq!(hertz(closed[i]), printed, epsilon = 1e-5); // check numbers
@@ -112,7 +113,7 @@ fn poles_of_the_design_model_are_the_check_numbers() {
 fn static_roll_per_lateral_acceleration() {
     // Equilibrium of the body under m_s h_s a_y about the roll axis: 0 = (A - B K) X + b a_y. The passive one is the
     // closed form m_s h_s/(K_phi - m_s g h_s), K_phi = 6 (B/2)^2 k_s k_t/(k_s + k_t).
-    let p = VehicleParameters::default().vehicle();
+    let p = VehicleParameters::default();
     let (a, b) = model();
     let m_s = p.m - 6.0 * p.m_w;
     let mut disturbance = DVector::zeros(STATES);
@@ -120,7 +121,7 @@ fn static_roll_per_lateral_acceleration() {
     let roll_angle = |k: DMatrix<f64>| (&a - &b * k).lu().solve(&-&disturbance).unwrap()[2];
 
     let passive = roll_angle(DMatrix::zeros(6, STATES));
-    let k_phi = series(&p) * p.y.iter().map(|y| y * y).sum::<f64>();
+    let k_phi = series(&p) * p.positions().1.iter().map(|y| y * y).sum::<f64>();
     let closed = m_s * p.h_s / (k_phi - m_s * p.g * p.h_s);
     assert_abs_diff_eq!(passive / closed, 1.0, epsilon = 1e-12); // the linear solution
     assert_abs_diff_eq!(passive, 0.01984193, epsilon = 1e-8); // check number
@@ -147,7 +148,7 @@ fn both_laws_fully_on_are_unstable() {
 #[test]
 fn lateral_states_leave_the_vertical_model_as_it_is() {
     // Sideslip and yaw rate reach the vertical motion through roll only.
-    let p = VehicleParameters::default().vehicle();
+    let p = VehicleParameters::default();
     let (a, b) = model();
     let (a20, b20) = state_space(&p, Some(data::SPEED)).unwrap();
     for i in (0..STATES).filter(|&i| i != 11) {
