@@ -71,13 +71,13 @@ const ARCHITECTURE: Option<u32> = if cfg!(target_arch = "x86_64") {
 const X32: u32 = 0x4000_0000;
 
 macro_rules! calls {
-    ($($name:ident if $condition:expr => $kind:expr,)*) => {
-        [$(Call {
+    ($($($name:ident)|+ if $condition:expr => $kind:expr,)*) => {
+        [$($(Call {
             number: libc::$name,
             name: stringify!($name).trim_start_matches("SYS_"),
             condition: $condition,
             kind: $kind,
-        }),*]
+        }),+),*]
     };
 }
 
@@ -100,138 +100,59 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
         SYS_socket if Always => Network(Some(0)),
         // A pair of sockets is connected within the process, but those of datagrams can be sent elsewhere.
         SYS_socketpair if Is(1, 0xf, SOCK_DGRAM) => Network(Some(0)),
-        SYS_connect if Always => Network(None),
-        SYS_bind if Always => Network(None),
-        SYS_listen if Always => Network(None),
-        SYS_accept if Always => Network(None),
-        SYS_accept4 if Always => Network(None),
+        SYS_connect | SYS_bind | SYS_listen | SYS_accept | SYS_accept4 if Always => Network(None),
         SYS_sendto if Pointer(4) => Network(None),
         SYS_openat if Bits(2, WRITES as u32) => Open((Some(0), 1), Some(2)),
         SYS_openat2 if Always => Open((Some(0), 1), None),
         SYS_truncate if Always => Change(&[(None, 0)]),
-        SYS_mkdirat if Always => Change(&[(Some(0), 1)]),
-        SYS_mknodat if Always => Change(&[(Some(0), 1)]),
-        SYS_unlinkat if Always => Change(&[(Some(0), 1)]),
-        SYS_renameat2 if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
-        SYS_linkat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
+        SYS_mkdirat | SYS_mknodat | SYS_unlinkat if Always => Change(&[(Some(0), 1)]),
+        SYS_renameat | SYS_renameat2 | SYS_linkat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
         SYS_symlinkat if Always => Change(&[(Some(1), 2)]),
-        SYS_fchmod if Always => AttributesOfOpen(0),
-        SYS_fchmodat if Always => Attributes((Some(0), 1)),
-        SYS_fchown if Always => AttributesOfOpen(0),
-        SYS_fchownat if Always => Attributes((Some(0), 1)),
-        SYS_utimensat if Always => Attributes((Some(0), 1)),
-        SYS_setxattr if Always => Attributes((None, 0)),
-        SYS_lsetxattr if Always => Attributes((None, 0)),
-        SYS_fsetxattr if Always => AttributesOfOpen(0),
-        SYS_removexattr if Always => Attributes((None, 0)),
-        SYS_lremovexattr if Always => Attributes((None, 0)),
-        SYS_fremovexattr if Always => AttributesOfOpen(0),
-        SYS_kill if OtherProcess(0) => Signal(0, 1),
+        SYS_fchmod | SYS_fchown | SYS_fsetxattr | SYS_fremovexattr if Always => AttributesOfOpen(0),
+        SYS_fchmodat | SYS_fchownat | SYS_utimensat if Always => Attributes((Some(0), 1)),
+        SYS_setxattr | SYS_lsetxattr | SYS_removexattr | SYS_lremovexattr if Always => Attributes((None, 0)),
+        SYS_kill | SYS_rt_sigqueueinfo if OtherProcess(0) => Signal(0, 1),
         SYS_kill if Is(0, u32::MAX, 0) => Signal(0, 1),
         SYS_tkill if Always => Signal(0, 1),
-        SYS_tgkill if OtherProcess(0) => Signal(0, 2),
-        SYS_rt_sigqueueinfo if OtherProcess(0) => Signal(0, 1),
-        SYS_rt_tgsigqueueinfo if OtherProcess(0) => Signal(0, 2),
+        SYS_tgkill | SYS_rt_tgsigqueueinfo if OtherProcess(0) => Signal(0, 2),
         SYS_pidfd_send_signal if Always => SignalByDescriptor(0),
-        SYS_prlimit64 if OtherProcess(0) => Other,
-        // Both put characters into the input of the terminal.
-        SYS_ioctl if Is(1, u32::MAX, TIOCSTI) => Other,
-        SYS_ioctl if Is(1, u32::MAX, TIOCLINUX) => Other,
-        SYS_ptrace if Always => Other,
-        SYS_process_vm_readv if Always => Other,
-        SYS_process_vm_writev if Always => Other,
-        SYS_process_madvise if Always => Other,
-        SYS_pidfd_getfd if Always => Other,
-        SYS_setns if Always => Other,
-        SYS_unshare if Always => Other,
-        SYS_mount if Always => Other,
-        SYS_umount2 if Always => Other,
-        SYS_mount_setattr if Always => Other,
-        SYS_move_mount if Always => Other,
-        SYS_open_tree if Always => Other,
-        SYS_fsopen if Always => Other,
-        SYS_fspick if Always => Other,
-        SYS_fsconfig if Always => Other,
-        SYS_fsmount if Always => Other,
-        SYS_pivot_root if Always => Other,
-        SYS_chroot if Always => Other,
-        SYS_open_by_handle_at if Always => Other,
-        SYS_quotactl if Always => Other,
-        SYS_acct if Always => Other,
-        SYS_swapon if Always => Other,
-        SYS_swapoff if Always => Other,
-        SYS_reboot if Always => Other,
-        SYS_kexec_load if Always => Other,
-        SYS_init_module if Always => Other,
-        SYS_finit_module if Always => Other,
-        SYS_delete_module if Always => Other,
-        SYS_bpf if Always => Other,
-        SYS_perf_event_open if Always => Other,
-        SYS_userfaultfd if Always => Other,
-        // Its requests bypass the filter.
-        SYS_io_uring_setup if Always => Other,
-        SYS_add_key if Always => Other,
-        SYS_request_key if Always => Other,
-        SYS_keyctl if Always => Other,
-        SYS_sched_setaffinity if OtherProcess(0) => Schedule(None),
-        SYS_sched_setattr if OtherProcess(0) => Schedule(None),
-        SYS_sched_setparam if OtherProcess(0) => Schedule(None),
-        SYS_sched_setscheduler if OtherProcess(0) => Schedule(None),
+        SYS_sched_setaffinity | SYS_sched_setattr | SYS_sched_setparam | SYS_sched_setscheduler if OtherProcess(0)
+            => Schedule(None),
         SYS_setpriority if OtherProcess(1) => Schedule(Some(PRIO_PROCESS)),
         SYS_setpriority if Is(0, u32::MAX, PRIO_USER) => Schedule(Some(PRIO_PROCESS)),
         SYS_ioprio_set if OtherProcess(1) => Schedule(Some(IOPRIO_WHO_PROCESS)),
         SYS_ioprio_set if Is(0, u32::MAX, IOPRIO_WHO_USER) => Schedule(Some(IOPRIO_WHO_PROCESS)),
+        SYS_prlimit64 if OtherProcess(0) => Other,
+        // Both put characters into the input of the terminal.
+        SYS_ioctl if Is(1, u32::MAX, TIOCSTI) => Other,
+        SYS_ioctl if Is(1, u32::MAX, TIOCLINUX) => Other,
+        // Other processes.
+        SYS_ptrace | SYS_process_vm_readv | SYS_process_vm_writev | SYS_process_madvise | SYS_pidfd_getfd
+            if Always => Other,
+        // Namespaces and file systems.
+        SYS_setns | SYS_unshare | SYS_mount | SYS_umount2 | SYS_mount_setattr | SYS_move_mount | SYS_open_tree
+            | SYS_fsopen | SYS_fspick | SYS_fsconfig | SYS_fsmount | SYS_pivot_root | SYS_chroot
+            | SYS_open_by_handle_at | SYS_quotactl if Always => Other,
+        // The machine, its kernel and its keys. The requests of `io_uring` bypass the filter.
+        SYS_acct | SYS_swapon | SYS_swapoff | SYS_reboot | SYS_kexec_load | SYS_init_module | SYS_finit_module
+            | SYS_delete_module | SYS_bpf | SYS_perf_event_open | SYS_userfaultfd | SYS_io_uring_setup
+            | SYS_sethostname | SYS_setdomainname | SYS_settimeofday | SYS_clock_settime | SYS_clock_adjtime
+            | SYS_adjtimex | SYS_syslog | SYS_vhangup | SYS_add_key | SYS_request_key | SYS_keyctl if Always => Other,
         // Memory, messages and semaphores of other programs have no path, and their numbers can be guessed.
-        SYS_shmget if Always => Other,
-        SYS_shmat if Always => Other,
-        SYS_shmctl if Always => Other,
-        SYS_msgget if Always => Other,
-        SYS_msgsnd if Always => Other,
-        SYS_msgrcv if Always => Other,
-        SYS_msgctl if Always => Other,
-        SYS_semget if Always => Other,
-        SYS_semop if Always => Other,
-        SYS_semtimedop if Always => Other,
-        SYS_semctl if Always => Other,
-        SYS_mq_open if Always => Other,
-        SYS_mq_unlink if Always => Other,
-        SYS_mq_notify if Always => Other,
-        SYS_mq_timedreceive if Always => Other,
-        SYS_sethostname if Always => Other,
-        SYS_setdomainname if Always => Other,
-        SYS_settimeofday if Always => Other,
-        SYS_clock_settime if Always => Other,
-        SYS_clock_adjtime if Always => Other,
-        SYS_adjtimex if Always => Other,
-        SYS_syslog if Always => Other,
-        SYS_vhangup if Always => Other,
+        SYS_shmget | SYS_shmat | SYS_shmctl | SYS_msgget | SYS_msgsnd | SYS_msgrcv | SYS_msgctl | SYS_semget
+            | SYS_semop | SYS_semtimedop | SYS_semctl | SYS_mq_open | SYS_mq_unlink | SYS_mq_notify
+            | SYS_mq_timedreceive if Always => Other,
     });
     // Later processors have none of these.
     #[cfg(target_arch = "x86_64")]
     list.extend(calls! {
         SYS_open if Bits(1, WRITES as u32) => Open((None, 0), Some(1)),
-        SYS_creat if Always => Change(&[(None, 0)]),
-        SYS_mkdir if Always => Change(&[(None, 0)]),
-        SYS_mknod if Always => Change(&[(None, 0)]),
-        SYS_rmdir if Always => Change(&[(None, 0)]),
-        SYS_unlink if Always => Change(&[(None, 0)]),
-        SYS_rename if Always => Change(&[(None, 0), (None, 1)]),
-        SYS_renameat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
-        SYS_link if Always => Change(&[(None, 0), (None, 1)]),
+        SYS_creat | SYS_mkdir | SYS_mknod | SYS_rmdir | SYS_unlink if Always => Change(&[(None, 0)]),
+        SYS_rename | SYS_link if Always => Change(&[(None, 0), (None, 1)]),
         SYS_symlink if Always => Change(&[(None, 1)]),
-        SYS_chmod if Always => Attributes((None, 0)),
-        SYS_chown if Always => Attributes((None, 0)),
-        SYS_lchown if Always => Attributes((None, 0)),
-        SYS_utime if Always => Attributes((None, 0)),
-        SYS_utimes if Always => Attributes((None, 0)),
+        SYS_chmod | SYS_chown | SYS_lchown | SYS_utime | SYS_utimes if Always => Attributes((None, 0)),
         SYS_futimesat if Always => Attributes((Some(0), 1)),
-        SYS_iopl if Always => Other,
-        SYS_ioperm if Always => Other,
-        SYS_kexec_file_load if Always => Other,
-    });
-    #[cfg(target_arch = "aarch64")]
-    list.extend(calls! {
-        SYS_renameat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
+        SYS_iopl | SYS_ioperm | SYS_kexec_file_load if Always => Other,
     });
     Some(list)
 }
