@@ -131,9 +131,6 @@ const DESCRIBE_PROFILE: [&str; 4] = [
 ];
 
 /// Builds libraries that describe their models, and returns them in the order of the models.
-///
-/// # Errors
-/// A model does not build.
 pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: &Options) -> Result<Vec<PathBuf>> {
     let mut libraries = BTreeMap::new();
     for round in rounds(models) {
@@ -186,9 +183,6 @@ impl Package {
 }
 
 /// The packages of the workspace and all that they depend on.
-///
-/// # Errors
-/// Cargo cannot list them.
 pub(crate) fn packages(workspace: &Workspace, options: &Options) -> Result<Vec<Package>> {
     #[derive(Deserialize)]
     struct Metadata {
@@ -446,9 +440,6 @@ impl Builder {
     }
 
     /// Target of the compiler.
-    ///
-    /// # Errors
-    /// The compiler cannot be run.
     pub(crate) fn target(&self) -> Result<String> {
         match self {
             Self::Native(platform) if *platform == Platform::this()? => host(),
@@ -471,9 +462,6 @@ impl Builder {
     ///
     /// The build uses its own target folder, one per toolchain, because its flags would make cargo rebuild everything
     /// else. The GUIDs are compiled in, so the libraries need not generate their descriptions to know them.
-    ///
-    /// # Errors
-    /// A model does not build.
     pub(crate) fn build(
         &self,
         workspace: &Workspace,

@@ -53,9 +53,6 @@ impl FailOn {
 }
 
 /// Checks each FMU in a separate process, which an FMU may take down, and prints the findings.
-///
-/// # Errors
-/// An FMU is missing or has errors that count, or the process cannot be started.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let paths = arguments.fmus.iter().map(|fmu| locate(fmu)).collect::<Result<Vec<PathBuf>>>()?;
     let mut faulty = Vec::new();

@@ -7,9 +7,6 @@ use fmu_import::terminal::escaped;
 use miette::{Diagnostic, LabeledSpan, MietteHandler, MietteHandlerOpts, ReportHandler, Severity, SourceCode};
 
 /// Makes miette print every report without control characters other than its own.
-///
-/// # Errors
-/// Miette has already printed something.
 pub fn install() -> miette::Result<()> {
     miette::set_hook(Box::new(|_| Box::new(Handler(MietteHandlerOpts::new().build()))))?;
     Ok(())

@@ -14,9 +14,6 @@ pub fn try_to_write(folder: &Path) -> Result<()> {
 }
 
 /// Writes a file completely or not at all.
-///
-/// # Errors
-/// The folder is not writable.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let folder = path.parent().unwrap_or(Path::new("."));

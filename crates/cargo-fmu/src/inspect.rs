@@ -26,9 +26,6 @@ pub(crate) struct Arguments {
 }
 
 /// Path of an FMU given by name or path. A model that is packed for FMI 2.0 and 3.0 is found as FMI 2.0.
-///
-/// # Errors
-/// The name is not that of a model, or the FMU is not packed yet.
 pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
     let path = PathBuf::from(fmu);
     // A name has neither extension nor folder.

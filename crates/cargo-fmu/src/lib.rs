@@ -84,9 +84,6 @@ enum Cli {
 }
 
 /// Runs the command with the arguments of this process.
-///
-/// # Errors
-/// The message for the user; the exit code is 1.
 pub fn main() -> miette::Result<()> {
     errors::install()?;
     // As a subcommand of cargo the program gets its own name as the first argument.

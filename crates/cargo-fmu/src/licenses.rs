@@ -118,9 +118,6 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
 /// Packages linked into the library of each model.
 ///
 /// `built` are the parts of each library, `packages` those that the workspace depends on.
-///
-/// # Errors
-/// A file cannot be read.
 pub(crate) fn components(
     builder: &Builder,
     workspace: &Workspace,

@@ -101,9 +101,6 @@ fn format(path: &Path) -> Result<Format> {
 }
 
 /// Prints the modes of the linear model, and writes files.
-///
-/// # Errors
-/// The FMU has no states, or neither directional derivatives nor model exchange; a value cannot be set, or a file cannot be written.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;

@@ -90,9 +90,6 @@ impl Kind {
 }
 
 /// Writes the package, the workflow, or both.
-///
-/// # Errors
-/// The name is not in kebab case, the folder or the workflow already exists, or cargo cannot add the package.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if matches!(arguments.kind, Kind::Scenario) || arguments.plant.is_some() {
         return Err(miette!("`cargo fmu new PATH --kind scenario` is called `chassis new PATH` now"));

@@ -112,9 +112,6 @@ enum Existing {
 }
 
 /// Packs the models that the arguments name.
-///
-/// # Errors
-/// A model does not build, its library has no description, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if arguments.needed_by.is_some() {
         return Err(miette!("`cargo fmu pack --for FILE` is called `chassis pack FILE` now"));
@@ -125,9 +122,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Packs those of some FMUs that the current workspace has, and leaves out those that are up to date. Other names are ignored.
-///
-/// # Errors
-/// As of `cargo fmu pack`: a model does not build, its library has no description, or a file cannot be written.
 pub fn pack_needed(fmus: &BTreeSet<String>, settings: &Settings) -> Result<()> {
     let workspace = find(settings)?;
     let models = workspace.models_of(fmus);

@@ -30,9 +30,6 @@ impl Platform {
         if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
 
     /// The platform of this machine.
-    ///
-    /// # Errors
-    /// The platform is unknown.
     pub(crate) fn this() -> Result<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
             ("linux", "x86_64") => Ok(Self::Linux64),

@@ -29,9 +29,6 @@ pub(crate) struct Toolchain {
 
 impl Toolchain {
     /// Looks in the folder that [`Platform::variable`] names, and without it in the toolchain in use and in `/usr`.
-    ///
-    /// # Errors
-    /// No toolchain can build for the platform: what each of them lacks.
     pub(crate) fn find(platform: Platform) -> Result<Self, String> {
         let mut rejected = Vec::new();
         for root in candidates(&platform.variable()) {
@@ -131,9 +128,6 @@ fn output(program: &OsStr, arguments: &[&str]) -> Option<String> {
 }
 
 /// Runs `cargo metadata` and reads its output.
-///
-/// # Errors
-/// Cargo cannot read the workspace.
 pub(crate) fn metadata<T: DeserializeOwned>(command: &mut Command) -> miette::Result<T> {
     let output = command
         .args(["--format-version", "1"])

@@ -44,9 +44,6 @@ pub struct Arguments {
 }
 
 /// Prints the steady state, and writes a file.
-///
-/// # Errors
-/// The FMU lacks states or directional derivatives, a value cannot be set, no steady state exists, or writing the file fails.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;

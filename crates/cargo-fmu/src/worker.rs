@@ -22,9 +22,6 @@ pub struct Arguments {
 pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
 
 /// Works for the process that started this one, in one of the given jobs.
-///
-/// # Errors
-/// The job is none of these, or nobody has started this process for it.
 pub fn run(arguments: &Arguments, jobs: &[Job]) -> Result<()> {
     let job = jobs.iter().find(|(name, _)| *name == arguments.job);
     let (_, serve) = job.ok_or_else(|| miette::miette!("unknown worker job `{}`", arguments.job))?;

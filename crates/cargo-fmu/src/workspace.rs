@@ -108,9 +108,6 @@ struct Target {
 
 impl Workspace {
     /// Reads the workspace from `cargo metadata`.
-    ///
-    /// # Errors
-    /// Cargo cannot read the workspace.
     pub fn find() -> Result<Self> {
         let metadata: Metadata = metadata(cargo().args(["metadata", "--no-deps"]))?;
         let settings = settings(&metadata.metadata)
@@ -144,9 +141,6 @@ impl Workspace {
     }
 
     /// The models of these names (FMU or package), or all of the default members.
-    ///
-    /// # Errors
-    /// If no model has one of the names: the error suggests the closest name, or lists all models if none is close.
     pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
         if all || names.is_empty() {
             return Ok(self.models.iter().filter(|model| model.is_default).cloned().collect());

@@ -114,9 +114,6 @@ impl Zigbuild {
 }
 
 /// cargo-zigbuild in `.venv` at the top of the workspace or on the PATH, and the Python beside it if that one has zig.
-///
-/// # Errors
-/// A description of what is missing.
 fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(root.join(".venv/bin")).chain(std::env::split_paths(&path));

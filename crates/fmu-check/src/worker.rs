@@ -25,9 +25,6 @@ enum Response {
 /// Works for the process that started this one, until the connection to it ends.
 ///
 /// `board` is the file in which the calls are announced.
-///
-/// # Errors
-/// The process was not started as a worker, or the connection is broken.
 pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }
@@ -46,9 +43,6 @@ fn respond(Request(path, options): Request, _: &[f64], replies: &mut Replies) ->
 /// Checks a `.fmu` file in a worker and returns the findings and the scope of the check. An FMU that ends the worker is one more
 /// finding; the trials after that one continue in another worker, unless it took too long. Accesses denied by the sandbox, files
 /// that the FMU wrote to the working directory, which is a temporary one, and processes that it left running are findings, too.
-///
-/// # Errors
-/// The worker cannot be started.
 pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Checked)> {
     let mut findings = Vec::new();
     let mut checked = Checked::default();

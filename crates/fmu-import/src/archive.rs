@@ -195,9 +195,6 @@ impl Archive {
 
 impl<R: Read + Seek> Archive<R> {
     /// Reads an archive as [`Archive::open`] does, of a file that is open or in memory. `path` names it in messages.
-    ///
-    /// # Errors
-    /// As [`Archive::open`].
     pub fn read(path: &Path, mut file: R) -> Result<Self, ArchiveError> {
         let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
         let rejected = |reason| ArchiveError::Rejected { path: path.to_path_buf(), reason };
@@ -265,9 +262,6 @@ impl<R: Read + Seek> Archive<R> {
     }
 
     /// The content of an entry; `None` if there is none of this name.
-    ///
-    /// # Errors
-    /// The entry is unreadable, or does not have the size that the archive states.
     pub fn entry(&mut self, name: &str) -> Result<Option<Vec<u8>>, ArchiveError> {
         let Some(index) = self.index(name) else { return Ok(None) };
         let failed = |cause| ArchiveError::Entry { path: self.path.clone(), entry: name.to_owned(), cause };
@@ -509,9 +503,6 @@ fn path_within(name: &str) -> Option<String> {
 }
 
 /// Reads the description of an FMU without unpacking the rest.
-///
-/// # Errors
-/// As [`Archive::open`] and [`Archive::description`].
 pub fn read_description(path: &Path) -> Result<ModelDescription, ArchiveError> {
     Archive::open(path)?.description()
 }

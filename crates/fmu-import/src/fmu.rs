@@ -60,9 +60,6 @@ impl Binary {
     }
 
     /// Loads the files that another process has unpacked.
-    ///
-    /// # Errors
-    /// As [`Library::load`].
     pub fn load_elsewhere(&self) -> Result<Arc<Library>, FmuError> {
         self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone(), self.signature.clone()).into())
     }
@@ -99,17 +96,11 @@ struct Inner {
 
 impl Fmu {
     /// Opens a `.fmu` file for co-simulation: reads its description, unpacks it and loads its binary.
-    ///
-    /// # Errors
-    /// The file is not a usable FMU for co-simulation on this machine.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         Self::open_for(path, Interface::CoSimulation)
     }
 
     /// Opens a `.fmu` file as [`Self::open`] does, for one of its interfaces.
-    ///
-    /// # Errors
-    /// The file is not a usable FMU for this interface on this machine.
     pub fn open_for(path: impl AsRef<Path>, interface: Interface) -> Result<Self, FmuError> {
         let fmu = Self::unpack_for(path.as_ref(), interface)?;
         fmu.load()?;
@@ -118,18 +109,12 @@ impl Fmu {
 
     /// Opens a `.fmu` file as [`Self::open`] does, but loads its binary when the first instance is made: in a process that
     /// makes none, nothing of the binary is executed.
-    ///
-    /// # Errors
-    /// The file is not an FMU for co-simulation, or has no binary for this machine.
     pub fn unpack(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         Self::unpack_for(path.as_ref(), Interface::CoSimulation)
     }
 
     /// As [`Self::unpack`], for a master that connects scalars: the description has the elements of arrays as variables, see
     /// [`ModelDescription::with_elements`].
-    ///
-    /// # Errors
-    /// As [`Self::unpack`].
     pub fn unpack_by_element(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         let Self(inner) = Self::unpack(path)?;
         let Inner { description, binary, unpacked, .. } = &*inner;
@@ -161,9 +146,6 @@ impl Fmu {
     }
 
     /// Loads its binary now.
-    ///
-    /// # Errors
-    /// The binary cannot be loaded.
     pub fn load(&self) -> Result<(), FmuError> {
         self.library().map(drop)
     }

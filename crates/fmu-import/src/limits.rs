@@ -32,9 +32,6 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
 }
 
 /// Reads a file that has at most `limit` bytes.
-///
-/// # Errors
-/// The file cannot be read or is larger.
 pub fn read_bytes(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     match files::read(path, limit)? {
         Content::Bytes(bytes) => Ok(bytes),

@@ -61,9 +61,6 @@ pub struct Parameter {
 
 impl ParameterSet {
     /// Reads a file.
-    ///
-    /// # Errors
-    /// The file cannot be read or is not a parameter set; the message contains file and place.
     pub fn read(path: &Path) -> Result<Self, ParameterSetError> {
         let name = || path.to_string_lossy().into_owned();
         let text = limits::read_text(path, limits::TEXT_FILE)
@@ -102,9 +99,6 @@ impl ParameterSet {
 
     /// The text of the file, as SSP 1.0. `units` are the definitions of the units of measure the values may have; a unit that is
     /// not among them, or not in terms of SI units, is left out, which leaves the value in the unit of its variable.
-    ///
-    /// # Errors
-    /// None in practice: it is written to memory.
     pub fn to_xml(&self, units: &[Unit]) -> io::Result<String> {
         self.to_xml_of("1.0", units, |parameter| parameter.value.base_type().to_string())
     }

@@ -40,9 +40,6 @@ fn root() -> MutexGuard<'static, Weak<Root>> {
 
 impl Folder {
     /// A new folder that only its user may enter.
-    ///
-    /// # Errors
-    /// It cannot be made.
     pub fn new() -> io::Result<Self> {
         static COUNT: AtomicU64 = AtomicU64::new(0);
         let mut current = root();
@@ -162,9 +159,6 @@ pub fn remove() {
 
 /// Removes the folders of this process when a signal asks it to end, and lets it end by that signal. Elsewhere than on Unix
 /// the next process removes them.
-///
-/// # Errors
-/// The system has no thread for it.
 pub fn remove_on_signals() -> io::Result<()> {
     #[cfg(unix)]
     {

@@ -68,17 +68,11 @@ impl Element {
     }
 
     /// Value of a required attribute.
-    ///
-    /// # Errors
-    /// It is missing.
     pub fn required(&self, name: &str) -> Result<&str, XmlError> {
         self.attribute(name).ok_or_else(|| self.place.error(format!("<{}> lacks the attribute `{name}`", self.name)))
     }
 
     /// Value of an attribute, parsed; `expected` names the kind of value in the error.
-    ///
-    /// # Errors
-    /// It is something else.
     pub fn parsed<T: std::str::FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, XmlError> {
         self.attribute(name)
             .map(|text| {
@@ -90,17 +84,11 @@ impl Element {
     }
 
     /// A number; `None` without the attribute.
-    ///
-    /// # Errors
-    /// It is something else.
     pub fn real(&self, name: &str) -> Result<Option<f64>, XmlError> {
         self.parsed(name, "a number")
     }
 
     /// `true`, `1`, `false` or `0`; `None` without the attribute.
-    ///
-    /// # Errors
-    /// It is something else.
     pub fn boolean(&self, name: &str) -> Result<Option<bool>, XmlError> {
         match self.attribute(name).map(str::trim) {
             None => Ok(None),

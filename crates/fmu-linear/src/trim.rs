@@ -108,9 +108,6 @@ impl Request {
     ///
     /// A state that is given is held. A plant with the state `vehicle.speed` holds it in any case, and without `free` its inputs
     /// `drive_torque.*` are sought, as long as none of them is given. `driver.speed` names the speed of such a plant, too.
-    ///
-    /// # Errors
-    /// There is no such variable, or it cannot be given or sought.
     pub fn new(
         description: &ModelDescription,
         settings: &[(String, String)],
@@ -238,9 +235,6 @@ pub fn trim(path: &Path, settings: &[(String, String)], free: &[Vec<String>]) ->
 }
 
 /// Finds the steady state of an FMU, with instances from `instantiate`, of which one lives at a time.
-///
-/// # Errors
-/// As [`trim`].
 pub fn steady(
     description: &ModelDescription,
     request: &Request,

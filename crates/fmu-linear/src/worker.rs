@@ -33,9 +33,6 @@ enum Response {
 /// Works for the process that started this one, until the connection to it ends.
 ///
 /// `board` is the file in which the calls are announced.
-///
-/// # Errors
-/// The process was not started as a worker, or the connection is broken.
 pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }
@@ -69,9 +66,6 @@ fn ask(settings: &Settings, path: &Path, request: &Request) -> Result<(Process, 
 }
 
 /// Linearizes a `.fmu` file in a worker, at the start values with these changes.
-///
-/// # Errors
-/// The worker cannot be started, the FMU ends it, has no states, or does not take a value.
 pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)]) -> Result<Linear, String> {
     let request = Request::Linearize { path: path.to_path_buf(), changes: changes.to_vec() };
     let (process, Response::Linear(linear)) = ask(settings, path, &request)? else {
@@ -86,10 +80,6 @@ pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)])
 }
 
 /// Finds the steady state of a `.fmu` file in a worker: see [`trim::trim`].
-///
-/// # Errors
-/// The worker cannot be started, the FMU ends it, has no states with directional derivatives, does not take a value, or has a
-/// state that cannot rest.
 pub fn trim(
     settings: &Settings,
     path: &Path,

@@ -23,9 +23,6 @@ const FEW: usize = 3;
 pub(super) type Pair = (usize, usize);
 
 /// The pairs `INPUT:OUTPUT`; without one, the first few that are connected.
-///
-/// # Errors
-/// A name is unknown.
 pub(super) fn pairs(model: &LinearModel, chosen: &[String]) -> Result<Vec<Pair>> {
     if chosen.is_empty() {
         let all = (0..model.inputs.len()).flat_map(|input| (0..model.outputs.len()).map(move |output| (input, output)));
@@ -115,9 +112,6 @@ impl Plot<'_> {
 }
 
 /// Returns the page. `command` reproduces it.
-///
-/// # Errors
-/// Never: writing to memory.
 pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result<String> {
     let mut block = Block::default();
     let mut figures = Vec::new();

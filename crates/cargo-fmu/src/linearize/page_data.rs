@@ -121,9 +121,6 @@ impl Block {
     }
 
     /// The data of a page with these figures, as text that is safe inside a script element.
-    ///
-    /// # Errors
-    /// Never: writing to memory.
     pub(super) fn page(self, figures: &[Figure]) -> std::io::Result<String> {
         let bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());

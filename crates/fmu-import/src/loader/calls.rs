@@ -196,9 +196,6 @@ pub fn publish(file: &File) -> io::Result<()> {
 }
 
 /// Fills a file with an empty board.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn create(file: &File) -> io::Result<()> {
     file.set_len(SIZE as u64)
 }
@@ -274,9 +271,6 @@ pub struct Snapshot {
 
 impl Snapshot {
     /// Reads the board.
-    ///
-    /// # Errors
-    /// The file cannot be read.
     pub fn read(mut file: &File) -> io::Result<Self> {
         let mut bytes = [0; SIZE];
         file.seek(SeekFrom::Start(0))?;

@@ -27,9 +27,13 @@ pub(super) struct StepEnd {
 
 /// An instance for co-simulation or model exchange, freed when dropped.
 ///
-/// Methods are named after the C functions of FMI 2.0; an instance of FMI 3.0 has the same methods. Each returns an error
-/// for a status above `fmi2Warning`, with what the instance logged. Setting and getting numbers and stepping do not
-/// allocate unless they fail, or transfer an array of FMI 3.0 that is larger than those before.
+/// Methods are named after the C functions of FMI 2.0; an instance of FMI 3.0 has the same methods. Setting and getting
+/// numbers and stepping do not allocate unless they fail, or transfer an array of FMI 3.0 that is larger than those before.
+///
+/// # Errors
+/// Each method returns an error, with what the instance logged, for a status above `fmi2Warning` and if the FMU lacks the
+/// function, or has it for its other interface only. The FMU is not called if arrays that belong together differ in their
+/// length, a string holds a zero byte, or a saved state is of another instance.
 pub struct Instance {
     component: Component,
     // Receives each call before it is made; `index` identifies the component there.
@@ -311,9 +315,6 @@ impl Instance {
     }
 
     /// `fmi2SetDebugLogging` for the given categories; none: all.
-    ///
-    /// # Errors
-    /// The FMU returns an error, lacks the function, or a category holds a zero byte.
     pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
         const NAME: Function = Function::SetDebugLogging;
         let (_owned, pointers) = self.c_strings(NAME, categories)?;
@@ -330,9 +331,6 @@ impl Instance {
 
     /// `fmi2SetupExperiment` without a tolerance. Times in seconds. An FMU of FMI 3.0 gets them by
     /// `fmi3EnterInitializationMode`.
-    ///
-    /// # Errors
-    /// The FMU returns an error.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
         self.experiment = (start, stop);
         // SAFETY: live instance.
@@ -348,9 +346,6 @@ impl Instance {
     }
 
     /// `fmi2EnterInitializationMode`.
-    ///
-    /// # Errors
-    /// The FMU returns an error.
     pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
         let (start, stop) = self.experiment;
         // SAFETY: live instance.
@@ -366,27 +361,18 @@ impl Instance {
     }
 
     /// `fmi2ExitInitializationMode`.
-    ///
-    /// # Errors
-    /// The FMU returns an error.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::ExitInitializationMode, |f, c| unsafe { f.exit_initialization_mode()(c) })
     }
 
     /// `fmi2Terminate`.
-    ///
-    /// # Errors
-    /// The FMU returns an error.
     pub fn terminate(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::Terminate, |f, c| unsafe { f.terminate()(c) })
     }
 
     /// `fmi2Reset`.
-    ///
-    /// # Errors
-    /// The FMU returns an error.
     pub fn reset(&mut self) -> Result<(), CallError> {
         self.has_entered = false;
         self.whole = Whole::default();
@@ -397,7 +383,7 @@ impl Instance {
     /// `fmi2DoStep` from `time` over `step`, both in seconds; no earlier state will be restored.
     ///
     /// # Errors
-    /// The FMU returns an error, fails, has not finished the step, or ends the simulation.
+    /// Also if the FMU has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let mut end = StepEnd { time, ..StepEnd::default() };
         // SAFETY: live instance; the end of the step is written through valid pointers.

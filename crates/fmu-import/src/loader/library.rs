@@ -117,9 +117,6 @@ impl Library {
 
 /// Functions of a version of FMI and of these interfaces that a library, for any platform, does not export. FMI 3.0
 /// requires all functions for every interface.
-///
-/// # Errors
-/// The file cannot be read or is not a library.
 pub fn not_exported(
     library: &std::path::Path,
     fmi: FmiVersion,

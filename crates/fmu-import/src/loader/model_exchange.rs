@@ -38,9 +38,6 @@ pub struct CompletedStep {
 
 impl Instance {
     /// `fmi2SetTime`, s.
-    ///
-    /// # Errors
-    /// The instance is not for model exchange, or the FMU returns an error.
     pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call_optional(Function::SetTime, Functions::set_time, |f, c| unsafe { f(c, time) })
@@ -59,10 +56,6 @@ impl Instance {
     }
 
     /// `fmi3GetNumberOfContinuousStates`.
-    ///
-    /// # Errors
-    /// The instance is not for model exchange, or the FMU returns an error or lacks the function, as every one of FMI 2.0
-    /// does.
     pub fn get_number_of_states(&mut self) -> Result<usize, CallError> {
         let mut number = 0;
         // SAFETY: live instance; the number is written through a valid pointer.
@@ -76,9 +69,6 @@ impl Instance {
     }
 
     /// `fmi3GetNumberOfEventIndicators`.
-    ///
-    /// # Errors
-    /// As [`Self::get_number_of_states`].
     pub fn get_number_of_event_indicators(&mut self) -> Result<usize, CallError> {
         let mut number = 0;
         // SAFETY: live instance; the number is written through a valid pointer.
@@ -92,9 +82,6 @@ impl Instance {
     }
 
     /// `fmi2SetContinuousStates`.
-    ///
-    /// # Errors
-    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error.
     pub fn set_continuous_states(&mut self, states: &[f64]) -> Result<(), CallError> {
         const NAME: Function = Function::SetContinuousStates;
         self.check_number(NAME, states.len(), self.number_of_states())?;
@@ -107,56 +94,36 @@ impl Instance {
     }
 
     /// `fmi2GetContinuousStates`.
-    ///
-    /// # Errors
-    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error.
     pub fn get_continuous_states(&mut self, states: &mut [f64]) -> Result<(), CallError> {
         let number = self.number_of_states();
         self.get_numbers(Function::GetContinuousStates, Functions::get_continuous_states, states, number)
     }
 
     /// `fmi2GetDerivatives`, `fmi3GetContinuousStateDerivatives`.
-    ///
-    /// # Errors
-    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error.
     pub fn get_derivatives(&mut self, derivatives: &mut [f64]) -> Result<(), CallError> {
         let number = self.number_of_states();
         self.get_numbers(Function::GetDerivatives, Functions::get_derivatives, derivatives, number)
     }
 
     /// `fmi2GetEventIndicators`.
-    ///
-    /// # Errors
-    /// The number of values is not that of the indicators, the instance is not for model exchange, or the FMU returns an
-    /// error or lacks the function.
     pub fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Result<(), CallError> {
         let number = self.number_of_event_indicators();
         self.get_numbers(Function::GetEventIndicators, Functions::get_event_indicators, indicators, number)
     }
 
     /// `fmi2GetNominalsOfContinuousStates`.
-    ///
-    /// # Errors
-    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error or
-    /// lacks the function.
     pub fn get_nominals(&mut self, nominals: &mut [f64]) -> Result<(), CallError> {
         let number = self.number_of_states();
         self.get_numbers(Function::GetNominals, Functions::get_nominals, nominals, number)
     }
 
     /// `fmi2EnterEventMode`.
-    ///
-    /// # Errors
-    /// The instance is not for model exchange, or the FMU returns an error.
     pub fn enter_event_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call_optional(Function::EnterEventMode, Functions::enter_event_mode, |f, c| unsafe { f(c) })
     }
 
     /// `fmi2EnterContinuousTimeMode`.
-    ///
-    /// # Errors
-    /// The instance is not for model exchange, or the FMU returns an error.
     pub fn enter_continuous_time_mode(&mut self) -> Result<(), CallError> {
         const NAME: Function = Function::EnterContinuousTimeMode;
         // SAFETY: live instance.
@@ -164,9 +131,6 @@ impl Instance {
     }
 
     /// `fmi2NewDiscreteStates`, `fmi3UpdateDiscreteStates`.
-    ///
-    /// # Errors
-    /// The instance is not for model exchange, or the FMU returns an error.
     pub fn new_discrete_states(&mut self) -> Result<EventUpdate, CallError> {
         let mut info = EventInfo::default();
         let (mut flags, mut time) = ([0; 5], 0.0);
@@ -193,9 +157,6 @@ impl Instance {
     }
 
     /// `fmi2CompletedIntegratorStep`; no earlier state will be restored.
-    ///
-    /// # Errors
-    /// The instance is not for model exchange, or the FMU returns an error.
     pub fn completed_integrator_step(&mut self) -> Result<CompletedStep, CallError> {
         let (mut old, mut new) = ([c_api::FALSE; 2], [0; 2]);
         // SAFETY: live instance; the outcome is written through valid pointers.

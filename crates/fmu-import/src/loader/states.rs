@@ -37,9 +37,6 @@ impl Instance {
     }
 
     /// `fmi2GetFMUstate`. The state lives until [`Self::free_state`] or the end of the instance.
-    ///
-    /// # Errors
-    /// The FMU returns an error or lacks the function.
     pub fn save_state(&mut self) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         self.call_optional(
@@ -52,9 +49,6 @@ impl Instance {
     }
 
     /// `fmi2GetFMUstate` into a state saved before.
-    ///
-    /// # Errors
-    /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn save_state_again(&mut self, saved: &SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::GetFmuState;
         let mut state = self.state(NAME, saved)?;
@@ -67,9 +61,6 @@ impl Instance {
     }
 
     /// `fmi2SetFMUstate`.
-    ///
-    /// # Errors
-    /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn restore_state(&mut self, saved: &SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::SetFmuState;
         let state = self.state(NAME, saved)?;
@@ -82,9 +73,6 @@ impl Instance {
     }
 
     /// `fmi2FreeFMUstate`.
-    ///
-    /// # Errors
-    /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn free_state(&mut self, saved: SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::FreeFmuState;
         let mut state = self.state(NAME, &saved)?;
@@ -97,9 +85,6 @@ impl Instance {
     }
 
     /// `fmi2SerializeFMUstate`: the bytes of a saved state.
-    ///
-    /// # Errors
-    /// The state is of another instance, or the FMU returns an error or lacks the functions.
     pub fn serialize_state(&mut self, saved: &SavedState) -> Result<Vec<u8>, CallError> {
         const NAME: Function = Function::SerializeFmuState;
         let state = self.state(NAME, saved)?;
@@ -127,9 +112,6 @@ impl Instance {
     }
 
     /// `fmi2DeSerializeFMUstate`: a saved state from its bytes.
-    ///
-    /// # Errors
-    /// The FMU rejects the bytes or lacks the function.
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         // SAFETY: live instance; the bytes have the stated length; null asks for a new state.

@@ -20,18 +20,12 @@ fn v2(functions: &Functions) -> Option<&v2::Functions> {
 
 impl Instance {
     /// `fmi2CancelStep`.
-    ///
-    /// # Errors
-    /// The FMU returns an error or lacks the function.
     pub fn cancel_step(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call_optional(Function::CancelStep, |f| v2(f)?.cancel_step, |f, c| unsafe { f(c) })
     }
 
     /// `fmi2GetStatus(fmi2DoStepStatus)`: status of a pending step.
-    ///
-    /// # Errors
-    /// The FMU returns no value or lacks the function.
     pub fn do_step_status(&mut self) -> Result<Status, CallError> {
         let mut value = 0;
         // SAFETY: live instance; the value is written through a valid pointer. 0: fmi2DoStepStatus.
@@ -41,9 +35,6 @@ impl Instance {
     }
 
     /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or the result of the latest `fmi3DoStep`: time reached, s.
-    ///
-    /// # Errors
-    /// The FMU returns no value or lacks the function.
     pub fn last_successful_time(&mut self) -> Result<f64, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.time);
@@ -56,9 +47,6 @@ impl Instance {
     }
 
     /// `fmi2GetIntegerStatus` for the number of a kind of `fmi2StatusKind`; no kind is standard.
-    ///
-    /// # Errors
-    /// The FMU returns no value or lacks the function.
     pub fn integer_status(&mut self, kind: i32) -> Result<i32, CallError> {
         let mut value = 0;
         // SAFETY: as above.
@@ -69,9 +57,6 @@ impl Instance {
 
     /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the latest `fmi3DoStep`: the FMU requests the end of the
     /// simulation.
-    ///
-    /// # Errors
-    /// The FMU returns no value or lacks the function.
     pub fn wants_termination(&mut self) -> Result<bool, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.terminate != 0);
@@ -84,9 +69,6 @@ impl Instance {
     }
 
     /// `fmi2GetStringStatus(fmi2PendingStatus)`: description of a pending step.
-    ///
-    /// # Errors
-    /// The FMU returns no value or lacks the function.
     pub fn pending_status(&mut self) -> Result<String, CallError> {
         let mut value = ptr::null();
         // SAFETY: as above. 1: fmi2PendingStatus.

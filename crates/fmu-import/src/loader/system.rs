@@ -8,9 +8,6 @@ pub(super) use libloading::Library;
 
 /// Loads a library. Windows finds the libraries in its folder only if a flag requests it; elsewhere the library itself
 /// contains their search path.
-///
-/// # Errors
-/// Message of the system.
 pub(super) fn open(path: &Path) -> Result<Library, String> {
     #[cfg(windows)]
     let opened = {

@@ -12,9 +12,6 @@ use std::ptr;
 
 impl Instance {
     /// `fmi2GetReal`, `fmi3GetFloat64`. An array takes as many values as it has elements.
-    ///
-    /// # Errors
-    /// The lengths differ or the FMU returns an error.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -36,7 +33,7 @@ impl Instance {
     /// `f64`.
     ///
     /// # Errors
-    /// The lengths differ, a value does not fit the type that it is read into, or the FMU returns an error.
+    /// Also if a value does not fit the type that it is read into.
     pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -69,9 +66,6 @@ impl Instance {
     }
 
     /// `fmi2GetBoolean`, `fmi3GetBoolean`; 0 is false, all else true.
-    ///
-    /// # Errors
-    /// The lengths differ or the FMU returns an error.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
         if self.fmi() == FmiVersion::V3 {
             if self.has_special(refs) && self.has_elements(refs) {
@@ -90,9 +84,6 @@ impl Instance {
     }
 
     /// `fmi2GetString`, `fmi3GetString`: one String per element.
-    ///
-    /// # Errors
-    /// The FMU returns an error.
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
         let mut pointers = vec![ptr::null(); self.elements(refs)];
         // SAFETY: live instance; both arrays have the stated length.
@@ -107,9 +98,6 @@ impl Instance {
     }
 
     /// `fmi2SetReal`, `fmi3SetFloat64`. An array takes as many values as it has elements.
-    ///
-    /// # Errors
-    /// The lengths differ or the FMU returns an error.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -131,7 +119,7 @@ impl Instance {
     /// `f64`.
     ///
     /// # Errors
-    /// The lengths differ, a value does not fit the type of the variable, or the FMU returns an error.
+    /// Also if a value does not fit the type of the variable.
     pub fn set_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &[T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -166,9 +154,6 @@ impl Instance {
     }
 
     /// `fmi2SetBoolean`, `fmi3SetBoolean`; values are 0 or 1.
-    ///
-    /// # Errors
-    /// The lengths differ or the FMU returns an error.
     pub fn set_boolean(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
         if self.fmi() == FmiVersion::V3 {
             if self.has_special(refs) && self.has_elements(refs) {
@@ -187,9 +172,6 @@ impl Instance {
     }
 
     /// `fmi2SetString`, `fmi3SetString`: one String per element.
-    ///
-    /// # Errors
-    /// The lengths differ, a value holds a zero byte, or the FMU returns an error.
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
         self.same_length(Function::SetString, self.elements(refs), values.len())?;
         let (_owned, pointers) = self.c_strings(Function::SetString, values)?;
@@ -203,11 +185,8 @@ impl Instance {
     }
 
     /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`. Arrays have
-    /// as many numbers in `seed` and `result` as elements.
-    ///
-    /// # Errors
-    /// The lengths differ, or the FMU returns an error or lacks the function. A call that is discarded without a message is
-    /// repeated for its reason, which an FMU logs only on demand.
+    /// as many numbers in `seed` and `result` as elements. A call that is discarded without a message is repeated for its
+    /// reason, which an FMU logs only on demand.
     pub fn get_directional_derivative(
         &mut self,
         unknowns: &[Reference],
@@ -256,9 +235,6 @@ impl Instance {
 
     /// `fmi3GetAdjointDerivative`: `result` = `seed` * d(unknowns)/d(knowns). Arrays have as many numbers in `seed` and
     /// `result` as elements.
-    ///
-    /// # Errors
-    /// The lengths differ, or the FMU returns an error or lacks the function, as every one of FMI 2.0 does.
     pub fn get_adjoint_derivative(
         &mut self,
         unknowns: &[Reference],
@@ -283,9 +259,6 @@ impl Instance {
     }
 
     /// `fmi2SetRealInputDerivatives`; an order per reference, from 1.
-    ///
-    /// # Errors
-    /// The lengths differ, or the FMU returns an error or lacks the function, as every one of FMI 3.0 does.
     pub fn set_real_input_derivatives(
         &mut self,
         refs: &[Reference],
@@ -308,9 +281,6 @@ impl Instance {
     }
 
     /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`; an order per reference, from 1.
-    ///
-    /// # Errors
-    /// The lengths differ, or the FMU returns an error or lacks the function.
     pub fn get_real_output_derivatives(
         &mut self,
         refs: &[Reference],

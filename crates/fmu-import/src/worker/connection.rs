@@ -61,9 +61,6 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
 }
 
 /// Connects to the process that started this one.
-///
-/// # Errors
-/// It was not started as a worker.
 #[cfg(unix)]
 pub(super) fn accept() -> io::Result<Connection> {
     use std::os::fd::AsFd as _;
@@ -108,9 +105,6 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
 }
 
 /// Calls the process that started this one.
-///
-/// # Errors
-/// It was not started as a worker.
 #[cfg(not(unix))]
 pub(super) fn accept() -> io::Result<Connection> {
     let callback = std::env::var(CALLBACK).map_err(io::Error::other)?;

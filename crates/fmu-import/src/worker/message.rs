@@ -22,9 +22,6 @@ pub fn invalid(message: &str) -> io::Error {
 }
 
 /// Writes a message. The parts of the body become one.
-///
-/// # Errors
-/// As the connection; also if the message is too long.
 pub fn write(mut to: impl Write, header: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
     let mut bytes = vec![0; PREFIX];
     serde_json::to_writer(&mut bytes, header)?;

@@ -137,17 +137,11 @@ impl Watch {
 
 impl Process {
     /// Starts a worker for a job, with the Python library if requested.
-    ///
-    /// # Errors
-    /// The program cannot be started, or does not connect.
     pub fn start(settings: &Settings, job: &str, with_python: bool) -> io::Result<Self> {
         Self::start_in(settings, job, with_python, None)
     }
 
     /// As [`Self::start`]. The working directory is a new one of this name in the folder of the worker.
-    ///
-    /// # Errors
-    /// As [`Self::start`].
     pub fn start_in(settings: &Settings, job: &str, with_python: bool, directory: Option<&str>) -> io::Result<Self> {
         let folder = Folder::new()?;
         let path = folder.path().join("calls");

@@ -28,9 +28,6 @@ const SINKS: [&str; 5] = ["/dev/null", "/dev/zero", "/dev/full", "/dev/random", 
 
 /// Puts this thread, and all threads and processes that it makes, into the sandbox, permanently. `supervisor` receives the
 /// listener of the filter. Returns the missing features of this machine, a sentence each.
-///
-/// # Errors
-/// The supervisor is gone.
 pub(super) fn enter(folders: &[PathBuf], supervisor: Option<UnixStream>) -> io::Result<Vec<String>> {
     let mut lacks = Vec::new();
     rustix::thread::set_no_new_privs(true)?;

@@ -30,9 +30,6 @@ impl Replies {
     }
 
     /// Sends a response.
-    ///
-    /// # Errors
-    /// The connection is broken.
     pub fn send(&mut self, response: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
         self.end_copies();
         // Before: a worker may be ended after its last response.

@@ -31,9 +31,6 @@ const NEARLY_ALL: f64 = 0.8;
 
 /// Divides this process, which must have one thread, and returns in the one that works. Without a supervisor the worker
 /// still works.
-///
-/// # Errors
-/// The worker cannot keep to its rules.
 pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
     let incidents = Setup::incidents(board)?;
     let (ours, theirs) = UnixStream::pair()?;

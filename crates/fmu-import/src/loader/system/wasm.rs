@@ -36,9 +36,6 @@ fn function(library: &Library, name: &str) -> usize {
 }
 
 /// Makes an instance of a module.
-///
-/// # Errors
-/// The host has none of this name.
 pub(super) fn open(path: &Path) -> Result<Library, String> {
     let name = path.to_string_lossy();
     // SAFETY: the host reads the name and keeps nothing.
