@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fmu_import::description::{Causality, FmiVersion, ModelDescription, Variability, Variable};
+use fmu_import::description::{Causality, FmiVersion, ModelDescription, Variable};
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
 use crate::variables::{lengths, start};
@@ -92,8 +92,8 @@ fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) 
     text += "The start time is free. Parameters are set before or in Initialization Mode, tunable ones also between steps and in \
              Event Mode. Any other rejected call returns PREFIXError, changes nothing and says in the log what, where and what was \
              expected. ";
-    let is_serializable = description.co_simulation.as_ref().is_some_and(|unit| unit.can_serialize_fmu_state)
-        || description.model_exchange.as_ref().is_some_and(|unit| unit.can_serialize_fmu_state);
+    let mut interfaces = [&description.co_simulation, &description.model_exchange].into_iter().flatten();
+    let is_serializable = interfaces.any(|unit| unit.can_serialize_fmu_state);
     text += if is_serializable {
         "The complete state can be saved, serialized and restored in another process."
     } else {
@@ -125,13 +125,7 @@ fn row(variable: &Variable) -> String {
     let bound = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v}"));
     let (min, max) = (bound(variable.min), bound(variable.max));
     let limits = if min.is_empty() && max.is_empty() { String::new() } else { format!("{min} … {max}") };
-    let kind = match variable.variability {
-        Variability::Tunable => "tunable",
-        Variability::Fixed => "fixed",
-        Variability::Discrete => "discrete",
-        Variability::Continuous => "continuous",
-        Variability::Constant => "constant",
-    };
+    let kind = format!("{:?}", variable.variability).to_lowercase();
     format!(
         "<tr><td><code>{}</code>{}</td><td>{}</td><td>{}</td><td>{limits}</td><td>{kind}</td><td>{}</td></tr>\n",
         escape(&variable.name),

@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use fmu_import::archive::{Archive, ArchiveError};
-use fmu_import::description::{Causality, FmiVersion, ModelDescription};
+use fmu_import::description::{Causality, FmiVersion, Interface, ModelDescription};
 use fmu_import::terminal::{indented, line};
 use fmu_import::xml::{self, Element};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -164,42 +164,33 @@ fn show(description: &ModelDescription, platforms: &[String]) {
 }
 
 /// The interfaces of an FMU, each with its capabilities.
-fn interfaces(description: &ModelDescription) -> Vec<(&'static str, Vec<String>)> {
-    let named = |capabilities: &[(bool, &str)]| -> Vec<String> {
-        capabilities.iter().filter(|(can, _)| *can).map(|(_, what)| (*what).to_owned()).collect()
-    };
+fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     let mut interfaces = Vec::new();
-    if let Some(unit) = &description.co_simulation {
-        let mut capabilities = named(&[
-            (unit.can_handle_variable_communication_step_size, "variable communication steps"),
-            (unit.can_get_and_set_fmu_state, "saved states"),
-            (unit.can_serialize_fmu_state, "serialized states"),
-            (unit.provides_directional_derivative, "directional derivatives"),
-            (unit.provides_adjoint_derivatives, "adjoint derivatives"),
-            (unit.has_event_mode, "event mode"),
-            (!unit.can_be_instantiated_only_once_per_process, "several instances in a process"),
-        ]);
-        if let Some(step) = unit.fixed_internal_step_size {
-            capabilities.push(format!("internal steps of {step} s"));
+    for interface in description.interfaces() {
+        let mut capabilities = match interface {
+            Interface::CoSimulation => Vec::new(),
+            Interface::ModelExchange => vec![
+                format!("continuous states: {}", description.number_of_states()),
+                format!("event indicators: {}", description.number_of_event_indicators),
+            ],
+        };
+        if let Some(unit) = description.interface(interface) {
+            let named = [
+                (unit.can_handle_variable_communication_step_size, "variable communication steps"),
+                (unit.can_get_and_set_fmu_state, "saved states"),
+                (unit.can_serialize_fmu_state, "serialized states"),
+                (unit.provides_directional_derivative, "directional derivatives"),
+                (unit.provides_adjoint_derivatives, "adjoint derivatives"),
+                (unit.has_event_mode, "event mode"),
+                (!unit.can_be_instantiated_only_once_per_process, "several instances in a process"),
+            ];
+            capabilities.extend(named.iter().filter(|(can, _)| *can).map(|(_, what)| (*what).to_owned()));
+            capabilities.extend(unit.fixed_internal_step_size.map(|step| format!("internal steps of {step} s")));
         }
-        interfaces.push(("co-simulation", capabilities));
-    }
-    if let Some(unit) = &description.model_exchange {
-        let mut capabilities = vec![
-            format!("continuous states: {}", description.number_of_states()),
-            format!("event indicators: {}", description.number_of_event_indicators),
-        ];
-        capabilities.extend(named(&[
-            (unit.can_get_and_set_fmu_state, "saved states"),
-            (unit.can_serialize_fmu_state, "serialized states"),
-            (unit.provides_directional_derivative, "directional derivatives"),
-            (unit.provides_adjoint_derivatives, "adjoint derivatives"),
-            (!unit.can_be_instantiated_only_once_per_process, "several instances in a process"),
-        ]));
-        interfaces.push(("model exchange", capabilities));
+        interfaces.push((interface.to_string(), capabilities));
     }
     if description.has_scheduled_execution {
-        interfaces.push(("scheduled execution", vec!["not supported".to_owned()]));
+        interfaces.push(("scheduled execution".to_owned(), vec!["not supported".to_owned()]));
     }
     interfaces
 }

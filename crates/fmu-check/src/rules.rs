@@ -4,7 +4,7 @@ mod schema;
 
 use super::{Finding, Findings};
 use fmu_import::description::{
-    BaseType, Causality, FmiVersion, Initial, ModelDescription, Unknown, Value, Variability, Variable,
+    BaseType, Capabilities, Causality, FmiVersion, Initial, ModelDescription, Unknown, Value, Variability, Variable,
 };
 use fmu_import::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -86,11 +86,8 @@ fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
             findings.push(Finding::error("modelIdentifier", message));
         }
     }
-    let states = [
-        description.co_simulation.as_ref().map(|unit| (unit.can_serialize_fmu_state, unit.can_get_and_set_fmu_state)),
-        description.model_exchange.as_ref().map(|unit| (unit.can_serialize_fmu_state, unit.can_get_and_set_fmu_state)),
-    ];
-    if states.contains(&Some((true, false))) {
+    let lacks_states = |unit: &Capabilities| unit.can_serialize_fmu_state && !unit.can_get_and_set_fmu_state;
+    if [&description.co_simulation, &description.model_exchange].into_iter().flatten().any(lacks_states) {
         let word = if description.fmi == FmiVersion::V2 { "FMUstate" } else { "FMUState" };
         let message = format!("is true, which needs canGetAndSet{word} to be true as well");
         findings.push(Finding::error(format!("canSerialize{word}"), message));
@@ -437,14 +434,6 @@ fn list(
             error(unknown.variable, format!("is listed twice in {name}"));
         }
         let Some(dependencies) = &unknown.dependencies else { continue };
-        if !unknown.kinds.is_empty() && unknown.kinds.len() != dependencies.len() {
-            let message = format!(
-                "has {} dependencies in {name}, but {} kinds of dependency",
-                dependencies.len(),
-                unknown.kinds.len()
-            );
-            error(unknown.variable, message);
-        }
         for &dependency in dependencies {
             let known = &variables[dependency];
             let never = known.causality == Causality::CalculatedParameter && !name.starts_with("InitialUnknown");

@@ -11,7 +11,7 @@ mod read;
 use crate::c_api::Reference;
 pub use crate::xml::XmlError;
 pub use elements::ArrayElement;
-pub use interface::{CoSimulation, FmiVersion, Interface, ModelExchange};
+pub use interface::{Capabilities, FmiVersion, Interface};
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -44,9 +44,9 @@ pub struct ModelDescription {
     /// `flat` (default) or `structured`.
     pub variable_naming_convention: String,
     /// The co-simulation interface, if it has one.
-    pub co_simulation: Option<CoSimulation>,
+    pub co_simulation: Option<Capabilities>,
     /// The model-exchange interface, if it has one.
-    pub model_exchange: Option<ModelExchange>,
+    pub model_exchange: Option<Capabilities>,
     /// True if it has an interface for scheduled execution (FMI 3.0), which this crate does not use.
     pub has_scheduled_execution: bool,
     /// Unit definitions.
@@ -120,7 +120,8 @@ pub struct DisplayUnit {
 }
 
 /// Role of a variable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub enum Causality {
     /// Set by the environment, constant during the simulation.
     Parameter,
@@ -139,7 +140,8 @@ pub enum Causality {
 }
 
 /// Times at which a variable may change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub enum Variability {
     /// Never.
     Constant,
@@ -154,7 +156,8 @@ pub enum Variability {
 }
 
 /// Initialization of a variable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub enum Initial {
     /// With its start value.
     Exact,
@@ -450,23 +453,6 @@ pub struct Unknown {
     pub variable: usize,
     /// Indices of the variables it depends on; `None`: may depend on all knowns.
     pub dependencies: Option<Vec<usize>>,
-    /// Kind of each dependency; empty if not declared.
-    pub kinds: Vec<DependencyKind>,
-}
-
-/// Kind of a dependency (FMI 2.0.4, section 2.2.8; FMI 3.0.2, section 2.4.8).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DependencyKind {
-    /// No particular structure.
-    Dependent,
-    /// Linear with a constant factor.
-    Constant,
-    /// Linear with a factor fixed after initialization.
-    Fixed,
-    /// Linear with a tunable factor.
-    Tunable,
-    /// Linear with a factor that changes at events.
-    Discrete,
 }
 
 impl ModelDescription {
@@ -495,13 +481,19 @@ impl ModelDescription {
         interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
     }
 
+    /// The capabilities of an interface; `None` if the FMU lacks it.
+    #[must_use]
+    pub fn interface(&self, interface: Interface) -> Option<&Capabilities> {
+        match interface {
+            Interface::CoSimulation => self.co_simulation.as_ref(),
+            Interface::ModelExchange => self.model_exchange.as_ref(),
+        }
+    }
+
     /// File stem of the binary for an interface; `None` if the FMU lacks the interface.
     #[must_use]
     pub fn model_identifier(&self, interface: Interface) -> Option<&str> {
-        match interface {
-            Interface::CoSimulation => self.co_simulation.as_ref().map(|unit| unit.model_identifier.as_str()),
-            Interface::ModelExchange => self.model_exchange.as_ref().map(|unit| unit.model_identifier.as_str()),
-        }
+        self.interface(interface).map(|unit| unit.model_identifier.as_str())
     }
 
     /// The unit definition of that name.

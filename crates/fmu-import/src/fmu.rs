@@ -126,14 +126,8 @@ impl Fmu {
         let mut archive = Archive::open(path)?;
         let description = archive.description()?;
         let unpacked = Arc::new(archive.unpack(&description, interface)?);
-        let only_once = match interface {
-            Interface::CoSimulation => {
-                description.co_simulation.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
-            }
-            Interface::ModelExchange => {
-                description.model_exchange.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
-            }
-        };
+        let capabilities = description.interface(interface);
+        let only_once = capabilities.is_some_and(|unit| unit.can_be_instantiated_only_once_per_process);
         let binary = Binary {
             fmu: path.to_path_buf(),
             guid: description.guid.clone(),

@@ -158,13 +158,12 @@ fn by_differences(instance: &mut Instance, inputs: &[&Variable], outputs: &[&Var
 
 /// The interface to use, and true if it has directional derivatives.
 pub(crate) fn interface(description: &ModelDescription) -> (Interface, bool) {
-    let co_simulation = description.co_simulation.as_ref().map(|unit| unit.provides_directional_derivative);
-    let model_exchange = description.model_exchange.as_ref().map(|unit| unit.provides_directional_derivative);
-    match (co_simulation, model_exchange) {
-        (Some(true), _) => (Interface::CoSimulation, true),
-        (_, Some(true)) => (Interface::ModelExchange, true),
-        (Some(false), _) => (Interface::CoSimulation, false),
-        _ => (Interface::ModelExchange, false),
+    let interfaces = description.interfaces();
+    let has_derivatives =
+        |of: &&Interface| description.interface(**of).is_some_and(|unit| unit.provides_directional_derivative);
+    match interfaces.iter().find(has_derivatives) {
+        Some(interface) => (*interface, true),
+        None => (interfaces.first().copied().unwrap_or(Interface::ModelExchange), false),
     }
 }
 

@@ -6,7 +6,7 @@ use super::experiment::EXPERIMENT;
 use super::stack::{STACK, taken, warn_above_limit};
 use super::{CheckResult, Report, adjoint, derivative_problem, describe, found, instantiation, is_same_derivative};
 use crate::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
-use fmu_import::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value, Variable};
+use fmu_import::description::{BaseType, Capabilities, FmiVersion, Interface, ModelDescription, Value, Variable};
 use fmu_import::loader::{CallError, Instance, Library};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const MOST_UPDATES: usize = 1000;
 struct Exchange<'a> {
     library: &'a Arc<Library>,
     description: &'a ModelDescription,
-    unit: &'a ModelExchange,
+    unit: &'a Capabilities,
     /// Time of the start and step of an integration, s.
     start: f64,
     step: f64,

@@ -139,17 +139,7 @@ fn expanded(unknown: &Unknown, places: &[Range<usize>]) -> Vec<Unknown> {
     let listed =
         unknown.dependencies.as_ref().filter(|list| length(list).saturating_mul(own.len()) <= MAX_DEPENDENCIES);
     let dependencies = listed.map(|list| list.iter().flat_map(|i| places[*i].clone()).collect::<Vec<usize>>());
-    let kinds = listed.filter(|list| list.len() == unknown.kinds.len()).map(|list| {
-        let repeated =
-            list.iter().zip(&unknown.kinds).flat_map(|(i, kind)| std::iter::repeat_n(*kind, places[*i].len()));
-        repeated.collect::<Vec<_>>()
-    });
-    own.map(|variable| Unknown {
-        variable,
-        dependencies: dependencies.clone(),
-        kinds: kinds.clone().unwrap_or_default(),
-    })
-    .collect()
+    own.map(|variable| Unknown { variable, dependencies: dependencies.clone() }).collect()
 }
 
 /// The first of `count` numbers in a row that are not used.

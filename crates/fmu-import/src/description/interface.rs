@@ -38,10 +38,10 @@ impl std::fmt::Display for Interface {
     }
 }
 
-/// Identifier and capabilities of the co-simulation interface (FMI 2.0.4, section 4.3.1; FMI 3.0.2, section 4.4.1).
-/// Capabilities that a version does not define are false or 0.
+/// Identifier and capabilities of an interface (FMI 2.0.4, sections 3.3.1 and 4.3.1; FMI 3.0.2, sections 3.4 and 4.4.1).
+/// Capabilities that a version or an interface does not define are false or 0.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct CoSimulation {
+pub struct Capabilities {
     /// File stem of the binary. FMI requires a C identifier; other file names are read as well.
     pub model_identifier: String,
     /// The FMU is a wrapper that needs its tool.
@@ -54,32 +54,11 @@ pub struct CoSimulation {
     pub max_output_derivative_order: u32,
     /// `fmi2DoStep` may return before it is done (FMI 2.0).
     pub can_run_asynchronously: bool,
-    /// At most one instance per process.
-    pub can_be_instantiated_only_once_per_process: bool,
-    /// The memory callbacks are not used (FMI 2.0).
-    pub can_not_use_memory_management_functions: bool,
-    /// The state can be saved and restored.
-    pub can_get_and_set_fmu_state: bool,
-    /// The state can be turned into bytes.
-    pub can_serialize_fmu_state: bool,
-    /// Directional derivatives are offered.
-    pub provides_directional_derivative: bool,
-    /// Adjoint derivatives are offered (FMI 3.0).
-    pub provides_adjoint_derivatives: bool,
     /// Step size of the internal solver (FMI 3.0), s.
     pub fixed_internal_step_size: Option<f64>,
-    /// The FMU can handle events in Event Mode (FMI 3.0). This crate never requests it.
+    /// The FMU can handle events in Event Mode in co-simulation (FMI 3.0). This crate never requests it.
     pub has_event_mode: bool,
-}
-
-/// Identifier and capabilities of the model-exchange interface (FMI 2.0.4, section 3.3.1; FMI 3.0.2, section 3.4).
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct ModelExchange {
-    /// File stem of the binary. FMI requires a C identifier; other file names are read as well.
-    pub model_identifier: String,
-    /// The FMU is a wrapper that needs its tool.
-    pub needs_execution_tool: bool,
-    /// The importer must announce the end of each integration step.
+    /// In model exchange, the importer must announce the end of each integration step.
     pub needs_completed_integrator_step: bool,
     /// At most one instance per process.
     pub can_be_instantiated_only_once_per_process: bool,

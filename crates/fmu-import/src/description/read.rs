@@ -5,11 +5,12 @@ mod v2;
 mod v3;
 
 use super::{
-    BaseUnit, Causality, CoSimulation, DefaultExperiment, DependencyKind, DisplayUnit, FmiVersion, Initial, Item,
-    ModelDescription, ModelExchange, OpaqueVariable, Unit, Unknown, Variability, Variable,
+    BaseUnit, Capabilities, Causality, DefaultExperiment, DisplayUnit, FmiVersion, Item, ModelDescription,
+    OpaqueVariable, Unit, Unknown, Variable,
 };
 use crate::terminal;
 use crate::xml::{self, Element, XmlError};
+use serde::de::{DeserializeOwned, value::StrDeserializer};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -112,8 +113,8 @@ impl ModelDescription {
             generation_tool: text("generationTool"),
             generation_date_and_time: text("generationDateAndTime"),
             variable_naming_convention: text("variableNamingConvention").unwrap_or_else(|| "flat".to_string()),
-            co_simulation: root.child("CoSimulation").map(|element| co_simulation(element, fmi)).transpose()?,
-            model_exchange: root.child("ModelExchange").map(|element| model_exchange(element, fmi)).transpose()?,
+            co_simulation: root.child("CoSimulation").map(|element| capabilities(element, fmi)).transpose()?,
+            model_exchange: root.child("ModelExchange").map(|element| capabilities(element, fmi)).transpose()?,
             has_scheduled_execution: root.child("ScheduledExecution").is_some(),
             log_categories: children(&root, "LogCategories", "Category")
                 .map(|c| bounded(c, "name", MAX_NAME).map(str::to_string))
@@ -164,43 +165,24 @@ fn identifier(element: &Element) -> Result<String, XmlError> {
     Ok(text.to_string())
 }
 
-fn co_simulation(element: &Element, fmi: FmiVersion) -> Result<CoSimulation, XmlError> {
+fn capabilities(element: &Element, fmi: FmiVersion) -> Result<Capabilities, XmlError> {
     let flag = |name| Ok(element.boolean(name)?.unwrap_or(false));
-    let of = |v2, v3| match fmi {
-        FmiVersion::V2 => flag(v2),
-        FmiVersion::V3 => flag(v3),
-    };
-    Ok(CoSimulation {
+    let of = |v2, v3| flag(if fmi == FmiVersion::V2 { v2 } else { v3 });
+    let is_exchange = element.name == "ModelExchange";
+    Ok(Capabilities {
         model_identifier: identifier(element)?,
         needs_execution_tool: flag("needsExecutionTool")?,
         can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
         can_interpolate_inputs: flag("canInterpolateInputs")?,
         max_output_derivative_order: element.parsed("maxOutputDerivativeOrder", "a whole number from 0")?.unwrap_or(0),
         can_run_asynchronously: flag("canRunAsynchronuously")?,
-        can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
-        can_not_use_memory_management_functions: flag("canNotUseMemoryManagementFunctions")?,
-        can_get_and_set_fmu_state: of("canGetAndSetFMUstate", "canGetAndSetFMUState")?,
-        can_serialize_fmu_state: of("canSerializeFMUstate", "canSerializeFMUState")?,
-        provides_directional_derivative: of("providesDirectionalDerivative", "providesDirectionalDerivatives")?,
-        provides_adjoint_derivatives: flag("providesAdjointDerivatives")?,
         fixed_internal_step_size: element.real("fixedInternalStepSize")?,
         has_event_mode: flag("hasEventMode")?,
-    })
-}
-
-fn model_exchange(element: &Element, fmi: FmiVersion) -> Result<ModelExchange, XmlError> {
-    let flag = |name| Ok(element.boolean(name)?.unwrap_or(false));
-    let of = |v2, v3| match fmi {
-        FmiVersion::V2 => flag(v2),
-        FmiVersion::V3 => flag(v3),
-    };
-    Ok(ModelExchange {
-        model_identifier: identifier(element)?,
-        needs_execution_tool: flag("needsExecutionTool")?,
-        needs_completed_integrator_step: match fmi {
-            FmiVersion::V2 => !flag("completedIntegratorStepNotNeeded")?,
-            FmiVersion::V3 => flag("needsCompletedIntegratorStep")?,
-        },
+        needs_completed_integrator_step: is_exchange
+            && match fmi {
+                FmiVersion::V2 => !flag("completedIntegratorStepNotNeeded")?,
+                FmiVersion::V3 => flag("needsCompletedIntegratorStep")?,
+            },
         can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
         can_not_use_memory_management_functions: flag("canNotUseMemoryManagementFunctions")?,
         can_get_and_set_fmu_state: of("canGetAndSetFMUstate", "canGetAndSetFMUState")?,
@@ -283,76 +265,48 @@ fn items(element: &Element) -> Result<Arc<[Item]>, XmlError> {
     items.collect()
 }
 
+/// A word of FMI as an item of an enumeration.
+fn word<T: DeserializeOwned>(text: &str) -> Option<T> {
+    T::deserialize(StrDeserializer::<serde::de::value::Error>::new(text)).ok()
+}
+
+/// An attribute whose value is one of some words; `None` without it.
+fn chosen<T: DeserializeOwned>(element: &Element, attribute: &str, fmi: FmiVersion) -> Result<Option<T>, XmlError> {
+    let known = |text| word(text).ok_or_else(|| unexpected(element, attribute, text, fmi));
+    element.attribute(attribute).map(known).transpose()
+}
+
 fn causality(element: &Element, fmi: FmiVersion) -> Result<Causality, XmlError> {
-    Ok(match element.attribute("causality") {
-        None | Some("local") => Causality::Local,
-        Some("parameter") => Causality::Parameter,
-        Some("calculatedParameter") => Causality::CalculatedParameter,
-        Some("input") => Causality::Input,
-        Some("output") => Causality::Output,
-        Some("independent") => Causality::Independent,
-        Some("structuralParameter") if fmi == FmiVersion::V3 => Causality::StructuralParameter,
-        Some(other) => return Err(unexpected(element, "causality", other, fmi)),
-    })
-}
-
-/// The declared variability; `None`: the default.
-fn variability(element: &Element, fmi: FmiVersion) -> Result<Option<Variability>, XmlError> {
-    Ok(match element.attribute("variability") {
-        None => None,
-        Some("constant") => Some(Variability::Constant),
-        Some("fixed") => Some(Variability::Fixed),
-        Some("tunable") => Some(Variability::Tunable),
-        Some("discrete") => Some(Variability::Discrete),
-        Some("continuous") => Some(Variability::Continuous),
-        Some(other) => return Err(unexpected(element, "variability", other, fmi)),
-    })
-}
-
-/// `initial` as written, or its default (FMI 2.0.4, section 2.2.7; FMI 3.0.2, section 2.4.7.5).
-fn initial(
-    element: &Element,
-    causality: Causality,
-    variability: Variability,
-    fmi: FmiVersion,
-) -> Result<Option<Initial>, XmlError> {
-    Ok(match (element.attribute("initial"), causality, variability) {
-        (Some("exact"), ..) => Some(Initial::Exact),
-        (Some("approx"), ..) => Some(Initial::Approx),
-        (Some("calculated"), ..) => Some(Initial::Calculated),
-        (Some(other), ..) => return Err(unexpected(element, "initial", other, fmi)),
-        (None, Causality::Input | Causality::Independent, _) => None,
-        (None, Causality::Parameter | Causality::StructuralParameter, _) | (None, _, Variability::Constant) => {
-            Some(Initial::Exact)
+    match chosen(element, "causality", fmi)?.unwrap_or(Causality::Local) {
+        Causality::StructuralParameter if fmi == FmiVersion::V2 => {
+            Err(unexpected(element, "causality", "structuralParameter", fmi))
         }
-        _ => Some(Initial::Calculated),
-    })
+        causality => Ok(causality),
+    }
 }
 
 fn unexpected(element: &Element, attribute: &str, value: &str, fmi: FmiVersion) -> XmlError {
     element.place.error(format!("<{}> has {attribute}=\"{value}\", which FMI {fmi} does not know", element.name))
 }
 
-fn dependency_kinds(element: &Element, fmi: FmiVersion) -> Result<Vec<DependencyKind>, XmlError> {
-    element
-        .attribute("dependenciesKind")
-        .unwrap_or("")
-        .split_ascii_whitespace()
-        .map(|kind| match kind {
-            "dependent" => Ok(DependencyKind::Dependent),
-            "constant" => Ok(DependencyKind::Constant),
-            "fixed" => Ok(DependencyKind::Fixed),
-            "tunable" => Ok(DependencyKind::Tunable),
-            "discrete" => Ok(DependencyKind::Discrete),
-            other => Err(unexpected(element, "dependenciesKind", other, fmi)),
-        })
-        .collect()
+/// Checks the words and the number of the kinds of dependencies, which nothing here uses.
+fn check_kinds(element: &Element, fmi: FmiVersion, dependencies: Option<usize>) -> Result<(), XmlError> {
+    const KINDS: [&str; 5] = ["dependent", "constant", "fixed", "tunable", "discrete"];
+    let kinds: Vec<&str> = element.attribute("dependenciesKind").unwrap_or_default().split_ascii_whitespace().collect();
+    if let Some(other) = kinds.iter().find(|kind| !KINDS.contains(kind)) {
+        return Err(unexpected(element, "dependenciesKind", other, fmi));
+    }
+    if !kinds.is_empty() && Some(kinds.len()) != dependencies {
+        let message = format!("<{}> must have as many dependenciesKind as dependencies", element.name);
+        return Err(element.place.error(message));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::{BaseType, DataType, Dimension, Value};
+    use crate::description::{BaseType, DataType, Dimension, Initial, Value, Variability};
 
     const VEHICLE: &str = include_str!("../../tests/data/Vehicle.xml");
 
@@ -390,7 +344,6 @@ mod tests {
         assert_eq!(d.variables[rate].derivative_of, d.index("body.roll"));
         assert_eq!(d.outputs[0].variable, d.index("body.roll").unwrap());
         assert_eq!(d.outputs[0].dependencies.as_deref(), Some(&[][..]));
-        assert_eq!(d.outputs[1].kinds, [DependencyKind::Fixed]);
         assert_eq!(d.initial_unknowns[0].dependencies, None);
         let torque = d.unit("N.m").unwrap().base.unwrap();
         assert_eq!(torque.exponents, [1, 2, -2, 0, 0, 0, 0, 0]);
@@ -440,7 +393,6 @@ mod tests {
 
         assert_eq!(d.outputs.iter().map(|unknown| unknown.variable).collect::<Vec<_>>(), [d.index("level").unwrap()]);
         assert_eq!(d.outputs[0].dependencies, Some(vec![d.index("inflow").unwrap()]), "without the Binary");
-        assert_eq!(d.outputs[0].kinds, [DependencyKind::Constant]);
         assert_eq!((d.event_indicators.len(), d.number_of_event_indicators), (1, 6));
         assert_eq!(d.number_of_states(), 1);
     }

@@ -1,8 +1,8 @@
 //! Type definitions, and the attributes that variables inherit from them.
 
-use super::{MAX_INHERITED, check_length, items};
+use super::{MAX_INHERITED, MAX_NAME, bounded, causality, check_length, chosen, items};
 use crate::c_api::Reference;
-use crate::description::{BaseType, Causality, DataType, Initial, Item, Variability, Variable};
+use crate::description::{BaseType, Causality, DataType, FmiVersion, Initial, Item, Variability, Variable};
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -25,36 +25,60 @@ impl<'a> Type<'a> {
     }
 }
 
-/// Attributes of a variable that both versions of FMI have.
-pub(super) struct Head {
-    pub(super) name: String,
-    pub(super) reference: Reference,
-    pub(super) description: Option<String>,
-    pub(super) causality: Causality,
-    pub(super) variability: Variability,
-    pub(super) initial: Option<Initial>,
-    pub(super) base_type: BaseType,
-    pub(super) data_type: DataType,
+/// Name and value reference of a variable.
+pub(super) fn identity(element: &Element) -> Result<(String, Reference), XmlError> {
+    let name = bounded(element, "name", MAX_NAME)?.to_string();
+    match element.parsed("valueReference", "a whole number from 0")? {
+        Some(reference) => Ok((name, reference)),
+        None => Err(element.place.error(format!("variable `{name}` lacks the attribute `valueReference`"))),
+    }
 }
 
-/// Reads a scalar without a start value. The attributes of `element` override those of the type.
-pub(super) fn variable(element: &Element, head: Head, types: &Types<'_>) -> Result<Variable, XmlError> {
-    let Head { name, reference, description, causality, variability, initial, base_type, data_type } = head;
-    let declared = match element.attribute("declaredType") {
+/// Reads a scalar without its start value and its references to others. `own` has the attributes of its type, which
+/// override those of the declared one.
+pub(super) fn variable(
+    element: &Element,
+    own: &Element,
+    fmi: FmiVersion,
+    (base_type, data_type): (BaseType, DataType),
+    types: &Types<'_>,
+) -> Result<Variable, XmlError> {
+    let (name, reference) = identity(element)?;
+    let causality = causality(element, fmi)?;
+    let default = match causality {
+        // FMI 3.0.2, section 2.4.7.4.
+        Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter
+            if fmi == FmiVersion::V3 =>
+        {
+            Variability::Fixed
+        }
+        _ if base_type == BaseType::Real => Variability::Continuous,
+        _ => Variability::Discrete,
+    };
+    let variability = chosen(element, "variability", fmi)?.unwrap_or(default);
+    // FMI 2.0.4, section 2.2.7; FMI 3.0.2, section 2.4.7.5.
+    let default = match causality {
+        Causality::Input | Causality::Independent => None,
+        Causality::Parameter | Causality::StructuralParameter => Some(Initial::Exact),
+        _ if variability == Variability::Constant => Some(Initial::Exact),
+        _ => Some(Initial::Calculated),
+    };
+    let initial = chosen(element, "initial", fmi)?.or(default);
+    let declared = match own.attribute("declaredType") {
         None => None,
         Some(type_name) => match types.get(type_name) {
             Some(definition) if definition.data_type == data_type => Some(definition),
             Some(_) => {
-                return Err(element.place.error(format!("variable `{name}`: type `{type_name}` is of another type")));
+                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is of another type")));
             }
             None => {
-                return Err(element.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));
+                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));
             }
         },
     };
-    let source = |attribute: &str| match (element.attribute(attribute), declared) {
+    let source = |attribute: &str| match (own.attribute(attribute), declared) {
         (None, Some(definition)) => definition.element,
-        _ => element,
+        _ => own,
     };
     let text = |attribute| {
         let text = source(attribute).attribute(attribute);
@@ -64,7 +88,7 @@ pub(super) fn variable(element: &Element, head: Head, types: &Types<'_>) -> Resu
     let number = |attribute| source(attribute).real(attribute);
     Ok(Variable {
         reference,
-        description,
+        description: element.attribute("description").map(str::to_string),
         causality,
         variability,
         initial,
@@ -83,7 +107,7 @@ pub(super) fn variable(element: &Element, head: Head, types: &Types<'_>) -> Resu
         unit: text("unit")?,
         display_unit: text("displayUnit")?,
         relative_quantity: source("relativeQuantity").boolean("relativeQuantity")?.unwrap_or(false),
-        declared_type: element.attribute("declaredType").map(str::to_string),
+        declared_type: own.attribute("declaredType").map(str::to_string),
         items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
         derivative_of: None,
         is_clocked: false,

@@ -1,10 +1,8 @@
 //! Variables and model structure of FMI 2.0.
 
-use super::types::{self, Head, Type, Types};
-use super::{
-    MAX_ELEMENTS, MAX_NAME, Structure, Variables, bounded, causality, children, dependency_kinds, initial, variability,
-};
-use crate::description::{BaseType, DataType, FmiVersion, Unknown, Value, Variability, Variable};
+use super::types::{self, Type, Types};
+use super::{MAX_ELEMENTS, MAX_NAME, Structure, Variables, bounded, check_kinds, children};
+use crate::description::{BaseType, DataType, FmiVersion, Unknown, Value, Variable};
 use crate::xml::{Element, XmlError};
 
 /// Variables are numbered from 1 in document order, which the model structure refers to.
@@ -76,28 +74,18 @@ fn typed_child(element: &Element) -> Result<(&Element, (BaseType, DataType)), Xm
 }
 
 fn variable(element: &Element, types: &Types<'_>) -> Result<Variable, XmlError> {
-    let name = bounded(element, "name", MAX_NAME)?.to_string();
-    let (own, (base_type, data_type)) = typed_child(element)?;
-    let start = match base_type {
+    let (own, types_of) = typed_child(element)?;
+    let start = match types_of.0 {
         BaseType::Real => own.real("start")?.map(Value::Real),
         BaseType::Integer => own.parsed::<i32>("start", "a whole number")?.map(|value| Value::Integer(value.into())),
         BaseType::Boolean => own.boolean("start")?.map(Value::Boolean),
         BaseType::String => own.attribute("start").map(|s| Value::String(s.to_string())),
     };
-    let causality = causality(element, FmiVersion::V2)?;
-    let default = if base_type == BaseType::Real { Variability::Continuous } else { Variability::Discrete };
-    let variability = variability(element, FmiVersion::V2)?.unwrap_or(default);
-    let initial = initial(element, causality, variability, FmiVersion::V2)?;
     let derivative_of = own
         .parsed::<usize>("derivative", "the number of a variable, from 1")?
         .map(|number| number.checked_sub(1).ok_or_else(|| own.place.error("variables are numbered from 1")))
         .transpose()?;
-    let reference = element
-        .parsed("valueReference", "a whole number from 0")?
-        .ok_or_else(|| element.place.error(format!("variable `{name}` lacks the attribute `valueReference`")))?;
-    let description = element.attribute("description").map(str::to_string);
-    let head = Head { name, reference, description, causality, variability, initial, base_type, data_type };
-    Ok(Variable { start, derivative_of, ..types::variable(own, head, types)? })
+    Ok(Variable { start, derivative_of, ..types::variable(element, own, FmiVersion::V2, types_of, types)? })
 }
 
 fn unknown(element: &Element, variables: usize) -> Result<Unknown, XmlError> {
@@ -122,9 +110,6 @@ fn unknown(element: &Element, variables: usize) -> Result<Unknown, XmlError> {
                 .collect::<Result<Vec<_>, _>>()
         })
         .transpose()?;
-    let kinds = dependency_kinds(element, FmiVersion::V2)?;
-    if !kinds.is_empty() && Some(kinds.len()) != dependencies.as_ref().map(Vec::len) {
-        return Err(element.place.error("<Unknown> must have as many dependenciesKind as dependencies"));
-    }
-    Ok(Unknown { variable: index(number)?, dependencies, kinds })
+    check_kinds(element, FmiVersion::V2, dependencies.as_ref().map(Vec::len))?;
+    Ok(Unknown { variable: index(number)?, dependencies })
 }

@@ -1,14 +1,12 @@
 //! Variables and model structure of FMI 3.0.
 
-use super::types::{self, Head, Type, Types};
+use super::types::{self, Type, Types};
 use super::{
-    MAX_ELEMENTS, MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_length, dependency_kinds,
-    initial, variability,
+    MAX_ELEMENTS, MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_kinds, check_length, word,
 };
 use crate::c_api::Reference;
 use crate::description::{
-    BaseType, Causality, DataType, Dimension, FmiVersion, Initial, OpaqueVariable, Unknown, Value, Variability,
-    Variable,
+    Causality, DataType, Dimension, FmiVersion, Initial, OpaqueVariable, Unknown, Value, Variable,
 };
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
@@ -16,37 +14,15 @@ use std::str::FromStr;
 
 const FMI: FmiVersion = FmiVersion::V3;
 
-/// The type of the elements for a tag such as `Float64`.
-fn data_type(tag: &str) -> Option<DataType> {
-    Some(match tag {
-        "Float32" => DataType::Float32,
-        "Float64" => DataType::Float64,
-        "Int8" => DataType::Int8,
-        "UInt8" => DataType::UInt8,
-        "Int16" => DataType::Int16,
-        "UInt16" => DataType::UInt16,
-        "Int32" => DataType::Int32,
-        "UInt32" => DataType::UInt32,
-        "Int64" => DataType::Int64,
-        "UInt64" => DataType::UInt64,
-        "Boolean" => DataType::Boolean,
-        "String" => DataType::String,
-        "Enumeration" => DataType::Enumeration,
-        "Binary" => DataType::Binary,
-        "Clock" => DataType::Clock,
-        _ => return None,
-    })
-}
-
 pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Structure), XmlError> {
     let mut types = Types::new();
     for element in root.child("TypeDefinitions").into_iter().flat_map(|list| &list.children) {
-        let Some(data_type) = element.name.strip_suffix("Type").and_then(data_type) else { continue };
+        let Some(data_type) = element.name.strip_suffix("Type").and_then(word) else { continue };
         types.insert(bounded(element, "name", MAX_NAME)?, Type::new(element, data_type)?);
     }
     let mut reader = VariableReader { variables: Variables::default(), elements: Vec::new(), indices: HashMap::new() };
     for element in root.child("ModelVariables").into_iter().flat_map(|list| &list.children) {
-        if let Some(data_type) = data_type(&element.name) {
+        if let Some(data_type) = word(&element.name) {
             reader.add(element, data_type, &types)?;
         }
     }
@@ -55,34 +31,20 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
     Ok((reader.variables, structure))
 }
 
-/// The variable for a value reference.
-#[derive(Clone, Copy)]
-enum Place {
-    /// Index of a variable.
-    Variable(usize),
-    /// A Binary or a Clock.
-    Opaque,
-}
-
 struct VariableReader<'a> {
     variables: Variables,
     /// The element of each variable; that of its variable for an alias.
     elements: Vec<&'a Element>,
-    indices: HashMap<Reference, Place>,
+    /// Indices of the variables by value reference; `None` for a Binary or a Clock.
+    indices: HashMap<Reference, Option<usize>>,
 }
 
 impl<'a> VariableReader<'a> {
     /// Adds a variable and its aliases.
     fn add(&mut self, element: &'a Element, data_type: DataType, types: &Types<'_>) -> Result<(), XmlError> {
-        let name = bounded(element, "name", MAX_NAME)?.to_string();
-        let reference: Reference = element
-            .parsed("valueReference", "a whole number from 0")?
-            .ok_or_else(|| element.place.error(format!("variable `{name}` lacks the attribute `valueReference`")))?;
-        let place = match data_type.base_type() {
-            Some(_) => Place::Variable(self.variables.list.len()),
-            None => Place::Opaque,
-        };
-        if self.indices.insert(reference, place).is_some() {
+        let (name, reference) = types::identity(element)?;
+        let index = self.variables.list.len();
+        if self.indices.insert(reference, data_type.base_type().map(|_| index)).is_some() {
             let message = format!("variable `{name}` has the value reference {reference} of another variable");
             return Err(element.place.error(message));
         }
@@ -98,8 +60,10 @@ impl<'a> VariableReader<'a> {
             }
             return Ok(());
         };
-        let index = self.variables.list.len();
-        let variable = variable(element, name, reference, (base_type, data_type), types)?;
+        let variable = Variable {
+            is_clocked: element.attribute("clocks").is_some(),
+            ..types::variable(element, element, FMI, (base_type, data_type), types)?
+        };
         let mut named = vec![(element, variable.clone())];
         for alias in aliases {
             let display_unit = alias.attribute("displayUnit").map(str::to_string);
@@ -130,7 +94,7 @@ impl<'a> VariableReader<'a> {
         Ok(())
     }
 
-    fn index(&self, element: &Element, reference: Reference) -> Result<Place, XmlError> {
+    fn index(&self, element: &Element, reference: Reference) -> Result<Option<usize>, XmlError> {
         self.indices.get(&reference).copied().ok_or_else(|| {
             element
                 .place
@@ -146,12 +110,9 @@ impl<'a> VariableReader<'a> {
             let derivative = element.parsed("derivative", "the value reference of a variable")?;
             let alias_of = self.variables.list[i].alias_of;
             if let Some(reference) = derivative.filter(|_| alias_of.is_none()) {
-                self.variables.list[i].derivative_of = match self.index(element, reference)? {
-                    Place::Variable(of) => Some(of),
-                    Place::Opaque => {
-                        return Err(element.place.error(format!("value reference {reference} is a Binary or a Clock")));
-                    }
-                };
+                let of = self.index(element, reference)?;
+                let opaque = || element.place.error(format!("value reference {reference} is a Binary or a Clock"));
+                self.variables.list[i].derivative_of = Some(of.ok_or_else(opaque)?);
             }
             let dimensions = self.dimensions(element)?;
             let length = |dimension: &Dimension| match dimension {
@@ -186,7 +147,7 @@ impl<'a> VariableReader<'a> {
                     dimension.place.error("<Dimension> must have one of the attributes `start` and `valueReference`")
                 })?;
                 match self.index(dimension, reference)? {
-                    Place::Variable(i) if self.variables.list[i].causality == Causality::StructuralParameter => {
+                    Some(i) if self.variables.list[i].causality == Causality::StructuralParameter => {
                         Ok(Dimension::Parameter(i))
                     }
                     _ => Err(dimension.place.error(format!(
@@ -238,61 +199,20 @@ impl<'a> VariableReader<'a> {
         let reference = element
             .parsed("valueReference", "a whole number from 0")?
             .ok_or_else(|| element.place.error(format!("<{}> lacks the attribute `valueReference`", element.name)))?;
-        let Place::Variable(variable) = self.index(element, reference)? else { return Ok(None) };
-        let mut kinds = dependency_kinds(element, FMI)?;
-        let Some(text) = element.attribute("dependencies") else {
-            return match kinds.is_empty() {
-                true => Ok(Some(Unknown { variable, dependencies: None, kinds })),
-                false => Err(other_number(element)),
-            };
-        };
-        let mut places = Vec::new();
-        for written in text.split_ascii_whitespace() {
+        let Some(variable) = self.index(element, reference)? else { return Ok(None) };
+        let index = |written: &str| {
             let reference = written.parse().map_err(|_| {
                 let message = format!("<{}> depends on \"{written}\", which is not a value reference", element.name);
                 element.place.error(message)
             })?;
-            places.push(self.index(element, reference)?);
-        }
-        if !kinds.is_empty() && kinds.len() != places.len() {
-            return Err(other_number(element));
-        }
-        let is_number = |place: &Place| matches!(place, Place::Variable(_));
-        let mut numbers = places.iter().map(is_number);
-        kinds.retain(|_| numbers.next().unwrap_or(true));
-        let dependencies = places.iter().filter_map(|place| match place {
-            Place::Variable(i) => Some(*i),
-            Place::Opaque => None,
-        });
-        Ok(Some(Unknown { variable, dependencies: Some(dependencies.collect()), kinds }))
+            self.index(element, reference)
+        };
+        let list = element.attribute("dependencies");
+        let list =
+            list.map(|list| list.split_ascii_whitespace().map(index).collect::<Result<Vec<_>, _>>()).transpose()?;
+        check_kinds(element, FMI, list.as_ref().map(Vec::len))?;
+        Ok(Some(Unknown { variable, dependencies: list.map(|list| list.into_iter().flatten().collect()) }))
     }
-}
-
-fn other_number(element: &Element) -> XmlError {
-    let message = format!("<{}> must have as many dependenciesKind as dependencies", element.name);
-    element.place.error(message)
-}
-
-/// A variable without its references to others.
-fn variable(
-    element: &Element,
-    name: String,
-    reference: Reference,
-    (base_type, data_type): (BaseType, DataType),
-    types: &Types<'_>,
-) -> Result<Variable, XmlError> {
-    let causality = causality(element, FMI)?;
-    // FMI 3.0.2, section 2.4.7.4.
-    let default = match causality {
-        Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter => Variability::Fixed,
-        _ if base_type == BaseType::Real => Variability::Continuous,
-        _ => Variability::Discrete,
-    };
-    let variability = variability(element, FMI)?.unwrap_or(default);
-    let description = element.attribute("description").map(str::to_string);
-    let initial = initial(element, causality, variability, FMI)?;
-    let head = Head { name, reference, description, causality, variability, initial, base_type, data_type };
-    Ok(Variable { is_clocked: element.attribute("clocks").is_some(), ..types::variable(element, head, types)? })
 }
 
 /// A value of a list, if it is one of its type.
