@@ -10,12 +10,9 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
 use crate::platform::Platform;
-use crate::toolchain::cargo;
-use crate::toolchain::{self, Toolchain, metadata};
-use crate::wasm32::{self, Wasm};
-use crate::win64::Mingw;
+use crate::toolchain::{self, Toolchain, cargo, metadata};
 use crate::workspace::{Model, Workspace};
-use crate::zigbuild::Zigbuild;
+use crate::{wasm32, win64, zigbuild};
 
 /// Options of `cargo fmu pack` that are passed on to cargo.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -337,15 +334,30 @@ pub(crate) enum Asked {
 
 /// Build of the libraries of one platform.
 #[derive(Debug)]
-pub(crate) enum Builder {
-    /// By the cargo in use, for this machine; on a Mac also for the other processor.
-    Native(Platform),
-    /// By cargo-zigbuild, for old distributions of Linux and for other processors.
-    Portable(Zigbuild),
-    /// By another toolchain, for Windows.
-    Win64(Mingw),
-    /// By a toolchain with the sources of its standard library, for WebAssembly.
-    Wasm32(Wasm),
+pub(crate) struct Builder {
+    pub(crate) platform: Platform,
+    pub(crate) linker: Linker,
+    /// Target of the compiler.
+    pub(crate) target: String,
+    /// Toolchain with the sources of its standard library, which is built along; none: the one in use.
+    pub(crate) toolchain: Option<Toolchain>,
+    /// Program that is called like cargo; none: the cargo of the toolchain.
+    pub(crate) program: Option<PathBuf>,
+    /// Environment of cargo.
+    pub(crate) environment: Vec<(String, OsString)>,
+}
+
+/// Program that links a library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Linker {
+    /// That of this machine; on a Mac also for the other processor.
+    Native,
+    /// zig, for old distributions of Linux and for other processors.
+    Zig,
+    /// mingw-w64, for Windows.
+    Mingw,
+    /// `rust-lld`, for WebAssembly.
+    Lld,
 }
 
 /// Result of a build.
@@ -381,17 +393,15 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux,
                 Asked::Option => "--portable",
                 Asked::Workspace => "`portable = true` in [workspace.metadata.fmu] of Cargo.toml",
             };
-            Zigbuild::portable(&workspace.root, platform, reason).map(Builder::Portable)
+            zigbuild::portable(&workspace.root, platform, reason)
         }
-        _ if platform == this => Ok(Builder::Native(this)),
-        (Platform::Linux64 | Platform::Aarch64Linux, _) => {
-            Zigbuild::cross(&workspace.root, platform).map(Builder::Portable)
-        }
-        (Platform::Win64, _) => Mingw::find().map(Builder::Win64),
-        (Platform::Wasm32, _) => Wasm::find().map(Builder::Wasm32),
+        _ if platform == this => Ok(Builder::new(this, host()?)),
+        (Platform::Linux64 | Platform::Aarch64Linux, _) => zigbuild::cross(&workspace.root, platform),
+        (Platform::Win64, _) => win64::builder(),
+        (Platform::Wasm32, _) => wasm32::builder(),
         (Platform::X86_64Darwin | Platform::Aarch64Darwin, _) if this.is_darwin() => {
             if toolchain::has_library(platform.target()) {
-                return Ok(Builder::Native(platform));
+                return Ok(Builder::new(platform, platform.target()));
             }
             Err(miette!(
                 help = format!("Run `rustup target add {}`.", platform.target()),
@@ -429,33 +439,10 @@ fn one_folder_each(wanted: &[Platform]) -> Result<()> {
 }
 
 impl Builder {
-    /// Target platform.
-    pub(crate) const fn platform(&self) -> Platform {
-        match self {
-            Self::Native(platform) => *platform,
-            Self::Portable(zigbuild) => zigbuild.platform(),
-            Self::Win64(_) => Platform::Win64,
-            Self::Wasm32(_) => Platform::Wasm32,
-        }
-    }
-
-    /// Target of the compiler.
-    pub(crate) fn target(&self) -> Result<String> {
-        match self {
-            Self::Native(platform) if *platform == Platform::this()? => host(),
-            Self::Win64(mingw) => Ok(mingw.target().to_owned()),
-            _ => Ok(self.platform().target().to_owned()),
-        }
-    }
-
-    /// Toolchain of the build, if it is not the one in use.
-    const fn toolchain(&self) -> Option<&Toolchain> {
-        match self {
-            Self::Native(_) => None,
-            Self::Portable(zigbuild) => zigbuild.toolchain(),
-            Self::Win64(mingw) => mingw.toolchain(),
-            Self::Wasm32(wasm) => Some(wasm.toolchain()),
-        }
+    /// By the cargo in use.
+    pub(crate) fn new(platform: Platform, target: impl Into<String>) -> Self {
+        let (target, linker) = (target.into(), Linker::Native);
+        Self { platform, linker, target, toolchain: None, program: None, environment: Vec::new() }
     }
 
     /// Builds all models, each with its GUID.
@@ -472,16 +459,16 @@ impl Builder {
     ) -> Result<Built> {
         let mut parts = Vec::new();
         let mut libraries = BTreeMap::new();
-        let platform = self.platform().name();
+        let platform = self.platform.name();
         // Such as an exporter that is not published.
         let outside = packages.iter().filter(|package| package.source.is_none());
         let outside: Vec<_> = outside.filter(|package| !package.folder().starts_with(&workspace.root)).collect();
         for (model, export) in models.iter().zip(exports) {
-            let mut command = self.command(workspace, options, &outside)?;
+            let mut command = self.command(workspace, options, &outside);
             // Without the ordinary library, for which cargo would leave out link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
             command.env(format!("{EXPORT}{}", model.library), export.to_string());
-            let mut flags = library_flags(self.platform(), &model.name);
+            let mut flags = library_flags(self.platform, &model.name);
             if !options.debug {
                 // Paths below the workspace are relative in its other packages. As a flag of all of them it would differ between two
                 // packages that share a target folder, and cargo would build the exporter again for each.
@@ -499,31 +486,29 @@ impl Builder {
     }
 
     /// A call of cargo, without packages.
-    fn command(&self, workspace: &Workspace, options: &Options, outside: &[&Package]) -> Result<Command> {
-        let platform = self.platform();
+    fn command(&self, workspace: &Workspace, options: &Options, outside: &[&Package]) -> Command {
+        let platform = self.platform;
         let mut folder = workspace.target.join("fmu-build");
         let mut sources = None;
-        if let Some(toolchain) = self.toolchain() {
+        if let Some(toolchain) = &self.toolchain {
             folder = workspace.target.join(format!("fmu-build-{}", platform.name()));
             sources = Some(toolchain.sources());
         }
-        let target = self.target()?;
-        let mut command = match self {
-            Self::Native(_) => {
-                let mut command = cargo();
-                command.args(["rustc", "--target", &target]).env_remove("CARGO_BUILD_TARGET");
-                command
-            }
-            Self::Portable(zigbuild) => zigbuild.cargo_rustc(),
-            Self::Win64(mingw) => mingw.cargo_rustc(),
-            Self::Wasm32(wasm) => wasm.cargo_rustc(),
-        };
+        let cargo = || self.toolchain.as_ref().map_or_else(cargo, Toolchain::cargo);
+        let mut command = self.program.as_ref().map_or_else(cargo, Command::new);
+        // cargo-zigbuild takes the version of glibc with the target.
+        let glibc = if self.linker == Linker::Zig { format!(".{}", zigbuild::GLIBC) } else { String::new() };
+        command.args(["rustc", "--target", &format!("{}{glibc}", self.target)]).env_remove("CARGO_BUILD_TARGET");
+        command.envs(self.environment.iter().map(|(name, value)| (name, value)));
+        if let Some(toolchain) = &self.toolchain {
+            toolchain.build_library(&mut command);
+        }
         let (profile, values) = if options.debug { ("fmu-debug", &DEBUG_PROFILE[..]) } else { ("fmu", &PROFILE[..]) };
         command.args(["--profile", profile, "--target-dir"]).arg(&folder);
         settings(&mut command, values);
         options.apply(&mut command);
-        let mut flags = user_flags(&workspace.root, &target);
-        flags.extend(linker_flags(platform, matches!(self, Self::Native(_))));
+        let mut flags = user_flags(&workspace.root, &self.target);
+        flags.extend(linker_flags(platform, self.linker == Linker::Native));
         // Paths of this machine are replaced in the binaries. The last match wins: a package may be in a folder of the
         // others.
         let known = [(cargo_home(), "/cargo"), (Some(workspace.target.clone()), "/target"), (sources, "/rust")];
@@ -538,7 +523,7 @@ impl Builder {
             flags.push(flag);
         }
         command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
-        Ok(command)
+        command
     }
 }
 

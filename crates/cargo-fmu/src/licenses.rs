@@ -13,7 +13,7 @@ use miette::{IntoDiagnostic, Result, WrapErr};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::build::{Artifact, Builder, Package};
+use crate::build::{Artifact, Builder, Linker, Package};
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
 
@@ -70,7 +70,7 @@ impl Component {
 }
 
 /// Parts of toolchains. Their notices are kept here because not every installation has them.
-fn toolchain(builder: &Builder) -> Vec<Component> {
+fn toolchain(platform: Platform, linker: Linker) -> Vec<Component> {
     let part = |name: &str, license: &str, source: &str, text: &str| Component {
         name: name.to_owned(),
         version: String::new(),
@@ -92,17 +92,17 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
         "https://gcc.gnu.org",
         include_str!("notices/gcc.txt"),
     );
-    match builder {
-        Builder::Native(Platform::Linux64 | Platform::Aarch64Linux) => parts.push(gcc),
+    match linker {
+        Linker::Native if platform.is_linux() => parts.push(gcc),
         // Other libraries they link belong to the system; WebAssembly links none.
-        Builder::Native(_) | Builder::Wasm32(_) => {}
-        Builder::Portable(_) => parts.push(part(
+        Linker::Native | Linker::Lld => {}
+        Linker::Zig => parts.push(part(
             "zig: compiler_rt, libunwind, start-up code of glibc",
             "MIT, Apache-2.0 WITH LLVM-exception, LGPL-2.1-or-later with an exception",
             "https://ziglang.org",
             include_str!("notices/zig.txt"),
         )),
-        Builder::Win64(_) => parts.extend([
+        Linker::Mingw => parts.extend([
             gcc,
             part(
                 "mingw-w64 runtime",
@@ -124,12 +124,11 @@ pub(crate) fn components(
     packages: &[Package],
     built: &[Vec<Artifact>],
 ) -> Result<Vec<Vec<Component>>> {
-    let target = builder.target()?;
     let mut known: BTreeMap<&str, Option<Component>> = BTreeMap::new();
     let mut all = Vec::new();
     for artifacts in built {
-        let mut components = toolchain(builder);
-        for artifact in artifacts.iter().filter(|artifact| artifact.is_for(&target)) {
+        let mut components = toolchain(builder.platform, builder.linker);
+        for artifact in artifacts.iter().filter(|artifact| artifact.is_for(&builder.target)) {
             let component = match known.entry(&artifact.package_id) {
                 Entry::Occupied(entry) => entry.into_mut(),
                 Entry::Vacant(entry) => entry.insert(linked(artifact, workspace, packages)?),
@@ -453,7 +452,7 @@ mod tests {
     fn a_bill_of_materials_lists_all_components() {
         let mut licenses = Licenses::default();
         licenses.add(vec![component("demo", "MIT", true, &[]), component("zebra", "MIT OR Apache-2.0", false, &[])]);
-        licenses.add(toolchain(&Builder::Native(Platform::Linux64)));
+        licenses.add(toolchain(Platform::Linux64, Linker::Native));
         let bom: Value = serde_json::from_str(&licenses.sbom(&model("demo"))).unwrap();
         assert_eq!((&bom["bomFormat"], &bom["specVersion"]), (&json!("CycloneDX"), &json!("1.6")));
         assert_eq!(bom["metadata"]["component"]["name"], "demo");

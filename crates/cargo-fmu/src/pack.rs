@@ -172,7 +172,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
             .wrap_err("collecting the licenses of what is linked")?;
         for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
             licenses[i].add(components);
-            libraries[i].push((builder.platform(), library));
+            libraries[i].push((builder.platform, library));
         }
     }
     let commit = workspace.commit().map(|commit| format!("{commit}\n").into_bytes());
@@ -402,8 +402,7 @@ fn files(
     let mut files = BTreeMap::new();
     let is_fmi3 = description.parsed.fmi == FmiVersion::V3;
     for (platform, library) in libraries {
-        let entry = if is_fmi3 { platform.entry_of_fmi3(&model.name) } else { platform.entry(&model.name) };
-        files.insert(entry, read(library)?);
+        files.insert(platform.entry(description.parsed.fmi, &model.name), read(library)?);
     }
     for (name, text) in licenses.files(model) {
         files.insert(format!("documentation/licenses/{name}"), text.into_bytes());

@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
+use fmu_import::description::FmiVersion;
 use fmu_import::wasm::FOLDER as WASM_FOLDER;
 use miette::{Result, miette};
 
@@ -45,16 +46,24 @@ impl Platform {
         }
     }
 
+    /// Name; folders in FMI 2.0 and FMI 3.0; target of the compiler; extension of a library.
+    const fn words(self) -> [&'static str; 5] {
+        match self {
+            Self::Linux64 => ["linux64", "linux64", "x86_64-linux", "x86_64-unknown-linux-gnu", "so"],
+            // The target is that of Windows 7: see `win64`.
+            Self::Win64 => ["win64", "win64", "x86_64-windows", "x86_64-win7-windows-gnu", "dll"],
+            Self::Aarch64Linux => {
+                ["aarch64-linux", "aarch64-linux", "aarch64-linux", "aarch64-unknown-linux-gnu", "so"]
+            }
+            Self::X86_64Darwin => ["x86_64-darwin", "darwin64", "x86_64-darwin", "x86_64-apple-darwin", "dylib"],
+            Self::Aarch64Darwin => ["aarch64-darwin", "darwin64", "aarch64-darwin", "aarch64-apple-darwin", "dylib"],
+            Self::Wasm32 => ["wasm32", WASM_FOLDER, WASM_FOLDER, "wasm32-unknown-unknown", "wasm"],
+        }
+    }
+
     /// Name on the command line, in messages and in folders of a build.
     pub(crate) const fn name(self) -> &'static str {
-        match self {
-            Self::Linux64 => "linux64",
-            Self::Win64 => "win64",
-            Self::Aarch64Linux => "aarch64-linux",
-            Self::X86_64Darwin => "x86_64-darwin",
-            Self::Aarch64Darwin => "aarch64-darwin",
-            Self::Wasm32 => "wasm32",
-        }
+        self.words()[0]
     }
 
     /// Folder below `binaries/` in FMI 2.0.
@@ -63,38 +72,22 @@ impl Platform {
     /// exception: FMPy 0.3.32 and fmutool 2.0 look for the libraries of either processor in `darwin64`. No version names
     /// WebAssembly; its folder is a convention of this project.
     pub(crate) const fn fmi2(self) -> &'static str {
-        match self {
-            Self::Linux64 => "linux64",
-            Self::Win64 => "win64",
-            Self::Aarch64Linux => "aarch64-linux",
-            Self::X86_64Darwin | Self::Aarch64Darwin => "darwin64",
-            Self::Wasm32 => WASM_FOLDER,
-        }
+        self.words()[1]
     }
 
     /// Folder below `binaries/` in FMI 3.0, a platform tuple (FMI 3.0.2, section 2.5.1.4.1).
     pub(crate) const fn fmi3(self) -> &'static str {
-        match self {
-            Self::Linux64 => "x86_64-linux",
-            Self::Win64 => "x86_64-windows",
-            Self::Aarch64Linux => "aarch64-linux",
-            Self::X86_64Darwin => "x86_64-darwin",
-            Self::Aarch64Darwin => "aarch64-darwin",
-            Self::Wasm32 => WASM_FOLDER,
-        }
+        self.words()[2]
     }
 
     /// Target of the compiler in a build on another machine.
     pub(crate) const fn target(self) -> &'static str {
-        match self {
-            Self::Linux64 => "x86_64-unknown-linux-gnu",
-            // That of Windows 7: see `win64`.
-            Self::Win64 => "x86_64-win7-windows-gnu",
-            Self::Aarch64Linux => "aarch64-unknown-linux-gnu",
-            Self::X86_64Darwin => "x86_64-apple-darwin",
-            Self::Aarch64Darwin => "aarch64-apple-darwin",
-            Self::Wasm32 => "wasm32-unknown-unknown",
-        }
+        self.words()[3]
+    }
+
+    /// Extension of a library, without the dot.
+    pub(crate) const fn extension(self) -> &'static str {
+        self.words()[4]
     }
 
     pub(crate) const fn is_linux(self) -> bool {
@@ -105,24 +98,10 @@ impl Platform {
         matches!(self, Self::X86_64Darwin | Self::Aarch64Darwin)
     }
 
-    /// Path of the library in an archive of FMI 2.0.
-    pub(crate) fn entry(self, model: &str) -> String {
-        format!("binaries/{}/{model}.{}", self.fmi2(), self.extension())
-    }
-
-    /// Path of the library in an archive of FMI 3.0.
-    pub(crate) fn entry_of_fmi3(self, model: &str) -> String {
-        format!("binaries/{}/{model}.{}", self.fmi3(), self.extension())
-    }
-
-    /// Extension of a library, without the dot.
-    pub(crate) const fn extension(self) -> &'static str {
-        match self {
-            Self::Linux64 | Self::Aarch64Linux => "so",
-            Self::Win64 => "dll",
-            Self::X86_64Darwin | Self::Aarch64Darwin => "dylib",
-            Self::Wasm32 => "wasm",
-        }
+    /// Path of the library in an archive.
+    pub(crate) fn entry(self, fmi: FmiVersion, model: &str) -> String {
+        let folder = if fmi == FmiVersion::V2 { self.fmi2() } else { self.fmi3() };
+        format!("binaries/{folder}/{model}.{}", self.extension())
     }
 
     /// Environment variable with the folder of a toolchain that has the sources of the standard library.
@@ -159,7 +138,7 @@ mod tests {
     /// FMI 2.0.4, section 2.3: `binaries/win64/<modelIdentifier>.dll`.
     #[test]
     fn a_library_is_in_the_folder_of_its_platform() {
-        let entries = Platform::ALL.map(|platform| platform.entry("Road"));
+        let entries = Platform::ALL.map(|platform| platform.entry(FmiVersion::V2, "Road"));
         assert_eq!(
             entries,
             [

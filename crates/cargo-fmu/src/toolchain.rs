@@ -42,20 +42,14 @@ impl Toolchain {
 
     /// A call of this toolchain's cargo.
     pub(crate) fn cargo(&self) -> Command {
-        let mut command = Command::new(self.program("cargo"));
-        self.use_in(&mut command);
-        command
+        Command::new(self.program("cargo"))
     }
 
-    /// Makes a program that calls cargo use this toolchain.
-    pub(crate) fn use_in(&self, command: &mut Command) {
+    /// Makes a program that calls cargo use this toolchain, and include the standard library in the build.
+    pub(crate) fn build_library(&self, command: &mut Command) {
         command.env("CARGO", self.program("cargo")).env("RUSTC", self.program("rustc"));
         // They belong to the cargo that runs this program.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("LD_LIBRARY_PATH");
-    }
-
-    /// Makes a cargo build include the standard library.
-    pub(crate) fn build_library(command: &mut Command) {
         command.args(["-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
     }
 

@@ -4,10 +4,10 @@
 //! `-C panic=unwind` lets the C interface turn a panic into an error status, as on every other platform.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use miette::{Result, miette};
 
+use crate::build::{Builder, Linker};
 use crate::platform::Platform;
 use crate::toolchain::{self, PACKAGES, Toolchain};
 
@@ -21,56 +21,38 @@ const VARIABLE: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
 /// may grow.
 pub(crate) const FLAGS: [&str; 3] = ["-Cpanic=unwind", "-Clink-arg=--export-table", "-Clink-arg=--growable-table"];
 
-/// All that a build of WebAssembly needs.
-#[derive(Debug)]
-pub(crate) struct Wasm {
-    toolchain: Toolchain,
-    linker: PathBuf,
-}
-
-impl Wasm {
-    /// Looks for what is needed.
-    ///
-    /// # Errors
-    /// Something is missing; the message names it, the places searched, and the way to install it.
-    pub(crate) fn find() -> Result<Self> {
-        let linker = std::env::var_os(VARIABLE)
-            .map(PathBuf::from)
-            .or_else(|| toolchain::in_use().and_then(|root| linker(&root)));
-        match (Toolchain::find(Platform::Wasm32), linker) {
-            (Ok(toolchain), Some(linker)) => Ok(Self { toolchain, linker }),
-            (toolchain, linker) => {
-                let mut missing = Vec::new();
-                let mut help = Vec::new();
-                if let Err(rejected) = toolchain {
-                    missing.push(format!("no Rust here can build the standard library for {TARGET}: {rejected}"));
-                    help.push(format!(
-                        "On Debian: `apt-get install --no-install-recommends {PACKAGES}`; with rustup: `rustup component add \
-                         rust-src`. For another toolchain that has the sources of its standard library, set {}=FOLDER, \
-                         where FOLDER contains bin/cargo.",
-                        Platform::Wasm32.variable()
-                    ));
-                }
-                if linker.is_none() {
-                    missing.push(format!("the Rust in use has no {LINKER}"));
-                    help.push(format!("Use a Rust that rustup installed, which has {LINKER}, or set {VARIABLE}=FILE to a linker for WebAssembly."));
-                }
-                Err(miette!(help = help.join(" "), "wasm32 cannot be built here: {}", missing.join("; ")))
+/// Looks for what is needed.
+///
+/// # Errors
+/// Something is missing; the message names it, the places searched, and the way to install it.
+pub(crate) fn builder() -> Result<Builder> {
+    let linker =
+        std::env::var_os(VARIABLE).map(PathBuf::from).or_else(|| toolchain::in_use().and_then(|root| linker(&root)));
+    match (Toolchain::find(Platform::Wasm32), linker) {
+        (Ok(toolchain), Some(linker)) => Ok(Builder {
+            linker: Linker::Lld,
+            toolchain: Some(toolchain),
+            environment: vec![(VARIABLE.to_owned(), linker.into_os_string())],
+            ..Builder::new(Platform::Wasm32, TARGET)
+        }),
+        (toolchain, linker) => {
+            let mut missing = Vec::new();
+            let mut help = Vec::new();
+            if let Err(rejected) = toolchain {
+                missing.push(format!("no Rust here can build the standard library for {TARGET}: {rejected}"));
+                help.push(format!(
+                    "On Debian: `apt-get install --no-install-recommends {PACKAGES}`; with rustup: `rustup component add \
+                     rust-src`. For another toolchain that has the sources of its standard library, set {}=FOLDER, \
+                     where FOLDER contains bin/cargo.",
+                    Platform::Wasm32.variable()
+                ));
             }
+            if linker.is_none() {
+                missing.push(format!("the Rust in use has no {LINKER}"));
+                help.push(format!("Use a Rust that rustup installed, which has {LINKER}, or set {VARIABLE}=FILE to a linker for WebAssembly."));
+            }
+            Err(miette!(help = help.join(" "), "wasm32 cannot be built here: {}", missing.join("; ")))
         }
-    }
-
-    /// A call of cargo that builds WebAssembly, without packages and profile.
-    pub(crate) fn cargo_rustc(&self) -> Command {
-        let mut command = self.toolchain.cargo();
-        command.args(["rustc", "--target", TARGET]).env(VARIABLE, &self.linker);
-        Toolchain::build_library(&mut command);
-        command
-    }
-
-    /// The toolchain, which may differ from the one in use.
-    pub(crate) const fn toolchain(&self) -> &Toolchain {
-        &self.toolchain
     }
 }
 

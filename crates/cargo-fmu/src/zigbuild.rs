@@ -6,111 +6,82 @@ use std::process::Command;
 
 use miette::{Result, miette};
 
+use crate::build::{Builder, Linker};
 use crate::platform::Platform;
 use crate::toolchain::{self, PACKAGES, Toolchain};
 
 /// The oldest glibc that the libraries load with; also the oldest that Rust supports.
-const GLIBC: &str = "2.17";
+pub(crate) const GLIBC: &str = "2.17";
 const PROGRAM: &str = "cargo-zigbuild";
 /// Environment variable for cargo-zigbuild: the Python with the package `ziglang`.
 const PYTHON: &str = "CARGO_ZIGBUILD_PYTHON_PATH";
 
-/// An installed cargo-zigbuild that finds zig.
-#[derive(Debug)]
-pub(crate) struct Zigbuild {
-    platform: Platform,
-    program: PathBuf,
-    /// The Python beside it, if that one has the package `ziglang`.
-    python: Option<PathBuf>,
-    /// Builds the standard library, if the toolchain in use has none for the platform.
-    toolchain: Option<Toolchain>,
+/// For this machine and others with its processor, from glibc 2.17 on.
+///
+/// `reason` names the option or setting that asks for it.
+///
+/// # Errors
+/// cargo-zigbuild or zig is missing; the message names the one that was found and how to install the other.
+pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<Builder> {
+    let programs = programs(root).map_err(|problem| {
+        miette!(
+            help = "Run `scripts/setup --all`, which installs both into .venv, or in a workspace of your own `python3 -m venv \
+                    .venv && .venv/bin/pip install cargo-zigbuild ziglang`. Or pass --no-portable: the binary then needs \
+                    a glibc as new as the one of this machine.",
+            "{reason} asks for {} binaries that load with glibc {GLIBC}, which takes cargo-zigbuild and zig: {problem}",
+            platform.name()
+        )
+    })?;
+    Ok(builder(platform, programs, None))
 }
 
-impl Zigbuild {
-    /// For this machine and others with its processor, from glibc 2.17 on.
-    ///
-    /// `reason` names the option or setting that asks for it.
-    ///
-    /// # Errors
-    /// cargo-zigbuild or zig is missing; the message names the one that was found and how to install the other.
-    pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<Self> {
-        let (program, python) = programs(root).map_err(|problem| {
-            miette!(
-                help = "Run `scripts/setup --all`, which installs both into .venv, or in a workspace of your own `python3 -m venv \
-                        .venv && .venv/bin/pip install cargo-zigbuild ziglang`. Or pass --no-portable: the binary then needs \
-                        a glibc as new as the one of this machine.",
-                "{reason} asks for {} binaries that load with glibc {GLIBC}, which takes cargo-zigbuild and zig: {problem}",
-                platform.name()
-            )
-        })?;
-        Ok(Self { platform, program, python, toolchain: None })
+/// For a Linux with another processor than this machine, or from another system.
+///
+/// # Errors
+/// cargo-zigbuild, zig or a standard library is missing; the message names it and how to install it.
+pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
+    let (name, target) = (platform.name(), platform.target());
+    let mut missing = Vec::new();
+    let mut help = Vec::new();
+    let programs = programs(root);
+    if let Err(problem) = &programs {
+        missing.push(problem.clone());
+        help.push(
+            "Run `scripts/setup --all`, which installs cargo-zigbuild and zig into .venv, or in a workspace of your own \
+             `python3 -m venv .venv && .venv/bin/pip install cargo-zigbuild ziglang`."
+                .to_owned(),
+        );
     }
-
-    /// For a Linux with another processor than this machine, or from another system.
-    ///
-    /// # Errors
-    /// cargo-zigbuild, zig or a standard library is missing; the message names it and how to install it.
-    pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Self> {
-        let (name, target) = (platform.name(), platform.target());
-        let mut missing = Vec::new();
-        let mut help = Vec::new();
-        let programs = programs(root);
-        if let Err(problem) = &programs {
-            missing.push(problem.clone());
-            help.push(
-                "Run `scripts/setup --all`, which installs cargo-zigbuild and zig into .venv, or in a workspace of your own \
-                 `python3 -m venv .venv && .venv/bin/pip install cargo-zigbuild ziglang`."
-                    .to_owned(),
-            );
+    let is_chosen = std::env::var_os(platform.variable()).is_some();
+    let toolchain = match Toolchain::find(platform) {
+        // A compiled library needs no sources, unless the user names a toolchain with some.
+        _ if !is_chosen && toolchain::has_library(target) => None,
+        Ok(toolchain) => Some(toolchain),
+        Err(rejected) => {
+            missing.push(format!(
+                "the Rust in use has no standard library for {target}, and there is none with the sources to build one: \
+                 {rejected}"
+            ));
+            help.push(format!(
+                "Run `rustup target add {target}`. Without rustup, on Debian: `apt-get install --no-install-recommends \
+                 {PACKAGES}`; cargo then builds the standard library from these sources. For another toolchain \
+                 that has them (rustup: the component rust-src), set {}=FOLDER, where FOLDER contains bin/cargo.",
+                platform.variable()
+            ));
+            None
         }
-        let is_chosen = std::env::var_os(platform.variable()).is_some();
-        let toolchain = match Toolchain::find(platform) {
-            // A compiled library needs no sources, unless the user names a toolchain with some.
-            _ if !is_chosen && toolchain::has_library(target) => None,
-            Ok(toolchain) => Some(toolchain),
-            Err(rejected) => {
-                missing.push(format!(
-                    "the Rust in use has no standard library for {target}, and there is none with the sources to build one: \
-                     {rejected}"
-                ));
-                help.push(format!(
-                    "Run `rustup target add {target}`. Without rustup, on Debian: `apt-get install --no-install-recommends \
-                     {PACKAGES}`; cargo then builds the standard library from these sources. For another toolchain \
-                     that has them (rustup: the component rust-src), set {}=FOLDER, where FOLDER contains bin/cargo.",
-                    platform.variable()
-                ));
-                None
-            }
-        };
-        match programs {
-            Ok((program, python)) if missing.is_empty() => Ok(Self { platform, program, python, toolchain }),
-            _ => Err(miette!(help = help.join(" "), "{name} cannot be built here: {}", missing.join("; "))),
-        }
+    };
+    match programs {
+        Ok(programs) if missing.is_empty() => Ok(builder(platform, programs, toolchain)),
+        _ => Err(miette!(help = help.join(" "), "{name} cannot be built here: {}", missing.join("; "))),
     }
+}
 
-    /// Target platform.
-    pub(crate) const fn platform(&self) -> Platform {
-        self.platform
-    }
-
-    /// The toolchain, if it is not the one in use.
-    pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
-        self.toolchain.as_ref()
-    }
-
-    /// A build for Linux, without packages and profile.
-    pub(crate) fn cargo_rustc(&self) -> Command {
-        let mut command = Command::new(&self.program);
-        command.args(["rustc", "--target", &format!("{}.{GLIBC}", self.platform.target())]);
-        if let Some(python) = &self.python {
-            command.env(PYTHON, python);
-        }
-        if let Some(toolchain) = &self.toolchain {
-            toolchain.use_in(&mut command);
-            Toolchain::build_library(&mut command);
-        }
-        command
-    }
+/// A build with cargo-zigbuild, and the Python beside it, if that one has the package `ziglang`.
+fn builder(platform: Platform, (program, python): (PathBuf, Option<PathBuf>), toolchain: Option<Toolchain>) -> Builder {
+    let environment = python.into_iter().map(|python| (PYTHON.to_owned(), python.into_os_string())).collect();
+    let native = Builder::new(platform, platform.target());
+    Builder { linker: Linker::Zig, toolchain, program: Some(program), environment, ..native }
 }
 
 /// cargo-zigbuild in `.venv` at the top of the workspace or on the PATH, and the Python beside it if that one has zig.
