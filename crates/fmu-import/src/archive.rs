@@ -1,12 +1,13 @@
 //! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
 
-use crate::description::{FmiVersion, Interface, ModelDescription, XmlError};
+use crate::description::{FmiVersion, Interface, ModelDescription};
 use crate::directory::{self, DirectoryError, Entry};
 use crate::signature::Signature;
 use crate::temporary::Folder;
 use crate::terminal;
 use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
 use std::collections::HashSet;
+use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
@@ -21,81 +22,36 @@ const MAX_RATIO: u64 = 200;
 /// Unpacked size up to which any ratio is accepted, bytes.
 const ANY_RATIO: u64 = 64 << 20;
 
-/// Error of reading or unpacking an archive.
+/// Error of reading or unpacking an archive: it cannot be read, is damaged or rejected, its description is invalid, or it
+/// lacks what was asked for.
 #[derive(Debug, thiserror::Error)]
-pub enum ArchiveError {
-    /// The file cannot be opened or read, or a temporary file cannot be written.
-    #[error("{}: {cause}", path.display())]
-    Io {
-        /// File that was read or written.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// The file is not a zip archive, or it is damaged.
-    #[error("{}: not a readable FMU: no zip archive, or one that was cut off or damaged ({reason})", path.display())]
-    Zip {
-        /// The archive.
-        path: PathBuf,
-        /// Reason.
-        reason: String,
-    },
-    /// An entry cannot be unpacked.
-    #[error("{}: the entry `{entry}` is damaged or not readable: {cause}", path.display())]
-    Entry {
-        /// The archive.
-        path: PathBuf,
-        /// Name of the entry.
-        entry: String,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, zip readers
-    /// disagree about the archive, or it is too large.
-    #[error("{}: rejected: {reason}", path.display())]
-    Rejected {
-        /// The archive.
-        path: PathBuf,
-        /// Reason.
-        reason: String,
-    },
-    /// The description is missing or wrong.
-    #[error("{}: modelDescription.xml: {cause}", path.display())]
-    Description {
-        /// The archive.
-        path: PathBuf,
-        /// Position and cause.
-        cause: XmlError,
-    },
-    /// No binary for this machine.
-    #[error(
-        "{}: no binary for {wanted} (binaries/{wanted}/{file}); the FMU has {}",
-        path.display(),
-        listed(&found.iter().map(String::as_str).collect::<Vec<_>>())
-    )]
-    NoBinary {
-        /// The archive.
-        path: PathBuf,
-        /// Platform of this machine.
-        wanted: &'static str,
-        /// Expected file name.
-        file: String,
-        /// Platforms in the archive.
-        found: Vec<String>,
-    },
-    /// The FMU lacks the interface that was asked for.
-    #[error("{}: the FMU has no interface for {interface}; it has {}", path.display(), listed(found))]
-    NoInterface {
-        /// The archive.
-        path: PathBuf,
-        /// Interface that was asked for.
-        interface: Interface,
-        /// Interfaces of the FMU.
-        found: Vec<&'static str>,
-    },
+#[error("{}: {problem}", path.display())]
+pub struct ArchiveError {
+    /// The archive, or a file that was to be written.
+    path: PathBuf,
+    problem: String,
 }
 
-fn listed(names: &[&str]) -> String {
+impl ArchiveError {
+    /// An error about a file.
+    pub fn new(path: &Path, problem: impl Display) -> Self {
+        Self { path: path.to_path_buf(), problem: problem.to_string() }
+    }
+
+    /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, zip readers
+    /// disagree about the archive, or it is too large.
+    fn rejected(path: &Path, reason: impl Display) -> Self {
+        Self::new(path, format!("rejected: {reason}"))
+    }
+}
+
+/// Adds a path to an error.
+fn at<E: Display>(path: &Path) -> impl Fn(E) -> ArchiveError {
+    |cause| ArchiveError::new(path, cause)
+}
+
+fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.into_iter().collect();
     if names.is_empty() { "none".to_string() } else { names.join(", ") }
 }
 
@@ -104,48 +60,25 @@ fn listed(names: &[&str]) -> String {
 /// FMI 2.0 names only 32 and 64 bit x86 on Windows and Linux, and 64 bit macOS; other machines use
 /// the names of FMI 3.0, as fmpy does.
 #[must_use]
-pub const fn platform() -> &'static str {
-    if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-        "linux64"
-    } else if cfg!(all(target_os = "linux", target_arch = "x86")) {
-        "linux32"
-    } else if cfg!(all(target_os = "windows", target_arch = "x86_64")) {
-        "win64"
-    } else if cfg!(all(target_os = "windows", target_arch = "x86")) {
-        "win32"
-    } else if cfg!(target_os = "macos") {
-        "darwin64"
-    } else if cfg!(all(target_os = "linux", target_arch = "aarch64")) {
-        "aarch64-linux"
-    } else {
-        "unknown"
-    }
+pub fn platform() -> &'static str {
+    platform_of(FmiVersion::V2)
 }
 
 /// Name of the platform this program runs on in a version of FMI.
 #[must_use]
-pub const fn platform_of(fmi: FmiVersion) -> &'static str {
-    if matches!(fmi, FmiVersion::V2) {
-        platform()
-    } else if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-        "x86_64-linux"
-    } else if cfg!(all(target_os = "linux", target_arch = "x86")) {
-        "x86-linux"
-    } else if cfg!(all(target_os = "windows", target_arch = "x86_64")) {
-        "x86_64-windows"
-    } else if cfg!(all(target_os = "windows", target_arch = "x86")) {
-        "x86-windows"
-    } else if cfg!(all(target_os = "windows", target_arch = "aarch64")) {
-        "aarch64-windows"
-    } else if cfg!(all(target_os = "macos", target_arch = "x86_64")) {
-        "x86_64-darwin"
-    } else if cfg!(all(target_os = "macos", target_arch = "aarch64")) {
-        "aarch64-darwin"
-    } else if cfg!(all(target_os = "linux", target_arch = "aarch64")) {
-        "aarch64-linux"
-    } else {
-        "unknown"
-    }
+pub fn platform_of(fmi: FmiVersion) -> &'static str {
+    let [v2, v3] = match (std::env::consts::OS, std::env::consts::ARCH) {
+        ("linux", "x86_64") => ["linux64", "x86_64-linux"],
+        ("linux", "x86") => ["linux32", "x86-linux"],
+        ("linux", "aarch64") => ["aarch64-linux"; 2],
+        ("windows", "x86_64") => ["win64", "x86_64-windows"],
+        ("windows", "x86") => ["win32", "x86-windows"],
+        ("windows", "aarch64") => ["unknown", "aarch64-windows"],
+        ("macos", "x86_64") => ["darwin64", "x86_64-darwin"],
+        ("macos", "aarch64") => ["darwin64", "aarch64-darwin"],
+        _ => ["unknown"; 2],
+    };
+    if fmi == FmiVersion::V2 { v2 } else { v3 }
 }
 
 /// An open `.fmu` file.
@@ -183,11 +116,9 @@ impl Archive {
     /// has two entries of one name or in one place, or has an entry that is encrypted, a link, or whose name is not a path
     /// within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
-        let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
-        let file = File::open(path).map_err(io_error)?;
-        if file.metadata().map_err(io_error)?.is_dir() {
-            let reason = "it is a folder, an FMU is a zip archive".to_owned();
-            return Err(ArchiveError::Rejected { path: path.to_path_buf(), reason });
+        let file = File::open(path).map_err(at(path))?;
+        if file.metadata().map_err(at(path))?.is_dir() {
+            return Err(ArchiveError::rejected(path, "it is a folder, an FMU is a zip archive"));
         }
         Self::read(path, BufReader::new(file))
     }
@@ -196,16 +127,18 @@ impl Archive {
 impl<R: Read + Seek> Archive<R> {
     /// Reads an archive as [`Archive::open`] does, of a file that is open or in memory. `path` names it in messages.
     pub fn read(path: &Path, mut file: R) -> Result<Self, ArchiveError> {
-        let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
-        let rejected = |reason| ArchiveError::Rejected { path: path.to_path_buf(), reason };
-        let damaged = |reason| ArchiveError::Zip { path: path.to_path_buf(), reason };
+        let rejected = |reason| ArchiveError::rejected(path, reason);
+        let damaged = |reason| {
+            let what = "not a readable FMU: no zip archive, or one that was cut off or damaged";
+            ArchiveError::new(path, format!("{what} ({reason})"))
+        };
         let entries = directory::read(&mut file).map_err(|error| match error {
-            DirectoryError::Io(cause) => io_error(cause),
+            DirectoryError::Io(cause) => ArchiveError::new(path, cause),
             DirectoryError::Damaged(reason) => damaged(reason),
             DirectoryError::Rejected(reason) => rejected(reason),
         })?;
         check_sizes(&entries).map_err(rejected)?;
-        file.rewind().map_err(io_error)?;
+        file.rewind().map_err(at(path))?;
         let zip = ZipArchive::new(file).map_err(|cause| damaged(cause.to_string()))?;
         let names = check_entries(&entries, &zip).map_err(rejected)?;
         Ok(Self { path: path.to_path_buf(), zip, names })
@@ -230,50 +163,37 @@ impl<R: Read + Seek> Archive<R> {
     pub fn description_text(&mut self) -> Result<String, ArchiveError> {
         const NAME: &str = "modelDescription.xml";
         let limit = crate::xml::MAX_BYTES as u64;
-        let rejected = |reason| ArchiveError::Rejected { path: self.path.clone(), reason };
         let Some(index) = self.index(NAME) else {
             // A folder was zipped instead of its contents.
             let deeper = self.names.iter().find(|name| name.ends_with(&format!("/{NAME}")));
             let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
-            return Err(rejected(format!("it has no {NAME} at its top{instead}")));
+            return Err(ArchiveError::rejected(&self.path, format!("it has no {NAME} at its top{instead}")));
         };
-        let entry = self.zip.by_index(index).map_err(|cause| ArchiveError::Entry {
-            path: self.path.clone(),
-            entry: NAME.to_owned(),
-            cause: cause.into(),
-        })?;
-        if entry.size() > limit {
-            return Err(rejected(format!("{NAME} has {} bytes, at most {limit} are read", entry.size())));
-        }
-        let stated = entry.size();
-        let mut bytes = Vec::new();
-        entry.take(stated + 1).read_to_end(&mut bytes).map_err(|cause| ArchiveError::Entry {
-            path: self.path.clone(),
-            entry: NAME.to_owned(),
-            cause,
-        })?;
-        if bytes.len() as u64 != stated {
-            return Err(rejected(format!("{NAME} does not have the {stated} bytes that the archive states")));
-        }
+        let bytes = self.content(index, NAME, NAME, limit)?;
         String::from_utf8(bytes).map_err(|error| {
-            let at = error.utf8_error().valid_up_to();
-            rejected(format!("{NAME} is not UTF-8 (byte {}), the encoding of a model description", at + 1))
+            let at = error.utf8_error().valid_up_to() + 1;
+            let reason = format!("{NAME} is not UTF-8 (byte {at}), the encoding of a model description");
+            ArchiveError::rejected(&self.path, reason)
         })
     }
 
     /// The content of an entry; `None` if there is none of this name.
     pub fn entry(&mut self, name: &str) -> Result<Option<Vec<u8>>, ArchiveError> {
-        let Some(index) = self.index(name) else { return Ok(None) };
-        let failed = |cause| ArchiveError::Entry { path: self.path.clone(), entry: name.to_owned(), cause };
-        let entry = self.zip.by_index(index).map_err(|cause| failed(cause.into()))?;
+        let index = self.index(name);
+        index.map(|index| self.content(index, name, &format!("the entry `{name}`"), u64::MAX)).transpose()
+    }
+
+    /// The content of an entry, which has at most `limit` bytes. `what` names it in messages.
+    fn content(&mut self, index: usize, name: &str, what: &str, limit: u64) -> Result<Vec<u8>, ArchiveError> {
+        let path = &self.path;
+        let entry = self.zip.by_index(index).map_err(|cause| unreadable(path, name, cause))?;
         let stated = entry.size();
-        let mut bytes = Vec::new();
-        entry.take(stated.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
-        if bytes.len() as u64 == stated {
-            return Ok(Some(bytes));
+        if stated > limit {
+            return Err(ArchiveError::rejected(path, format!("{what} has {stated} bytes, at most {limit} are read")));
         }
-        let reason = format!("the entry `{name}` does not have the {stated} bytes that the archive states");
-        Err(ArchiveError::Rejected { path: self.path.clone(), reason })
+        let mut bytes = Vec::new();
+        entry.take(stated.saturating_add(1)).read_to_end(&mut bytes).map_err(|cause| unreadable(path, name, cause))?;
+        if bytes.len() as u64 == stated { Ok(bytes) } else { Err(other_size(path, what, stated)) }
     }
 
     /// Reads and parses `modelDescription.xml`.
@@ -282,7 +202,8 @@ impl<R: Read + Seek> Archive<R> {
     /// Those of [`Self::description_text`], or it is not a description of FMI 2.0 or 3.0.
     pub fn description(&mut self) -> Result<ModelDescription, ArchiveError> {
         let text = self.description_text()?;
-        ModelDescription::parse(&text).map_err(|cause| ArchiveError::Description { path: self.path.clone(), cause })
+        ModelDescription::parse(&text)
+            .map_err(|cause| ArchiveError::new(&self.path, format!("modelDescription.xml: {cause}")))
     }
 
     /// Platforms the archive has binaries for, sorted.
@@ -308,71 +229,63 @@ impl<R: Read + Seek> Archive<R> {
     /// The FMU lacks the interface, the archive has no binary for this platform, is damaged, or the temporary folder cannot
     /// be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
-        let identifier = description.model_identifier(interface).ok_or_else(|| ArchiveError::NoInterface {
-            path: self.path.clone(),
-            interface,
-            found: interfaces(description),
+        let identifier = description.model_identifier(interface).ok_or_else(|| {
+            let found = listed(interfaces(description));
+            ArchiveError::new(&self.path, format!("the FMU has no interface for {interface}; it has {found}"))
         })?;
         let platform = platform_of(description.fmi);
         let file = format!("{identifier}{}", std::env::consts::DLL_SUFFIX);
         let folder_name = format!("binaries/{platform}/");
         let library = format!("{folder_name}{file}");
         if self.index(&library).is_none() {
-            return Err(ArchiveError::NoBinary {
-                path: self.path.clone(),
-                wanted: platform,
-                file,
-                found: self.platforms(),
-            });
+            let found = self.platforms();
+            let found = listed(found.iter().map(String::as_str));
+            let problem = format!("no binary for {platform} ({library}); the FMU has {found}");
+            return Err(ArchiveError::new(&self.path, problem));
         }
-        let io_error = |path: &Path| {
-            let path = path.to_path_buf();
-            move |cause| ArchiveError::Io { path, cause }
-        };
-        let folder = Folder::new().map_err(io_error(&std::env::temp_dir()))?;
+        let folder = Folder::new().map_err(at(&std::env::temp_dir()))?;
         let resources = folder.path().join("resources");
-        std::fs::create_dir_all(&resources).map_err(io_error(&resources))?;
-        for i in 0..self.zip.len() {
-            let entry_error = |entry: String, cause| ArchiveError::Entry { path: self.path.clone(), entry, cause };
-            let entry_name = self.names[i].clone();
-            let entry = self.zip.by_index(i).map_err(|cause| entry_error(entry_name.clone(), cause.into()))?;
-            let wanted = entry_name.starts_with(&folder_name) || entry_name.starts_with("resources/");
-            if !wanted || entry_name.ends_with('/') {
+        std::fs::create_dir_all(&resources).map_err(at(&resources))?;
+        for (i, name) in self.names.iter().enumerate() {
+            let entry = self.zip.by_index(i).map_err(|cause| unreadable(&self.path, name, cause))?;
+            let wanted = name.starts_with(&folder_name) || name.starts_with("resources/");
+            if !wanted || name.ends_with('/') {
                 continue;
             }
-            let target = folder.path().join(&entry_name);
+            let target = folder.path().join(name);
             if let Some(parent) = target.parent() {
-                std::fs::create_dir_all(parent).map_err(io_error(parent))?;
+                std::fs::create_dir_all(parent).map_err(at(parent))?;
             }
             // `create_new`: no entry may replace another one.
-            let mut output = File::create_new(&target).map_err(io_error(&target))?;
+            let mut output = File::create_new(&target).map_err(at(&target))?;
             // The size in the archive may be wrong, so the unpacked bytes are counted.
             let stated = entry.size();
             let mut source = Source { entry: entry.take(stated.saturating_add(1)), failure: None };
             let copied = io::copy(&mut source, &mut output);
             if let Some(cause) = source.failure {
-                return Err(entry_error(entry_name, cause));
+                return Err(unreadable(&self.path, name, cause));
             }
-            if copied.map_err(io_error(&target))? != stated {
-                return Err(ArchiveError::Rejected {
-                    path: self.path.clone(),
-                    reason: format!(
-                        "the entry `{entry_name}` does not have the {stated} bytes that the archive states"
-                    ),
-                });
+            if copied.map_err(at(&target))? != stated {
+                return Err(other_size(&self.path, &format!("the entry `{name}`"), stated));
             }
         }
         // Joined part by part: Windows loads no library from a path with slashes.
         let binary = folder.path().join("binaries").join(platform).join(file);
-        if !is_whole(&binary).map_err(io_error(&binary))? {
-            return Err(ArchiveError::Rejected {
-                path: self.path.clone(),
-                reason: format!("the library `{library}` is damaged or cut off"),
-            });
+        if !is_whole(&binary).map_err(at(&binary))? {
+            let reason = format!("the library `{library}` is damaged or cut off");
+            return Err(ArchiveError::rejected(&self.path, reason));
         }
         let signature = Signature::new(description, interface);
         Ok(Unpacked { binary, resources, signature, _folder: Some(folder) })
     }
+}
+
+fn unreadable(path: &Path, entry: &str, cause: impl Into<io::Error>) -> ArchiveError {
+    ArchiveError::new(path, format!("the entry `{entry}` is damaged or not readable: {}", cause.into()))
+}
+
+fn other_size(path: &Path, what: &str, stated: u64) -> ArchiveError {
+    ArchiveError::rejected(path, format!("{what} does not have the {stated} bytes that the archive states"))
 }
 
 /// Interfaces of an FMU, for messages.
@@ -658,9 +571,12 @@ mod tests {
         let folder = TempDir::new().unwrap();
         let text = folder.path().join("text.fmu");
         std::fs::write(&text, "not a zip").unwrap();
-        assert!(matches!(read_description(&text), Err(ArchiveError::Zip { .. })));
+        let error = read_description(&text).unwrap_err().to_string();
+        assert!(error.contains("text.fmu: not a readable FMU: no zip archive"), "{error}");
         let missing = folder.path().join("missing.fmu");
-        assert!(matches!(read_description(&missing), Err(ArchiveError::Io { .. })));
+        let error = read_description(&missing).unwrap_err().to_string();
+        let cause = std::fs::read(&missing).unwrap_err();
+        assert_eq!(error, format!("{}: {cause}", missing.display()));
         let empty = fmu(&folder, &[("readme.txt", "")]);
         let error = read_description(&empty).unwrap_err().to_string();
         assert!(error.ends_with("it has no modelDescription.xml at its top"), "{error}");

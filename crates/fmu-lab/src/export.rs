@@ -9,7 +9,7 @@ use fmu_import::wasm;
 use fmu_system::export::System;
 use fmu_system::plan::Plan;
 use std::io::{self, Cursor, Write};
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
@@ -17,7 +17,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 /// Name and content of the file. The name shows that its FMUs have no other binaries.
 pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String, Vec<u8>), Failure> {
     let describe = |path: &str| {
-        let missing = || ArchiveError::Io { path: PathBuf::from(path), cause: io::ErrorKind::NotFound.into() };
+        let missing = || ArchiveError::new(Path::new(path), io::Error::from(io::ErrorKind::NotFound));
         fmus.described(path).map(Arc::clone).ok_or_else(missing)
     };
     let mut plan = plan.clone();
