@@ -128,18 +128,10 @@ impl<R: Read + Seek> Archive<R> {
     /// Reads an archive as [`Archive::open`] does, of a file that is open or in memory. `path` names it in messages.
     pub fn read(path: &Path, mut file: R) -> Result<Self, ArchiveError> {
         let rejected = |reason| ArchiveError::rejected(path, reason);
-        let damaged = |reason| {
-            let what = "not a readable FMU: no zip archive, or one that was cut off or damaged";
-            ArchiveError::new(path, format!("{what} ({reason})"))
-        };
-        let entries = directory::read(&mut file).map_err(|error| match error {
-            DirectoryError::Io(cause) => ArchiveError::new(path, cause),
-            DirectoryError::Damaged(reason) => damaged(reason),
-            DirectoryError::Rejected(reason) => rejected(reason),
-        })?;
+        let entries = directory::read(&mut file).map_err(at(path))?;
         check_sizes(&entries).map_err(rejected)?;
         file.rewind().map_err(at(path))?;
-        let zip = ZipArchive::new(file).map_err(|cause| damaged(cause.to_string()))?;
+        let zip = ZipArchive::new(file).map_err(|cause| at(path)(DirectoryError::Damaged(cause.to_string())))?;
         let names = check_entries(&entries, &zip).map_err(rejected)?;
         Ok(Self { path: path.to_path_buf(), zip, names })
     }

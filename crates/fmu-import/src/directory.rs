@@ -28,20 +28,17 @@ const END_64_BYTES: usize = 56;
 const LOCATOR_64_BYTES: usize = 20;
 
 /// Error of reading an archive.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum DirectoryError {
     /// The file cannot be read.
-    Io(io::Error),
+    #[error(transparent)]
+    Io(#[from] io::Error),
     /// The file is not a zip archive, or it is damaged.
+    #[error("not a readable FMU: no zip archive, or one that was cut off or damaged ({0})")]
     Damaged(String),
     /// Zip readers disagree about the archive, or it exceeds a limit.
+    #[error("rejected: {0}")]
     Rejected(String),
-}
-
-impl From<io::Error> for DirectoryError {
-    fn from(cause: io::Error) -> Self {
-        Self::Io(cause)
-    }
 }
 
 /// An entry of the central directory.

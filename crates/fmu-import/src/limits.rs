@@ -33,10 +33,7 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
 
 /// Reads a file that has at most `limit` bytes.
 pub fn read_bytes(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    match files::read(path, limit)? {
-        Content::Bytes(bytes) => Ok(bytes),
-        Content::TooLarge(size) => Err(too_large(size, limit)),
-    }
+    files::read(path, limit)
 }
 
 fn too_large(size: Option<u64>, limit: u64) -> io::Error {
@@ -44,37 +41,30 @@ fn too_large(size: Option<u64>, limit: u64) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, format!("{size}, the limit is {limit}"))
 }
 
-/// Content of a file.
-enum Content {
-    Bytes(Vec<u8>),
-    /// More than the limit: number of bytes, if known.
-    TooLarge(Option<u64>),
-}
-
 #[cfg(not(target_family = "wasm"))]
 mod files {
-    use super::Content;
+    use super::too_large;
     use std::fs::File;
     use std::io::{self, Read as _};
     use std::path::Path;
 
-    pub(super) fn read(path: &Path, limit: u64) -> io::Result<Content> {
+    pub(super) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
         let file = File::open(path)?;
         let told = file.metadata()?.len();
         if told > limit {
-            return Ok(Content::TooLarge(Some(told)));
+            return Err(too_large(Some(told), limit));
         }
         let mut bytes = Vec::new();
         // The size of a device or a pipe is unknown: never read more than the limit.
         let read = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
-        Ok(if read > limit { Content::TooLarge(None) } else { Content::Bytes(bytes) })
+        if read > limit { Err(too_large(None, limit)) } else { Ok(bytes) }
     }
 }
 
 /// WebAssembly has no files: the program that contains this crate provides texts.
 #[cfg(target_family = "wasm")]
 mod files {
-    use super::Content;
+    use super::too_large;
     use std::collections::BTreeMap;
     use std::io;
     use std::path::{Component, Path};
@@ -82,11 +72,11 @@ mod files {
 
     static TEXTS: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
 
-    pub(super) fn read(path: &Path, limit: u64) -> io::Result<Content> {
+    pub(super) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
         let texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
         let text = texts.get(&plain(path)).ok_or(io::ErrorKind::NotFound)?;
         let size = text.len() as u64;
-        Ok(if size > limit { Content::TooLarge(Some(size)) } else { Content::Bytes(text.clone().into_bytes()) })
+        if size > limit { Err(too_large(Some(size), limit)) } else { Ok(text.clone().into_bytes()) }
     }
 
     /// A path without `.` and `..`.

@@ -9,84 +9,70 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Name of a function with the prefix of its version; without a literal that of its item.
+macro_rules! name {
+    ($prefix:literal $name:ident) => {
+        concat!($prefix, stringify!($name))
+    };
+    ($prefix:literal $name:ident $other:literal) => {
+        concat!($prefix, $other)
+    };
+}
+
 macro_rules! functions {
-    ($($name:ident $v2:literal $v3:literal)*) => {
+    ($($interface:expr => $($name:ident $([$v2:literal $v3:literal])?)*;)*) => {
         /// The functions that the loader calls, by what they do in either version.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[repr(u8)]
-        pub(super) enum Function { $(
-            #[doc = concat!("`fmi2", $v2, "`, `fmi3", $v3, "`")]
+        pub(super) enum Function { $($(
+            #[doc = concat!("`", name!("fmi2" $name $($v2)?), "`, `", name!("fmi3" $name $($v3)?), "`")]
             $name,
-        )* }
+        )*)* }
 
         /// Name in FMI 2.0 and in FMI 3.0. Of a function that a version does not have, it is the name that messages use.
-        const NAMES: &[[&str; 2]] = &[$([concat!("fmi2", $v2), concat!("fmi3", $v3)]),*];
+        const NAMES: &[[&str; 2]] =
+            &[$($([name!("fmi2" $name $($v2)?), name!("fmi3" $name $($v3)?)],)*)*];
+
+        impl Function {
+            /// The interface whose instances have the function; `None`: both.
+            pub(super) fn interface(self) -> Option<Interface> {
+                match self {
+                    $($(Self::$name)|* => $interface,)*
+                }
+            }
+        }
     };
 }
 
 functions! {
-    InstantiateCoSimulation "Instantiate" "InstantiateCoSimulation"
-    InstantiateModelExchange "Instantiate" "InstantiateModelExchange"
-    FreeInstance "FreeInstance" "FreeInstance"
-    SetupExperiment "SetupExperiment" "SetupExperiment"
-    EnterInitializationMode "EnterInitializationMode" "EnterInitializationMode"
-    ExitInitializationMode "ExitInitializationMode" "ExitInitializationMode"
-    Terminate "Terminate" "Terminate"
-    Reset "Reset" "Reset"
-    GetReal "GetReal" "GetFloat64"
-    GetInteger "GetInteger" "GetInt32"
-    GetBoolean "GetBoolean" "GetBoolean"
-    GetString "GetString" "GetString"
-    SetReal "SetReal" "SetFloat64"
-    SetInteger "SetInteger" "SetInt32"
-    SetBoolean "SetBoolean" "SetBoolean"
-    SetString "SetString" "SetString"
-    GetFloat32 "GetFloat32" "GetFloat32"
-    SetFloat32 "SetFloat32" "SetFloat32"
-    GetInt8 "GetInt8" "GetInt8"
-    SetInt8 "SetInt8" "SetInt8"
-    GetUInt8 "GetUInt8" "GetUInt8"
-    SetUInt8 "SetUInt8" "SetUInt8"
-    GetInt16 "GetInt16" "GetInt16"
-    SetInt16 "SetInt16" "SetInt16"
-    GetUInt16 "GetUInt16" "GetUInt16"
-    SetUInt16 "SetUInt16" "SetUInt16"
-    GetUInt32 "GetUInt32" "GetUInt32"
-    SetUInt32 "SetUInt32" "SetUInt32"
-    GetInt64 "GetInt64" "GetInt64"
-    SetInt64 "SetInt64" "SetInt64"
-    GetUInt64 "GetUInt64" "GetUInt64"
-    SetUInt64 "SetUInt64" "SetUInt64"
-    DoStep "DoStep" "DoStep"
-    CancelStep "CancelStep" "CancelStep"
-    SetDebugLogging "SetDebugLogging" "SetDebugLogging"
-    GetFmuState "GetFMUstate" "GetFMUState"
-    SetFmuState "SetFMUstate" "SetFMUState"
-    FreeFmuState "FreeFMUstate" "FreeFMUState"
-    SerializedFmuStateSize "SerializedFMUstateSize" "SerializedFMUStateSize"
-    SerializeFmuState "SerializeFMUstate" "SerializeFMUState"
-    DeserializeFmuState "DeSerializeFMUstate" "DeserializeFMUState"
-    GetDirectionalDerivative "GetDirectionalDerivative" "GetDirectionalDerivative"
-    GetAdjointDerivative "GetAdjointDerivative" "GetAdjointDerivative"
-    SetInputDerivatives "SetRealInputDerivatives" "SetRealInputDerivatives"
-    GetOutputDerivatives "GetRealOutputDerivatives" "GetOutputDerivatives"
-    GetStatus "GetStatus" "GetStatus"
-    GetRealStatus "GetRealStatus" "GetRealStatus"
-    GetIntegerStatus "GetIntegerStatus" "GetIntegerStatus"
-    GetBooleanStatus "GetBooleanStatus" "GetBooleanStatus"
-    GetStringStatus "GetStringStatus" "GetStringStatus"
-    SetTime "SetTime" "SetTime"
-    SetContinuousStates "SetContinuousStates" "SetContinuousStates"
-    GetContinuousStates "GetContinuousStates" "GetContinuousStates"
-    GetDerivatives "GetDerivatives" "GetContinuousStateDerivatives"
-    GetEventIndicators "GetEventIndicators" "GetEventIndicators"
-    GetNominals "GetNominalsOfContinuousStates" "GetNominalsOfContinuousStates"
-    GetNumberOfStates "GetNumberOfContinuousStates" "GetNumberOfContinuousStates"
-    GetNumberOfEventIndicators "GetNumberOfEventIndicators" "GetNumberOfEventIndicators"
-    EnterEventMode "EnterEventMode" "EnterEventMode"
-    NewDiscreteStates "NewDiscreteStates" "UpdateDiscreteStates"
-    EnterContinuousTimeMode "EnterContinuousTimeMode" "EnterContinuousTimeMode"
-    CompletedIntegratorStep "CompletedIntegratorStep" "CompletedIntegratorStep"
+    None =>
+        FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset GetBoolean
+        GetString SetBoolean SetString GetFloat32 SetFloat32 GetInt8 SetInt8 GetUInt8 SetUInt8 GetInt16 SetInt16
+        GetUInt16 SetUInt16 GetUInt32 SetUInt32 GetInt64 SetInt64 GetUInt64 SetUInt64 SetDebugLogging
+        GetDirectionalDerivative GetAdjointDerivative
+        GetReal ["GetReal" "GetFloat64"]
+        GetInteger ["GetInteger" "GetInt32"]
+        SetReal ["SetReal" "SetFloat64"]
+        SetInteger ["SetInteger" "SetInt32"]
+        GetFmuState ["GetFMUstate" "GetFMUState"]
+        SetFmuState ["SetFMUstate" "SetFMUState"]
+        FreeFmuState ["FreeFMUstate" "FreeFMUState"]
+        SerializedFmuStateSize ["SerializedFMUstateSize" "SerializedFMUStateSize"]
+        SerializeFmuState ["SerializeFMUstate" "SerializeFMUState"]
+        DeserializeFmuState ["DeSerializeFMUstate" "DeserializeFMUState"];
+    Some(Interface::CoSimulation) =>
+        DoStep CancelStep GetRealStatus GetBooleanStatus
+        InstantiateCoSimulation ["Instantiate" "InstantiateCoSimulation"]
+        SetInputDerivatives ["SetRealInputDerivatives" "SetRealInputDerivatives"]
+        GetOutputDerivatives ["GetRealOutputDerivatives" "GetOutputDerivatives"];
+    Some(Interface::ModelExchange) =>
+        SetTime SetContinuousStates GetContinuousStates GetEventIndicators GetNumberOfEventIndicators
+        EnterEventMode EnterContinuousTimeMode CompletedIntegratorStep
+        InstantiateModelExchange ["Instantiate" "InstantiateModelExchange"]
+        GetDerivatives ["GetDerivatives" "GetContinuousStateDerivatives"]
+        GetNominals ["GetNominalsOfContinuousStates" "GetNominalsOfContinuousStates"]
+        GetNumberOfStates ["GetNumberOfContinuousStates" "GetNumberOfContinuousStates"]
+        NewDiscreteStates ["NewDiscreteStates" "UpdateDiscreteStates"];
 }
 
 /// Names of the functions in FMI 2.0 and in FMI 3.0, in the order of their numbers.
@@ -105,36 +91,6 @@ impl Function {
     /// Name of the C function in a version of FMI.
     pub(super) fn name(self, fmi: FmiVersion) -> &'static str {
         NAMES[self as usize][version(fmi)]
-    }
-
-    /// The interface whose instances have the function; `None`: both.
-    pub(super) fn interface(self) -> Option<Interface> {
-        match self {
-            Self::InstantiateCoSimulation
-            | Self::DoStep
-            | Self::CancelStep
-            | Self::SetInputDerivatives
-            | Self::GetOutputDerivatives
-            | Self::GetStatus
-            | Self::GetRealStatus
-            | Self::GetIntegerStatus
-            | Self::GetBooleanStatus
-            | Self::GetStringStatus => Some(Interface::CoSimulation),
-            Self::InstantiateModelExchange
-            | Self::SetTime
-            | Self::SetContinuousStates
-            | Self::GetContinuousStates
-            | Self::GetDerivatives
-            | Self::GetEventIndicators
-            | Self::GetNominals
-            | Self::GetNumberOfStates
-            | Self::GetNumberOfEventIndicators
-            | Self::EnterEventMode
-            | Self::NewDiscreteStates
-            | Self::EnterContinuousTimeMode
-            | Self::CompletedIntegratorStep => Some(Interface::ModelExchange),
-            _ => None,
-        }
     }
 }
 

@@ -76,7 +76,10 @@ shared! {
 /// Names of the functions that a library has to export. FMI 3.0 has all of them for every interface.
 pub(super) fn names(fmi: FmiVersion, interfaces: &[Interface]) -> Vec<&'static str> {
     let mut names = match fmi {
-        FmiVersion::V2 => interfaces.iter().flat_map(|interface| v2::Functions::names(*interface)).collect(),
+        FmiVersion::V2 => {
+            let unused = v2::UNUSED.iter().filter(|_| interfaces.contains(&Interface::CoSimulation));
+            interfaces.iter().flat_map(|interface| v2::Functions::names(*interface)).chain(unused.copied()).collect()
+        }
         FmiVersion::V3 => {
             let mut names = v3::Functions::names(Interface::CoSimulation);
             names.extend(v3::Functions::names(Interface::ModelExchange));

@@ -5,46 +5,17 @@
 //! not touch the protocol. Elsewhere the worker calls back on the loopback interface with a secret word that only it has
 //! received.
 
-use std::io::{self, Read, Write};
-use std::process::{Child, Command};
-use std::time::Duration;
-
-#[cfg(unix)]
-type Stream = std::os::unix::net::UnixStream;
+use std::io;
 #[cfg(not(unix))]
-type Stream = std::net::TcpStream;
+use std::io::{Read as _, Write as _};
+use std::process::{Child, Command};
 
 /// An end of the connection.
-#[derive(Debug)]
-pub(super) struct Connection(Stream);
-
-impl Connection {
-    /// Sets the time to wait for something to read. `None`: no limit.
-    pub(super) fn set_patience(&self, patience: Option<Duration>) -> io::Result<()> {
-        self.0.set_read_timeout(patience)
-    }
-
-    /// Another handle to the same end.
-    pub(super) fn try_clone(&self) -> io::Result<Self> {
-        self.0.try_clone().map(Self)
-    }
-}
-
-impl Read for Connection {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        self.0.read(bytes)
-    }
-}
-
-impl Write for Connection {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
-    }
-}
+#[cfg(unix)]
+pub(super) type Connection = std::os::unix::net::UnixStream;
+/// An end of the connection.
+#[cfg(not(unix))]
+pub(super) type Connection = std::net::TcpStream;
 
 /// Returns true for the error of a read that timed out.
 pub(super) fn is_patience_over(error: &io::Error) -> bool {
@@ -54,20 +25,20 @@ pub(super) fn is_patience_over(error: &io::Error) -> bool {
 /// Starts a worker and connects to it.
 #[cfg(unix)]
 pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
-    let (ours, theirs) = Stream::pair()?;
+    let (ours, theirs) = Connection::pair()?;
     command.stdin(std::os::fd::OwnedFd::from(theirs));
     let child = command.spawn()?;
-    Ok((child, Connection(ours)))
+    Ok((child, ours))
 }
 
 /// Connects to the process that started this one.
 #[cfg(unix)]
 pub(super) fn accept() -> io::Result<Connection> {
     use std::os::fd::AsFd as _;
-    let stream = Stream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    let stream = Connection::from(io::stdin().as_fd().try_clone_to_owned()?);
     stream.peer_addr()?;
     rustix::stdio::dup2_stdin(std::fs::File::open("/dev/null")?)?;
-    Ok(Connection(stream))
+    Ok(stream)
 }
 
 /// Environment variable with the port that a worker calls back and the secret word it sends.
@@ -88,14 +59,14 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
         match listener.accept() {
             Ok((mut stream, _)) => {
                 stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(Duration::from_secs(1)))?;
+                stream.set_read_timeout(Some(std::time::Duration::from_secs(1)))?;
                 let mut said = vec![0; word.len()];
                 if stream.read_exact(&mut said).is_ok() && said == word.as_bytes() {
                     stream.set_nodelay(true)?;
-                    return Ok((child, Connection(stream)));
+                    return Ok((child, stream));
                 }
             }
-            Err(error) if is_patience_over(&error) => std::thread::sleep(Duration::from_millis(5)),
+            Err(error) if is_patience_over(&error) => std::thread::sleep(std::time::Duration::from_millis(5)),
             Err(error) => return Err(error),
         }
         if let Some(status) = child.try_wait()? {
@@ -110,8 +81,8 @@ pub(super) fn accept() -> io::Result<Connection> {
     let callback = std::env::var(CALLBACK).map_err(io::Error::other)?;
     let (port, word) = callback.split_once(' ').ok_or(io::ErrorKind::InvalidInput)?;
     let port: u16 = port.parse().map_err(io::Error::other)?;
-    let mut stream = Stream::connect((std::net::Ipv4Addr::LOCALHOST, port))?;
+    let mut stream = Connection::connect((std::net::Ipv4Addr::LOCALHOST, port))?;
     stream.set_nodelay(true)?;
     stream.write_all(word.as_bytes())?;
-    Ok(Connection(stream))
+    Ok(stream)
 }

@@ -173,7 +173,7 @@ impl Process {
             command.env("LD_PRELOAD", list);
         }
         let (child, connection) = connection::spawn(command)?;
-        connection.set_patience(Some(LOOK.min(settings.timeout / 4)))?;
+        connection.set_read_timeout(Some(LOOK.min(settings.timeout / 4)))?;
         let output = Output::read(pipe, settings.printed.clone())?;
         let noticed = settings.noticed.clone();
         Ok(Self { child, connection, reader: Reader::default(), board, incidents, noticed, output, folder })

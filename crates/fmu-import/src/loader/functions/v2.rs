@@ -1,9 +1,12 @@
 //! The functions of FMI 2.0.
 
 use super::table;
-use crate::c_api::{self, RawStatus};
+use crate::c_api;
 use crate::description::Interface;
 use std::ffi::c_char;
+
+/// Functions for co-simulation that this crate never calls.
+pub(super) const UNUSED: [&str; 3] = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"];
 
 table! {
     required {
@@ -42,11 +45,8 @@ table! {
         set_real_input_derivatives: c_api::SetInputDerivatives = "fmi2SetRealInputDerivatives",
         get_real_output_derivatives: c_api::GetOutputDerivatives = "fmi2GetRealOutputDerivatives",
         cancel_step: c_api::Transition = "fmi2CancelStep",
-        get_status: c_api::GetStatus<RawStatus> = "fmi2GetStatus",
         get_real_status: c_api::GetStatus<f64> = "fmi2GetRealStatus",
-        get_integer_status: c_api::GetStatus<i32> = "fmi2GetIntegerStatus",
         get_boolean_status: c_api::GetStatus<c_api::Boolean> = "fmi2GetBooleanStatus",
-        get_string_status: c_api::GetStatus<*const c_char> = "fmi2GetStringStatus",
     }
     model_exchange {
         needed {
