@@ -311,7 +311,7 @@ impl Trial<'_> {
             }
         }
         for variable in self.description.variables.iter().filter(|variable| values::has_starts(variable)) {
-            let now = values::read_all(&mut instance, variable)?;
+            let now = instance.get_values(variable)?;
             let mut elements = variable.elements().into_iter().zip(variable.starts.iter().zip(&now));
             if let Some((name, (start, value))) = elements.find(|(_, (start, value))| start != value) {
                 let message = format!("its start value is {start}, but the binary starts with {value}");
@@ -356,7 +356,7 @@ impl Trial<'_> {
     /// Appends the values of all observed outputs, as numbers.
     fn read_outputs(&self, instance: &mut Instance, outputs: &mut Vec<f64>) -> CheckResult<()> {
         for &i in &self.observed {
-            for value in values::read_all(instance, self.variable(i))? {
+            for value in instance.get_values(self.variable(i))? {
                 outputs.push(match value {
                     Value::Real(value) => value,
                     Value::Integer(value) => value as f64,

@@ -188,14 +188,10 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
     if !is_settable {
         return Err(format!("`{name}` is neither a parameter, an input nor a state"));
     }
-    let references = [variable.reference];
-    let result = match parse(variable, value)? {
-        Value::Real(value) => instance.set_real(&references, &[value]),
-        Value::Integer(value) => instance.set_integer(&references, &[value]),
-        Value::Boolean(value) => instance.set_boolean(&references, &[i32::from(value)]),
-        Value::String(_) => return Err(format!("`{name}` is a String; a linear model depends on numbers only")),
-    };
-    result.map_err(|error| error.to_string())
+    match parse(variable, value)? {
+        Value::String(_) => Err(format!("`{name}` is a String; a linear model depends on numbers only")),
+        value => instance.set_value(variable.reference, &value).map_err(|error| error.to_string()),
+    }
 }
 
 /// Parses a value of the command line. An Integer may be written by the name of its value.

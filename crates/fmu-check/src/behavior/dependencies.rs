@@ -14,30 +14,18 @@ const MOST_CHOICES: f64 = 8.0;
 const MOST_READ: usize = 50_000_000;
 
 /// Another value of a parameter.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Choice {
     parameter: usize,
-    value: Number,
-}
-
-#[derive(Clone, Copy)]
-enum Number {
-    Real(f64),
-    /// An Integer, or a Boolean (0 or 1).
-    Whole(i32),
+    value: Value,
 }
 
 impl Trial<'_> {
     /// Returns an instance in Initialization Mode with another value of one parameter.
-    fn configured(&self, name: &str, choice: Option<Choice>) -> CheckResult<Instance> {
+    fn configured(&self, name: &str, choice: Option<&Choice>) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         if let Some(Choice { parameter, value }) = choice {
-            let reference = [self.variable(parameter).reference];
-            match (value, self.variable(parameter).base_type) {
-                (Number::Real(value), _) => instance.set_real(&reference, &[value])?,
-                (Number::Whole(value), BaseType::Boolean) => instance.set_boolean(&reference, &[value])?,
-                (Number::Whole(value), _) => instance.set_integer(&reference, &[value])?,
-            }
+            instance.set_value(self.variable(*parameter).reference, value)?;
         }
         instance.setup_experiment(self.start, None)?;
         instance.enter_initialization_mode()?;
@@ -47,9 +35,9 @@ impl Trial<'_> {
     /// Other values of the parameters that select between equations: Booleans, and Integers with few values.
     fn choices(&self) -> Vec<Choice> {
         let values = |variable: &Variable| match (&variable.start, variable.min, variable.max) {
-            (Some(Value::Boolean(start)), ..) => vec![i32::from(!start)],
+            (Some(Value::Boolean(start)), ..) => vec![Value::Boolean(!start)],
             (Some(Value::Integer(start)), Some(min), Some(max)) if max - min <= MOST_CHOICES => {
-                (min as i32..=max as i32).filter(|value| i64::from(*value) != *start).collect()
+                (min as i64..=max as i64).filter(|value| value != start).map(Value::Integer).collect()
             }
             _ => Vec::new(),
         };
@@ -57,7 +45,7 @@ impl Trial<'_> {
         parameters
             .filter(|(_, variable)| variable.causality == Causality::Parameter)
             .flat_map(|(parameter, variable)| {
-                values(variable).into_iter().map(move |value| Choice { parameter, value: Number::Whole(value) })
+                values(variable).into_iter().map(move |value| Choice { parameter, value })
             })
             .collect()
     }
@@ -75,7 +63,7 @@ impl Trial<'_> {
         let parameters = self.filtered(|variable| variable.causality == Causality::Parameter).into_iter();
         parameters
             .flat_map(|parameter| {
-                let choice = move |value| Choice { parameter, value: Number::Real(value) };
+                let choice = move |value| Choice { parameter, value: Value::Real(value) };
                 ends(self.variable(parameter)).into_iter().map(choice)
             })
             .collect()
@@ -90,7 +78,8 @@ impl Trial<'_> {
         for choice in self.all_choices() {
             let mut instance = None;
             known.retain(|&j| {
-                let Some(mut ready) = instance.take().or_else(|| self.readable(choice, &search.variables)) else {
+                let Some(mut ready) = instance.take().or_else(|| self.readable(choice.as_ref(), &search.variables))
+                else {
                     return true;
                 };
                 let is_sound = search.vary(self, j, &mut ready, report).is_ok();
@@ -104,7 +93,7 @@ impl Trial<'_> {
         for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
             search.choice = Some(limit);
             // Inconsistent values prove nothing.
-            let Some(mut instance) = self.readable(Some(limit), &search.variables) else { continue };
+            let Some(mut instance) = self.readable(search.choice.as_ref(), &search.variables) else { continue };
             for &state in &states {
                 if search.vary(self, state, &mut instance, report).is_err() {
                     break;
@@ -128,7 +117,7 @@ impl Trial<'_> {
     }
 
     /// An instance in Initialization Mode whose variables can be read, if there is one with this choice.
-    fn readable(&self, choice: Option<Choice>, variables: &[usize]) -> Option<Instance> {
+    fn readable(&self, choice: Option<&Choice>, variables: &[usize]) -> Option<Instance> {
         let mut instance = self.configured("dependencies", choice).ok()?;
         self.values(&mut instance, variables).is_ok().then_some(instance)
     }
@@ -152,7 +141,7 @@ impl Trial<'_> {
         }
         let limits = self.limits().into_iter().map(|limit| (Some(limit), 1, 1));
         for (choice, points, steps) in self.all_choices().map(|choice| (choice, POINTS, 5)).chain(limits) {
-            let started = self.configured("dependencies", choice).and_then(|mut instance| {
+            let started = self.configured("dependencies", choice.as_ref()).and_then(|mut instance| {
                 instance.exit_initialization_mode()?;
                 Ok(instance)
             });
@@ -163,7 +152,7 @@ impl Trial<'_> {
                     break;
                 }
                 for search in searches.iter_mut().filter(|search| !search.unknowns.is_empty()) {
-                    search.choice = choice;
+                    search.choice.clone_from(&choice);
                     search.look(self, &self.inputs, &mut instance, report)?;
                 }
             }
@@ -294,7 +283,7 @@ impl Search<'_> {
         if is_missing && self.reported.insert((unknown, j)) {
             let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
             let mut message = format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
-            if let Some(Choice { parameter, value: Number::Real(value) }) = self.choice {
+            if let Some(Choice { parameter, value: Value::Real(value) }) = self.choice {
                 let parameter = &trial.variable(parameter).name;
                 message.push_str(&format!("; seen with `{parameter}` = {value}"));
             }

@@ -1,7 +1,7 @@
 //! Values of all types: those of an FMU, and others to set.
 
 use super::{CheckResult, Trial, is_plain, size};
-use fmu_import::description::{BaseType, Causality, DataType, Initial, Value, Variability, Variable};
+use fmu_import::description::{Causality, DataType, Initial, Value, Variability, Variable};
 use fmu_import::loader::Instance;
 
 impl Trial<'_> {
@@ -149,57 +149,11 @@ pub(super) fn has_starts(variable: &Variable) -> bool {
     is_exact && !variable.starts.is_empty()
 }
 
-/// The values of all elements.
-pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> CheckResult<Vec<Value>> {
-    let reference = [variable.reference];
-    Ok(match variable.base_type {
-        BaseType::Real => {
-            let mut values = vec![0.0; variable.size];
-            instance.get_real(&reference, &mut values)?;
-            values.into_iter().map(Value::Real).collect()
-        }
-        BaseType::Integer => {
-            let mut values = vec![0; variable.size];
-            instance.get_integer(&reference, &mut values)?;
-            values.into_iter().map(Value::Integer).collect()
-        }
-        BaseType::Boolean => {
-            let mut values = vec![0; variable.size];
-            instance.get_boolean(&reference, &mut values)?;
-            values.into_iter().map(|value| Value::Boolean(value != 0)).collect()
-        }
-        BaseType::String => instance.get_string(&reference)?.into_iter().map(Value::String).collect(),
-    })
-}
-
+/// The value of a scalar.
 pub(super) fn read(instance: &mut Instance, variable: &Variable) -> CheckResult<Value> {
-    let reference = [variable.reference];
-    Ok(match variable.base_type {
-        BaseType::Real => {
-            let mut value = [0.0];
-            instance.get_real(&reference, &mut value)?;
-            Value::Real(value[0])
-        }
-        BaseType::Integer => {
-            let mut value = [0];
-            instance.get_integer(&reference, &mut value)?;
-            Value::Integer(value[0])
-        }
-        BaseType::Boolean => {
-            let mut value = [0];
-            instance.get_boolean(&reference, &mut value)?;
-            Value::Boolean(value[0] != 0)
-        }
-        BaseType::String => Value::String(instance.get_string(&reference)?.remove(0)),
-    })
+    instance.get_values(variable).map(|mut values| values.remove(0))
 }
 
 pub(super) fn write(instance: &mut Instance, variable: &Variable, value: &Value) -> CheckResult<()> {
-    let reference = [variable.reference];
-    match value {
-        Value::Real(value) => instance.set_real(&reference, &[*value]),
-        Value::Integer(value) => instance.set_integer(&reference, &[*value]),
-        Value::Boolean(value) => instance.set_boolean(&reference, &[i32::from(*value)]),
-        Value::String(value) => instance.set_string(&reference, &[value]),
-    }
+    instance.set_value(variable.reference, value)
 }

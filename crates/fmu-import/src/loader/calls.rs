@@ -29,8 +29,9 @@ macro_rules! functions {
             $name,
         )*)* }
 
-        /// Name in FMI 2.0 and in FMI 3.0. Of a function that a version does not have, it is the name that messages use.
-        const NAMES: &[[&str; 2]] =
+        /// Names in FMI 2.0 and in FMI 3.0, in the order of their numbers. Of a function that a version does not have, it is
+        /// the name that messages use.
+        pub(crate) const NAMES: &[[&str; 2]] =
             &[$($([name!("fmi2" $name $($v2)?), name!("fmi3" $name $($v3)?)],)*)*];
 
         impl Function {
@@ -73,11 +74,6 @@ functions! {
         GetNominals ["GetNominalsOfContinuousStates" "GetNominalsOfContinuousStates"]
         GetNumberOfStates ["GetNumberOfContinuousStates" "GetNumberOfContinuousStates"]
         NewDiscreteStates ["NewDiscreteStates" "UpdateDiscreteStates"];
-}
-
-/// Names of the functions in FMI 2.0 and in FMI 3.0, in the order of their numbers.
-pub(crate) fn names() -> &'static [[&'static str; 2]] {
-    NAMES
 }
 
 const fn version(fmi: FmiVersion) -> usize {

@@ -77,8 +77,11 @@ shared! {
 pub(super) fn names(fmi: FmiVersion, interfaces: &[Interface]) -> Vec<&'static str> {
     let mut names = match fmi {
         FmiVersion::V2 => {
-            let unused = v2::UNUSED.iter().filter(|_| interfaces.contains(&Interface::CoSimulation));
-            interfaces.iter().flat_map(|interface| v2::Functions::names(*interface)).chain(unused.copied()).collect()
+            let mut names: Vec<_> = interfaces.iter().flat_map(|interface| v2::Functions::names(*interface)).collect();
+            if interfaces.contains(&Interface::CoSimulation) {
+                names.extend(v2::UNUSED);
+            }
+            names
         }
         FmiVersion::V3 => {
             let mut names = v3::Functions::names(Interface::CoSimulation);

@@ -7,10 +7,43 @@ use super::instance::Instance;
 use super::special::{TOO_LARGE, WholeNumber};
 use super::strings::text;
 use crate::c_api::{self, Reference};
-use crate::description::FmiVersion;
+use crate::description::{BaseType, FmiVersion, Value, Variable};
 use std::ptr;
 
 impl Instance {
+    /// The values of all elements of a variable.
+    pub fn get_values(&mut self, variable: &Variable) -> Result<Vec<Value>, CallError> {
+        let reference = [variable.reference];
+        Ok(match variable.base_type {
+            BaseType::Real => {
+                let mut values = vec![0.0; variable.size];
+                self.get_real(&reference, &mut values)?;
+                values.into_iter().map(Value::Real).collect()
+            }
+            BaseType::Integer => {
+                let mut values = vec![0; variable.size];
+                self.get_integer(&reference, &mut values)?;
+                values.into_iter().map(Value::Integer).collect()
+            }
+            BaseType::Boolean => {
+                let mut values = vec![0; variable.size];
+                self.get_boolean(&reference, &mut values)?;
+                values.into_iter().map(|value| Value::Boolean(value != 0)).collect()
+            }
+            BaseType::String => self.get_string(&reference)?.into_iter().map(Value::String).collect(),
+        })
+    }
+
+    /// Sets a scalar of the type of the value.
+    pub fn set_value(&mut self, reference: Reference, value: &Value) -> Result<(), CallError> {
+        match value {
+            Value::Real(value) => self.set_real(&[reference], &[*value]),
+            Value::Integer(value) => self.set_integer(&[reference], &[*value]),
+            Value::Boolean(value) => self.set_boolean(&[reference], &[i32::from(*value)]),
+            Value::String(value) => self.set_string(&[reference], &[value]),
+        }
+    }
+
     /// `fmi2GetReal`, `fmi3GetFloat64`. An array takes as many values as it has elements.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         if self.has_special(refs) {

@@ -92,7 +92,7 @@ pub fn hand_over(board: &Path, mut command: Command) -> io::Result<()> {
     super::supervisor::divide(&setup, board)?;
     #[cfg(not(target_os = "linux"))]
     drop(setup);
-    command.arg(board).arg(serde_json::to_string(calls::names())?);
+    command.arg(board).arg(serde_json::to_string(calls::NAMES)?);
     #[cfg(unix)]
     return Err(std::os::unix::process::CommandExt::exec(&mut command));
     #[cfg(not(unix))]

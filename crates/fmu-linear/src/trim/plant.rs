@@ -294,13 +294,7 @@ impl<'a> Plant<'a> {
     fn set_all(&mut self, instance: &mut Instance) -> Result<(), CallError> {
         instance.setup_experiment(self.request.time, None)?;
         for (index, value) in &self.request.given {
-            let references = [self.description.variables[*index].reference];
-            match value {
-                Value::Real(value) => instance.set_real(&references, &[*value])?,
-                Value::Integer(value) => instance.set_integer(&references, &[*value])?,
-                Value::Boolean(value) => instance.set_boolean(&references, &[i32::from(*value)])?,
-                Value::String(value) => instance.set_string(&references, &[value])?,
-            }
+            instance.set_value(self.description.variables[*index].reference, value)?;
         }
         for (i, state) in self.states.iter().enumerate() {
             match state.start {
