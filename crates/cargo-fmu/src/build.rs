@@ -314,23 +314,8 @@ fn cargo_home() -> Option<PathBuf> {
     std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| std::env::home_dir().map(|home| home.join(".cargo")))
 }
 
-/// Kind of Linux binary for this machine's processor. Binaries for other processors are always portable.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Linux {
-    /// For this machine and others with a glibc at least as new.
-    Native,
-    /// For old distributions too.
-    Portable(Asked),
-}
-
-/// Source of the request for a portable binary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Asked {
-    /// `--portable`
-    Option,
-    /// `[workspace.metadata.fmu]`
-    Workspace,
-}
+/// The option that asks for Linux binaries that load on old distributions.
+pub(crate) const PORTABLE: &str = "--portable";
 
 /// Build of the libraries of one platform.
 #[derive(Debug)]
@@ -369,16 +354,23 @@ pub(crate) struct Built {
     pub(crate) artifacts: Vec<Vec<Artifact>>,
 }
 
-/// Returns one builder per platform, in platform order, after a check that its tools are installed.
+/// Returns one builder per platform, in platform order, after a check that its tools are installed. With `portable`, the option
+/// or setting that asks for it, the Linux binary of this machine's processor loads on old distributions, too. Those for other
+/// processors always do.
 ///
 /// # Errors
 /// A platform cannot be built here; the message lists what is missing and how to install it.
-pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux, version: i32) -> Result<Vec<Builder>> {
+pub(crate) fn builders(
+    workspace: &Workspace,
+    wanted: &[Platform],
+    portable: Option<&str>,
+    version: i32,
+) -> Result<Vec<Builder>> {
     let this = Platform::this()?;
     let mut wanted = if wanted.is_empty() { vec![this] } else { wanted.to_vec() };
     wanted.sort();
     wanted.dedup();
-    if matches!(linux, Linux::Portable(Asked::Option)) && !wanted.iter().any(|platform| platform.is_linux()) {
+    if portable == Some(PORTABLE) && !wanted.iter().any(|platform| platform.is_linux()) {
         return Err(miette!(
             help = "Leave out --portable, or add linux64 or aarch64-linux to --platforms.",
             "--portable applies to Linux binaries, but --platforms lists no Linux platform"
@@ -387,12 +379,8 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux,
     if version == 2 {
         one_folder_each(&wanted)?;
     }
-    let builder = |platform: Platform| match (platform, linux) {
-        (_, Linux::Portable(asked)) if platform == this && this.is_linux() => {
-            let reason = match asked {
-                Asked::Option => "--portable",
-                Asked::Workspace => "`portable = true` in [workspace.metadata.fmu] of Cargo.toml",
-            };
+    let builder = |platform: Platform| match (platform, portable) {
+        (_, Some(reason)) if platform == this && this.is_linux() => {
             zigbuild::portable(&workspace.root, platform, reason)
         }
         _ if platform == this => Ok(Builder::new(this, host()?)),

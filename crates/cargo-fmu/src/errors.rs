@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 
 use fmu_import::terminal::escaped;
-use miette::{Diagnostic, LabeledSpan, MietteHandler, MietteHandlerOpts, ReportHandler, Severity, SourceCode};
+use miette::{Diagnostic, LabeledSpan, MietteHandler, MietteHandlerOpts, ReportHandler, SourceCode};
 
 /// Makes miette print every report without control characters other than its own.
 pub fn install() -> miette::Result<()> {
@@ -30,7 +30,8 @@ impl ReportHandler for Handler {
     }
 }
 
-/// A report whose text is escaped. Excerpts of files are not: those are scenarios and studies of the user.
+/// A report whose text is escaped. This program gives its reports neither codes nor addresses. Excerpts of files are not: those are scenarios and studies of the user.
+#[derive(Debug)]
 struct Safe<'a> {
     report: &'a dyn Diagnostic,
     message: String,
@@ -61,12 +62,6 @@ impl fmt::Display for Safe<'_> {
     }
 }
 
-impl fmt::Debug for Safe<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
 impl Error for Safe<'_> {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         self.cause.as_ref().map(|cause| cause as &dyn Error)
@@ -74,20 +69,8 @@ impl Error for Safe<'_> {
 }
 
 impl Diagnostic for Safe<'_> {
-    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.report.code().map(|code| Box::new(text(code)) as Box<dyn fmt::Display>)
-    }
-
-    fn severity(&self) -> Option<Severity> {
-        self.report.severity()
-    }
-
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         self.report.help().map(|help| Box::new(text(help)) as Box<dyn fmt::Display>)
-    }
-
-    fn url<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.report.url().map(|url| Box::new(text(url)) as Box<dyn fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use clap::ValueEnum as _;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::files::write_whole;
@@ -75,16 +76,6 @@ impl Kind {
             Self::Stateful => include_str!("../templates/stateful.rs.in"),
             // Not a package.
             Self::Scenario => "",
-        }
-    }
-
-    /// Key in the settings of a workspace.
-    const fn key(self) -> &'static str {
-        match self {
-            Self::Continuous => "continuous",
-            Self::Discrete => "discrete",
-            Self::Stateful => "stateful",
-            Self::Scenario => "scenario",
         }
     }
 }
@@ -160,9 +151,11 @@ fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> 
 /// Returns the folder of the new package. A plain name belongs in the folder that the workspace sets for this kind of model.
 fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
     let is_plain = path.components().count() == 1;
+    // The settings call the kinds as the command line does.
+    let kind = kind.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
     let parent = workspace
         .filter(|_| is_plain)
-        .and_then(|workspace| workspace.settings.new.get(kind.key()).map(|folder| workspace.root.join(folder)));
+        .and_then(|workspace| workspace.settings.new.get(&kind).map(|folder| workspace.root.join(folder)));
     parent.map_or_else(|| path.to_owned(), |parent| parent.join(path))
 }
 

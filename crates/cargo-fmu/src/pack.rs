@@ -12,7 +12,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::build::{self, Asked, Export, Interface, Linux};
+use crate::build::{self, Export, Interface};
 use crate::documentation;
 use crate::files::write_whole;
 use crate::licenses::{self, Licenses};
@@ -91,15 +91,13 @@ impl Settings {
         self.out.clone().unwrap_or_else(default)
     }
 
-    /// Kind of the binary for Linux: the command line decides, then the workspace.
-    fn linux(&self, workspace: &Workspace) -> Linux {
+    /// The option or setting that asks for portable Linux binaries: the command line decides, then the workspace.
+    fn portable(&self, workspace: &Workspace) -> Option<&'static str> {
         if self.portable {
-            Linux::Portable(Asked::Option)
-        } else if workspace.settings.portable && !self.no_portable {
-            Linux::Portable(Asked::Workspace)
-        } else {
-            Linux::Native
+            return Some(build::PORTABLE);
         }
+        let is_set = workspace.settings.portable && !self.no_portable;
+        is_set.then_some("`portable = true` in [workspace.metadata.fmu] of Cargo.toml")
     }
 }
 
@@ -151,7 +149,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
     let format = arguments.format()?;
     let folder = arguments.folder(workspace);
     // Before any build, so missing tools are reported at once.
-    let builders = build::builders(workspace, &arguments.platforms, arguments.linux(workspace), format.version)?;
+    let builders = build::builders(workspace, &arguments.platforms, arguments.portable(workspace), format.version)?;
     if models.is_empty() {
         return Err(miette!(
             help = "Set `crate-type = [\"cdylib\", \"rlib\"]` in the section [lib] of its Cargo.toml.",

@@ -90,21 +90,13 @@ fn unit<'d>(description: &'d ModelDescription, name: &str) -> Option<&'d str> {
     description.variable(name)?.unit.as_deref().filter(|unit| *unit != "1")
 }
 
-const fn role(role: StateRole) -> &'static str {
-    match role {
-        StateRole::Rests => "rests",
-        StateRole::Held => "held",
-        StateRole::Drifts => "drifts",
-    }
-}
-
 fn json(steady: &SteadyState, description: &ModelDescription, growth: Option<f64>) -> serde_json::Value {
     let unit = |name: &str| unit(description, name);
     let states: Vec<_> = steady
         .states
         .iter()
         .map(|state| {
-            serde_json::json!({"name": state.name, "value": state.value, "unit": unit(&state.name), "role": role(state.role)})
+            serde_json::json!({"name": state.name, "value": state.value, "unit": unit(&state.name), "role": state.role})
         })
         .collect();
     let inputs: Vec<_> = steady
