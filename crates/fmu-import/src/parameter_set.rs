@@ -18,27 +18,6 @@ pub const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
 /// Names of the attributes of a base unit, in the order of [`BaseUnit::exponents`].
 const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
-/// Error while reading a parameter set.
-#[derive(Debug, thiserror::Error)]
-pub enum ParameterSetError {
-    /// The file cannot be read.
-    #[error("cannot read {path}: {cause}")]
-    Read {
-        /// The file.
-        path: String,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// It is not a parameter set.
-    #[error("{path}: {cause}")]
-    Content {
-        /// The file.
-        path: String,
-        /// Place and cause.
-        cause: XmlError,
-    },
-}
-
 /// A parameter set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterSet {
@@ -61,11 +40,11 @@ pub struct Parameter {
 
 impl ParameterSet {
     /// Reads a file.
-    pub fn read(path: &Path) -> Result<Self, ParameterSetError> {
-        let name = || path.to_string_lossy().into_owned();
-        let text = limits::read_text(path, limits::TEXT_FILE)
-            .map_err(|cause| ParameterSetError::Read { path: name(), cause })?;
-        Self::parse(&text).map_err(|cause| ParameterSetError::Content { path: name(), cause })
+    pub fn read(path: &Path) -> io::Result<Self> {
+        let text = limits::read_text(path, limits::TEXT_FILE).map_err(|cause| {
+            io::Error::new(cause.kind(), format!("cannot read {}: {cause}", path.to_string_lossy()))
+        })?;
+        Self::parse(&text).map_err(|cause| io::Error::other(format!("{}: {cause}", path.to_string_lossy())))
     }
 
     /// Parses the text of a file.

@@ -270,7 +270,7 @@ pub fn steady(
     }
     if let Some((state, value)) = solution.outside {
         let state = &states[state];
-        let [low, high] = state.range();
+        let [low, high] = state.range;
         return Err(format!(
             "{}: `{}` can only rest at {value:.3}{}, outside the valid range of the model ({low:.4} to {high:.4}): there is \
              no steady state near the start values. Choose another operating point, such as a lower speed or a smaller steering angle (--set).",

@@ -30,31 +30,17 @@ const MAX_ELEMENTS: usize = 10_000_000;
 struct Variables {
     list: Vec<Variable>,
     opaque: Vec<OpaqueVariable>,
-    opaque_names: HashSet<String>,
-    by_name: HashMap<String, usize>,
+    names: HashSet<String>,
 }
 
 impl Variables {
-    fn push(&mut self, element: &Element, variable: Variable) -> Result<(), XmlError> {
-        let is_opaque = self.opaque_names.contains(&variable.name);
-        if is_opaque || self.by_name.insert(variable.name.clone(), self.list.len()).is_some() {
-            return Err(declared_twice(element, &variable.name));
+    /// Takes a name, which no other variable may have.
+    fn take(&mut self, element: &Element, name: &str) -> Result<(), XmlError> {
+        if self.names.insert(name.to_owned()) {
+            return Ok(());
         }
-        self.list.push(variable);
-        Ok(())
+        Err(element.place.error(format!("variable `{name}` is declared twice")))
     }
-
-    fn push_opaque(&mut self, element: &Element, variable: OpaqueVariable) -> Result<(), XmlError> {
-        if self.by_name.contains_key(&variable.name) || !self.opaque_names.insert(variable.name.clone()) {
-            return Err(declared_twice(element, &variable.name));
-        }
-        self.opaque.push(variable);
-        Ok(())
-    }
-}
-
-fn declared_twice(element: &Element, name: &str) -> XmlError {
-    element.place.error(format!("variable `{name}` is declared twice"))
 }
 
 /// The lists of the model structure.
@@ -131,10 +117,10 @@ impl ModelDescription {
             event_indicators: structure.event_indicators,
             number_of_event_indicators: structure.number_of_event_indicators,
             units,
+            by_name: variables.list.iter().enumerate().map(|(i, variable)| (variable.name.clone(), i)).collect(),
+            units_by_name,
             variables: variables.list,
             opaque_variables: variables.opaque,
-            by_name: variables.by_name,
-            units_by_name,
         })
     }
 }

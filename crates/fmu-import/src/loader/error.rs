@@ -3,19 +3,11 @@
 use crate::c_api::RawStatus;
 use crate::description::Interface;
 use crate::terminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Error of loading a library.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// The system cannot load it.
-    #[error("cannot load {}: {reason}", path.display())]
-    Library {
-        /// The library.
-        path: PathBuf,
-        /// Message of the system.
-        reason: String,
-    },
     /// It lacks a function of its interface.
     #[error("{} does not export {function}", path.display())]
     Missing {
@@ -24,36 +16,19 @@ pub enum LoadError {
         /// Name of the function.
         function: &'static str,
     },
-    /// A model in it contradicts itself.
-    #[error("{message}")]
-    Declaration {
-        /// Description of the invalid declaration.
-        message: String,
-    },
-    /// It was built for other types or another version.
-    #[error("{}: {function} says \"{found}\", expected \"{expected}\"", path.display())]
-    Version {
-        /// The library.
-        path: PathBuf,
-        /// Function that was called.
-        function: &'static str,
-        /// Value that it returned.
-        found: String,
-        /// Value of a usable FMU.
-        expected: &'static str,
-    },
-    /// It calls Python, and the process has no Python.
-    #[error(
-        "{} needs the Python library, which this process lacks: it uses `{symbol}` without linking to it; give the library \
-         with `--libpython FILE`; the command `chassis` of the Python package finds it",
-        path.display()
-    )]
-    Python {
-        /// The library.
-        path: PathBuf,
-        /// A function of Python that it uses.
-        symbol: String,
-    },
+    /// It was built for other types or another version: what a function returned, and what a usable FMU returns.
+    #[error("{0}")]
+    Version(String),
+    /// The system cannot load it, a model in it contradicts itself, or it calls Python, and the process has no Python.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl LoadError {
+    /// The system cannot load a library.
+    pub(super) fn of_system(path: &Path, reason: impl std::fmt::Display) -> Self {
+        Self::Other(format!("cannot load {}: {reason}", path.display()))
+    }
 }
 
 /// `fmi2Status` or `fmi3Status`.

@@ -64,9 +64,13 @@ impl Library {
         if let Some(symbol) =
             python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
         {
-            return Err(LoadError::Python { path: path.clone(), symbol });
+            return Err(LoadError::Other(format!(
+                "{} needs the Python library, which this process lacks: it uses `{symbol}` without linking to it; give the \
+                 library with `--libpython FILE`; the command `chassis` of the Python package finds it",
+                path.display()
+            )));
         }
-        let library = opened.map_err(|reason| LoadError::Library { path: path.clone(), reason })?;
+        let library = opened.map_err(|reason| LoadError::of_system(path, reason))?;
         let signature = unpacked.signature.clone();
         // SAFETY: the signatures are those of the FMI headers; the table is stored beside the
         // library and its pointers are called through `Library` and `Instance` only.
@@ -84,7 +88,9 @@ impl Library {
             let found = unsafe { text(get()) };
             let is_patch = expected == "3.0" && found.starts_with("3.0.");
             if found != expected && !is_patch {
-                return Err(LoadError::Version { path: path.clone(), function, found, expected });
+                let path = path.display();
+                let message = format!("{path}: {function} says \"{found}\", expected \"{expected}\"");
+                return Err(LoadError::Version(message));
             }
         }
         let resources = match signature.fmi {
@@ -122,7 +128,7 @@ pub fn not_exported(
     fmi: FmiVersion,
     interfaces: &[Interface],
 ) -> Result<Vec<&'static str>, LoadError> {
-    let failed = |reason: String| LoadError::Library { path: library.to_path_buf(), reason };
+    let failed = |reason: String| LoadError::of_system(library, reason);
     let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
     if let Some(names) = wasm::Names::read(&bytes) {
         let is_there = |name: &str| names.functions.iter().any(|function| function == name);
@@ -151,7 +157,7 @@ pub fn exported_descriptions(
     options: i32,
 ) -> Result<Vec<(String, String)>, LoadError> {
     const PREFIX: &str = "fmu_model_description_";
-    let failed = |reason: String| LoadError::Library { path: path.to_path_buf(), reason };
+    let failed = |reason: String| LoadError::of_system(path, reason);
     let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
     let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
     let exports = file.exports().map_err(|error| failed(error.to_string()))?;
@@ -173,7 +179,7 @@ pub fn exported_descriptions(
             return Err(failed(format!("{model} cannot be described; its message is above")));
         }
         if let Some(problem) = description.strip_prefix('!') {
-            return Err(LoadError::Declaration { message: problem.to_owned() });
+            return Err(LoadError::Other(problem.to_owned()));
         }
         descriptions.push((model, description));
     }

@@ -40,6 +40,12 @@ pub fn write(mut to: impl Write, header: &impl Serialize, body: &[&[f64]]) -> io
     to.write_all(&bytes)
 }
 
+/// Length of the header in bytes, and of the body in numbers, from the first bytes of a message.
+fn lengths(message: &[u8]) -> (u32, u64) {
+    let of = |bytes: &[u8]| bytes.iter().rev().fold(0, |length, byte| length << 8 | u64::from(*byte));
+    (of(&message[..4]) as u32, of(&message[4..PREFIX]))
+}
+
 /// Numbers of a body.
 #[derive(Debug, Clone, Copy)]
 pub struct Numbers<'a>(&'a [u8]);
@@ -49,12 +55,7 @@ impl Numbers<'_> {
     pub fn take(&mut self, count: usize) -> Option<Vec<f64>> {
         let (bytes, rest) = self.0.split_at_checked(count.checked_mul(8)?)?;
         self.0 = rest;
-        let number = |bytes: &[u8]| {
-            let mut eight = [0; 8];
-            eight.copy_from_slice(bytes);
-            f64::from_le_bytes(eight)
-        };
-        Some(bytes.chunks_exact(8).map(number).collect())
+        Some(bytes.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number)).collect())
     }
 
     /// All numbers that are left.
@@ -91,8 +92,7 @@ impl Reader {
         loop {
             let wanted = self.wanted()?;
             if self.received == wanted && wanted > PREFIX {
-                let length = &self.buffer[..4];
-                let body = PREFIX + u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize;
+                let body = PREFIX + lengths(&self.buffer).0 as usize;
                 self.body = Some(body);
                 return Ok(Some(serde_json::from_slice(&self.buffer[PREFIX..body])?));
             }
@@ -121,11 +121,7 @@ impl Reader {
         if self.received < PREFIX {
             return Ok(PREFIX);
         }
-        let lengths = &self.buffer[..PREFIX];
-        let header = u32::from_le_bytes([lengths[0], lengths[1], lengths[2], lengths[3]]);
-        let mut eight = [0; 8];
-        eight.copy_from_slice(&lengths[4..]);
-        let numbers = u64::from_le_bytes(eight);
+        let (header, numbers) = lengths(&self.buffer);
         if header == 0 || header > MAX_HEADER || numbers > MAX_NUMBERS {
             return Err(invalid("the length of a message is out of bounds"));
         }

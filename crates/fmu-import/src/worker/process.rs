@@ -223,17 +223,13 @@ impl Process {
                         return Err(self.ended(&format!("the process ended ({})", words(status))));
                     }
                 }
-                Ok(None) => {
-                    let how = match self.wait() {
-                        Some(status) => format!("the process ended ({})", words(status)),
-                        None => "the process closed its connection and was stopped".to_owned(),
-                    };
-                    return Err(self.ended(&how));
-                }
-                Err(error) => {
-                    let how = match self.wait() {
-                        Some(status) => format!("the process ended ({})", words(status)),
-                        None => format!("the process was stopped because its messages cannot be read: {error};"),
+                broken => {
+                    let how = match (self.wait(), broken) {
+                        (Some(status), _) => format!("the process ended ({})", words(status)),
+                        (None, Err(error)) => {
+                            format!("the process was stopped because its messages cannot be read: {error};")
+                        }
+                        (None, Ok(_)) => "the process closed its connection and was stopped".to_owned(),
                     };
                     return Err(self.ended(&how));
                 }

@@ -31,15 +31,11 @@ const SINKS: [&str; 5] = ["/dev/null", "/dev/zero", "/dev/full", "/dev/random", 
 pub(super) fn enter(folders: &[PathBuf], supervisor: Option<UnixStream>) -> io::Result<Vec<String>> {
     let mut lacks = Vec::new();
     rustix::thread::set_no_new_privs(true)?;
-    let has_landlock = match protect_files(folders) {
-        Ok(true) => true,
-        Ok(false) => false,
-        Err(error) => {
-            lacks.push(format!("the sandbox does not protect files: Landlock cannot be used: {error}"));
-            false
-        }
-    };
-    if !has_landlock && lacks.is_empty() {
+    let protected = protect_files(folders);
+    let has_landlock = matches!(protected, Ok(true));
+    if let Err(error) = protected {
+        lacks.push(format!("the sandbox does not protect files: Landlock cannot be used: {error}"));
+    } else if !has_landlock {
         lacks.push("the sandbox does not protect files: this system has no Landlock (Linux 5.13)".to_owned());
     }
     let Some(calls) = calls::restricted() else {

@@ -26,7 +26,7 @@ pub(super) struct State {
     /// True if it integrates others, and no state at rest depends on it.
     pub(super) drifts: bool,
     /// Least and greatest value of the valid range of the model: those of the description, and a quarter turn of an angle.
-    range: [f64; 2],
+    pub(super) range: [f64; 2],
 }
 
 impl State {
@@ -34,11 +34,6 @@ impl State {
     pub(super) fn has(&self, value: f64) -> bool {
         let slack = REACHED * self.nominal;
         self.drifts || self.held.is_some() || (value >= self.range[0] - slack && value <= self.range[1] + slack)
-    }
-
-    /// The valid range of the model.
-    pub(super) fn range(&self) -> [f64; 2] {
-        self.range
     }
 }
 

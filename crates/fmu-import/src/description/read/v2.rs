@@ -14,7 +14,9 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
     }
     let mut variables = Variables::default();
     for element in children(root, "ModelVariables", "ScalarVariable") {
-        variables.push(element, variable(element, &types)?)?;
+        let variable = variable(element, &types)?;
+        variables.take(element, &variable.name)?;
+        variables.list.push(variable);
     }
     let count = variables.list.len();
     for (element, variable) in children(root, "ModelVariables", "ScalarVariable").zip(&variables.list) {

@@ -55,8 +55,8 @@ impl<'a> VariableReader<'a> {
             for named in std::iter::once(element).chain(aliases) {
                 let name = bounded(named, "name", MAX_NAME)?.to_string();
                 let description = text(named);
-                let variable = OpaqueVariable { name, reference, data_type, causality, description };
-                self.variables.push_opaque(named, variable)?;
+                self.variables.take(named, &name)?;
+                self.variables.opaque.push(OpaqueVariable { name, reference, data_type, causality, description });
             }
             return Ok(());
         };
@@ -88,7 +88,8 @@ impl<'a> VariableReader<'a> {
             ));
         }
         for (place, variable) in named {
-            self.variables.push(place, variable)?;
+            self.variables.take(place, &variable.name)?;
+            self.variables.list.push(variable);
             self.elements.push(element);
         }
         Ok(())
