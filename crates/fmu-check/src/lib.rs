@@ -110,15 +110,6 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Receives findings about a description.
-struct Findings<'a>(&'a mut dyn FnMut(Finding));
-
-impl Findings<'_> {
-    fn push(&mut self, finding: Finding) {
-        (self.0)(finding);
-    }
-}
-
 /// Progress of a check.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -2,40 +2,42 @@
 
 mod schema;
 
-use super::{Finding, Findings};
+use super::Finding;
 use fmu_import::description::{
     BaseType, Capabilities, Causality, FmiVersion, Initial, ModelDescription, Unknown, Value, Variability, Variable,
 };
 use fmu_import::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
+/// Receives findings about a description.
+type Report<'a> = &'a mut dyn FnMut(Finding);
+
 /// Reports all findings about a parsed description. Returns the number of elements compared with the schema.
-pub(super) fn check(text: &str, description: &ModelDescription, report: &mut dyn FnMut(Finding)) -> usize {
-    let mut findings = Findings(report);
+pub(super) fn check(text: &str, description: &ModelDescription, report: Report<'_>) -> usize {
     let mut elements = 0;
     if let Ok(root) = xml::parse(text) {
-        elements = schema::schema(&root, description.fmi, &mut findings);
+        elements = schema::schema(&root, description.fmi, report);
         if description.fmi == FmiVersion::V2 {
-            written_attributes(&root, &mut findings);
+            written_attributes(&root, report);
         }
     }
-    general(description, &mut findings);
-    definitions(description, &mut findings);
+    general(description, report);
+    definitions(description, report);
     let known = Known::new(description);
     // The rules of an alias are those of its variable.
     for variable in description.variables.iter().filter(|variable| variable.alias_of.is_none()) {
-        rules_of_variable(description, variable, &known, &mut findings);
+        rules_of_variable(description, variable, &known, report);
     }
     match description.fmi {
-        FmiVersion::V2 => aliases(description, &mut findings),
-        FmiVersion::V3 => independent(description, &mut findings),
+        FmiVersion::V2 => aliases(description, report),
+        FmiVersion::V3 => independent(description, report),
     }
-    structure(description, &mut findings);
+    structure(description, report);
     elements
 }
 
 /// Checks attributes of variables of FMI 2.0 that the parsed description does not contain as written.
-fn written_attributes(root: &Element, findings: &mut Findings<'_>) {
+fn written_attributes(root: &Element, report: Report<'_>) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
         let name = element.attribute("name").unwrap_or_default();
@@ -43,7 +45,7 @@ fn written_attributes(root: &Element, findings: &mut Findings<'_>) {
         if let (Some(causality @ ("input" | "independent")), Some(initial)) = (causality, element.attribute("initial"))
         {
             let message = format!("has initial=\"{initial}\", but causality=\"{causality}\" may have none");
-            findings.push(Finding::error(variable_named(name), message));
+            report(Finding::error(variable_named(name), message));
         }
         // Other causalities may not be discrete either, which the rules of the variable find.
         let can_be_discrete = matches!(causality, None | Some("input" | "output" | "local"));
@@ -54,7 +56,7 @@ fn written_attributes(root: &Element, findings: &mut Findings<'_>) {
                 "is continuous, the default of `variability`, which only a Real can be (FMI 2.0.4, section 2.2.7): add \
                  variability=\"discrete\" to this {data_type}"
             );
-            findings.push(Finding::error(variable_named(name), message));
+            report(Finding::error(variable_named(name), message));
         }
     }
 }
@@ -63,16 +65,16 @@ fn variable_named(name: &str) -> String {
     format!("variable `{name}`")
 }
 
-fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
+fn general(description: &ModelDescription, report: Report<'_>) {
     if let Some(time) = &description.generation_date_and_time
         && !is_date_time(time)
     {
         let message = format!("\"{time}\" is not a date and time such as 2026-01-31T12:00:00Z");
-        findings.push(Finding::error("generationDateAndTime", message));
+        report(Finding::error("generationDateAndTime", message));
     }
     if !matches!(description.variable_naming_convention.as_str(), "flat" | "structured") {
         let message = format!("\"{}\", expected flat or structured", description.variable_naming_convention);
-        findings.push(Finding::error("variableNamingConvention", message));
+        report(Finding::error("variableNamingConvention", message));
     }
     let mut identifiers = HashSet::new();
     for interface in description.interfaces() {
@@ -83,22 +85,22 @@ fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
                  {} requires; importers that compile its name into a program cannot use the FMU",
                 description.fmi
             );
-            findings.push(Finding::error("modelIdentifier", message));
+            report(Finding::error("modelIdentifier", message));
         }
     }
     let lacks_states = |unit: &Capabilities| unit.can_serialize_fmu_state && !unit.can_get_and_set_fmu_state;
     if [&description.co_simulation, &description.model_exchange].into_iter().flatten().any(lacks_states) {
         let word = if description.fmi == FmiVersion::V2 { "FMUstate" } else { "FMUState" };
         let message = format!("is true, which needs canGetAndSet{word} to be true as well");
-        findings.push(Finding::error(format!("canSerialize{word}"), message));
+        report(Finding::error(format!("canSerialize{word}"), message));
     }
     if let Some(step) = description.co_simulation.as_ref().and_then(|unit| unit.fixed_internal_step_size)
         && !(step.is_finite() && step > 0.0)
     {
-        findings.push(Finding::error("fixedInternalStepSize", format!("{step} s, expected a number above 0")));
+        report(Finding::error("fixedInternalStepSize", format!("{step} s, expected a number above 0")));
     }
     let experiment = description.default_experiment;
-    let mut error = |message: String| findings.push(Finding::error("DefaultExperiment", message));
+    let mut error = |message: String| report(Finding::error("DefaultExperiment", message));
     let start = experiment.start_time.unwrap_or(0.0);
     if let Some(stop) = experiment.stop_time
         && (stop.is_nan() || stop <= start)
@@ -161,20 +163,15 @@ impl<'a> Known<'a> {
 }
 
 /// Units are defined once each.
-fn definitions(description: &ModelDescription, findings: &mut Findings<'_>) {
+fn definitions(description: &ModelDescription, report: Report<'_>) {
     let mut names = HashSet::new();
     for unit in description.units.iter().filter(|unit| !names.insert(&unit.name)) {
-        findings.push(Finding::error(format!("unit `{}`", unit.name), "is defined twice"));
+        report(Finding::error(format!("unit `{}`", unit.name), "is defined twice"));
     }
 }
 
-fn rules_of_variable(
-    description: &ModelDescription,
-    variable: &Variable,
-    known: &Known<'_>,
-    findings: &mut Findings<'_>,
-) {
-    let mut error = |message: String| findings.push(Finding::error(variable_named(&variable.name), message));
+fn rules_of_variable(description: &ModelDescription, variable: &Variable, known: &Known<'_>, report: Report<'_>) {
+    let mut error = |message: String| report(Finding::error(variable_named(&variable.name), message));
     let Variable { causality, variability, initial, .. } = *variable;
     if description.variable_naming_convention == "structured" && !is_structured(&variable.name) {
         error("its name does not follow the structured naming convention that the description promises".to_owned());
@@ -322,25 +319,25 @@ fn after_identifier(text: &str) -> Option<&str> {
 }
 
 /// Checks the time variable that FMI 3.0 requires.
-fn independent(description: &ModelDescription, findings: &mut Findings<'_>) {
+fn independent(description: &ModelDescription, report: Report<'_>) {
     let is_time = |variable: &&Variable| variable.causality == Causality::Independent && variable.alias_of.is_none();
     let times: Vec<&Variable> = description.variables.iter().filter(is_time).collect();
     if times.is_empty() {
         let message = "has no variable with causality=\"independent\", which FMI 3.0 requires: add the time, a Float64";
-        findings.push(Finding::error("ModelVariables", message));
+        report(Finding::error("ModelVariables", message));
     }
     for time in times.iter().skip(1) {
-        findings.push(Finding::error(variable_named(&time.name), "is a second variable with causality Independent"));
+        report(Finding::error(variable_named(&time.name), "is a second variable with causality Independent"));
     }
     for time in times.iter().filter(|time| time.base_type != BaseType::Real) {
         let message =
             format!("is the independent variable, which must be a Float64 or a Float32, not {}", time.data_type);
-        findings.push(Finding::error(variable_named(&time.name), message));
+        report(Finding::error(variable_named(&time.name), message));
     }
 }
 
 /// Checks aliases: variables of one base type with the same value reference are one quantity.
-fn aliases(description: &ModelDescription, findings: &mut Findings<'_>) {
+fn aliases(description: &ModelDescription, report: Report<'_>) {
     let mut sets: BTreeMap<_, Vec<&Variable>> = BTreeMap::new();
     for variable in &description.variables {
         sets.entry((variable.base_type, variable.reference)).or_default().push(variable);
@@ -350,14 +347,14 @@ fn aliases(description: &ModelDescription, findings: &mut Findings<'_>) {
         let subject = format!("{base_type} value reference {reference}");
         let count = |causality| set.iter().filter(|variable| variable.causality == causality).count();
         if count(Causality::Input) + count(Causality::Parameter) > 1 {
-            findings.push(Finding::error(subject, format!("belongs to {names}: setting one sets the other, too")));
+            report(Finding::error(subject, format!("belongs to {names}: setting one sets the other, too")));
         } else if count(Causality::Output) > 1 {
-            findings.push(Finding::warning(subject, format!("belongs to {names}: they can never differ")));
+            report(Finding::warning(subject, format!("belongs to {names}: they can never differ")));
         }
     }
 }
 
-fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
+fn structure(description: &ModelDescription, report: Report<'_>) {
     let variables = &description.variables;
     let states: BTreeSet<usize> =
         description.derivatives.iter().filter_map(|unknown| variables[unknown.variable].derivative_of).collect();
@@ -377,15 +374,15 @@ fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
         variable.causality == Causality::CalculatedParameter || (is_unknown && is_calculated(variable))
     });
 
-    list(description, names[0], &description.outputs, Some(&outputs), findings);
-    list(description, names[1], &description.derivatives, None, findings);
-    list(description, names[2], &description.initial_unknowns, Some(&initial), findings);
-    list(description, names[3], &description.event_indicators, None, findings);
+    list(description, names[0], &description.outputs, Some(&outputs), report);
+    list(description, names[1], &description.derivatives, None, report);
+    list(description, names[2], &description.initial_unknowns, Some(&initial), report);
+    list(description, names[3], &description.event_indicators, None, report);
     for unknown in &description.derivatives {
         let variable = &variables[unknown.variable];
         if variable.derivative_of.is_none() {
             let message = format!("is listed in {}, but lacks the attribute `derivative`", names[1]);
-            findings.push(Finding::error(variable_named(&variable.name), message));
+            report(Finding::error(variable_named(&variable.name), message));
         }
         let state = variable.derivative_of.map(|of| &variables[of]);
         if let Some(state) = state.filter(|state| state.size != variable.size) {
@@ -393,19 +390,19 @@ fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
                 "must have as many elements as its state: it has {}, but `{}` has {}",
                 variable.size, state.name, state.size
             );
-            findings.push(Finding::error(variable_named(&variable.name), message));
+            report(Finding::error(variable_named(&variable.name), message));
         }
     }
     for unknown in &description.event_indicators {
         let variable = &variables[unknown.variable];
         if variable.base_type != BaseType::Real || variable.variability != Variability::Continuous {
             let message = format!("is listed in {}, which takes continuous Float64 and Float32 only", names[3]);
-            findings.push(Finding::error(variable_named(&variable.name), message));
+            report(Finding::error(variable_named(&variable.name), message));
         }
     }
     let has_inputs = variables.iter().any(|variable| variable.causality == Causality::Input);
     for unknown in description.outputs.iter().filter(|unknown| has_inputs && unknown.dependencies.is_none()) {
-        findings.push(Finding::warning(
+        report(Finding::warning(
             variable_named(&variables[unknown.variable].name),
             format!(
                 "its entry in {} has no `dependencies`, which means that it depends on all inputs: masters then see \
@@ -422,11 +419,10 @@ fn list(
     name: &str,
     unknowns: &[Unknown],
     expected: Option<&BTreeSet<usize>>,
-    findings: &mut Findings<'_>,
+    report: Report<'_>,
 ) {
     let variables = &description.variables;
-    let mut error =
-        |i: usize, message: String| findings.push(Finding::error(variable_named(&variables[i].name), message));
+    let mut error = |i: usize, message: String| report(Finding::error(variable_named(&variables[i].name), message));
     let states: BTreeSet<usize> = variables.iter().filter_map(|variable| variable.derivative_of).collect();
     let mut listed = BTreeSet::new();
     for unknown in unknowns {

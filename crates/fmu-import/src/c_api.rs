@@ -45,6 +45,12 @@ pub struct CallbackFunctions {
     pub environment: *mut c_void,
 }
 
+/// A function of an instance, which returns a status.
+macro_rules! call {
+    ($($argument:ty),*) => { unsafe extern "C" fn($crate::c_api::Component, $($argument),*) -> $crate::c_api::RawStatus };
+}
+use call;
+
 /// `fmi2GetVersion`, `fmi2GetTypesPlatform`.
 pub type GetText = unsafe extern "C" fn() -> *const c_char;
 /// `fmi2Instantiate`: name, type, GUID, resource location, callbacks, visible, logging on.
@@ -60,56 +66,46 @@ pub type Instantiate = unsafe extern "C" fn(
 /// `fmi2FreeInstance`.
 pub type FreeInstance = unsafe extern "C" fn(Component);
 /// `fmi2SetDebugLogging`: on, number of categories, categories.
-pub type SetDebugLogging = unsafe extern "C" fn(Component, Boolean, usize, *const *const c_char) -> RawStatus;
+pub type SetDebugLogging = call!(Boolean, usize, *const *const c_char);
 /// `fmi2SetupExperiment`: tolerance defined, tolerance, start, stop defined, stop.
-pub type SetupExperiment = unsafe extern "C" fn(Component, Boolean, f64, f64, Boolean, f64) -> RawStatus;
+pub type SetupExperiment = call!(Boolean, f64, f64, Boolean, f64);
 /// `fmi2EnterInitializationMode`, `fmi2ExitInitializationMode`, `fmi2Terminate`, `fmi2Reset`.
-pub type Transition = unsafe extern "C" fn(Component) -> RawStatus;
+pub type Transition = call!();
 /// `fmi2GetReal` and similar functions: references, their number, values.
-pub type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T) -> RawStatus;
+pub type Get<T> = call!(*const Reference, usize, *mut T);
 /// `fmi2SetReal` and similar functions: references, their number, values.
-pub type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T) -> RawStatus;
+pub type Set<T> = call!(*const Reference, usize, *const T);
 /// `fmi2GetFMUstate`, `fmi2FreeFMUstate`.
-pub type AccessState = unsafe extern "C" fn(Component, *mut State) -> RawStatus;
+pub type AccessState = call!(*mut State);
 /// `fmi2SetFMUstate`.
-pub type SetState = unsafe extern "C" fn(Component, State) -> RawStatus;
+pub type SetState = call!(State);
 /// `fmi2SerializedFMUstateSize`.
-pub type SerializedStateSize = unsafe extern "C" fn(Component, State, *mut usize) -> RawStatus;
+pub type SerializedStateSize = call!(State, *mut usize);
 /// `fmi2SerializeFMUstate`.
-pub type SerializeState = unsafe extern "C" fn(Component, State, *mut c_char, usize) -> RawStatus;
+pub type SerializeState = call!(State, *mut c_char, usize);
 /// `fmi2DeSerializeFMUstate`.
-pub type DeserializeState = unsafe extern "C" fn(Component, *const c_char, usize, *mut State) -> RawStatus;
+pub type DeserializeState = call!(*const c_char, usize, *mut State);
 /// `fmi2GetDirectionalDerivative`: unknowns, knowns, seed of the knowns, result for the unknowns.
-pub type GetDirectionalDerivative = unsafe extern "C" fn(
-    Component,
-    *const Reference,
-    usize,
-    *const Reference,
-    usize,
-    *const f64,
-    *mut f64,
-) -> RawStatus;
+pub type GetDirectionalDerivative = call!(*const Reference, usize, *const Reference, usize, *const f64, *mut f64);
 /// `fmi2SetRealInputDerivatives`: references, their number, orders, values.
-pub type SetInputDerivatives =
-    unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *const f64) -> RawStatus;
+pub type SetInputDerivatives = call!(*const Reference, usize, *const c_int, *const f64);
 /// `fmi2GetRealOutputDerivatives`: references, their number, orders, values.
-pub type GetOutputDerivatives =
-    unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *mut f64) -> RawStatus;
+pub type GetOutputDerivatives = call!(*const Reference, usize, *const c_int, *mut f64);
 /// `fmi2DoStep`: time, step, no state will be restored before this time.
-pub type DoStep = unsafe extern "C" fn(Component, f64, f64, Boolean) -> RawStatus;
+pub type DoStep = call!(f64, f64, Boolean);
 /// `fmi2GetStatus` and similar functions: kind of `fmi2StatusKind`, value.
-pub type GetStatus<T> = unsafe extern "C" fn(Component, c_int, *mut T) -> RawStatus;
+pub type GetStatus<T> = call!(c_int, *mut T);
 /// `fmi2SetTime`.
-pub type SetTime = unsafe extern "C" fn(Component, f64) -> RawStatus;
+pub type SetTime = call!(f64);
 /// `fmi2SetContinuousStates`: values, their number.
-pub type SetNumbers = unsafe extern "C" fn(Component, *const f64, usize) -> RawStatus;
+pub type SetNumbers = call!(*const f64, usize);
 /// `fmi2GetDerivatives`, `fmi2GetContinuousStates`, `fmi2GetEventIndicators`, `fmi2GetNominalsOfContinuousStates`: values,
 /// their number.
-pub type GetNumbers = unsafe extern "C" fn(Component, *mut f64, usize) -> RawStatus;
+pub type GetNumbers = call!(*mut f64, usize);
 /// `fmi2NewDiscreteStates`.
-pub type NewDiscreteStates = unsafe extern "C" fn(Component, *mut EventInfo) -> RawStatus;
+pub type NewDiscreteStates = call!(*mut EventInfo);
 /// `fmi2CompletedIntegratorStep`: no state will be restored before this time; enter Event Mode, terminate.
-pub type CompletedIntegratorStep = unsafe extern "C" fn(Component, Boolean, *mut Boolean, *mut Boolean) -> RawStatus;
+pub type CompletedIntegratorStep = call!(Boolean, *mut Boolean, *mut Boolean);
 
 /// `fmi2EventInfo`.
 #[repr(C)]

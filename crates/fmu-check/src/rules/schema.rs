@@ -1,6 +1,6 @@
 //! Elements and attributes in the XML schema of each version.
 
-use super::{Finding, Findings};
+use super::{Finding, Report};
 use fmu_import::description::FmiVersion;
 use fmu_import::xml::Element;
 
@@ -161,7 +161,7 @@ fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
 }
 
 /// Reports elements and attributes that are not in the schema. Returns the number of compared elements.
-pub(super) fn schema(element: &Element, fmi: FmiVersion, findings: &mut Findings<'_>) -> usize {
+pub(super) fn schema(element: &Element, fmi: FmiVersion, report: Report<'_>) -> usize {
     // Tool-specific elements have their own schema.
     let is_foreign = matches!(element.name.as_str(), "Tool" | "Annotation");
     let known = match fmi {
@@ -175,28 +175,28 @@ pub(super) fn schema(element: &Element, fmi: FmiVersion, findings: &mut Findings
     for name in element.attribute_names() {
         // Namespaces are declared by attributes, and their attributes have a colon.
         if !is_among(attributes, name) && !name.contains(':') && name != "xmlns" {
-            findings.push(Finding::error(subject(), format!("FMI {fmi} knows no attribute `{name}` here")));
+            report(Finding::error(subject(), format!("FMI {fmi} knows no attribute `{name}` here")));
         }
     }
     let order: Vec<&str> = children.split(' ').collect();
     let mut before: Option<(usize, &str)> = None;
     for child in &element.children {
         let Some(place) = order.iter().position(|known| *known == child.name) else {
-            findings.push(Finding::error(subject(), format!("FMI {fmi} knows no element <{}> here", child.name)));
+            report(Finding::error(subject(), format!("FMI {fmi} knows no element <{}> here", child.name)));
             continue;
         };
         match before {
             Some((last, name)) if place < last && !is_any_order(&element.name, &child.name) => {
                 let message = format!("has <{}> after <{name}>, which must come first in FMI {fmi}", child.name);
-                findings.push(Finding::error(format!("{}, child in line {}", subject(), child.place.line), message));
+                report(Finding::error(format!("{}, child in line {}", subject(), child.place.line), message));
             }
             _ => before = Some((place, &child.name)),
         }
-        compared += schema(child, fmi, findings);
+        compared += schema(child, fmi, report);
     }
     if element.children.is_empty() && must_have_children(&element.name, fmi) {
         let message = format!("is empty; FMI {fmi} requires an element in it: leave it out");
-        findings.push(Finding::error(subject(), message));
+        report(Finding::error(subject(), message));
     }
     compared
 }

@@ -3,7 +3,7 @@
 //! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. Types that FMI 2.0
 //! declares in the same way are in the module above.
 
-use super::{Component, RawStatus, Reference, State};
+use super::{Component, RawStatus, Reference, State, call};
 use std::ffi::{c_char, c_int, c_void};
 
 /// `fmi3Boolean` that C writes: the byte of a `bool`, which may hold any number.
@@ -34,56 +34,29 @@ pub type InstantiateCoSimulation = unsafe extern "C" fn(
 pub type InstantiateModelExchange =
     unsafe extern "C" fn(*const c_char, *const c_char, *const c_char, bool, bool, *mut c_void, LogMessage) -> Component;
 /// `fmi3SetDebugLogging`: on, number of categories, categories.
-pub type SetDebugLogging = unsafe extern "C" fn(Component, bool, usize, *const *const c_char) -> RawStatus;
+pub type SetDebugLogging = call!(bool, usize, *const *const c_char);
 /// `fmi3EnterInitializationMode`: tolerance defined, tolerance, start, stop defined, stop.
-pub type EnterInitializationMode = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> RawStatus;
+pub type EnterInitializationMode = call!(bool, f64, f64, bool, f64);
 /// `fmi3GetFloat64` and similar functions: references, their number, values, their number.
-pub type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T, usize) -> RawStatus;
+pub type Get<T> = call!(*const Reference, usize, *mut T, usize);
 /// `fmi3SetFloat64` and similar functions: references, their number, values, their number.
-pub type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T, usize) -> RawStatus;
+pub type Set<T> = call!(*const Reference, usize, *const T, usize);
 /// `fmi3SerializeFMUState`.
-pub type SerializeState = unsafe extern "C" fn(Component, State, *mut u8, usize) -> RawStatus;
+pub type SerializeState = call!(State, *mut u8, usize);
 /// `fmi3DeserializeFMUState`.
-pub type DeserializeState = unsafe extern "C" fn(Component, *const u8, usize, *mut State) -> RawStatus;
+pub type DeserializeState = call!(*const u8, usize, *mut State);
 /// `fmi3GetDirectionalDerivative`, `fmi3GetAdjointDerivative`: unknowns, knowns, seed, sensitivity, each with its number.
-pub type GetDerivative = unsafe extern "C" fn(
-    Component,
-    *const Reference,
-    usize,
-    *const Reference,
-    usize,
-    *const f64,
-    usize,
-    *mut f64,
-    usize,
-) -> RawStatus;
+pub type GetDerivative = call!(*const Reference, usize, *const Reference, usize, *const f64, usize, *mut f64, usize);
 /// `fmi3GetOutputDerivatives`: references, their number, orders, values, their number.
-pub type GetOutputDerivatives =
-    unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *mut f64, usize) -> RawStatus;
+pub type GetOutputDerivatives = call!(*const Reference, usize, *const c_int, *mut f64, usize);
 /// `fmi3DoStep`: time, step, no state will be restored before this time; event handling needed, terminate, early return,
 /// last successful time.
-pub type DoStep = unsafe extern "C" fn(
-    Component,
-    f64,
-    f64,
-    bool,
-    *mut RawBoolean,
-    *mut RawBoolean,
-    *mut RawBoolean,
-    *mut f64,
-) -> RawStatus;
+pub type DoStep = call!(f64, f64, bool, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut f64);
 /// `fmi3UpdateDiscreteStates`: discrete states need update, terminate, nominals changed, values of states changed, next
 /// event time defined, next event time.
-pub type UpdateDiscreteStates = unsafe extern "C" fn(
-    Component,
-    *mut RawBoolean,
-    *mut RawBoolean,
-    *mut RawBoolean,
-    *mut RawBoolean,
-    *mut RawBoolean,
-    *mut f64,
-) -> RawStatus;
+pub type UpdateDiscreteStates =
+    call!(*mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut f64);
 /// `fmi3CompletedIntegratorStep`: no state will be restored before this time; enter event mode, terminate.
-pub type CompletedIntegratorStep = unsafe extern "C" fn(Component, bool, *mut RawBoolean, *mut RawBoolean) -> RawStatus;
+pub type CompletedIntegratorStep = call!(bool, *mut RawBoolean, *mut RawBoolean);
 /// `fmi3GetNumberOfEventIndicators`, `fmi3GetNumberOfContinuousStates`.
-pub type GetNumber = unsafe extern "C" fn(Component, *mut usize) -> RawStatus;
+pub type GetNumber = call!(*mut usize);
