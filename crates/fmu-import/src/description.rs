@@ -259,6 +259,12 @@ impl Value {
             Self::String(_) => BaseType::String,
         }
     }
+
+    /// The value as XML and command lines have it: a String without quotes.
+    #[must_use]
+    pub fn text(&self) -> String {
+        if let Self::String(text) = self { text.clone() } else { self.to_string() }
+    }
 }
 
 impl std::fmt::Display for Value {

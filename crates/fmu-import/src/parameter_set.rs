@@ -4,11 +4,11 @@
 //! value may come with a unit; without one it is in the unit of the variable. An enumeration, and an Integer whose values have
 //! names, may be given by name. Binary values are not read, because no scenario sets them.
 
-use crate::description::{BaseUnit, Unit, Value};
+use crate::description::{BaseType, BaseUnit, Unit, Value};
 use crate::limits;
 use crate::xml::{self, Element, XmlError};
 use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
+use quick_xml::events::{BytesDecl, BytesStart, Event};
 use std::io;
 use std::path::Path;
 
@@ -89,51 +89,45 @@ impl ParameterSet {
         units: &[Unit],
         type_name: impl Fn(&Parameter) -> String,
     ) -> io::Result<String> {
-        let defined = |name: &str| units.iter().find(|u| u.name == name && u.base.is_some());
         let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
         xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-        let root = BytesStart::new("ssv:ParameterSet").with_attributes([
+        let root = xml.create_element("ssv:ParameterSet").with_attributes([
             ("xmlns:ssv", NAMESPACE),
             ("xmlns:ssc", COMMON),
             ("version", version),
             ("name", self.name.as_str()),
         ]);
-        xml.write_event(Event::Start(root))?;
-        let list = BytesStart::new("ssv:Parameters");
-        xml.write_event(Event::Start(list))?;
         let mut used: Vec<&Unit> = Vec::new();
-        for parameter in &self.parameters {
-            let start = BytesStart::new("ssv:Parameter").with_attributes([("name", parameter.name.as_str())]);
-            xml.write_event(Event::Start(start))?;
-            let text = match &parameter.value {
-                Value::Real(v) => format!("{v:?}"),
-                Value::Integer(v) => v.to_string(),
-                Value::Boolean(v) => v.to_string(),
-                Value::String(v) => v.clone(),
-            };
-            let mut value =
-                BytesStart::new(format!("ssv:{}", type_name(parameter))).with_attributes([("value", text.as_str())]);
-            if let (Value::Real(_), Some(unit)) = (&parameter.value, parameter.unit.as_deref().and_then(defined)) {
-                value.push_attribute(("unit", unit.name.as_str()));
-                if !used.contains(&unit) {
-                    used.push(unit);
+        root.write_inner_content(|xml| {
+            xml.create_element("ssv:Parameters").write_inner_content(|xml| {
+                for parameter in &self.parameters {
+                    let mut value = BytesStart::new(format!("ssv:{}", type_name(parameter)));
+                    value.push_attribute(("value", parameter.value.text().as_str()));
+                    let name = parameter.unit.as_deref().filter(|_| parameter.value.base_type() == BaseType::Real);
+                    let unit = name.and_then(|name| units.iter().find(|u| u.name == name && u.base.is_some()));
+                    if let Some(unit) = unit {
+                        value.push_attribute(("unit", unit.name.as_str()));
+                        if !used.contains(&unit) {
+                            used.push(unit);
+                        }
+                    }
+                    let element = xml.create_element("ssv:Parameter").with_attribute(("name", parameter.name.as_str()));
+                    element.write_inner_content(|xml| xml.write_event(Event::Empty(value)))?;
                 }
+                Ok(())
+            })?;
+            if used.is_empty() {
+                return Ok(());
             }
-            xml.write_event(Event::Empty(value))?;
-            xml.write_event(Event::End(BytesEnd::new("ssv:Parameter")))?;
-        }
-        xml.write_event(Event::End(BytesEnd::new("ssv:Parameters")))?;
-        if !used.is_empty() {
-            xml.write_event(Event::Start(BytesStart::new("ssv:Units")))?;
-            for unit in used {
-                let start = BytesStart::new("ssc:Unit").with_attributes([("name", unit.name.as_str())]);
-                xml.write_event(Event::Start(start))?;
-                xml.write_event(Event::Empty(base_unit(unit.base.as_ref())))?;
-                xml.write_event(Event::End(BytesEnd::new("ssc:Unit")))?;
-            }
-            xml.write_event(Event::End(BytesEnd::new("ssv:Units")))?;
-        }
-        xml.write_event(Event::End(BytesEnd::new("ssv:ParameterSet")))?;
+            let list = xml.create_element("ssv:Units").write_inner_content(|xml| {
+                for unit in used {
+                    let element = xml.create_element("ssc:Unit").with_attribute(("name", unit.name.as_str()));
+                    element.write_inner_content(|xml| xml.write_event(Event::Empty(base_unit(unit.base.as_ref()))))?;
+                }
+                Ok(())
+            });
+            list.map(drop)
+        })?;
         let mut text = String::from_utf8(xml.into_inner()).map_err(io::Error::other)?;
         text.push('\n');
         Ok(text)

@@ -50,11 +50,7 @@ impl SteadyState {
     /// The start values as text that [`linearize`](crate::linearize::linearize()) takes.
     #[must_use]
     pub fn settings(&self) -> Vec<(String, String)> {
-        let text = |value: &Value| match value {
-            Value::String(value) => value.clone(),
-            other => other.to_string(),
-        };
-        self.starts.iter().map(|(name, value)| (name.clone(), text(value))).collect()
+        self.starts.iter().map(|(name, value)| (name.clone(), value.text())).collect()
     }
 }
 

@@ -235,12 +235,7 @@ impl<'a> Plant<'a> {
     /// Derivatives of all states.
     pub(super) fn derivatives(&mut self) -> Result<Vec<f64>, String> {
         let mut values = vec![0.0; self.derivatives.len()];
-        let Self { instance, derivatives, .. } = self;
-        let result = match instance {
-            Some(instance) => instance.get_real(derivatives, &mut values),
-            None => return Err("the FMU is not there".to_owned()),
-        };
-        self.checked(result)?;
+        self.call(|instance, derivatives| instance.get_real(derivatives, &mut values))?;
         Ok(values)
     }
 
@@ -253,20 +248,16 @@ impl<'a> Plant<'a> {
             }
         };
         let mut values = vec![0.0; self.derivatives.len()];
-        let Self { instance, derivatives, .. } = self;
-        let result = match instance {
-            Some(instance) => {
-                instance.get_directional_derivative(derivatives, &knowns, &vec![1.0; knowns.len()], &mut values)
-            }
-            None => return Err("the FMU is not there".to_owned()),
-        };
-        self.checked(result)?;
+        self.call(|instance, derivatives| {
+            instance.get_directional_derivative(derivatives, &knowns, &vec![1.0; knowns.len()], &mut values)
+        })?;
         Ok(values)
     }
 
-    /// Drops an instance that has returned an error: it is not used again.
-    fn checked(&mut self, result: Result<(), CallError>) -> Result<(), String> {
-        result.map_err(|error| {
+    /// Calls the instance with the references of the derivatives. One that has returned an error is not used again.
+    fn call(&mut self, call: impl FnOnce(&mut Instance, &[Reference]) -> Result<(), CallError>) -> Result<(), String> {
+        let instance = self.instance.as_mut().ok_or("the FMU is not there")?;
+        call(instance, &self.derivatives).map_err(|error| {
             self.instance = None;
             error.to_string()
         })
@@ -274,16 +265,12 @@ impl<'a> Plant<'a> {
 
     /// Enters Initialization Mode at the point from the beginning, with the calls of a master before a run.
     fn initialize(&mut self) -> Result<(), String> {
-        let reset = self.instance.as_mut().is_some_and(|instance| instance.reset().is_ok());
-        if !reset {
-            // One at a time: some FMUs allow no more.
-            self.instance = None;
-            self.instance = Some((self.instantiate)()?);
-        }
-        let Some(mut instance) = self.instance.take() else { return Ok(()) };
-        let result = self.set_all(&mut instance);
+        // One at a time: some FMUs allow no more.
+        let used = self.instance.take().and_then(|mut used| used.reset().is_ok().then_some(used));
+        let mut instance = used.map_or_else(|| (self.instantiate)(), Ok)?;
+        self.set_all(&mut instance).map_err(|error| error.to_string())?;
         self.instance = Some(instance);
-        self.checked(result)
+        Ok(())
     }
 
     fn set_all(&mut self, instance: &mut Instance) -> Result<(), CallError> {
