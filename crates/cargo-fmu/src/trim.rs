@@ -102,7 +102,7 @@ fn json(steady: &SteadyState, description: &ModelDescription, growth: Option<f64
     let inputs: Vec<_> = steady
         .inputs
         .iter()
-        .map(|input| serde_json::json!({"name": input.name, "value": input.value, "unit": unit(&input.name)}))
+        .map(|(name, value)| serde_json::json!({"name": name, "value": value, "unit": unit(name)}))
         .collect();
     let starts: serde_json::Map<_, _> =
         steady.starts.iter().map(|(name, value)| (name.clone(), serde_json::json!(value))).collect();
@@ -113,7 +113,7 @@ fn json(steady: &SteadyState, description: &ModelDescription, growth: Option<f64
 }
 
 fn print(steady: &SteadyState, description: &ModelDescription, growth: Option<f64>) {
-    let names = steady.states.iter().map(|state| &state.name).chain(steady.inputs.iter().map(|input| &input.name));
+    let names = steady.states.iter().map(|state| &state.name).chain(steady.inputs.iter().map(|(name, _)| name));
     let width = names.map(|name| name.chars().count()).max().unwrap_or(0);
     let row = |name: &str, value: f64, what: &str| {
         let line =
@@ -136,7 +136,7 @@ fn print(steady: &SteadyState, description: &ModelDescription, growth: Option<f6
     }
     if !steady.inputs.is_empty() {
         outln!("\nFree inputs");
-        steady.inputs.iter().for_each(|input| row(&input.name, input.value, ""));
+        steady.inputs.iter().for_each(|(name, value)| row(name, *value, ""));
     }
 }
 

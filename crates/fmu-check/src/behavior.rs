@@ -163,7 +163,7 @@ fn found(report: Report<'_>, finding: Finding) {
 impl Trial<'_> {
     /// Runs all trials.
     fn all(&mut self, checked: &mut Checked, report: Report<'_>) {
-        if !self.instantiation(report) {
+        if !instantiation(self.library, self.description, Interface::CoSimulation, self.options, report) {
             return;
         }
         report(Event::trying("runs", Topic::Simulation));
@@ -220,11 +220,6 @@ impl Trial<'_> {
         let is_pending = |error: CallError| error.problem == CallProblem::Status(Status::Pending);
         is_allowed
             && self.started("step").is_ok_and(|mut instance| self.go(&mut instance, 0..1, 1).is_err_and(is_pending))
-    }
-
-    /// Checks that instantiation succeeds with the GUID of the description and fails with another one.
-    fn instantiation(&self, report: Report<'_>) -> bool {
-        instantiation(self.library, self.description, Interface::CoSimulation, self.options, report)
     }
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {

@@ -33,8 +33,6 @@ pub struct ModelDescription {
     pub author: Option<String>,
     /// Version of the model.
     pub version: Option<String>,
-    /// Copyright notice.
-    pub copyright: Option<String>,
     /// License.
     pub license: Option<String>,
     /// Tool that made the FMU.

@@ -19,12 +19,6 @@ impl Variable {
         }
         self.description.as_deref().and_then(list_at_end).unwrap_or_default()
     }
-
-    /// The name of a value, if it has one.
-    #[must_use]
-    pub fn name_of(&self, value: i32) -> Option<&str> {
-        self.named_values().into_iter().find(|(v, _)| *v == value).map(|(_, name)| name)
-    }
 }
 
 /// `straight (0), ramp_step (1)`: the named values of a message.
@@ -87,7 +81,6 @@ mod tests {
         let values = |name| description.variable(name).unwrap().named_values();
         assert_eq!(values("tire.mode"), [(0, "magic"), (1, "linear")]);
         assert_eq!(values("vehicle.mass"), []);
-        assert_eq!(description.variable("tire.mode").unwrap().name_of(1), Some("linear"));
         assert_eq!(listed(&values("tire.mode")), "magic (0), linear (1)");
     }
 }

@@ -31,8 +31,6 @@ pub struct Names {
     pub imports: Vec<String>,
     /// Names of exported functions.
     pub functions: Vec<String>,
-    /// Names of other exports.
-    pub others: Vec<String>,
 }
 
 impl Names {
@@ -56,7 +54,7 @@ impl Names {
                     for _ in 0..content.number()? {
                         let (name, kind) = (content.text()?.to_owned(), content.byte()?);
                         content.number()?;
-                        if kind == FUNCTION { &mut names.functions } else { &mut names.others }.push(name);
+                        names.functions.extend((kind == FUNCTION).then_some(name));
                     }
                 }
                 _ => {}
@@ -144,7 +142,7 @@ mod tests {
         section(EXPORTS, b"\x02\x06memory\x02\0\x01f\0\0");
         let names = Names::read(&module).unwrap();
         assert_eq!(names.imports, ["env.log", "env.m"]);
-        assert_eq!((names.functions, names.others), (vec!["f".to_owned()], vec!["memory".to_owned()]));
+        assert_eq!(names.functions, ["f"], "not the memory");
         assert_eq!(Names::read(&module[..module.len() - 1]), None, "cut off");
         assert_eq!(Names::read(b"\x7fELF"), None);
     }

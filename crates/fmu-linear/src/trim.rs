@@ -31,8 +31,8 @@ const DRIVE: &str = "drive_torque.";
 pub struct SteadyState {
     /// All states, in the order of the description.
     pub states: Vec<TrimmedState>,
-    /// The inputs that were free.
-    pub inputs: Vec<TrimmedInput>,
+    /// The inputs that were free, with their values in the units of the variables.
+    pub inputs: Vec<(String, f64)>,
     /// Variables and values, in their units, with which the FMU starts in this state: parameters and inputs as given, states,
     /// free inputs. Drifting states that were not given are not among them.
     pub starts: Vec<(String, Value)>,
@@ -75,15 +75,6 @@ pub enum StateRole {
     Held,
     /// It integrates others, and no other state depends on it.
     Drifts,
-}
-
-/// A free input at a steady state.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TrimmedInput {
-    /// Name.
-    pub name: String,
-    /// Value, in the unit of the variable.
-    pub value: f64,
 }
 
 /// Given and sought values, by indices of variables.
@@ -302,7 +293,7 @@ pub fn steady(
             .free
             .iter()
             .zip(&inputs)
-            .flat_map(|(group, value)| group.iter().map(|index| TrimmedInput { name: name(*index), value: *value }))
+            .flat_map(|(group, value)| group.iter().map(|index| (name(*index), *value)))
             .collect(),
         starts: starts.into_iter().map(|(index, value)| (name(index), value)).collect(),
         residual: solution.residual,

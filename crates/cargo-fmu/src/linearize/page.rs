@@ -7,7 +7,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::Complex;
 
 use super::model::{LinearModel, Signal};
-use super::page_data::{Axis, Block, CASE, Figure, Line, Panel};
+use super::page_data::{Block, panel};
 use super::picture::{Scale, number, svg};
 use crate::documentation::escape;
 
@@ -78,27 +78,10 @@ struct Plot<'a> {
 }
 
 impl Plot<'_> {
-    fn panel(&self, block: &mut Block) -> Panel {
+    fn panel(&self, block: &mut Block) -> serde_json::Value {
         let (across, up): (Vec<f64>, Vec<f64>) = self.points.iter().copied().unzip();
-        let line = Line {
-            title: "Linear model".to_owned(),
-            kind: "run",
-            case: CASE,
-            seed: None,
-            x: block.column(&across, self.x.2),
-            y: block.column(&up, self.y.2),
-            apart: !self.joined,
-            crosses: !self.joined,
-        };
-        Panel {
-            kind: if self.joined { "function" } else { "curve" },
-            title: self.title.to_owned(),
-            note: "",
-            x: Axis::new(self.x.0, self.x.1, self.x.2),
-            y: Axis::new(self.y.0, self.y.1, self.y.2),
-            lines: [line],
-            levels: [],
-        }
+        let columns = [block.column(&across, self.x.2), block.column(&up, self.y.2)];
+        panel(self.title, [self.x, self.y], columns, self.joined)
     }
 
     fn picture(&self) -> String {
@@ -117,8 +100,7 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
     let mut figures = Vec::new();
     let mut html = String::new();
     let mut add = |name: &str, caption: &str, plots: &[Plot<'_>]| {
-        figures
-            .push(Figure { name: name.to_owned(), panels: plots.iter().map(|plot| plot.panel(&mut block)).collect() });
+        figures.push((name.to_owned(), plots.iter().map(|plot| plot.panel(&mut block)).collect()));
         let pictures: String = plots.iter().map(Plot::picture).collect();
         let _ =
             writeln!(html, "<figure id=\"{name}\">\n<figcaption><b>{caption}</b></figcaption>\n{pictures}</figure>");

@@ -3,77 +3,15 @@
 use std::io::Write as _;
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// Largest word of a number.
 const LARGEST: f64 = 65534.0;
 /// The word of a number that does not exist.
 const MISSING: u16 = 65535;
 
-#[derive(Serialize)]
-struct PageData<'a> {
-    format: u32,
-    cases: [Case; 1],
-    seeds: [i32; 0],
-    figures: &'a [Figure],
-    block: String,
-}
-
-#[derive(Serialize)]
-struct Case {
-    name: &'static str,
-    title: &'static str,
-    color: u32,
-    dash: u32,
-}
-
-/// A figure: the identifier of its element, and its panels.
-#[derive(Serialize)]
-pub(super) struct Figure {
-    pub(super) name: String,
-    pub(super) panels: Vec<Panel>,
-}
-
-/// One pair of axes.
-#[derive(Serialize)]
-pub(super) struct Panel {
-    pub(super) kind: &'static str,
-    pub(super) title: String,
-    pub(super) note: &'static str,
-    pub(super) x: Axis,
-    pub(super) y: Axis,
-    pub(super) lines: [Line; 1],
-    pub(super) levels: [(); 0],
-}
-
-#[derive(Serialize)]
-pub(super) struct Axis {
-    pub(super) title: String,
-    pub(super) units: [Unit; 1],
-    pub(super) log: bool,
-    pub(super) zero: bool,
-    pub(super) range: Option<[f64; 2]>,
-}
-
-#[derive(Serialize)]
-pub(super) struct Unit {
-    pub(super) name: String,
-    pub(super) factor: f64,
-    pub(super) offset: f64,
-}
-
-#[derive(Serialize)]
-pub(super) struct Line {
-    pub(super) title: String,
-    pub(super) kind: &'static str,
-    pub(super) case: &'static str,
-    pub(super) seed: Option<i32>,
-    pub(super) x: Column,
-    pub(super) y: Column,
-    /// Points that are not joined.
-    pub(super) apart: bool,
-    /// Marks are crosses.
-    pub(super) crosses: bool,
-}
+/// Name of the only case.
+const CASE: &str = "linear";
 
 #[derive(Serialize)]
 pub(super) struct Column {
@@ -84,11 +22,19 @@ pub(super) struct Column {
     log: bool,
 }
 
-impl Axis {
-    pub(super) fn new(title: &str, unit: &str, log: bool) -> Self {
-        let units = [Unit { name: unit.to_owned(), factor: 1.0, offset: 0.0 }];
-        Self { title: title.to_owned(), units, log, zero: false, range: None }
-    }
+/// One pair of axes, each with title, unit and `true` if it is logarithmic, and a curve, or crosses, by their two columns.
+pub(super) fn panel(title: &str, axes: [(&str, &str, bool); 2], [x, y]: [Column; 2], is_joined: bool) -> Value {
+    let axis = |(title, unit, log): (&str, &str, bool)| {
+        let units = [json!({"name": unit, "factor": 1.0, "offset": 0.0})];
+        json!({"title": title, "units": units, "log": log, "zero": false, "range": null})
+    };
+    let line = json!({
+        "title": "Linear model", "kind": "run", "case": CASE, "seed": null, "x": x, "y": y, "apart": !is_joined,
+        "crosses": !is_joined,
+    });
+    let kind = if is_joined { "function" } else { "curve" };
+    let [x, y] = axes.map(axis);
+    json!({"kind": kind, "title": title, "note": "", "x": x, "y": y, "lines": [line], "levels": []})
 }
 
 /// Columns of numbers as 16-bit words.
@@ -120,21 +66,19 @@ impl Block {
         Column { at, count: values.len(), first, step, log }
     }
 
-    /// The data of a page with these figures, as text that is safe inside a script element.
-    pub(super) fn page(self, figures: &[Figure]) -> std::io::Result<String> {
+    /// The data of a page with these figures, each with its name and panels, as text that is safe inside a script element.
+    pub(super) fn page(self, figures: &[(String, Vec<Value>)]) -> std::io::Result<String> {
         let bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
         encoder.write_all(&bytes)?;
-        let case = Case { name: CASE, title: "Linear model", color: 0, dash: 0 };
+        let case = json!({"name": CASE, "title": "Linear model", "color": 0, "dash": 0});
         let block = base64(&encoder.finish()?);
-        let data = PageData { format: 1, cases: [case], seeds: [], figures, block };
+        let figures: Vec<_> = figures.iter().map(|(name, panels)| json!({"name": name, "panels": panels})).collect();
+        let data = json!({"format": 1, "cases": [case], "seeds": [], "figures": figures, "block": block});
         // No text may end the element or begin a comment.
-        Ok(serde_json::to_string(&data)?.replace('<', "\\u003c"))
+        Ok(data.to_string().replace('<', "\\u003c"))
     }
 }
-
-/// Name of the only case.
-pub(super) const CASE: &str = "linear";
 
 /// Base64 with the alphabet of RFC 4648 and padding.
 fn base64(bytes: &[u8]) -> String {

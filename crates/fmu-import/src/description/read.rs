@@ -94,7 +94,6 @@ impl ModelDescription {
             description: text("description"),
             author: text("author"),
             version: text("version"),
-            copyright: text("copyright"),
             license: text("license"),
             generation_tool: text("generationTool"),
             generation_date_and_time: text("generationDateAndTime"),

@@ -19,8 +19,6 @@ pub struct EventUpdate {
     pub is_needed_again: bool,
     /// The FMU wants the simulation to end.
     pub terminates: bool,
-    /// Nominal values of continuous states have changed.
-    pub nominals_changed: bool,
     /// Continuous states have changed.
     pub states_changed: bool,
     /// Time of the next event, s.
@@ -144,12 +142,11 @@ impl Instance {
                 }
             }
         })?;
-        let [needed, terminate, nominals, states, defined] = flags.map(|flag| flag != 0);
+        let [needed, terminate, _, states, defined] = flags.map(|flag| flag != 0);
         let is_next = defined || info.next_event_time_defined != 0;
         Ok(EventUpdate {
             is_needed_again: needed || info.new_discrete_states_needed != 0,
             terminates: terminate || info.terminate_simulation != 0,
-            nominals_changed: nominals || info.nominals_of_continuous_states_changed != 0,
             states_changed: states || info.values_of_continuous_states_changed != 0,
             // One of the two was written.
             next_event: is_next.then_some(time + info.next_event_time),
