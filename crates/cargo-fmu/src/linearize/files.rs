@@ -117,7 +117,7 @@ fn cells(name: &str, signals: &[Signal]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::tests::oscillator;
+    use super::super::tests::oscillator;
     use super::*;
 
     #[test]

@@ -187,26 +187,9 @@ fn signal(description: &ModelDescription, name: String) -> Signal {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
+    use super::super::tests::oscillator;
     use super::*;
-
-    /// A mass of 2 kg on a spring of 200 N/m with a damper of 4 N s/m, and the integral of its position: natural frequency
-    /// 10 rad/s, damping ratio 0.1.
-    pub(crate) fn oscillator() -> LinearModel {
-        let description = ModelDescription::parse(include_str!("../../../fmu-import/tests/data/decay2.xml")).unwrap();
-        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-        // Columns: s, v, their integral, f. Rows: s', v', s, output s.
-        let rows = [[0.0, 1.0, 0.0, 0.0], [-100.0, -2.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]];
-        let jacobian = (0..4).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
-        let linear = Linear {
-            states: names(&["s", "v", "integral"]),
-            inputs: names(&["f"]),
-            outputs: names(&["y"]),
-            jacobian,
-            by_differences: false,
-        };
-        LinearModel::new(&description, b"abc", &[("k".to_owned(), "200".to_owned())], linear).unwrap()
-    }
 
     /// Reference: the closed form of the damped oscillator; eigenvalues of a 3 x 3 matrix are exact up to rounding.
     #[test]

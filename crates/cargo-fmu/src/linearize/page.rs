@@ -183,7 +183,7 @@ fn modes(model: &LinearModel) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::tests::oscillator;
+    use super::super::tests::oscillator;
     use super::*;
 
     #[test]

@@ -50,34 +50,31 @@ pub enum Status {
     Unknown(RawStatus),
 }
 
+/// The statuses in the order of their numbers, with their names.
+const STATUSES: [(Status, &str); 6] = [
+    (Status::Ok, "OK"),
+    (Status::Warning, "Warning"),
+    (Status::Discard, "Discard"),
+    (Status::Error, "Error"),
+    (Status::Fatal, "Fatal"),
+    (Status::Pending, "Pending"),
+];
+
 impl From<RawStatus> for Status {
     fn from(raw: RawStatus) -> Self {
-        match raw {
-            0 => Self::Ok,
-            1 => Self::Warning,
-            2 => Self::Discard,
-            3 => Self::Error,
-            4 => Self::Fatal,
-            5 => Self::Pending,
-            other => Self::Unknown(other),
-        }
+        let known = usize::try_from(raw).ok().and_then(|number| STATUSES.get(number));
+        known.map_or(Self::Unknown(raw), |(status, _)| *status)
     }
 }
 
 impl Status {
     /// Name in the FMI version of a function.
     fn name(self, function: &str) -> String {
-        let version = if function.starts_with("fmi3") { "fmi3" } else { "fmi2" };
-        let name = match self {
-            Self::Ok => "OK",
-            Self::Warning => "Warning",
-            Self::Discard => "Discard",
-            Self::Error => "Error",
-            Self::Fatal => "Fatal",
-            Self::Pending => "Pending",
-            Self::Unknown(raw) => return format!("the unknown status {raw}"),
-        };
-        format!("{version}{name}")
+        if let Self::Unknown(raw) = self {
+            return format!("the unknown status {raw}");
+        }
+        let name = STATUSES.iter().find(|(status, _)| *status == self).map_or("", |(_, name)| name);
+        format!("{}{name}", if function.starts_with("fmi3") { "fmi3" } else { "fmi2" })
     }
 }
 
@@ -139,23 +136,20 @@ impl std::error::Error for CallError {}
 impl std::fmt::Display for CallError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { instance, function, .. } = self;
+        write!(f, "`{instance}`: ")?;
         match &self.problem {
-            CallProblem::Status(status) => write!(f, "`{instance}`: {function} returned {}", status.name(function)),
-            CallProblem::NoInstance => write!(f, "`{instance}`: {function} returned no instance"),
-            CallProblem::NotExported => {
-                write!(f, "`{instance}`: the FMU does not export {function}")
-            }
+            CallProblem::Status(status) => write!(f, "{function} returned {}", status.name(function)),
+            CallProblem::NoInstance => write!(f, "{function} returned no instance"),
+            CallProblem::NotExported => write!(f, "the FMU does not export {function}"),
             CallProblem::Interface(interface) => {
-                write!(f, "`{instance}`: {function} is not a function of {interface}, for which the instance was made")
+                write!(f, "{function} is not a function of {interface}, for which the instance was made")
             }
-            CallProblem::Terminated => write!(f, "`{instance}`: the FMU ended the simulation in {function}"),
+            CallProblem::Terminated => write!(f, "the FMU ended the simulation in {function}"),
             CallProblem::EarlyReturn => {
-                write!(f, "`{instance}`: {function} returned before the end of the step, which was not allowed")
+                write!(f, "{function} returned before the end of the step, which was not allowed")
             }
-            CallProblem::Arguments(reason) => write!(f, "`{instance}`: {function}: {reason}"),
-            CallProblem::Dead => {
-                write!(f, "`{instance}`: {function} is not possible after {}", Status::Fatal.name(function))
-            }
+            CallProblem::Arguments(reason) => write!(f, "{function}: {reason}"),
+            CallProblem::Dead => write!(f, "{function} is not possible after {}", Status::Fatal.name(function)),
         }?;
         for message in &self.messages {
             // Indented, so that further lines of a message do not look like messages.

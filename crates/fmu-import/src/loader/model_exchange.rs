@@ -5,8 +5,9 @@
 
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
-use super::functions::Functions;
+use super::functions::{Functions, v3};
 use super::instance::Instance;
+use crate::c_api::v3::GetNumber;
 use crate::c_api::{self, EventInfo, GetNumbers};
 
 /// Bits of a number that no FMU writes: a NaN.
@@ -55,27 +56,22 @@ impl Instance {
 
     /// `fmi3GetNumberOfContinuousStates`.
     pub fn get_number_of_states(&mut self) -> Result<usize, CallError> {
-        let mut number = 0;
-        // SAFETY: live instance; the number is written through a valid pointer.
-        self.call_present(Function::GetNumberOfStates, |f, c| unsafe {
-            match f {
-                Functions::V2(_) => None,
-                Functions::V3(f) => Some(f.get_number_of_states?(c, &raw mut number)),
-            }
-        })?;
-        Ok(number)
+        self.get_number(Function::GetNumberOfStates, |f| f.get_number_of_states)
     }
 
     /// `fmi3GetNumberOfEventIndicators`.
     pub fn get_number_of_event_indicators(&mut self) -> Result<usize, CallError> {
+        self.get_number(Function::GetNumberOfEventIndicators, |f| f.get_number_of_event_indicators)
+    }
+
+    fn get_number(
+        &mut self,
+        function: Function,
+        select: impl FnOnce(&v3::Functions) -> Option<GetNumber>,
+    ) -> Result<usize, CallError> {
         let mut number = 0;
         // SAFETY: live instance; the number is written through a valid pointer.
-        self.call_present(Function::GetNumberOfEventIndicators, |f, c| unsafe {
-            match f {
-                Functions::V2(_) => None,
-                Functions::V3(f) => Some(f.get_number_of_event_indicators?(c, &raw mut number)),
-            }
-        })?;
+        self.call_v3(function, |f, c| unsafe { Some(select(f)?(c, &raw mut number)) })?;
         Ok(number)
     }
 

@@ -338,7 +338,7 @@ impl Instance {
         if self.elements(refs) == values { Ok(()) } else { Err(self.failure(function, OTHER_NUMBER)) }
     }
 
-    fn call_v3(
+    pub(super) fn call_v3(
         &mut self,
         function: Function,
         call: impl FnOnce(&v3::Functions, c_api::Component) -> Option<c_api::RawStatus>,

@@ -280,14 +280,9 @@ impl Instance {
         self.same_length(NAME, self.elements(knowns), result.len())?;
         let (u, k) = ((unknowns.as_ptr(), unknowns.len()), (knowns.as_ptr(), knowns.len()));
         // SAFETY: live instance; all arrays have the stated lengths.
-        self.call_present(NAME, |f, c| unsafe {
-            match f {
-                Functions::V2(_) => None,
-                Functions::V3(f) => {
-                    let get = f.get_adjoint_derivative?;
-                    Some(get(c, u.0, u.1, k.0, k.1, seed.as_ptr(), seed.len(), result.as_mut_ptr(), result.len()))
-                }
-            }
+        self.call_v3(NAME, |f, c| unsafe {
+            let get = f.get_adjoint_derivative?;
+            Some(get(c, u.0, u.1, k.0, k.1, seed.as_ptr(), seed.len(), result.as_mut_ptr(), result.len()))
         })
     }
 
