@@ -57,13 +57,10 @@ const EXPORT: &str = "FMU_EXPORT_";
 pub(crate) struct Export {
     /// Type of the model, as a crate may have several.
     pub(crate) model: String,
-    /// GUID or instantiation token.
     pub(crate) guid: String,
     /// Version of FMI, 2 or 3.
     pub(crate) version: i32,
-    /// Interfaces.
     pub(crate) interfaces: Vec<Interface>,
-    /// Number of event indicators.
     pub(crate) indicators: usize,
     /// Native arrays instead of scalars (FMI 3.0).
     pub(crate) arrays: bool,
@@ -78,7 +75,6 @@ impl std::fmt::Display for Export {
     }
 }
 
-/// Interface of FMI that an FMU provides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Interface {
     /// Co-simulation: the FMU contains its solver
@@ -88,7 +84,6 @@ pub(crate) enum Interface {
 }
 
 impl Interface {
-    /// Name on the command line.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Cs => "cs",
@@ -161,7 +156,6 @@ fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
     rounds
 }
 
-/// A package that cargo may build.
 #[derive(Deserialize)]
 pub(crate) struct Package {
     pub(crate) name: String,
@@ -317,22 +311,18 @@ fn cargo_home() -> Option<PathBuf> {
 /// The option that asks for Linux binaries that load on old distributions.
 pub(crate) const PORTABLE: &str = "--portable";
 
-/// Build of the libraries of one platform.
 #[derive(Debug)]
 pub(crate) struct Builder {
     pub(crate) platform: Platform,
     pub(crate) linker: Linker,
-    /// Target of the compiler.
     pub(crate) target: String,
     /// Toolchain with the sources of its standard library, which is built along; none: the one in use.
     pub(crate) toolchain: Option<Toolchain>,
     /// Program that is called like cargo; none: the cargo of the toolchain.
     pub(crate) program: Option<PathBuf>,
-    /// Environment of cargo.
     pub(crate) environment: Vec<(String, OsString)>,
 }
 
-/// Program that links a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Linker {
     /// That of this machine; on a Mac also for the other processor.
@@ -345,7 +335,6 @@ pub(crate) enum Linker {
     Lld,
 }
 
-/// Result of a build.
 #[derive(Debug)]
 pub(crate) struct Built {
     /// Libraries in the order of the models.

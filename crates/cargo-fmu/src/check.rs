@@ -89,7 +89,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if faulty.is_empty() { Ok(()) } else { Err(miette!("{what}: {}", faulty.join(", "))) }
 }
 
-/// The numbers of errors and warnings.
 fn counted_all(findings: &[&Finding]) -> String {
     let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
     format!("{}, {}", counted(count(Severity::Error), "error"), counted(count(Severity::Warning), "warning"))

@@ -63,10 +63,8 @@ pub(crate) fn page(description: &ModelDescription, readme: &str, files: &BTreeMa
     )
 }
 
-/// Entry of the icon in FMI 2.0.
 pub(crate) const ICON_OF_FMI2: &str = "model.png";
 
-/// Entry of the icon in FMI 3.0.
 pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 
 /// Entry of the reference run. FMI 2.0 asks for folder names in `extra` that begin with a reversed domain name.
@@ -107,7 +105,6 @@ fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) 
     text.replace("PREFIX", prefix).replace("REFERENCE_RUN", REFERENCE_RUN)
 }
 
-/// The variables of one causality.
 fn table(description: &ModelDescription, causality: Causality, title: &str) -> String {
     let rows: String =
         description.variables.iter().filter(|variable| variable.causality == causality).map(row).collect();

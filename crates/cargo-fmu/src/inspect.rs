@@ -131,7 +131,6 @@ fn show_elements(root: &Element, platforms: &[String]) {
     }
 }
 
-/// Prints a description.
 fn show(description: &ModelDescription, platforms: &[String]) {
     let version = description.version.as_deref().unwrap_or_default();
     outln!("{} {}", line(&description.model_name), line(version));
@@ -163,7 +162,6 @@ fn show(description: &ModelDescription, platforms: &[String]) {
     opaque(description);
 }
 
-/// The interfaces of an FMU, each with its capabilities.
 fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     let mut interfaces = Vec::new();
     for interface in description.interfaces() {

@@ -43,7 +43,6 @@ const MOVED: [(&str, &str); 11] = [
     ("compat", "chassis fits"),
 ];
 
-/// Jobs of workers.
 const JOBS: [worker::Job; 2] =
     [(fmu_check::worker::JOB, fmu_check::worker::serve), (fmu_linear::worker::JOB, fmu_linear::worker::serve)];
 

@@ -33,11 +33,9 @@ pub(crate) struct Component {
     license: String,
     /// Address of the published sources.
     source: String,
-    /// True for a member of the workspace.
     is_member: bool,
     /// True for a crate of a registry.
     is_registered: bool,
-    /// File names and contents.
     texts: Vec<(String, String)>,
 }
 
@@ -46,7 +44,6 @@ impl Component {
         if self.version.is_empty() { self.name.clone() } else { format!("{} {}", self.name, self.version) }
     }
 
-    /// The component in the format CycloneDX.
     fn cyclonedx(&self) -> Value {
         let Self { name, version, license, source, .. } = self;
         let mut component = json!({ "type": "library", "name": name });
@@ -223,7 +220,6 @@ pub(crate) struct Licenses {
 }
 
 impl Licenses {
-    /// Adds what is linked into the library of one more platform.
     pub(crate) fn add(&mut self, components: Vec<Component>) {
         self.components.extend(components);
     }
@@ -246,7 +242,6 @@ impl Licenses {
         format!("{bom:#}\n")
     }
 
-    /// The files of the folder.
     pub(crate) fn files(&self, model: &Model) -> BTreeMap<String, String> {
         let own = self.components.iter().find(|component| component.is_member && component.name == model.package);
         let own_texts = own.map_or(&[][..], |own| &own.texts[..]);
@@ -272,7 +267,6 @@ impl Licenses {
     }
 }
 
-/// The text of the entry point.
 fn entry(
     model: &Model,
     own: Option<&Component>,

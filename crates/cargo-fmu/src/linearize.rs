@@ -63,7 +63,6 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// Returns the shell command that reproduces the page.
     fn command(&self) -> String {
         let mut words = vec!["cargo".to_owned(), "fmu".to_owned(), "linearize".to_owned(), self.fmu.clone()];
         let mut add = |option: &str, value: &str| words.extend([option.to_owned(), value.to_owned()]);
@@ -80,7 +79,6 @@ impl Arguments {
     }
 }
 
-/// Formats of files.
 #[derive(Clone, Copy)]
 enum Format {
     Json,
@@ -89,7 +87,6 @@ enum Format {
     Html,
 }
 
-/// The format of a file by its extension.
 fn format(path: &Path) -> Result<Format> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("json") => Ok(Format::Json),

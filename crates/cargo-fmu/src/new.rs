@@ -104,7 +104,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Writes a package.
 fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> Result<()> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let is_word = |word: &str| {

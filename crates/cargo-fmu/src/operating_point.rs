@@ -2,7 +2,6 @@
 
 use miette::{Result, miette};
 
-/// Name and value of a `--set`.
 pub(crate) fn parse(setting: &str) -> Result<(String, String)> {
     let (name, value) = setting
         .split_once('=')

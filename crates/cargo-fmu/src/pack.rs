@@ -77,7 +77,6 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Version of FMI, interfaces and arrays of the FMUs.
     fn format(&self) -> Result<Format> {
         if self.arrays && self.fmi == 2 {
             return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no arrays"));
@@ -85,7 +84,6 @@ impl Settings {
         Ok(Format { version: self.fmi, interfaces: self.interfaces.clone(), arrays: self.arrays })
     }
 
-    /// Folder for the FMUs.
     fn folder(&self, workspace: &Workspace) -> PathBuf {
         let default = || if self.fmi == 3 { workspace.fmus_of_fmi3() } else { workspace.fmus() };
         self.out.clone().unwrap_or_else(default)
@@ -109,7 +107,6 @@ enum Existing {
     KeptIfEqual,
 }
 
-/// Packs the models that the arguments name.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if arguments.needed_by.is_some() {
         return Err(miette!("`cargo fmu pack --for FILE` is called `chassis pack FILE` now"));
@@ -254,7 +251,6 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
 
 /// Version of FMI, interfaces and arrays of FMUs.
 struct Format {
-    /// Version of FMI.
     version: i32,
     interfaces: Vec<Interface>,
     /// Native arrays instead of scalars (FMI 3.0).
@@ -274,7 +270,6 @@ impl Format {
     }
 }
 
-/// The description of a model.
 struct Description {
     /// Name of its type.
     model: String,

@@ -6,7 +6,6 @@ use fmu_import::description::FmiVersion;
 use fmu_import::wasm::FOLDER as WASM_FOLDER;
 use miette::{Result, miette};
 
-/// An operating system and a processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Platform {
     /// Linux on x86-64.
@@ -30,7 +29,6 @@ impl Platform {
     const DARWIN64: Self =
         if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
 
-    /// The platform of this machine.
     pub(crate) fn this() -> Result<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
             ("linux", "x86_64") => Ok(Self::Linux64),
@@ -98,7 +96,6 @@ impl Platform {
         matches!(self, Self::X86_64Darwin | Self::Aarch64Darwin)
     }
 
-    /// Path of the library in an archive.
     pub(crate) fn entry(self, fmi: FmiVersion, model: &str) -> String {
         let folder = if fmi == FmiVersion::V2 { self.fmi2() } else { self.fmi3() };
         format!("binaries/{folder}/{model}.{}", self.extension())

@@ -11,7 +11,6 @@ use serde::de::DeserializeOwned;
 
 use crate::platform::Platform;
 
-/// A call of the cargo in use.
 pub(crate) fn cargo() -> Command {
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
@@ -40,7 +39,6 @@ impl Toolchain {
         Err(rejected.join(", "))
     }
 
-    /// A call of this toolchain's cargo.
     pub(crate) fn cargo(&self) -> Command {
         Command::new(self.program("cargo"))
     }
@@ -69,7 +67,6 @@ pub(crate) fn has_library(target: &str) -> bool {
         .is_some_and(|folder| Path::new(folder.trim_end()).is_dir())
 }
 
-/// Folder of the toolchain in use.
 pub(crate) fn in_use() -> Option<PathBuf> {
     output(&rustc(), &["--print", "sysroot"]).map(|root| PathBuf::from(root.trim_end()))
 }
@@ -121,7 +118,6 @@ fn output(program: &OsStr, arguments: &[&str]) -> Option<String> {
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Runs `cargo metadata` and reads its output.
 pub(crate) fn metadata<T: DeserializeOwned>(command: &mut Command) -> miette::Result<T> {
     let output = command
         .args(["--format-version", "1"])

@@ -140,7 +140,6 @@ fn print(steady: &SteadyState, description: &ModelDescription, growth: Option<f6
     }
 }
 
-/// The start values as a parameter set.
 fn ssv(steady: &SteadyState, description: &ModelDescription) -> std::io::Result<String> {
     let parameter = |(name, value): &(String, _)| Parameter {
         name: name.clone(),

@@ -11,7 +11,6 @@ use crate::build::{Builder, Linker};
 use crate::platform::Platform;
 use crate::toolchain::{self, PACKAGES, Toolchain};
 
-/// The target of the compiler.
 const TARGET: &str = Platform::Wasm32.target();
 const LINKER: &str = "rust-lld";
 /// Names another linker, for this program and for cargo.

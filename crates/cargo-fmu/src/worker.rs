@@ -63,7 +63,6 @@ pub struct Options {
     no_sandbox: bool,
 }
 
-/// Memory limit of a process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Memory {
     Bytes(u64),

@@ -183,12 +183,10 @@ impl Workspace {
         is_hash.then(|| format!("{commit}{}", if is_clean { "" } else { "-dirty" }))
     }
 
-    /// Folder of the packed FMUs.
     pub(crate) fn fmus(&self) -> PathBuf {
         self.target.join("fmu")
     }
 
-    /// Folder of the FMUs packed for FMI 3.0.
     pub(crate) fn fmus_of_fmi3(&self) -> PathBuf {
         self.target.join("fmu3")
     }

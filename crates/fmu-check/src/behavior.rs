@@ -20,7 +20,6 @@ use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Steps of a trial run.
 const STEPS: usize = 40;
 /// Most internal steps of an FMU with a fixed internal step size in one communication step.
 const MOST_PARTS: f64 = 1000.0;
@@ -36,7 +35,6 @@ const SMALL: f64 = 1e-9;
 
 type Report<'a> = &'a mut dyn FnMut(Event);
 
-/// A trial of one binary.
 #[derive(Clone)]
 struct Trial<'a> {
     library: &'a Arc<Library>,
@@ -44,19 +42,15 @@ struct Trial<'a> {
     options: &'a Options,
     /// Communication step, s.
     step: f64,
-    /// Steps of a run.
     steps: usize,
     /// Time of the start, s.
     start: f64,
-    /// Real inputs.
     inputs: Vec<usize>,
-    /// Real outputs.
     outputs: Vec<usize>,
     /// Outputs that runs are compared by: those that are real, integer or Boolean, and arrays of these.
     observed: Vec<usize>,
     /// Names of their elements.
     elements: Vec<String>,
-    /// Number of instances.
     instances: Cell<usize>,
     /// Number of steps of all instances.
     made: Cell<usize>,
@@ -161,7 +155,6 @@ fn found(report: Report<'_>, finding: Finding) {
 }
 
 impl Trial<'_> {
-    /// Runs all trials.
     fn all(&mut self, checked: &mut Checked, report: Report<'_>) {
         if !instantiation(self.library, self.description, Interface::CoSimulation, self.options, report) {
             return;
@@ -294,7 +287,6 @@ impl Trial<'_> {
         instance.set_real(&self.references(variables), values)
     }
 
-    /// Checks that variables have their start values.
     fn start_values(&self, report: Report<'_>) -> CheckResult<()> {
         let mut instance = self.initializing("start")?;
         for i in self.exact() {

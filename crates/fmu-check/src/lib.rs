@@ -64,7 +64,6 @@ pub struct Finding {
 /// Longest subject and message of a finding, bytes: names and messages of an FMU may be longer.
 const MAX_TEXT: usize = 2000;
 
-/// Cuts a text that is too long.
 fn cut(text: impl Into<String>) -> String {
     let mut text = text.into();
     if text.len() > MAX_TEXT {

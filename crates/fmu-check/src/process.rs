@@ -17,7 +17,6 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// The state before an FMU is loaded.
     pub(super) fn new() -> Self {
         Self {
             trial: String::from("opening the file"),

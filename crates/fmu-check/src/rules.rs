@@ -9,7 +9,6 @@ use fmu_import::description::{
 use fmu_import::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-/// Receives findings about a description.
 type Report<'a> = &'a mut dyn FnMut(Finding);
 
 /// Reports all findings about a parsed description. Returns the number of elements compared with the schema.
@@ -142,7 +141,6 @@ fn is_date_time(text: &str) -> bool {
 
 /// Lookup tables for what variables refer to, independent of the number of definitions.
 struct Known<'a> {
-    /// Unit and display unit.
     display_units: HashSet<(&'a str, &'a str)>,
     /// Values of the items of each enumeration.
     items: HashMap<&'a str, HashSet<i64>>,

@@ -9,11 +9,9 @@ use std::path::{Path, PathBuf};
 /// The job of workers that [`serve`].
 pub const JOB: &str = "check";
 
-/// Request to a worker: check a `.fmu` file.
 #[derive(Debug, Serialize, Deserialize)]
 struct Request(PathBuf, Options);
 
-/// Response of a worker.
 #[derive(Debug, Serialize, Deserialize)]
 enum Response {
     /// Progress or a finding of a check; more follows.
@@ -86,7 +84,6 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Chec
     }
 }
 
-/// Name of the working directory of a check.
 const DIRECTORY: &str = "directory";
 
 /// Ends a worker and returns the findings about what it leaves behind.

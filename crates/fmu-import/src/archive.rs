@@ -45,7 +45,6 @@ impl ArchiveError {
     }
 }
 
-/// Adds a path to an error.
 fn at<E: Display>(path: &Path) -> impl Fn(E) -> ArchiveError {
     |cause| ArchiveError::new(path, cause)
 }

@@ -27,7 +27,6 @@ const END_BYTES: usize = 22;
 const END_64_BYTES: usize = 56;
 const LOCATOR_64_BYTES: usize = 20;
 
-/// Error of reading an archive.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum DirectoryError {
     /// The file cannot be read.
@@ -41,7 +40,6 @@ pub(crate) enum DirectoryError {
     Rejected(String),
 }
 
-/// An entry of the central directory.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Entry {
     /// Name as written.
@@ -86,7 +84,6 @@ impl Record<'_> {
     }
 }
 
-/// Position of the central directory.
 #[derive(Debug)]
 struct Place {
     entries: u64,

@@ -27,14 +27,12 @@ const MARKED: Reference = 1 << 16;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Special {
     pub(crate) data_type: DataType,
-    /// Number of values.
     pub(crate) size: usize,
     /// The array that this is an element of, and its number of elements.
     pub(crate) element: Option<(ArrayElement, usize)>,
 }
 
 impl Signature {
-    /// The signature of an FMU that is used by this interface.
     pub(crate) fn new(description: &ModelDescription, interface: Interface) -> Self {
         let mut special = HashMap::new();
         if description.fmi == FmiVersion::V3 {
@@ -79,7 +77,6 @@ impl Signature {
         }
     }
 
-    /// Returns true if one of the variables is special.
     pub(crate) fn has_special(&self, references: &[Reference]) -> bool {
         !self.special.is_empty() && references.iter().any(|reference| self.is_special(*reference))
     }
@@ -91,7 +88,6 @@ impl Signature {
         }
     }
 
-    /// The entry of a special variable.
     pub(crate) fn special(&self, reference: Reference) -> Option<Special> {
         self.is_special(reference).then(|| self.special.get(&reference).copied()).flatten()
     }
@@ -106,7 +102,6 @@ impl Signature {
         self.special(reference)?.element
     }
 
-    /// Number of elements of variables.
     pub(crate) fn elements(&self, references: &[Reference]) -> usize {
         if self.special.is_empty() {
             return references.len();

@@ -11,9 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-/// Prefix of the names.
 const PREFIX: &str = "cargo-fmu-";
-/// Suffix of the name of the locked file.
 const LOCK: &str = ".lock";
 
 /// A folder, removed when dropped.
@@ -24,7 +22,6 @@ pub struct Folder {
     _root: Arc<Root>,
 }
 
-/// The folder of the process.
 #[derive(Debug)]
 struct Root {
     path: PathBuf,
@@ -99,7 +96,6 @@ impl Drop for Root {
     }
 }
 
-/// The folder that belongs to a lock.
 fn folder_of(lock: &Path) -> PathBuf {
     let name = lock.file_name().unwrap_or_default().to_string_lossy();
     lock.with_file_name(name.strip_suffix(LOCK).unwrap_or(&name))

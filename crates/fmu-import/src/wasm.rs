@@ -64,7 +64,6 @@ impl Names {
     }
 }
 
-/// Bytes still to be read.
 struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {

@@ -170,7 +170,6 @@ fn indices(description: &ModelDescription, is_wanted: impl Fn(&Variable) -> bool
     description.variables.iter().enumerate().filter(move |(_, v)| is_wanted(v)).map(|(index, _)| index)
 }
 
-/// Indices of the states.
 fn states(description: &ModelDescription) -> impl Iterator<Item = usize> {
     description.derivatives.iter().filter_map(|unknown| description.variables[unknown.variable].derivative_of)
 }

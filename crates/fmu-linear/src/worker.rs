@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 /// The job of workers that [`serve`].
 pub const JOB: &str = "linear";
 
-/// Request to a worker.
 #[derive(Debug, Serialize, Deserialize)]
 enum Request {
     /// Linearize a `.fmu` file with other values of these variables, by name.
@@ -19,7 +18,6 @@ enum Request {
     Trim { path: PathBuf, settings: Vec<(String, String)>, free: Vec<Vec<String>> },
 }
 
-/// Response of a worker.
 #[derive(Debug, Serialize, Deserialize)]
 enum Response {
     /// The linear model; its matrix is in the body.

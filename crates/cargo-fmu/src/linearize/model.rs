@@ -16,10 +16,8 @@ const AT_ZERO: f64 = 1e-8;
 /// Number of frequencies of a response per decade.
 const PER_DECADE: f64 = 100.0;
 
-/// Maximum number of frequencies of a response.
 const MOST: usize = 1001;
 
-/// A state, an input or an output.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Signal {
     pub(crate) name: String,
@@ -42,10 +40,8 @@ pub(crate) struct Mode {
     pub(crate) time_constant: Option<f64>,
 }
 
-/// A linear model.
 #[derive(Debug, Clone)]
 pub(crate) struct LinearModel {
-    /// Name of the FMU.
     pub(crate) fmu: String,
     pub(crate) guid: String,
     /// SHA-256 of the file, in hexadecimal digits.
@@ -119,7 +115,6 @@ impl LinearModel {
             .collect()
     }
 
-    /// Describes the stability according to the poles.
     pub(crate) fn stability(&self) -> String {
         let zero = self.zero();
         let unstable = self.poles.iter().filter(|pole| pole.re > zero).count();

@@ -94,7 +94,6 @@ impl Plot<'_> {
     }
 }
 
-/// Returns the page. `command` reproduces it.
 pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result<String> {
     let mut block = Block::default();
     let mut figures = Vec::new();
@@ -161,7 +160,6 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
     ))
 }
 
-/// The table of modes.
 fn modes(model: &LinearModel) -> String {
     let heads = ["Pole (1/s)", "Frequency (Hz)", "Damping", "Time constant (s)"];
     let heads: String = heads.iter().map(|head| format!("<th class=\"number\">{head}</th>")).collect();

@@ -9,7 +9,6 @@ use fmu_import::loader::Instance;
 const MOST: usize = 100;
 
 impl Trial<'_> {
-    /// Adjoint derivatives between steps.
     pub(super) fn adjoint(&self, report: Report<'_>) -> CheckResult<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.provides_adjoint_derivatives)
         else {

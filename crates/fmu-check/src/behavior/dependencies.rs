@@ -6,14 +6,12 @@ use fmu_import::description::{BaseType, Causality, Unknown, Value, Variable};
 use fmu_import::loader::Instance;
 use std::collections::{BTreeSet, HashSet};
 
-/// Points at which dependencies between steps are looked for.
 const POINTS: usize = 6;
 /// Largest range of a parameter whose values are all tried.
 const MOST_CHOICES: f64 = 8.0;
 /// Most values that are read in search of the dependencies of one list: some seconds.
 const MOST_READ: usize = 50_000_000;
 
-/// Another value of a parameter.
 #[derive(Clone)]
 struct Choice {
     parameter: usize,
@@ -194,12 +192,10 @@ impl Trial<'_> {
     }
 }
 
-/// A search for undeclared dependencies.
 struct Search<'a> {
     /// List of the model structure.
     list: &'static str,
     unknowns: Vec<&'a Unknown>,
-    /// Their variables.
     variables: Vec<usize>,
     /// Their dependencies; `None`: all knowns.
     named: Vec<Option<HashSet<usize>>>,
@@ -207,7 +203,6 @@ struct Search<'a> {
     followed: BTreeSet<usize>,
     /// Pairs of unknown and known that were reported: several points show the same ones.
     reported: HashSet<(usize, usize)>,
-    /// Values read.
     read: usize,
     /// The parameter that has another value than at the start.
     choice: Option<Choice>,
@@ -291,12 +286,10 @@ impl Search<'_> {
         }
     }
 
-    /// Returns true if the search ends early.
     fn is_cut(&self) -> bool {
         self.read > MOST_READ
     }
 
-    /// Reports a search that ended early.
     fn end(&self, report: Report<'_>) {
         if self.is_cut() {
             let message = format!("were tried in part: they are too many, {MOST_READ} values were read");

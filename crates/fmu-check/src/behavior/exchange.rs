@@ -13,7 +13,6 @@ use std::sync::Arc;
 
 /// Most updates of the discrete states in one event.
 const MOST_UPDATES: usize = 1000;
-/// A trial of one binary by model exchange.
 #[derive(Clone)]
 struct Exchange<'a> {
     library: &'a Arc<Library>,
@@ -460,10 +459,8 @@ impl Exchange<'_> {
     }
 }
 
-/// The end of an event.
 struct Settled {
     /// Time of the next one, s.
     next_event: Option<f64>,
-    /// The FMU ended the simulation.
     is_over: bool,
 }

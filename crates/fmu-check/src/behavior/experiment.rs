@@ -8,7 +8,6 @@ use std::time::Instant;
 /// Fraction of a step below which the rest of the experiment is a rounding error.
 const NOTHING: f64 = 1e-9;
 
-/// Name of the trial.
 pub(super) const EXPERIMENT: &str = "the default experiment";
 
 impl Trial<'_> {

@@ -5,7 +5,6 @@ use crate::Finding;
 use fmu_import::description::Value;
 use fmu_import::loader::{CallProblem, Instance};
 
-/// Calls before a reset.
 #[derive(Clone, Copy)]
 enum Before {
     /// Every variable that can be set has another value.
@@ -16,7 +15,6 @@ enum Before {
     StepsAndSettings,
 }
 
-/// Values of an unused instance.
 struct Fresh {
     variables: Vec<usize>,
     starts: Vec<Value>,
@@ -24,7 +22,6 @@ struct Fresh {
 }
 
 impl Trial<'_> {
-    /// Checks that a reset before initialization discards all settings.
     pub(super) fn reset_before_initialization(&self, report: Report<'_>) -> CheckResult<()> {
         self.resets(&[Before::Settings], "before initialization", report)
     }

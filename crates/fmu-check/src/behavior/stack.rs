@@ -4,7 +4,6 @@ use super::{CheckResult, Report, Trial, found};
 use crate::{Finding, Topic};
 use fmu_import::loader::CallError;
 
-/// Name of the trial.
 pub(super) const STACK: &str = "stack";
 
 /// Stack in KiB above which a run gets a warning: threads of other programs have 512 KiB to 1 MiB and use part of it themselves.

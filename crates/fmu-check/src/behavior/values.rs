@@ -33,7 +33,6 @@ impl Trial<'_> {
         })
     }
 
-    /// Variables that can be set between two steps.
     pub(super) fn settable_between_steps(&self) -> Vec<usize> {
         self.filtered(|variable| match variable.causality {
             Causality::Parameter => variable.variability == Variability::Tunable,
@@ -83,7 +82,6 @@ pub(super) struct Difference<'a> {
     pub(super) name: &'a str,
     pub(super) before: Value,
     pub(super) after: Value,
-    /// Number of further variables.
     others: usize,
 }
 

@@ -206,7 +206,6 @@ fn is_any_order(element: &str, child: &str) -> bool {
     matches!(element, "ModelVariables" | "TypeDefinitions") || matches!(child, "ModelExchange" | "CoSimulation")
 }
 
-/// Returns true for elements that must have children by the schema.
 fn must_have_children(element: &str, fmi: FmiVersion) -> bool {
     let in_both = ["UnitDefinitions", "TypeDefinitions", "LogCategories", "ModelVariables", "Annotations"];
     let in_2 = ["SourceFiles", "VendorAnnotations", "Outputs", "Derivatives", "InitialUnknowns"];

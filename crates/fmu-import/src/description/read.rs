@@ -25,7 +25,6 @@ const MAX_DISPLAY_UNITS: usize = 100;
 /// Most elements of an array, of all arrays, and of the lists of states and event indicators: their values stay in memory.
 const MAX_ELEMENTS: usize = 10_000_000;
 
-/// The variables of a description.
 #[derive(Default)]
 struct Variables {
     list: Vec<Variable>,
@@ -43,7 +42,6 @@ impl Variables {
     }
 }
 
-/// The lists of the model structure.
 struct Structure {
     outputs: Vec<Unknown>,
     derivatives: Vec<Unknown>,
@@ -235,7 +233,6 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
     Ok(Unit { name: bounded(element, "name", MAX_INHERITED)?.to_string(), base, display_units })
 }
 
-/// The items of an enumeration type.
 fn items(element: &Element) -> Result<Arc<[Item]>, XmlError> {
     let items = element.children.iter().filter(|child| child.name == "Item");
     let items = items.map(|item| {

@@ -14,7 +14,6 @@ pub(super) struct Whole {
     pub(super) wide: Part<i64>,
 }
 
-/// Values of arrays of one type.
 #[derive(Default)]
 pub(super) struct Part<T> {
     /// Of the array that a call transfers.
@@ -26,7 +25,6 @@ pub(super) struct Part<T> {
 /// A type of values, with the storage for those of an array.
 pub(super) trait Kept: Copy + Default {
     fn part(whole: &mut Whole) -> &mut Part<Self>;
-    /// A start value as this type.
     fn of(start: &Value) -> Option<Self>;
 }
 impl Kept for f64 {
@@ -74,7 +72,6 @@ pub(super) struct Buffers {
     u64: Vec<u64>,
 }
 
-/// A type with a buffer.
 pub(super) trait Buffered: Copy + Default {
     fn of(buffers: &mut Buffers) -> &mut Vec<Self>;
 }

@@ -49,7 +49,6 @@ impl OpenLog {
         Arc::as_ptr(&self.0).cast_mut().cast()
     }
 
-    /// A warning of the importer.
     pub(super) fn warn(&self, text: String) {
         self.0.push(Message { status: Status::Warning, category: "importer".to_owned(), text });
     }
@@ -105,7 +104,6 @@ fn keep_formatted(environment: *mut c_void, instance: &str, status: RawStatus, c
 
 #[cfg(log_arguments)]
 unsafe extern "C" {
-    /// The logger in `logger.c`.
     fn fmu_import_logger(
         environment: *mut c_void,
         instance: *const c_char,
@@ -116,7 +114,6 @@ unsafe extern "C" {
     );
 }
 
-/// Receives a message from `logger.c`.
 #[cfg(log_arguments)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmu_import_message(
@@ -145,7 +142,6 @@ unsafe extern "C" fn log_format(
     keep_formatted(environment, &instance, status, category, &format.replace("%%", "%"));
 }
 
-/// The logger that FMUs of FMI 2.0 get.
 pub(super) fn logger() -> c_api::Logger {
     #[cfg(log_arguments)]
     return fmu_import_logger;

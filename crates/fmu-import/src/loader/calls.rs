@@ -84,7 +84,6 @@ const fn version(fmi: FmiVersion) -> usize {
 }
 
 impl Function {
-    /// Name of the C function in a version of FMI.
     pub(super) fn name(self, fmi: FmiVersion) -> &'static str {
         NAMES[self as usize][version(fmi)]
     }
@@ -94,7 +93,6 @@ impl Function {
 const LOADING: u64 = 0xff;
 /// Bits of a call that number the function, from 1; the component is above them.
 const FUNCTION_BITS: u32 = 8;
-/// Numbers of the functions of a version.
 const FUNCTIONS: u64 = 127;
 const _: () = assert!(NAMES.len() as u64 <= FUNCTIONS);
 
@@ -186,12 +184,10 @@ impl Board {
         self.pulse();
     }
 
-    /// The component that is loaded or instantiated.
     pub(super) fn current(&self) -> u64 {
         self.get(Word::Component)
     }
 
-    /// Records that the process enters a function of a component.
     pub(super) fn enter(&self, component: u64, function: Function, fmi: FmiVersion) {
         let number = FUNCTIONS * version(fmi) as u64 + function as u64 + 1;
         self.set(Word::Call, component << FUNCTION_BITS | number);
@@ -202,7 +198,6 @@ impl Board {
         self.set(Word::Call, self.current() << FUNCTION_BITS | LOADING);
     }
 
-    /// Records that the process has left the FMU.
     pub(super) fn leave(&self) {
         self.set(Word::Call, 0);
     }

@@ -25,7 +25,6 @@ pub enum LoadError {
 }
 
 impl LoadError {
-    /// The system cannot load a library.
     pub(super) fn of_system(path: &Path, reason: impl std::fmt::Display) -> Self {
         Self::Other(format!("cannot load {}: {reason}", path.display()))
     }
@@ -68,7 +67,6 @@ impl From<RawStatus> for Status {
 }
 
 impl Status {
-    /// Name in the FMI version of a function.
     fn name(self, function: &str) -> String {
         if let Self::Unknown(raw) = self {
             return format!("the unknown status {raw}");

@@ -56,12 +56,10 @@ mod processor {
     const INEXACT_MASK: u64 = 1 << 12;
 
     impl FloatEnvironment {
-        /// Tests whether the inexact exception is masked.
         pub(in super::super) fn allows_inexact(self) -> bool {
             self.0 & INEXACT_MASK != 0
         }
 
-        /// The environment of this thread.
         #[inline]
         pub(in super::super) fn current() -> Self {
             let mut word = 0_u32;
@@ -84,7 +82,6 @@ mod processor {
             }
         }
 
-        /// Names the difference to another environment.
         pub(super) fn difference(self, other: Self) -> &'static str {
             let changed = self.0 ^ other.0;
             if changed & ROUNDING != 0 {
@@ -110,12 +107,10 @@ mod processor {
     const INEXACT_TRAP: u64 = 1 << 12;
 
     impl FloatEnvironment {
-        /// Tests whether the inexact exception is masked.
         pub(in super::super) fn allows_inexact(self) -> bool {
             self.0 & INEXACT_TRAP == 0
         }
 
-        /// The environment of this thread.
         #[inline]
         pub(in super::super) fn current() -> Self {
             let word: u64;
@@ -124,13 +119,11 @@ mod processor {
             Self(word)
         }
 
-        /// Makes it the environment of this thread.
         pub(super) fn set(self) {
             // SAFETY: the word was read from this register.
             unsafe { asm!("msr fpcr, {}", in(reg) self.0, options(nomem, nostack, preserves_flags)) };
         }
 
-        /// Names the difference to another environment.
         pub(super) fn difference(self, other: Self) -> &'static str {
             let changed = self.0 ^ other.0;
             if changed & ROUNDING != 0 {
@@ -150,20 +143,16 @@ mod processor {
     use super::FloatEnvironment;
 
     impl FloatEnvironment {
-        /// Always.
         pub(in super::super) fn allows_inexact(self) -> bool {
             true
         }
 
-        /// Always the same.
         pub(in super::super) fn current() -> Self {
             Self(0)
         }
 
-        /// Nothing to set.
         pub(super) fn set(self) {}
 
-        /// Never called.
         pub(super) fn difference(self, _: Self) -> &'static str {
             "the floating-point environment"
         }

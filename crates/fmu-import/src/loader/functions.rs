@@ -7,7 +7,6 @@ use super::system;
 use crate::c_api;
 use crate::description::{FmiVersion, Interface};
 
-/// The functions of a library, of its version of FMI.
 pub(super) enum Functions {
     V2(v2::Functions),
     V3(v3::Functions),
@@ -144,7 +143,6 @@ macro_rules! table {
                 }
             }
 
-            /// Names of the functions of an interface.
             pub(super) fn names(interface: Interface) -> Vec<&'static str> {
                 let mut names = vec![$($name,)* $($other_name,)*];
                 match interface {

@@ -51,7 +51,6 @@ pub struct Instance {
     pub(super) step_end: StepEnd,
     /// The function that wrote to an array without elements.
     pub(super) overrun: Option<Function>,
-    /// Set when the FMU enters Initialization Mode.
     pub(super) has_entered: bool,
     pub(super) whole: Whole,
     pub(super) buffers: Buffers,
@@ -407,7 +406,6 @@ impl Instance {
         self.failure(Function::DoStep, problem)
     }
 
-    /// C strings and the pointers to them.
     pub(super) fn c_strings(
         &mut self,
         function: Function,

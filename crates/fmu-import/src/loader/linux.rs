@@ -6,7 +6,6 @@ use rustix::process::Pid;
 use std::io;
 use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 
-/// The process in which [`fork`] returns.
 pub(crate) enum Forked {
     /// The process that called it, and the new one.
     Parent(Pid),
@@ -67,11 +66,8 @@ pub(crate) fn filter_calls(filter: &[sock_filter], listens: bool) -> io::Result<
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Waiting {
     id: u64,
-    /// The thread that calls.
     pub(crate) thread: u32,
-    /// Number of the call.
     pub(crate) number: i64,
-    /// Its arguments.
     pub(crate) arguments: [u64; 6],
 }
 
@@ -91,7 +87,6 @@ pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
     Ok(Waiting { id: notice.id, thread: notice.pid, number, arguments: notice.data.args })
 }
 
-/// Blocks SIGTERM, or unblocks it.
 pub(crate) fn hold_termination(holds: bool) {
     let how = if holds { libc::SIG_BLOCK } else { libc::SIG_UNBLOCK };
     // SAFETY: the set is on the stack, and the functions only read and write it.

@@ -29,7 +29,6 @@ impl Instance {
         matches!(data_type, Some(DataType::UInt32 | DataType::Int64 | DataType::UInt64))
     }
 
-    /// Tests for array elements among the variables.
     pub(super) fn has_elements(&self, refs: &[Reference]) -> bool {
         refs.iter().any(|reference| self.signature().element(*reference).is_some())
     }
@@ -127,7 +126,6 @@ impl Instance {
         self.fmi() == FmiVersion::V3 && self.signature().has_special(refs)
     }
 
-    /// Number of elements of variables.
     pub(super) fn elements(&self, refs: &[Reference]) -> usize {
         self.signature().elements(refs)
     }
@@ -349,7 +347,6 @@ impl Instance {
         })
     }
 
-    /// Reads the elements of a variable and converts them.
     fn get_as<S: Buffered, T: Copy>(
         &mut self,
         function: Function,
@@ -383,7 +380,6 @@ impl Instance {
         result
     }
 
-    /// Converts the elements of a variable and writes them.
     fn set_as<S: Buffered, T: Copy>(
         &mut self,
         function: Function,

@@ -20,7 +20,6 @@ impl Instance {
         self.log.environment().addr()
     }
 
-    /// The pointer for a saved state of this instance.
     fn state(&mut self, function: Function, saved: &SavedState) -> Result<c_api::State, CallError> {
         if saved.owner == self.owner()
             && let Some(state) = self.states.get(saved.slot)

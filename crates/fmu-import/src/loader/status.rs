@@ -7,7 +7,6 @@ use super::instance::Instance;
 use crate::c_api;
 use crate::description::FmiVersion;
 
-/// The functions of FMI 2.0.
 fn v2(functions: &Functions) -> Option<&v2::Functions> {
     match functions {
         Functions::V2(functions) => Some(functions),

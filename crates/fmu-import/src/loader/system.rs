@@ -58,7 +58,6 @@ pub fn locale() -> String {
     unsafe { super::strings::text(libc::setlocale(libc::LC_ALL, ptr::null())) }
 }
 
-/// Zeroed memory for an FMU.
 pub(super) fn allocate(count: usize, size: usize) -> *mut c_void {
     // SAFETY: `calloc` has no conditions.
     unsafe { libc::calloc(count, size) }

@@ -57,7 +57,6 @@ pub(super) fn name(id: Pid, program: String) -> String {
     if is_copy { format!("a copy of {program}") } else { program }
 }
 
-/// The group of a process.
 pub(super) fn group(id: i32) -> Option<i32> {
     Status::read(id).map(|status| status.group)
 }

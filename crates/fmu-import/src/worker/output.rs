@@ -16,7 +16,6 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Takes lines that FMUs print, without control characters and without the end of the line.
 pub type Printed = Arc<dyn Fn(&str) + Send + Sync>;
 
-/// Reads the output of a worker in a thread.
 pub(super) struct Output {
     end: Receiver<()>,
 }

@@ -324,7 +324,6 @@ impl Drop for Process {
     }
 }
 
-/// Describes the exit status of a process.
 fn words(status: ExitStatus) -> String {
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {

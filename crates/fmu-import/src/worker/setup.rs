@@ -17,7 +17,6 @@ pub(super) struct Setup {
 
 /// Name of the file of the rules, beside the board.
 const RULES: &str = "setup";
-/// Name of the file of incidents, beside the board.
 const INCIDENTS: &str = "incidents";
 
 impl Setup {
@@ -29,7 +28,6 @@ impl Setup {
         Ok(Incidents { file, position: 0 })
     }
 
-    /// Reads the rules beside a board.
     pub(super) fn read(board: &Path) -> io::Result<Self> {
         Ok(serde_json::from_slice(&std::fs::read(board.with_file_name(RULES))?)?)
     }

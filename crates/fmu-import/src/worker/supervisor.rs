@@ -160,7 +160,6 @@ fn watch(
     }
 }
 
-/// Ends the worker, and all processes that come from it.
 fn end_all(worker: Pid, incidents: &File) {
     // It may have ended already.
     let _ = rustix::process::kill_process(worker, Signal::KILL);

@@ -8,9 +8,7 @@ use super::plant::{Plant, Start};
 
 /// Steps of Newton's method at most.
 const NEWTON_STEPS: usize = 60;
-/// Halvings of a step at most.
 const HALVINGS: usize = 25;
-/// Steps of implicit Euler at most.
 const EULER_STEPS: usize = 200;
 /// Length of the first step of implicit Euler, s.
 const FIRST_STEP: f64 = 1e-2;
@@ -20,7 +18,6 @@ const SINGULAR: f64 = 1e-12;
 /// A row whose elements are all below this share of the largest one consists of rounding errors.
 const ROUNDING: f64 = 1e-14;
 
-/// Result of the solver.
 pub(super) struct Solution {
     /// Largest derivative of a state at rest, relative to its nominal value, 1/s.
     pub(super) residual: f64,
@@ -41,7 +38,6 @@ struct Point {
     x: Vec<f64>,
     inputs: Vec<f64>,
     rates: Vec<f64>,
-    /// Norm of the equations.
     norm: f64,
 }
 
@@ -107,7 +103,6 @@ pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
 }
 
 impl System<'_, '_> {
-    /// Moves to a point.
     fn at(&mut self, x: &[f64], inputs: &[f64]) -> Result<Point, String> {
         self.plant.move_to(x, inputs)?;
         let rates = self.plant.derivatives()?;
@@ -116,7 +111,6 @@ impl System<'_, '_> {
         Ok(Point { x, inputs, rates, norm })
     }
 
-    /// Largest equation.
     fn residual(&self, point: &Point) -> f64 {
         self.equations.iter().map(|i| (point.rates[*i] / self.nominal[*i]).abs()).fold(0.0, f64::max)
     }

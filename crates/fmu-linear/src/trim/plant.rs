@@ -13,15 +13,12 @@ const ATTEMPTS: usize = 8;
 /// Largest error of the value that a calculated state gets by its parameter, relative to its nominal value.
 const REACHED: f64 = 1e-9;
 
-/// A continuous state.
 #[derive(Debug, Clone)]
 pub(super) struct State {
-    /// Index of its variable.
     pub(super) variable: usize,
     pub(super) nominal: f64,
     /// Source of its start value.
     pub(super) start: Start,
-    /// The value that it keeps.
     pub(super) held: Option<f64>,
     /// True if it integrates others, and no state at rest depends on it.
     pub(super) drifts: bool,
@@ -58,7 +55,6 @@ fn range(description: &ModelDescription, variable: &Variable) -> [f64; 2] {
     [low.max(-turn), high.min(turn)]
 }
 
-/// Source of the start value of a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
     /// Its own start value.
@@ -69,7 +65,6 @@ pub(super) enum Start {
     Calculated,
 }
 
-/// An FMU with states.
 pub(super) struct Plant<'a> {
     description: &'a ModelDescription,
     request: &'a Request,
@@ -155,7 +150,6 @@ impl<'a> Plant<'a> {
         (self.x.clone(), self.inputs.clone(), parameters)
     }
 
-    /// Nominal value of a group of free inputs.
     pub(super) fn nominal_of_input(&self, group: usize) -> f64 {
         let first = self.request.free[group].first();
         let nominal = first.and_then(|index| self.description.variables[*index].nominal).map(f64::abs);
@@ -232,7 +226,6 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// Derivatives of all states.
     pub(super) fn derivatives(&mut self) -> Result<Vec<f64>, String> {
         let mut values = vec![0.0; self.derivatives.len()];
         self.call(|instance, derivatives| instance.get_real(derivatives, &mut values))?;
@@ -359,7 +352,6 @@ impl<'a> Plant<'a> {
         Ok(())
     }
 
-    /// Finds the states that only integrate others.
     fn find_drifting(&mut self) -> Result<(), String> {
         let n = self.states.len();
         let depends = self.dependencies()?;

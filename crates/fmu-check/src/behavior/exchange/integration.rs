@@ -7,7 +7,6 @@ use crate::{Finding, MODEL_EXCHANGE, Topic};
 use fmu_import::loader::{CallProblem, Instance, Status};
 use std::time::Instant;
 
-/// Steps of an integration.
 const STEPS: usize = 40;
 /// Largest number of parts of a step, if the solution is not finite with fewer, or the FMU asks for shorter ones.
 /// Stiff equations, which need millions of them, are integrated over a part of the time.
@@ -173,7 +172,6 @@ impl Exchange<'_> {
         Ok(End { states, time, is_cut: false })
     }
 
-    /// Takes a step of the classical Runge-Kutta method.
     fn advance(&self, instance: &mut Instance, time: f64, states: &[f64], h: f64) -> CheckResult<Vec<f64>> {
         let moved = |slope: &[f64], h: f64| -> Vec<f64> { states.iter().zip(slope).map(|(x, k)| x + h * k).collect() };
         let mut slope = |time: f64, states: &[f64]| {
@@ -190,18 +188,15 @@ impl Exchange<'_> {
     }
 }
 
-/// Time span of an integration.
 struct Span {
     /// Start and declared stop, s.
     start: f64,
     stop: Option<f64>,
-    /// Parts of a step.
     parts: usize,
     /// Number of parts in all.
     count: usize,
 }
 
-/// The end of an integration.
 pub(super) struct End {
     states: Vec<f64>,
     /// Time, s.

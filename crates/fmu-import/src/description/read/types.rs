@@ -7,14 +7,12 @@ use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A type definition.
 pub(super) struct Type<'a> {
     element: &'a Element,
     data_type: DataType,
     items: Arc<[Item]>,
 }
 
-/// Type definitions by name.
 pub(super) type Types<'a> = HashMap<&'a str, Type<'a>>;
 
 impl<'a> Type<'a> {
@@ -25,7 +23,6 @@ impl<'a> Type<'a> {
     }
 }
 
-/// Name and value reference of a variable.
 pub(super) fn identity(element: &Element) -> Result<(String, Reference), XmlError> {
     let name = bounded(element, "name", MAX_NAME)?.to_string();
     match element.parsed("valueReference", "a whole number from 0")? {

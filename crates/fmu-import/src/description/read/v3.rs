@@ -40,7 +40,6 @@ struct VariableReader<'a> {
 }
 
 impl<'a> VariableReader<'a> {
-    /// Adds a variable and its aliases.
     fn add(&mut self, element: &'a Element, data_type: DataType, types: &Types<'_>) -> Result<(), XmlError> {
         let (name, reference) = types::identity(element)?;
         let index = self.variables.list.len();
@@ -159,7 +158,6 @@ impl<'a> VariableReader<'a> {
             .collect()
     }
 
-    /// Start value of a structural parameter.
     fn length(&self, element: &Element, parameter: usize) -> Result<usize, XmlError> {
         let written = self.elements[parameter].parsed("start", "a whole number from 0")?;
         written.ok_or_else(|| {

@@ -16,7 +16,6 @@ unsafe extern "C" {
     fn open_library(name: *const u8, length: usize) -> usize;
     /// Index of a function in the table. 0: the module does not export it, or no importer calls it.
     fn find_function(library: usize, name: *const u8, length: usize) -> usize;
-    /// Drops an instance.
     fn close_library(library: usize);
 }
 
@@ -35,7 +34,6 @@ fn function(library: &Library, name: &str) -> usize {
     unsafe { find_function(library.0, name.as_ptr(), name.len()) }
 }
 
-/// Makes an instance of a module.
 pub(super) fn open(path: &Path) -> Result<Library, String> {
     let name = path.to_string_lossy();
     // SAFETY: the host reads the name and keeps nothing.
@@ -63,7 +61,6 @@ pub(super) fn exports(library: &Library, name: &str) -> bool {
     function(library, name) != 0
 }
 
-/// Returns true if a module has a symbol.
 pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
     library.is_some_and(|library| exports(library, symbol))
 }

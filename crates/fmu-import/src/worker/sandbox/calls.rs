@@ -46,7 +46,6 @@ pub(super) enum Kind {
 }
 use Kind::{Attributes, AttributesOfOpen, Change, Network, Open, Other, Program, Schedule, Signal, SignalByDescriptor};
 
-/// A restricted call.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Call {
     pub(super) number: c_long,
@@ -87,7 +86,6 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
     None
 }
 
-/// The restricted calls.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 pub(super) fn restricted() -> Option<Vec<Call>> {
     // Numbers without a name in the C libraries that programs are built with.
@@ -177,12 +175,10 @@ const fn upper(argument: usize) -> u32 {
     lower(argument) + 4
 }
 
-/// Loads a word.
 fn load(offset: u32) -> sock_filter {
     statement(libc::BPF_LD | libc::BPF_W | libc::BPF_ABS, offset)
 }
 
-/// Ends with an action.
 fn finish(action: u32) -> sock_filter {
     statement(libc::BPF_RET | libc::BPF_K, action)
 }

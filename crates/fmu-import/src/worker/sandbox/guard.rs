@@ -28,7 +28,6 @@ const MAX_LINKS: usize = 40;
 /// Longest path, bytes (`PATH_MAX`).
 const MAX_PATH: usize = 4096;
 
-/// Sends the listener of a filter to the supervisor.
 pub(super) fn hand_over(supervisor: &UnixStream, listener: &OwnedFd, has_landlock: bool) -> io::Result<()> {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
     let mut message = SendAncillaryBuffer::new(&mut space);
@@ -38,11 +37,9 @@ pub(super) fn hand_over(supervisor: &UnixStream, listener: &OwnedFd, has_landloc
     Ok(())
 }
 
-/// Answers the calls of a worker.
 pub(in super::super) struct Guard {
     listener: OwnedFd,
     calls: HashMap<i64, Call>,
-    /// Folders and files that may be written to.
     writable: Vec<PathBuf>,
     /// True if the kernel decides about files, too.
     has_landlock: bool,
@@ -50,7 +47,6 @@ pub(in super::super) struct Guard {
     noted: HashSet<Incident>,
 }
 
-/// The decision about a call.
 enum Decision {
     /// The kernel carries it out, within the limits of Landlock.
     GoesOn,
@@ -89,7 +85,6 @@ impl Guard {
         self.listener.as_fd()
     }
 
-    /// Decides about the next call.
     pub(in super::super) fn decide(&mut self, incidents: &File) {
         let Ok(waiting) = linux::next_call(self.listener()) else { return };
         let decision = match self.calls.get(&waiting.number) {
@@ -241,7 +236,6 @@ fn family_name(family: i32) -> String {
     }
 }
 
-/// The waiting thread.
 struct Caller<'a>(&'a Waiting);
 
 impl Caller<'_> {
@@ -255,14 +249,12 @@ impl Caller<'_> {
         File::open(format!("/proc/{}/mem", self.0.thread)).ok()
     }
 
-    /// The integer that an argument points to.
     fn word(&self, argument: usize) -> Option<i32> {
         let mut bytes = [0; 4];
         self.memory()?.read_exact_at(&mut bytes, self.0.arguments[argument]).ok()?;
         Some(i32::from_ne_bytes(bytes))
     }
 
-    /// The string that an argument points to.
     fn text(&self, argument: usize) -> Option<OsString> {
         let memory = self.memory()?;
         let mut text = Vec::new();
@@ -281,7 +273,6 @@ impl Caller<'_> {
         None
     }
 
-    /// The path of an open file.
     fn open_file(&self, descriptor: i32) -> Option<PathBuf> {
         self.link(&match descriptor {
             libc::AT_FDCWD => "cwd".to_owned(),
@@ -333,12 +324,10 @@ impl Caller<'_> {
         Some(real.map_err(|error| error.raw_os_error().unwrap_or(libc::EACCES)))
     }
 
-    /// Number of the process group.
     fn group(&self) -> Option<i32> {
         family::group(i32::try_from(self.0.thread).ok()?)
     }
 
-    /// The process that a descriptor is of.
     fn process_of(&self, descriptor: i32) -> Option<i32> {
         let text = std::fs::read_to_string(format!("/proc/{}/fdinfo/{descriptor}", self.0.thread)).ok()?;
         text.lines().find_map(|line| line.strip_prefix("Pid:"))?.trim().parse().ok()
