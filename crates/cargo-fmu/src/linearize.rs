@@ -79,22 +79,12 @@ impl Arguments {
     }
 }
 
-#[derive(Clone, Copy)]
-enum Format {
-    Json,
-    Csv,
-    Mat,
-    Html,
-}
-
-fn format(path: &Path) -> Result<Format> {
-    match path.extension().and_then(|extension| extension.to_str()) {
-        Some("json") => Ok(Format::Json),
-        Some("csv") => Ok(Format::Csv),
-        Some("mat") => Ok(Format::Mat),
-        Some("html") => Ok(Format::Html),
-        _ => Err(miette!("--out {}: expected a name that ends in .json, .csv, .mat or .html", path.display())),
-    }
+/// Extension of a file, which selects its format.
+fn format(path: &Path) -> Result<&str> {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension
+        .filter(|extension| ["json", "csv", "mat", "html"].contains(extension))
+        .ok_or_else(|| miette!("--out {}: expected a name that ends in .json, .csv, .mat or .html", path.display()))
 }
 
 /// Prints the modes of the linear model, and writes files.
@@ -122,10 +112,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let pairs = page::pairs(&model, &arguments.bode)?;
     for (path, format) in arguments.out.iter().zip(formats) {
         let bytes = match format {
-            Format::Json => format!("{:#}\n", files::json(&model)).into_bytes(),
-            Format::Csv => files::csv(&model).into_bytes(),
-            Format::Mat => files::mat(&model),
-            Format::Html => page::page(&model, &pairs, &arguments.command())?.into_bytes(),
+            "json" => format!("{:#}\n", files::json(&model)).into_bytes(),
+            "csv" => files::csv(&model).into_bytes(),
+            "mat" => files::mat(&model),
+            _ => page::page(&model, &pairs, &arguments.command())?.into_bytes(),
         };
         write_whole(path, &bytes)?;
     }

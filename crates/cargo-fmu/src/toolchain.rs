@@ -71,9 +71,9 @@ pub(crate) fn in_use() -> Option<PathBuf> {
     output(&rustc(), &["--print", "sysroot"]).map(|root| PathBuf::from(root.trim_end()))
 }
 
-/// True if a program is on the PATH and succeeds with this argument.
-pub(crate) fn runs(program: &str, argument: &str) -> bool {
-    output(OsStr::new(program), &[argument]).is_some()
+/// True if a program is there and succeeds with these arguments.
+pub(crate) fn runs(program: impl AsRef<OsStr>, arguments: &[&str]) -> bool {
+    output(program.as_ref(), arguments).is_some()
 }
 
 fn rustc() -> std::ffi::OsString {

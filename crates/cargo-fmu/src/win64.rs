@@ -22,7 +22,7 @@ const LINKER: &str = "x86_64-w64-mingw32-gcc";
 /// Something is missing; the message names it, the places searched, and the way to install it.
 pub(crate) fn builder() -> Result<Builder> {
     let mut missing = Vec::new();
-    if !toolchain::runs(LINKER, "--version") {
+    if !toolchain::runs(LINKER, &["--version"]) {
         missing.push(format!("the linker {LINKER} is not on the PATH"));
     }
     let is_named = std::env::var_os(Platform::Win64.variable()).is_some();

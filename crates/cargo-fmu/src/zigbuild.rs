@@ -2,7 +2,6 @@
 //! others.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use miette::{Result, miette};
 
@@ -91,7 +90,7 @@ fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
     let mut without_zig = None;
     for folder in folders {
         let program = folder.join(PROGRAM);
-        if !program.is_file() || !succeeds(Command::new(&program).arg("--version")) {
+        if !program.is_file() || !toolchain::runs(&program, &["--version"]) {
             continue;
         }
         let python = Some(folder.join("python3")).filter(|python| has_ziglang(python));
@@ -107,16 +106,12 @@ fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
 }
 
 fn has_ziglang(python: &Path) -> bool {
-    python.is_file() && succeeds(Command::new(python).args(["-m", "ziglang", "version"]))
+    python.is_file() && toolchain::runs(python, &["-m", "ziglang", "version"])
 }
 
 /// True if cargo-zigbuild finds zig by itself. The places are in the order of its search.
 fn has_zig() -> bool {
     let named = |variable: &str, program: &str| std::env::var_os(variable).unwrap_or_else(|| program.into());
-    succeeds(Command::new(named(PYTHON, "python3")).args(["-m", "ziglang", "version"]))
-        || succeeds(Command::new(named("CARGO_ZIGBUILD_ZIG_PATH", "zig")).arg("version"))
-}
-
-fn succeeds(command: &mut Command) -> bool {
-    command.output().is_ok_and(|output| output.status.success())
+    toolchain::runs(named(PYTHON, "python3"), &["-m", "ziglang", "version"])
+        || toolchain::runs(named("CARGO_ZIGBUILD_ZIG_PATH", "zig"), &["version"])
 }

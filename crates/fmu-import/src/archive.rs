@@ -9,7 +9,7 @@ use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
 use std::collections::HashSet;
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, BufRead as _, BufReader, Read, Seek, Write as _};
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
@@ -251,12 +251,21 @@ impl<R: Read + Seek> Archive<R> {
             let mut output = File::create_new(&target).map_err(at(&target))?;
             // The size in the archive may be wrong, so the unpacked bytes are counted.
             let stated = entry.size();
-            let mut source = Source { entry: entry.take(stated.saturating_add(1)), failure: None };
-            let copied = io::copy(&mut source, &mut output);
-            if let Some(cause) = source.failure {
-                return Err(unreadable(&self.path, name, cause));
+            let mut source = BufReader::with_capacity(1 << 16, entry.take(stated.saturating_add(1)));
+            let mut copied = 0;
+            loop {
+                let bytes = match source.fill_buf() {
+                    Ok([]) => break,
+                    Ok(bytes) => bytes,
+                    Err(cause) if cause.kind() == io::ErrorKind::Interrupted => continue,
+                    Err(cause) => return Err(unreadable(&self.path, name, cause)),
+                };
+                output.write_all(bytes).map_err(at(&target))?;
+                let count = bytes.len();
+                copied += count as u64;
+                source.consume(count);
             }
-            if copied.map_err(at(&target))? != stated {
+            if copied != stated {
                 return Err(other_size(&self.path, &format!("the entry `{name}`"), stated));
             }
         }
@@ -302,24 +311,6 @@ fn is_whole(library: &Path) -> io::Result<bool> {
     let Ok(library) = object::File::parse(&content) else { return Ok(false) };
     let is_there = |(offset, size): (u64, u64)| offset.checked_add(size).is_some_and(|end| end <= length);
     Ok(library.segments().all(|segment| is_there(segment.file_range())))
-}
-
-/// Reads an entry and keeps a read error, which `io::copy` does not distinguish from a write error such as a full disk.
-struct Source<R> {
-    entry: R,
-    failure: Option<io::Error>,
-}
-
-impl<R: Read> Read for Source<R> {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        self.entry.read(bytes).map_err(|cause| {
-            let kind = cause.kind();
-            if kind != io::ErrorKind::Interrupted {
-                self.failure = Some(cause);
-            }
-            kind.into()
-        })
-    }
 }
 
 /// Checks the unpacked size of each entry and of all entries. `Err`: the size and the limit that it exceeds.

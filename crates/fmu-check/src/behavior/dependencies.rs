@@ -252,7 +252,7 @@ impl Search<'_> {
         let kept = values::read(instance, variable)?;
         for value in values::changes(variable, &kept) {
             // Rejected, perhaps because it is outside of the limits: proves nothing.
-            if values::write(instance, variable, &value).is_err() {
+            if instance.set_value(variable.reference, &value).is_err() {
                 continue;
             }
             self.read += before.len();
@@ -263,7 +263,7 @@ impl Search<'_> {
                 }
             }
         }
-        values::write(instance, variable, &kept)?;
+        instance.set_value(variable.reference, &kept)?;
         trial.values(instance, &self.variables).map(drop)
     }
 

@@ -59,7 +59,7 @@ impl Trial<'_> {
         let is_rejected = |i: &usize| {
             let variable = self.variable(*i);
             let others = variable.start.as_ref().map_or(Vec::new(), |start| others(variable, start));
-            !others.is_empty() && !others.iter().any(|value| write(instance, variable, value).is_ok())
+            !others.is_empty() && !others.iter().any(|value| instance.set_value(variable.reference, value).is_ok())
         };
         variables.iter().copied().filter(is_rejected).collect()
     }
@@ -150,8 +150,4 @@ pub(super) fn has_starts(variable: &Variable) -> bool {
 /// The value of a scalar.
 pub(super) fn read(instance: &mut Instance, variable: &Variable) -> CheckResult<Value> {
     instance.get_values(variable).map(|mut values| values.remove(0))
-}
-
-pub(super) fn write(instance: &mut Instance, variable: &Variable, value: &Value) -> CheckResult<()> {
-    instance.set_value(variable.reference, value)
 }

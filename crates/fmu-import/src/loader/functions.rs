@@ -98,18 +98,20 @@ macro_rules! table {
     (
         required { $($field:ident: $type:ty = $name:literal,)* }
         optional { $($other:ident: $other_type:ty = $other_name:literal,)* }
-        co_simulation { needed { $($cs:ident: $cs_type:ty = $cs_name:literal,)* } $($cs2:ident: $cs2_type:ty = $cs2_name:literal,)* }
-        model_exchange { needed { $($me:ident: $me_type:ty = $me_name:literal,)* } $($me2:ident: $me2_type:ty = $me2_name:literal,)* }
+        $($interface:ident {
+            needed { $($need:ident: $need_type:ty = $need_name:literal,)* }
+            $($more:ident: $more_type:ty = $more_name:literal,)*
+        })*
     ) => {
         /// The functions of a library. Those that an importer needs are required; the others are missing from many FMUs
         /// although the standard requires them. Those of the other interface are never there.
         pub(in super::super) struct Functions {
             $(pub(in super::super) $field: $type,)*
             $(pub(in super::super) $other: Option<$other_type>,)*
-            $(pub(in super::super) $cs: Option<$cs_type>,)*
-            $(pub(in super::super) $cs2: Option<$cs2_type>,)*
-            $(pub(in super::super) $me: Option<$me_type>,)*
-            $(pub(in super::super) $me2: Option<$me2_type>,)*
+            $(
+                $(pub(in super::super) $need: Option<$need_type>,)*
+                $(pub(in super::super) $more: Option<$more_type>,)*
+            )*
         }
 
         impl Functions {
@@ -119,35 +121,28 @@ macro_rules! table {
                 library: &crate::loader::system::Library,
                 interface: Interface,
             ) -> Result<Self, &'static str> {
-                let (is_co_simulation, is_model_exchange) = match interface {
-                    Interface::CoSimulation => (true, false),
-                    Interface::ModelExchange => (false, true),
-                };
+                use crate::loader::system::symbol;
                 // SAFETY: promised by the caller.
-                unsafe {
-                    let functions = Self {
-                        $($field: crate::loader::system::symbol::<$type>(library, $name).ok_or($name)?,)*
-                        $($other: crate::loader::system::symbol::<$other_type>(library, $other_name),)*
-                        $($cs: crate::loader::system::symbol::<$cs_type>(library, $cs_name).filter(|_| is_co_simulation),)*
-                        $($cs2: crate::loader::system::symbol::<$cs2_type>(library, $cs2_name).filter(|_| is_co_simulation),)*
-                        $($me: crate::loader::system::symbol::<$me_type>(library, $me_name).filter(|_| is_model_exchange),)*
-                        $($me2: crate::loader::system::symbol::<$me2_type>(library, $me2_name).filter(|_| is_model_exchange),)*
-                    };
-                    $(if is_co_simulation && functions.$cs.is_none() {
-                        return Err($cs_name);
-                    })*
-                    $(if is_model_exchange && functions.$me.is_none() {
-                        return Err($me_name);
-                    })*
-                    Ok(functions)
-                }
+                let functions = unsafe {
+                    Self {
+                        $($field: symbol::<$type>(library, $name).ok_or($name)?,)*
+                        $($other: symbol::<$other_type>(library, $other_name),)*
+                        $(
+                            $($need: symbol::<$need_type>(library, $need_name).filter(|_| interface == Interface::$interface),)*
+                            $($more: symbol::<$more_type>(library, $more_name).filter(|_| interface == Interface::$interface),)*
+                        )*
+                    }
+                };
+                $($(if interface == Interface::$interface && functions.$need.is_none() {
+                    return Err($need_name);
+                })*)*
+                Ok(functions)
             }
 
             pub(super) fn names(interface: Interface) -> Vec<&'static str> {
                 let mut names = vec![$($name,)* $($other_name,)*];
                 match interface {
-                    Interface::CoSimulation => names.extend([$($cs_name,)* $($cs2_name,)*]),
-                    Interface::ModelExchange => names.extend([$($me_name,)* $($me2_name,)*]),
+                    $(Interface::$interface => names.extend([$($need_name,)* $($more_name,)*]),)*
                 }
                 names
             }

@@ -38,7 +38,7 @@ table! {
         deserialize_state: c_api::DeserializeState = "fmi2DeSerializeFMUstate",
         get_directional_derivative: c_api::GetDirectionalDerivative = "fmi2GetDirectionalDerivative",
     }
-    co_simulation {
+    CoSimulation {
         needed {
             do_step: c_api::DoStep = "fmi2DoStep",
         }
@@ -48,7 +48,7 @@ table! {
         get_real_status: c_api::GetStatus<f64> = "fmi2GetRealStatus",
         get_boolean_status: c_api::GetStatus<c_api::Boolean> = "fmi2GetBooleanStatus",
     }
-    model_exchange {
+    ModelExchange {
         needed {
             set_time: c_api::SetTime = "fmi2SetTime",
             set_continuous_states: c_api::SetNumbers = "fmi2SetContinuousStates",

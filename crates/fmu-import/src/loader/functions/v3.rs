@@ -73,14 +73,14 @@ table! {
         get_directional_derivative: v3::GetDerivative = "fmi3GetDirectionalDerivative",
         get_adjoint_derivative: v3::GetDerivative = "fmi3GetAdjointDerivative",
     }
-    co_simulation {
+    CoSimulation {
         needed {
             instantiate_co_simulation: v3::InstantiateCoSimulation = "fmi3InstantiateCoSimulation",
             do_step: v3::DoStep = "fmi3DoStep",
         }
         get_output_derivatives: v3::GetOutputDerivatives = "fmi3GetOutputDerivatives",
     }
-    model_exchange {
+    ModelExchange {
         needed {
             instantiate_model_exchange: v3::InstantiateModelExchange = "fmi3InstantiateModelExchange",
             set_time: c_api::SetTime = "fmi3SetTime",
