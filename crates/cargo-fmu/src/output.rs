@@ -52,7 +52,6 @@ fn write_raw(bytes: &[u8]) {
 }
 
 /// A word for a POSIX shell, as Python's `shlex.quote` writes it.
-#[must_use]
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "@%+=:,./-_".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

@@ -108,7 +108,6 @@ pub fn to_terminal() -> Lines {
 
 impl Options {
     /// The options that differ from the defaults, with their values; a flag has none.
-    #[must_use]
     pub fn given(&self) -> Vec<(&'static str, Option<String>)> {
         let mut given = Vec::new();
         if self.timeout != DEFAULT_TIMEOUT {
@@ -131,7 +130,6 @@ impl Options {
     }
 
     /// Time limit for a step.
-    #[must_use]
     pub fn timeout(&self) -> Duration {
         self.timeout
     }

@@ -242,7 +242,6 @@ pub fn check(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
 
 /// Checks an FMU without running it: the model description against the rules of its version of FMI, and whether libraries,
 /// for any platform, export all functions.
-#[must_use]
 pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
     let mut findings = Vec::new();
     let parsed = match ModelDescription::parse(description) {

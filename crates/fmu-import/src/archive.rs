@@ -58,13 +58,11 @@ fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 ///
 /// FMI 2.0 names only 32 and 64 bit x86 on Windows and Linux, and 64 bit macOS; other machines use
 /// the names of FMI 3.0, as fmpy does.
-#[must_use]
 pub fn platform() -> &'static str {
     platform_of(FmiVersion::V2)
 }
 
 /// Name of the platform this program runs on in a version of FMI.
-#[must_use]
 pub fn platform_of(fmi: FmiVersion) -> &'static str {
     let [v2, v3] = match (std::env::consts::OS, std::env::consts::ARCH) {
         ("linux", "x86_64") => ["linux64", "x86_64-linux"],
@@ -137,7 +135,6 @@ impl<R: Read + Seek> Archive<R> {
 
     /// Names of entries that are separated by backslashes, which zip archives must not have (APPNOTE 6.3.10, section 4.4.17.1).
     /// They are read as if they were slashes.
-    #[must_use]
     pub fn names_with_backslashes(&self) -> Vec<String> {
         let names = self.zip.file_names().filter_map(|name| Some(name.ok()?.to_string()));
         names.filter(|name| name.contains('\\')).collect()
@@ -198,7 +195,6 @@ impl<R: Read + Seek> Archive<R> {
     }
 
     /// Platforms the archive has binaries for, sorted.
-    #[must_use]
     pub fn platforms(&self) -> Vec<String> {
         let mut platforms: Vec<String> = self
             .names

@@ -206,7 +206,6 @@ pub enum DataType {
 
 impl DataType {
     /// The base type; `None` for a Binary or a Clock.
-    #[must_use]
     pub fn base_type(self) -> Option<BaseType> {
         match self {
             Self::Float32 | Self::Float64 => Some(BaseType::Real),
@@ -248,7 +247,6 @@ pub enum Value {
 
 impl Value {
     /// Base type of the value.
-    #[must_use]
     pub fn base_type(&self) -> BaseType {
         match self {
             Self::Real(_) => BaseType::Real,
@@ -259,7 +257,6 @@ impl Value {
     }
 
     /// The value as XML and command lines have it: a String without quotes.
-    #[must_use]
     pub fn text(&self) -> String {
         if let Self::String(text) = self { text.clone() } else { self.to_string() }
     }
@@ -362,14 +359,12 @@ pub struct OpaqueVariable {
 
 impl Variable {
     /// Returns true if it is an array.
-    #[must_use]
     pub fn is_array(&self) -> bool {
         !self.dimensions.is_empty()
     }
 
     /// Names of the elements in the order of their values: `x`, or `x[1]`, `x[2]` and so on for an array, `x[1,1]` for one of
     /// several dimensions.
-    #[must_use]
     pub fn elements(&self) -> Vec<String> {
         if !self.is_array() {
             return vec![self.name.clone()];
@@ -388,7 +383,6 @@ impl Variable {
     }
 
     /// Range of the values of its type, if it is an Integer. That of a `UInt64` ends at the largest `Int64`.
-    #[must_use]
     pub fn integers(&self) -> RangeInclusive<i64> {
         match self.data_type {
             DataType::Int8 => i8::MIN.into()..=i8::MAX.into(),
@@ -404,14 +398,12 @@ impl Variable {
     }
 
     /// Returns true if the description has a start value.
-    #[must_use]
     pub fn has_start(&self) -> bool {
         self.start.is_some() || !self.starts.is_empty() || self.other_start.is_some()
     }
 
     /// Returns the property of this output and that of an input that prevent a connection; `None` if they can be
     /// connected. The base types must be the same, and the units of measure where both have one.
-    #[must_use]
     pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
         if self.is_array() || input.is_array() {
             let shape = |variable: &Self| match variable.is_array() {
@@ -431,7 +423,6 @@ impl Variable {
 
     /// Returns the property of this parameter and that of a parameter of another FMU that prevent the same value; `None`
     /// if it fits. Base type and unit of measure must be the same.
-    #[must_use]
     pub fn mismatch_of_parameter(&self, other: &Self) -> Option<[String; 2]> {
         let unit =
             |variable: &Self| variable.unit.as_ref().map_or("without a unit".into(), |unit| format!("in {unit}"));
@@ -461,32 +452,27 @@ pub struct Unknown {
 
 impl ModelDescription {
     /// The variable of that name.
-    #[must_use]
     pub fn variable(&self, name: &str) -> Option<&Variable> {
         self.index(name).map(|i| &self.variables[i])
     }
 
     /// Index into [`Self::variables`] of the variable of that name.
-    #[must_use]
     pub fn index(&self, name: &str) -> Option<usize> {
         self.by_name.get(name).copied()
     }
 
     /// Number of continuous states, elements of arrays counted.
-    #[must_use]
     pub fn number_of_states(&self) -> usize {
         self.derivatives.iter().map(|unknown| self.variables[unknown.variable].size).sum()
     }
 
     /// The interfaces of the FMU that an instance can be made for.
-    #[must_use]
     pub fn interfaces(&self) -> Vec<Interface> {
         let interfaces = [Interface::CoSimulation, Interface::ModelExchange];
         interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
     }
 
     /// The capabilities of an interface; `None` if the FMU lacks it.
-    #[must_use]
     pub fn interface(&self, interface: Interface) -> Option<&Capabilities> {
         match interface {
             Interface::CoSimulation => self.co_simulation.as_ref(),
@@ -495,19 +481,16 @@ impl ModelDescription {
     }
 
     /// File stem of the binary for an interface; `None` if the FMU lacks the interface.
-    #[must_use]
     pub fn model_identifier(&self, interface: Interface) -> Option<&str> {
         self.interface(interface).map(|unit| unit.model_identifier.as_str())
     }
 
     /// The unit definition of that name.
-    #[must_use]
     pub fn unit(&self, name: &str) -> Option<&Unit> {
         self.units_by_name.get(name).map(|&i| &self.units[i])
     }
 
     /// The units a variable can be shown in; the offset is 0 for a relative quantity.
-    #[must_use]
     pub fn display_units(&self, variable: &Variable) -> Vec<DisplayUnit> {
         let mut units = variable
             .unit

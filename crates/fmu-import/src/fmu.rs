@@ -43,7 +43,6 @@ pub struct Binary {
 
 impl Binary {
     /// A binary that the host of this program provides under the name `library`: see `loader/system/wasm.rs`.
-    #[must_use]
     pub fn of_host(fmu: PathBuf, description: &ModelDescription, library: PathBuf, interface: Interface) -> Self {
         Self {
             fmu,
@@ -76,7 +75,6 @@ impl Binary {
     }
 
     /// Returns true if the library calls Python without linking to it.
-    #[must_use]
     pub fn needs_python(&self) -> bool {
         crate::python::undefined_symbol(&self.library).is_some()
     }
@@ -154,19 +152,16 @@ impl Fmu {
     }
 
     /// Its binary, for another process.
-    #[must_use]
     pub fn binary(&self) -> &Binary {
         &self.0.binary
     }
 
     /// Its description.
-    #[must_use]
     pub fn description(&self) -> &ModelDescription {
         &self.0.description
     }
 
     /// The file it was opened from.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.0.binary.fmu
     }

@@ -9,7 +9,6 @@ use crate::description::{BaseType, Variable};
 impl Variable {
     /// The values of an Integer or Enumeration variable that have a name, in the order of the description; empty if the
     /// variable has none.
-    #[must_use]
     pub fn named_values(&self) -> Vec<(i32, &str)> {
         if !self.items.is_empty() {
             return self.items.iter().map(|item| (item.value, item.name.as_str())).collect();
@@ -22,7 +21,6 @@ impl Variable {
 }
 
 /// `straight (0), ramp_step (1)`: the named values of a message.
-#[must_use]
 pub fn listed(values: &[(i32, &str)]) -> String {
     let values: Vec<String> = values.iter().map(|(value, name)| format!("{name} ({value})")).collect();
     values.join(", ")

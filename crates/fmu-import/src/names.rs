@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 /// "did you mean" for the nearest of some names, if one is near. The case of letters does not matter.
-#[must_use]
 pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     // A third of the letters may be wrong: enough for slips, too little for chance hits. One letter says nothing of another.
     let limit = (name.chars().count() / 3).max(usize::from(name.chars().count() > 1));
@@ -20,7 +19,6 @@ pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>)
 }
 
 /// As [`suggestion`]; without a near name, the names that share most words with it.
-#[must_use]
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + Clone) -> Option<String> {
     const SHOWN: usize = 4;
     // Two letters are shared by chance.
@@ -44,7 +42,6 @@ pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + C
 }
 
 /// `rad`, or `one of rad, deg`: the expected names in a message.
-#[must_use]
 pub fn any_of(names: &[&str]) -> String {
     match names {
         [name] => (*name).to_owned(),

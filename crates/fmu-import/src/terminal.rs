@@ -34,19 +34,16 @@ fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
 }
 
 /// The text with all control characters but line feeds and tabs made visible.
-#[must_use]
 pub fn escaped(text: &str) -> Cow<'_, str> {
     replaced(text, |c| is_control(c) && !matches!(c, '\n' | '\t'))
 }
 
 /// The text as one line: line feeds and tabs are made visible, too.
-#[must_use]
 pub fn line(text: &str) -> Cow<'_, str> {
     replaced(text, is_control)
 }
 
 /// The text of several lines, those after the first indented, so that none looks like a line of this program.
-#[must_use]
 pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
     match escaped(text) {
         Cow::Borrowed(text) if !text.contains('\n') => Cow::Borrowed(text),
@@ -55,7 +52,6 @@ pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
 }
 
 /// Returns true if the text has control characters.
-#[must_use]
 pub fn is_unsafe(text: &str) -> bool {
     text.contains(is_control)
 }

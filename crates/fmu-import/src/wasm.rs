@@ -7,7 +7,6 @@
 pub const FOLDER: &str = "wasm32-unknown-unknown";
 
 /// Path of the module in an archive.
-#[must_use]
 pub fn entry(model_identifier: &str) -> String {
     format!("binaries/{FOLDER}/{model_identifier}.wasm")
 }
@@ -35,7 +34,6 @@ pub struct Names {
 
 impl Names {
     /// Reads them; `None` if the bytes are not a module.
-    #[must_use]
     pub fn read(module: &[u8]) -> Option<Self> {
         let mut rest = Bytes(module.strip_prefix(HEADER)?);
         let mut names = Self::default();

@@ -48,7 +48,6 @@ pub struct SteadyState {
 
 impl SteadyState {
     /// The start values as text that [`linearize`](crate::linearize::linearize()) takes.
-    #[must_use]
     pub fn settings(&self) -> Vec<(String, String)> {
         self.starts.iter().map(|(name, value)| (name.clone(), value.text())).collect()
     }
@@ -157,7 +156,6 @@ impl Request {
     }
 
     /// Creates the request of a scenario: all inputs are given, and a plant with the state `vehicle.speed` holds it.
-    #[must_use]
     pub fn of_inputs(description: &ModelDescription, given: Vec<(usize, Value)>, time: f64) -> Self {
         let speed = description.index(SPEED[0]).filter(|speed| states(description).any(|state| state == *speed));
         Self { given, held: speed.map(|speed| (speed, None)).into_iter().collect(), free: Vec::new(), time }

@@ -25,7 +25,6 @@ pub struct ArrayElement {
 
 impl ModelDescription {
     /// The first and the last element of the array of that name, after [`Self::with_elements`].
-    #[must_use]
     pub fn elements_of(&self, array: &str) -> Option<[&Variable; 2]> {
         let is_element = |variable: &&Variable| {
             let rest = variable.element.and_then(|_| variable.name.strip_prefix(array));
@@ -73,7 +72,6 @@ impl ModelDescription {
 
     /// Adds a variable for each element of its arrays: `a[1]`, `a[2]` and so on, `a[2,1]` for two dimensions, row by row.
     /// Arrays of Strings stay arrays, and those beyond 20,000 elements of the FMU.
-    #[must_use]
     pub fn with_elements(self) -> Self {
         let references = self.element_references();
         if references.iter().all(Option::is_none) {

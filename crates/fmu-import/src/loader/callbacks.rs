@@ -29,7 +29,6 @@ thread_local! {
 }
 
 /// Messages of FMUs in this thread with an environment that belongs to no living instance.
-#[must_use]
 pub fn stray_messages() -> usize {
     STRAY_MESSAGES.get()
 }
@@ -171,7 +170,6 @@ thread_local! {
 }
 
 /// Calls of `allocateMemory` and `freeMemory` by FMUs in this thread.
-#[must_use]
 pub fn memory_callbacks() -> usize {
     MEMORY_CALLBACKS.get()
 }

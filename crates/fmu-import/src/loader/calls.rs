@@ -121,7 +121,6 @@ pub struct Board(&'static [AtomicU64; WORDS]);
 static BOARD: OnceLock<Board> = OnceLock::new();
 
 /// The board of this process; `None` unless it is a worker.
-#[must_use]
 pub fn board() -> Option<&'static Board> {
     BOARD.get()
 }

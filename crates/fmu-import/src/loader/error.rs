@@ -123,7 +123,6 @@ pub struct CallError {
 
 impl CallError {
     /// Returns true if the FMU has no such value here, such as a finite derivative of a root at 0; it can continue.
-    #[must_use]
     pub fn is_discarded(&self) -> bool {
         self.problem == CallProblem::Status(Status::Discard)
     }

@@ -178,7 +178,6 @@ impl Instance {
     }
 
     /// Name given at instantiation.
-    #[must_use]
     pub fn name(&self) -> &str {
         self.name.to_str().unwrap_or_default()
     }
@@ -196,7 +195,6 @@ impl Instance {
     }
 
     /// Messages logged since they were last taken; at most the latest 100.
-    #[must_use]
     pub fn take_messages(&mut self) -> Vec<Message> {
         self.log.take()
     }

@@ -108,14 +108,12 @@ impl Library {
     }
 
     /// Functions of its version of FMI and of these interfaces that neither the library nor one that it depends on exports.
-    #[must_use]
     pub fn missing_functions(&self, interfaces: &[Interface]) -> Vec<&'static str> {
         let names = functions::names(self.signature.fmi, interfaces).into_iter();
         names.filter(|name| !system::exports(&self.library, name)).collect()
     }
 
     /// Number of living instances.
-    #[must_use]
     pub fn instances(&self) -> usize {
         self.instances.load(Ordering::Acquire)
     }

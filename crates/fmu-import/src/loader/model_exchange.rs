@@ -43,13 +43,11 @@ impl Instance {
     }
 
     /// Number of continuous states in the description, elements of arrays counted.
-    #[must_use]
     pub fn number_of_states(&self) -> usize {
         self.signature().states
     }
 
     /// Number of event indicators in the description, elements of arrays counted.
-    #[must_use]
     pub fn number_of_event_indicators(&self) -> usize {
         self.signature().event_indicators
     }
@@ -192,7 +190,6 @@ impl Instance {
 
     /// The latest function that wrote to an array without elements. Such an array has one element here; with another
     /// importer the FMU would have overwritten foreign memory, or crashed.
-    #[must_use]
     pub fn overrun(&self) -> Option<&'static str> {
         self.overrun.map(|function| function.name(self.fmi()))
     }

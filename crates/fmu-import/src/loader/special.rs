@@ -23,7 +23,6 @@ pub(super) const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does n
 
 impl Instance {
     /// Tests for an integer type wider than `i32`.
-    #[must_use]
     pub fn is_wide(&self, reference: Reference) -> bool {
         let data_type = self.signature().special(reference).map(|special| special.data_type);
         matches!(data_type, Some(DataType::UInt32 | DataType::Int64 | DataType::UInt64))

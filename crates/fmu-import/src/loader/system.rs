@@ -52,7 +52,6 @@ pub fn flush_prints() {
 }
 
 /// The locale of this process, as the C library writes it.
-#[must_use]
 pub fn locale() -> String {
     // SAFETY: without a name the locale is only read; the string lives until it is changed.
     unsafe { super::strings::text(libc::setlocale(libc::LC_ALL, ptr::null())) }

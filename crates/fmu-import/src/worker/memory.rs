@@ -9,7 +9,6 @@ const LEAST: u64 = 1 << 30;
 
 /// Memory for each of some workers, bytes: 80 % of this machine or container, divided among them, but 1 GiB at least. `None`
 /// on other systems than Linux.
-#[must_use]
 pub fn memory_share(workers: NonZeroUsize) -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").as_deref().and_then(total)?;

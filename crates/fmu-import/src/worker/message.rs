@@ -16,7 +16,6 @@ const CHUNK: usize = 1 << 16;
 const KEPT: usize = 16 << 20;
 
 /// A message that breaks the rules.
-#[must_use]
 pub fn invalid(message: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message)
 }
@@ -59,7 +58,6 @@ impl Numbers<'_> {
     }
 
     /// All numbers that are left.
-    #[must_use]
     pub fn rest(mut self) -> Vec<f64> {
         self.take(self.0.len() / 8).unwrap_or_default()
     }
@@ -111,7 +109,6 @@ impl Reader {
     }
 
     /// The body of the message that was read last.
-    #[must_use]
     pub fn body(&self) -> Numbers<'_> {
         Numbers(self.body.map_or(&[], |begin| &self.buffer[begin..self.received]))
     }

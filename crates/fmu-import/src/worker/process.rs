@@ -58,7 +58,6 @@ pub struct Settings {
 
 impl Settings {
     /// Workers without a sandbox, a memory limit or a Python library. Their incidents are discarded.
-    #[must_use]
     pub fn new(launch: Launch, timeout: Duration, printed: Printed) -> Self {
         let noticed: Printed = Arc::new(|_| ());
         Self { launch, timeout, libpython: None, printed, sandbox: None, memory: None, noticed }
@@ -109,13 +108,11 @@ pub struct Watch {
 
 impl Watch {
     /// A stopwatch for each step.
-    #[must_use]
     pub fn new(timeout: Duration) -> Self {
         Self { timeout, since: Instant::now(), pulse: None, is_per_step: true }
     }
 
     /// A stopwatch for all steps together.
-    #[must_use]
     pub fn of_all(timeout: Duration) -> Self {
         Self { is_per_step: false, ..Self::new(timeout) }
     }
@@ -191,7 +188,6 @@ impl Process {
     }
 
     /// The folder of the worker.
-    #[must_use]
     pub fn folder(&self) -> &Path {
         self.folder.path()
     }
@@ -238,7 +234,6 @@ impl Process {
     }
 
     /// The numbers of the last response.
-    #[must_use]
     pub fn body(&self) -> Numbers<'_> {
         self.reader.body()
     }
