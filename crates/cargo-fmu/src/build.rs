@@ -335,14 +335,6 @@ pub(crate) enum Linker {
     Lld,
 }
 
-#[derive(Debug)]
-pub(crate) struct Built {
-    /// Libraries in the order of the models.
-    pub(crate) libraries: Vec<PathBuf>,
-    /// Parts of each library.
-    pub(crate) artifacts: Vec<Vec<Artifact>>,
-}
-
 /// Returns one builder per platform, in platform order, after a check that its tools are installed. With `portable`, the option
 /// or setting that asks for it, the Linux binary of this machine's processor loads on old distributions, too. Those for other
 /// processors always do.
@@ -422,7 +414,7 @@ impl Builder {
         Self { platform, linker, target, toolchain: None, program: None, environment: Vec::new() }
     }
 
-    /// Builds all models, each with its GUID.
+    /// Builds all models, each with its GUID. Returns the library of each, and what it was linked from.
     ///
     /// The build uses its own target folder, one per toolchain, because its flags would make cargo rebuild everything
     /// else. The GUIDs are compiled in, so the libraries need not generate their descriptions to know them.
@@ -433,7 +425,7 @@ impl Builder {
         exports: &[Export],
         packages: &[Package],
         options: &Options,
-    ) -> Result<Built> {
+    ) -> Result<(Vec<PathBuf>, Vec<Vec<Artifact>>)> {
         let mut parts = Vec::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform.name();
@@ -459,7 +451,7 @@ impl Builder {
             parts.push(built);
         }
         let libraries = models.iter().map(|model| artifact(&libraries, model)).collect::<Result<_>>()?;
-        Ok(Built { libraries, artifacts: parts })
+        Ok((libraries, parts))
     }
 
     /// A call of cargo, without packages.

@@ -213,58 +213,45 @@ fn is_license(name: &str) -> bool {
         && !extension.is_some_and(|extension| ["rs", "toml", "json", "py", "sh"].contains(&extension))
 }
 
-/// Content of the folder, for all platforms of an FMU together.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Licenses {
-    components: BTreeSet<Component>,
+/// A list of the components in the format CycloneDX 1.6, without a time or a serial number: the same for the same FMU.
+pub(crate) fn sbom(components: &BTreeSet<Component>, model: &Model) -> String {
+    let is_own = |component: &&Component| component.is_member && component.name == model.package;
+    let own = components.iter().find(is_own).map(Component::cyclonedx);
+    let others: Vec<_> = components.iter().filter(|component| !is_own(component)).map(Component::cyclonedx).collect();
+    let tool = json!({ "type": "application", "name": "cargo-fmu", "version": env!("CARGO_PKG_VERSION") });
+    let bom = json!({
+        "$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json",
+        "bomFormat": "CycloneDX",
+        "specVersion": "1.6",
+        "version": 1,
+        "metadata": { "tools": { "components": [tool] }, "component": own },
+        "components": others,
+    });
+    format!("{bom:#}\n")
 }
 
-impl Licenses {
-    pub(crate) fn add(&mut self, components: Vec<Component>) {
-        self.components.extend(components);
-    }
+/// The files of the folder, for all platforms of an FMU together.
+pub(crate) fn files(components: &BTreeSet<Component>, model: &Model) -> BTreeMap<String, String> {
+    let own = components.iter().find(|component| component.is_member && component.name == model.package);
+    let own_texts = own.map_or(&[][..], |own| &own.texts[..]);
+    let (project, others): (Vec<_>, Vec<_>) = components
+        .iter()
+        .filter(|component| own.is_none_or(|own| **component != *own))
+        .partition(|component| component.is_member && component.texts == own_texts);
 
-    /// A list of the components in the format CycloneDX 1.6, without a time or a serial number: the same for the same FMU.
-    pub(crate) fn sbom(&self, model: &Model) -> String {
-        let is_own = |component: &&Component| component.is_member && component.name == model.package;
-        let own = self.components.iter().find(is_own).map(Component::cyclonedx);
-        let others: Vec<_> =
-            self.components.iter().filter(|component| !is_own(component)).map(Component::cyclonedx).collect();
-        let tool = json!({ "type": "application", "name": "cargo-fmu", "version": env!("CARGO_PKG_VERSION") });
-        let bom = json!({
-            "$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json",
-            "bomFormat": "CycloneDX",
-            "specVersion": "1.6",
-            "version": 1,
-            "metadata": { "tools": { "components": [tool] }, "component": own },
-            "components": others,
-        });
-        format!("{bom:#}\n")
+    let mut files = BTreeMap::new();
+    let mut names = Vec::new();
+    for (name, text) in own_texts {
+        let name = if name.contains('.') { name.clone() } else { format!("{name}.txt") };
+        // File names are case-insensitive on Windows.
+        let is_taken = [ENTRY, NOTICES].iter().any(|taken| name.eq_ignore_ascii_case(taken));
+        let name = if is_taken { format!("{}-{name}", model.name) } else { name };
+        names.push(name.clone());
+        files.insert(name, text.clone());
     }
-
-    pub(crate) fn files(&self, model: &Model) -> BTreeMap<String, String> {
-        let own = self.components.iter().find(|component| component.is_member && component.name == model.package);
-        let own_texts = own.map_or(&[][..], |own| &own.texts[..]);
-        let (project, others): (Vec<_>, Vec<_>) = self
-            .components
-            .iter()
-            .filter(|component| own.is_none_or(|own| **component != *own))
-            .partition(|component| component.is_member && component.texts == own_texts);
-
-        let mut files = BTreeMap::new();
-        let mut names = Vec::new();
-        for (name, text) in own_texts {
-            let name = if name.contains('.') { name.clone() } else { format!("{name}.txt") };
-            // File names are case-insensitive on Windows.
-            let is_taken = [ENTRY, NOTICES].iter().any(|taken| name.eq_ignore_ascii_case(taken));
-            let name = if is_taken { format!("{}-{name}", model.name) } else { name };
-            names.push(name.clone());
-            files.insert(name, text.clone());
-        }
-        files.insert(ENTRY.to_owned(), entry(model, own, &names, &project, &others));
-        files.insert(NOTICES.to_owned(), notices(&others));
-        files
-    }
+    files.insert(ENTRY.to_owned(), entry(model, own, &names, &project, &others));
+    files.insert(NOTICES.to_owned(), notices(&others));
+    files
 }
 
 fn entry(
@@ -415,15 +402,15 @@ mod tests {
     #[test]
     fn texts_are_written_once_and_own_crates_are_no_third_party() {
         let mit = ("LICENSE-MIT", "Permission is granted.\n");
-        let mut licenses = Licenses::default();
-        licenses.add(vec![
+        let mut licenses = BTreeSet::new();
+        licenses.extend(vec![
             component("demo", "MIT", true, &[mit]),
             component("helper", "MIT", true, &[mit]),
             component("alien", "MIT", false, &[("LICENSE", "Permission\nis granted.")]),
             component("vendored", "BSD-3-Clause", true, &[("LICENSE", "Redistribution is permitted.")]),
         ]);
-        licenses.add(vec![component("zebra", "MIT", false, &[mit]), component("bare", "", false, &[])]);
-        let files = licenses.files(&model("demo"));
+        licenses.extend(vec![component("zebra", "MIT", false, &[mit]), component("bare", "", false, &[])]);
+        let files = files(&licenses, &model("demo"));
         assert_eq!(files.keys().collect::<Vec<_>>(), ["LICENSE-MIT.txt", "license.txt", "third-party-notices.txt"]);
         assert_eq!(
             files["license.txt"],
@@ -444,10 +431,10 @@ mod tests {
     /// Reference: the specification of CycloneDX 1.6, which also gives the form of a package URL.
     #[test]
     fn a_bill_of_materials_lists_all_components() {
-        let mut licenses = Licenses::default();
-        licenses.add(vec![component("demo", "MIT", true, &[]), component("zebra", "MIT OR Apache-2.0", false, &[])]);
-        licenses.add(toolchain(Platform::Linux64, Linker::Native));
-        let bom: Value = serde_json::from_str(&licenses.sbom(&model("demo"))).unwrap();
+        let mut licenses = BTreeSet::new();
+        licenses.extend(vec![component("demo", "MIT", true, &[]), component("zebra", "MIT OR Apache-2.0", false, &[])]);
+        licenses.extend(toolchain(Platform::Linux64, Linker::Native));
+        let bom: Value = serde_json::from_str(&sbom(&licenses, &model("demo"))).unwrap();
         assert_eq!((&bom["bomFormat"], &bom["specVersion"]), (&json!("CycloneDX"), &json!("1.6")));
         assert_eq!(bom["metadata"]["component"]["name"], "demo");
         assert_eq!(bom["metadata"]["component"]["purl"], Value::Null);
@@ -467,17 +454,17 @@ mod tests {
 
     #[test]
     fn a_model_without_a_license_says_so() {
-        let mut licenses = Licenses::default();
-        licenses.add(vec![component("demo", "", true, &[])]);
-        let entry = &licenses.files(&model("demo"))["license.txt"];
+        let mut licenses = BTreeSet::new();
+        licenses.extend(vec![component("demo", "", true, &[])]);
+        let entry = &files(&licenses, &model("demo"))["license.txt"];
         assert!(entry.starts_with("No license is declared for Demo: ask its author"), "{entry}");
     }
 
     #[test]
     fn a_license_file_does_not_take_the_name_of_the_entry_point() {
-        let mut licenses = Licenses::default();
-        licenses.add(vec![component("demo", "ISC", true, &[("LICENSE", "Permission is granted.\n")])]);
-        let files = licenses.files(&model("demo"));
+        let mut licenses = BTreeSet::new();
+        licenses.extend(vec![component("demo", "ISC", true, &[("LICENSE", "Permission is granted.\n")])]);
+        let files = files(&licenses, &model("demo"));
         assert_eq!(files["Demo-LICENSE.txt"], "Permission is granted.\n");
         assert!(files["license.txt"].contains("Its text is in this folder: Demo-LICENSE.txt."));
     }

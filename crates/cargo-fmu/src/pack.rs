@@ -15,7 +15,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use crate::build::{self, Export, Interface};
 use crate::documentation;
 use crate::files::write_whole;
-use crate::licenses::{self, Licenses};
+use crate::licenses::{self, Component};
 use crate::new;
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
@@ -160,13 +160,13 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
     let exports: Vec<_> = descriptions.iter().map(|description| description.export(&format)).collect();
     let packages = build::packages(workspace, &arguments.cargo)?;
     let mut libraries = vec![Vec::new(); models.len()];
-    let mut licenses = vec![Licenses::default(); models.len()];
+    let mut licenses = vec![BTreeSet::new(); models.len()];
     for builder in &builders {
-        let built = builder.build(workspace, &models, &exports, &packages, &arguments.cargo)?;
-        let components = licenses::components(builder, workspace, &packages, &built.artifacts)
+        let (paths, artifacts) = builder.build(workspace, &models, &exports, &packages, &arguments.cargo)?;
+        let components = licenses::components(builder, workspace, &packages, &artifacts)
             .wrap_err("collecting the licenses of what is linked")?;
-        for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
-            licenses[i].add(components);
+        for (i, (library, components)) in paths.into_iter().zip(components).enumerate() {
+            licenses[i].extend(components);
             libraries[i].push((builder.platform, library));
         }
     }
@@ -201,7 +201,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
         let readme = readme(model)?;
         let mut files = files(model, &libraries[i], &licenses[i], description, &readme)?;
         if arguments.sbom {
-            files.insert(documentation::SBOM.to_owned(), licenses[i].sbom(model).into_bytes());
+            files.insert(documentation::SBOM.to_owned(), licenses::sbom(&licenses[i], model).into_bytes());
         }
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
@@ -388,7 +388,7 @@ const ICON: &[u8] = include_bytes!("icon.png");
 fn files(
     model: &Model,
     libraries: &[(Platform, PathBuf)],
-    licenses: &Licenses,
+    components: &BTreeSet<Component>,
     description: &Description,
     readme: &str,
 ) -> Result<BTreeMap<String, Vec<u8>>> {
@@ -397,7 +397,7 @@ fn files(
     for (platform, library) in libraries {
         files.insert(platform.entry(description.parsed.fmi, &model.name), read(library)?);
     }
-    for (name, text) in licenses.files(model) {
+    for (name, text) in licenses::files(components, model) {
         files.insert(format!("documentation/licenses/{name}"), text.into_bytes());
     }
     let icon = model.folder.join("model.png");

@@ -49,8 +49,7 @@ fn at<E: Display>(path: &Path) -> impl Fn(E) -> ArchiveError {
     |cause| ArchiveError::new(path, cause)
 }
 
-fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let names: Vec<&str> = names.into_iter().collect();
+fn listed(names: &[String]) -> String {
     if names.is_empty() { "none".to_string() } else { names.join(", ") }
 }
 
@@ -217,7 +216,9 @@ impl<R: Read + Seek> Archive<R> {
     /// be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
         let identifier = description.model_identifier(interface).ok_or_else(|| {
-            let found = listed(interfaces(description));
+            let mut found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();
+            found.extend(description.has_scheduled_execution.then(|| "scheduled execution".to_owned()));
+            let found = listed(&found);
             ArchiveError::new(&self.path, format!("the FMU has no interface for {interface}; it has {found}"))
         })?;
         let platform = platform_of(description.fmi);
@@ -225,8 +226,7 @@ impl<R: Read + Seek> Archive<R> {
         let folder_name = format!("binaries/{platform}/");
         let library = format!("{folder_name}{file}");
         if self.index(&library).is_none() {
-            let found = self.platforms();
-            let found = listed(found.iter().map(String::as_str));
+            let found = listed(&self.platforms());
             let problem = format!("no binary for {platform} ({library}); the FMU has {found}");
             return Err(ArchiveError::new(&self.path, problem));
         }
@@ -282,16 +282,6 @@ fn unreadable(path: &Path, entry: &str, cause: impl Into<io::Error>) -> ArchiveE
 
 fn other_size(path: &Path, what: &str, stated: u64) -> ArchiveError {
     ArchiveError::rejected(path, format!("{what} does not have the {stated} bytes that the archive states"))
-}
-
-/// Interfaces of an FMU, for messages.
-fn interfaces(description: &ModelDescription) -> Vec<&'static str> {
-    let interfaces = [
-        (description.co_simulation.is_some(), "co-simulation"),
-        (description.model_exchange.is_some(), "model exchange"),
-        (description.has_scheduled_execution, "scheduled execution"),
-    ];
-    interfaces.into_iter().filter_map(|(is_there, name)| is_there.then_some(name)).collect()
 }
 
 /// Returns true if a library is complete. The loader maps the segments of an ELF file unchecked, and the system ends a

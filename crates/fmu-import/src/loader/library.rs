@@ -12,6 +12,7 @@ use crate::python;
 use crate::signature::Signature;
 use crate::wasm;
 use object::Object as _;
+use std::collections::BTreeSet;
 use std::ffi::{CString, c_char};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -126,21 +127,22 @@ pub fn not_exported(
     fmi: FmiVersion,
     interfaces: &[Interface],
 ) -> Result<Vec<&'static str>, LoadError> {
-    let failed = |reason: String| LoadError::of_system(library, reason);
-    let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
+    let names = exported(library)?;
+    Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !names.contains(*name)).collect())
+}
+
+/// Names that a library, for any platform, exports.
+fn exported(library: &std::path::Path) -> Result<BTreeSet<String>, LoadError> {
+    let failed = |reason: &dyn std::fmt::Display| LoadError::of_system(library, reason);
+    let bytes = std::fs::read(library).map_err(|error| failed(&error))?;
     if let Some(names) = wasm::Names::read(&bytes) {
-        let is_there = |name: &str| names.functions.iter().any(|function| function == name);
-        return Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !is_there(name)).collect());
+        return Ok(names.functions.into_iter().collect());
     }
-    let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
-    let exports = file.exports().map_err(|error| failed(error.to_string()))?;
+    let file = object::File::parse(&*bytes).map_err(|error| failed(&error))?;
+    let exports = file.exports().map_err(|error| failed(&error))?;
     // macOS prepends an underscore to every name.
-    let is_there = |name: &str| {
-        exports
-            .iter()
-            .any(|export| export.name() == name.as_bytes() || export.name().strip_prefix(b"_") == Some(name.as_bytes()))
-    };
-    Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !is_there(name)).collect())
+    let names = exports.iter().filter_map(|export| std::str::from_utf8(export.name()).ok());
+    Ok(names.map(|name| name.strip_prefix('_').unwrap_or(name).to_owned()).collect())
 }
 
 /// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the
@@ -156,19 +158,14 @@ pub fn exported_descriptions(
 ) -> Result<Vec<(String, String)>, LoadError> {
     const PREFIX: &str = "fmu_model_description_";
     let failed = |reason: String| LoadError::of_system(path, reason);
-    let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
-    let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
-    let exports = file.exports().map_err(|error| failed(error.to_string()))?;
-    // macOS prepends an underscore to every name.
-    let names = exports.iter().filter_map(|export| std::str::from_utf8(export.name()).ok());
-    let names = names.map(|name| name.strip_prefix('_').unwrap_or(name)).filter(|name| name.starts_with(PREFIX));
+    let names = exported(path)?.into_iter().filter(|name| name.starts_with(PREFIX));
     let library = system::open(path).map_err(failed)?;
     let mut descriptions = Vec::new();
     for name in names {
         // SAFETY: the exporter defines these functions with these arguments; they return a string that lives until the next
         // call, or null.
         let description = unsafe {
-            let function = system::symbol::<unsafe extern "C" fn(i32, i32) -> *const c_char>(&library, name);
+            let function = system::symbol::<unsafe extern "C" fn(i32, i32) -> *const c_char>(&library, &name);
             function.map(|function| text(function(version, options)))
         };
         let description = description.ok_or_else(|| failed(format!("it exports no function {name}")))?;
