@@ -111,9 +111,7 @@ struct Banner {
 
 impl Banner {
     fn show(&mut self, line: &str) {
-        if self.shown.contains(line) {
-            self.left_out += 1;
-        } else if self.shown.len() < MOST_PRINTED {
+        if !self.shown.contains(line) && self.shown.len() < MOST_PRINTED {
             eprintln!("FMU prints: {line}");
             self.shown.insert(line.to_owned());
         } else {

@@ -95,12 +95,6 @@ fn keep(environment: *mut c_void, instance: &str, status: RawStatus, category: S
     }
 }
 
-/// Receives a message of FMI 2.0, in which a `#` of the text is doubled (FMI 2.0.4, section 2.1.5). References to variables,
-/// as in `#r1#`, stay as they are.
-fn keep_formatted(environment: *mut c_void, instance: &str, status: RawStatus, category: String, text: &str) {
-    keep(environment, instance, status, category, text.replace("##", "#"));
-}
-
 #[cfg(log_arguments)]
 unsafe extern "C" {
     fn fmu_import_logger(
@@ -113,6 +107,8 @@ unsafe extern "C" {
     );
 }
 
+/// Receives a message, in which a `#` of the text is doubled (FMI 2.0.4, section 2.1.5). References to variables, as in
+/// `#r1#`, stay as they are.
 #[cfg(log_arguments)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmu_import_message(
@@ -124,7 +120,7 @@ unsafe extern "C" fn fmu_import_message(
 ) {
     // SAFETY: the strings are C strings or null.
     let [instance, category, message] = [instance, category, message].map(|string| unsafe { text(string) });
-    keep_formatted(environment, &instance, status, category, &message);
+    keep(environment, &instance, status, category, message.replace("##", "#"));
 }
 
 /// Receives a message without the arguments of its format.
@@ -138,7 +134,7 @@ unsafe extern "C" fn log_format(
 ) {
     // SAFETY: the strings are C strings or null.
     let [instance, category, format] = [instance, category, format].map(|string| unsafe { text(string) });
-    keep_formatted(environment, &instance, status, category, &format.replace("%%", "%"));
+    keep(environment, &instance, status, category, format.replace("%%", "%").replace("##", "#"));
 }
 
 pub(super) fn logger() -> c_api::Logger {

@@ -2,7 +2,7 @@
 
 use super::calls::Function;
 use super::error::CallError;
-use super::functions::Functions;
+use super::functions::{Functions, v2, v3};
 use super::instance::Instance;
 use super::special::{TOO_LARGE, WholeNumber};
 use super::strings::text;
@@ -53,13 +53,7 @@ impl Instance {
             return self.get_special_reals(refs, values);
         }
         self.same_length(Function::GetReal, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::GetReal, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => (f.get_real)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()),
-                Functions::V3(f) => (f.get_float64)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr(), values.len()),
-            }
-        })
+        self.get_plain(Function::GetReal, refs, values, |f| f.get_real, |f| f.get_float64)
     }
 
     /// `fmi2GetInteger`, `fmi3GetInt32`, also for enumerations and the other integer types of FMI 3.0. Values are `i32`, `i64` or
@@ -89,13 +83,7 @@ impl Instance {
 
     fn get_plain_integers(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
         self.same_length(Function::GetInteger, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::GetInteger, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => (f.get_integer)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()),
-                Functions::V3(f) => (f.get_int32)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr(), values.len()),
-            }
-        })
+        self.get_plain(Function::GetInteger, refs, values, |f| f.get_integer, |f| f.get_int32)
     }
 
     /// `fmi2GetBoolean`, `fmi3GetBoolean`; 0 is false, all else true.
@@ -119,15 +107,45 @@ impl Instance {
     /// `fmi2GetString`, `fmi3GetString`: one String per element.
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
         let mut pointers = vec![ptr::null(); self.elements(refs)];
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::GetString, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => (f.get_string)(c, refs.as_ptr(), refs.len(), pointers.as_mut_ptr()),
-                Functions::V3(f) => (f.get_string)(c, refs.as_ptr(), refs.len(), pointers.as_mut_ptr(), pointers.len()),
-            }
-        })?;
+        self.get_plain(Function::GetString, refs, &mut pointers, |f| f.get_string, |f| f.get_string)?;
         // SAFETY: the FMU filled in C strings that stay valid until its next function is called.
         Ok(pointers.into_iter().map(|p| unsafe { text(p) }).collect())
+    }
+
+    /// Reads variables for which both versions have the same C type. An FMU of FMI 2.0 gives one value for each.
+    fn get_plain<T>(
+        &mut self,
+        function: Function,
+        refs: &[Reference],
+        values: &mut [T],
+        in_v2: impl FnOnce(&v2::Functions) -> c_api::Get<T>,
+        in_v3: impl FnOnce(&v3::Functions) -> c_api::v3::Get<T>,
+    ) -> Result<(), CallError> {
+        // SAFETY: live instance; both arrays have the stated length.
+        self.call(function, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => in_v2(f)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()),
+                Functions::V3(f) => in_v3(f)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr(), values.len()),
+            }
+        })
+    }
+
+    /// Sets variables as [`Self::get_plain`] reads them.
+    fn set_plain<T>(
+        &mut self,
+        function: Function,
+        refs: &[Reference],
+        values: &[T],
+        in_v2: impl FnOnce(&v2::Functions) -> c_api::Set<T>,
+        in_v3: impl FnOnce(&v3::Functions) -> c_api::v3::Set<T>,
+    ) -> Result<(), CallError> {
+        // SAFETY: live instance; both arrays have the stated length, and the strings that they point to live on.
+        self.call(function, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => in_v2(f)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
+                Functions::V3(f) => in_v3(f)(c, refs.as_ptr(), refs.len(), values.as_ptr(), values.len()),
+            }
+        })
     }
 
     /// `fmi2SetReal`, `fmi3SetFloat64`. An array takes as many values as it has elements.
@@ -139,13 +157,7 @@ impl Instance {
             return self.set_special_reals(refs, values);
         }
         self.same_length(Function::SetReal, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::SetReal, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => (f.set_real)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
-                Functions::V3(f) => (f.set_float64)(c, refs.as_ptr(), refs.len(), values.as_ptr(), values.len()),
-            }
-        })
+        self.set_plain(Function::SetReal, refs, values, |f| f.set_real, |f| f.set_float64)
     }
 
     /// `fmi2SetInteger`, `fmi3SetInt32`, also for enumerations and the other integer types of FMI 3.0. Values are `i32`, `i64` or
@@ -177,13 +189,7 @@ impl Instance {
 
     fn set_plain_integers(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
         self.same_length(Function::SetInteger, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::SetInteger, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => (f.set_integer)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
-                Functions::V3(f) => (f.set_int32)(c, refs.as_ptr(), refs.len(), values.as_ptr(), values.len()),
-            }
-        })
+        self.set_plain(Function::SetInteger, refs, values, |f| f.set_integer, |f| f.set_int32)
     }
 
     /// `fmi2SetBoolean`, `fmi3SetBoolean`; values are 0 or 1.
@@ -208,13 +214,7 @@ impl Instance {
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
         self.same_length(Function::SetString, self.elements(refs), values.len())?;
         let (_owned, pointers) = self.c_strings(Function::SetString, values)?;
-        // SAFETY: live instance; both arrays have the stated length, the strings live on.
-        self.call(Function::SetString, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr()),
-                Functions::V3(f) => (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr(), pointers.len()),
-            }
-        })
+        self.set_plain(Function::SetString, refs, &pointers, |f| f.set_string, |f| f.set_string)
     }
 
     /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`. Arrays have
