@@ -3,63 +3,57 @@
 use fmu_import::description::{BaseUnit, DisplayUnit, ModelDescription, Variable};
 use std::f64::consts::PI;
 
-/// Unit, factor to SI, powers of kg, m, s, A, K, rad.
-const UNITS: [(&str, f64, [i32; 6]); 47] = [
-    ("1", 1.0, [0, 0, 0, 0, 0, 0]),
-    ("%", 0.01, [0, 0, 0, 0, 0, 0]),
-    ("rad", 1.0, [0, 0, 0, 0, 0, 1]),
-    ("deg", PI / 180.0, [0, 0, 0, 0, 0, 1]),
-    ("rad/s", 1.0, [0, 0, -1, 0, 0, 1]),
-    ("deg/s", PI / 180.0, [0, 0, -1, 0, 0, 1]),
-    ("rad/s2", 1.0, [0, 0, -2, 0, 0, 1]),
-    ("deg/s2", PI / 180.0, [0, 0, -2, 0, 0, 1]),
-    ("rpm", PI / 30.0, [0, 0, -1, 0, 0, 1]),
-    ("m", 1.0, [0, 1, 0, 0, 0, 0]),
-    ("mm", 1e-3, [0, 1, 0, 0, 0, 0]),
-    ("cm", 1e-2, [0, 1, 0, 0, 0, 0]),
-    ("km", 1e3, [0, 1, 0, 0, 0, 0]),
-    ("in", 0.0254, [0, 1, 0, 0, 0, 0]),
-    ("ft", 0.3048, [0, 1, 0, 0, 0, 0]),
-    ("m/s", 1.0, [0, 1, -1, 0, 0, 0]),
-    ("mm/s", 1e-3, [0, 1, -1, 0, 0, 0]),
-    ("km/h", 1.0 / 3.6, [0, 1, -1, 0, 0, 0]),
-    ("kph", 1.0 / 3.6, [0, 1, -1, 0, 0, 0]),
-    ("mph", 0.447_04, [0, 1, -1, 0, 0, 0]),
-    ("m/s2", 1.0, [0, 1, -2, 0, 0, 0]),
-    ("mm/s2", 1e-3, [0, 1, -2, 0, 0, 0]),
-    // The unit, not the gravity of a vehicle model: exact.
-    ("g", 9.806_65, [0, 1, -2, 0, 0, 0]),
-    ("s", 1.0, [0, 0, 1, 0, 0, 0]),
-    ("ms", 1e-3, [0, 0, 1, 0, 0, 0]),
-    ("us", 1e-6, [0, 0, 1, 0, 0, 0]),
-    ("ns", 1e-9, [0, 0, 1, 0, 0, 0]),
-    ("min", 60.0, [0, 0, 1, 0, 0, 0]),
-    ("h", 3600.0, [0, 0, 1, 0, 0, 0]),
-    ("N", 1.0, [1, 1, -2, 0, 0, 0]),
-    ("daN", 10.0, [1, 1, -2, 0, 0, 0]),
-    ("lbf", 4.448_221_615_260_5, [1, 1, -2, 0, 0, 0]),
-    ("kN", 1e3, [1, 1, -2, 0, 0, 0]),
-    ("N.m", 1.0, [1, 2, -2, 0, 0, 0]),
-    ("Nm", 1.0, [1, 2, -2, 0, 0, 0]),
-    ("kN.m", 1e3, [1, 2, -2, 0, 0, 0]),
-    ("Pa", 1.0, [1, -1, -2, 0, 0, 0]),
-    ("kPa", 1e3, [1, -1, -2, 0, 0, 0]),
-    ("bar", 1e5, [1, -1, -2, 0, 0, 0]),
-    ("MPa", 1e6, [1, -1, -2, 0, 0, 0]),
-    ("kg", 1.0, [1, 0, 0, 0, 0, 0]),
-    ("lb", 0.453_592_37, [1, 0, 0, 0, 0, 0]),
-    ("t", 1e3, [1, 0, 0, 0, 0, 0]),
-    ("W", 1.0, [1, 2, -3, 0, 0, 0]),
-    ("kW", 1e3, [1, 2, -3, 0, 0, 0]),
-    ("V", 1.0, [1, 2, -3, -1, 0, 0]),
-    ("A", 1.0, [0, 0, 0, 1, 0, 0]),
-];
+/// Powers of kg, m, s, A, K and rad of a quantity, and its units: name, factor and offset to SI.
+type Quantity = ([i32; 6], &'static [(&'static str, f64, f64)]);
 
-/// Other units: with an offset, or of the same powers as one without a name.
-const MORE: [(&str, f64, f64, [i32; 6]); 3] = [
-    ("K", 1.0, 0.0, [0, 0, 0, 0, 1, 0]),
-    ("degC", 1.0, 273.15, [0, 0, 0, 0, 1, 0]),
-    ("Hz", 1.0, 0.0, [0, 0, -1, 0, 0, 0]),
+const QUANTITIES: [Quantity; 17] = [
+    ([0, 0, 0, 0, 0, 0], &[("1", 1.0, 0.0), ("%", 0.01, 0.0)]),
+    ([0, 0, 0, 0, 0, 1], &[("rad", 1.0, 0.0), ("deg", PI / 180.0, 0.0)]),
+    ([0, 0, -1, 0, 0, 1], &[("rad/s", 1.0, 0.0), ("deg/s", PI / 180.0, 0.0), ("rpm", PI / 30.0, 0.0)]),
+    ([0, 0, -2, 0, 0, 1], &[("rad/s2", 1.0, 0.0), ("deg/s2", PI / 180.0, 0.0)]),
+    (
+        [0, 1, 0, 0, 0, 0],
+        &[
+            ("m", 1.0, 0.0),
+            ("mm", 1e-3, 0.0),
+            ("cm", 1e-2, 0.0),
+            ("km", 1e3, 0.0),
+            ("in", 0.0254, 0.0),
+            ("ft", 0.3048, 0.0),
+        ],
+    ),
+    (
+        [0, 1, -1, 0, 0, 0],
+        &[
+            ("m/s", 1.0, 0.0),
+            ("mm/s", 1e-3, 0.0),
+            ("km/h", 1.0 / 3.6, 0.0),
+            ("kph", 1.0 / 3.6, 0.0),
+            ("mph", 0.447_04, 0.0),
+        ],
+    ),
+    // `g` is the unit, not the gravity of a vehicle model: exact.
+    ([0, 1, -2, 0, 0, 0], &[("m/s2", 1.0, 0.0), ("mm/s2", 1e-3, 0.0), ("g", 9.806_65, 0.0)]),
+    (
+        [0, 0, 1, 0, 0, 0],
+        &[
+            ("s", 1.0, 0.0),
+            ("ms", 1e-3, 0.0),
+            ("us", 1e-6, 0.0),
+            ("ns", 1e-9, 0.0),
+            ("min", 60.0, 0.0),
+            ("h", 3600.0, 0.0),
+        ],
+    ),
+    ([1, 1, -2, 0, 0, 0], &[("N", 1.0, 0.0), ("daN", 10.0, 0.0), ("lbf", 4.448_221_615_260_5, 0.0), ("kN", 1e3, 0.0)]),
+    ([1, 2, -2, 0, 0, 0], &[("N.m", 1.0, 0.0), ("Nm", 1.0, 0.0), ("kN.m", 1e3, 0.0)]),
+    ([1, -1, -2, 0, 0, 0], &[("Pa", 1.0, 0.0), ("kPa", 1e3, 0.0), ("bar", 1e5, 0.0), ("MPa", 1e6, 0.0)]),
+    ([1, 0, 0, 0, 0, 0], &[("kg", 1.0, 0.0), ("lb", 0.453_592_37, 0.0), ("t", 1e3, 0.0)]),
+    ([1, 2, -3, 0, 0, 0], &[("W", 1.0, 0.0), ("kW", 1e3, 0.0)]),
+    ([1, 2, -3, -1, 0, 0], &[("V", 1.0, 0.0)]),
+    ([0, 0, 0, 1, 0, 0], &[("A", 1.0, 0.0)]),
+    ([0, 0, 0, 0, 1, 0], &[("K", 1.0, 0.0), ("degC", 1.0, 273.15)]),
+    ([0, 0, -1, 0, 0, 0], &[("Hz", 1.0, 0.0)]),
 ];
 
 /// Other spellings of units, and the unit that each one means. They are not accepted, because some also have other meanings.
@@ -84,11 +78,9 @@ pub fn find(name: &str) -> Option<BaseUnit> {
     let name = name.trim().replace("°C", "degC").replace('°', "deg").replace('²', "2").replace("^2", "2");
     let name = name.replace(['·', '*'], ".").replace(['µ', 'μ'], "u");
     let name = if name == "-" { "1" } else { name.as_str() };
-    let all = UNITS.iter().map(|(name, factor, powers)| (*name, *factor, 0.0, *powers)).chain(MORE);
-    all.into_iter().find(|unit| unit.0 == name).map(|(_, factor, offset, [kg, m, s, ampere, kelvin, rad])| BaseUnit {
-        exponents: [kg, m, s, ampere, kelvin, 0, 0, rad],
-        factor,
-        offset,
+    QUANTITIES.iter().find_map(|([kg, m, s, ampere, kelvin, rad], units)| {
+        let (_, factor, offset) = units.iter().find(|unit| unit.0 == name)?;
+        Some(BaseUnit { exponents: [*kg, *m, *s, *ampere, *kelvin, 0, 0, *rad], factor: *factor, offset: *offset })
     })
 }
 
@@ -166,7 +158,10 @@ impl Target {
             });
         }
         if let Some(display) = self.display.iter().find(|display| display.name == unit) {
-            return Ok(Conversion { factor: 1.0 / display.factor, offset: offset(-display.offset / display.factor) });
+            return Ok(Conversion {
+                factor: 1.0 / display.factor,
+                offset: offset((0.0 - display.offset) / display.factor),
+            });
         }
         let spelled = SPELLINGS.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(unit));
         let near = match spelled {
@@ -182,13 +177,10 @@ impl Target {
     /// Lists the known units of the same quantity. Names of similar letters are often those of other units: mrad, mPa and MPa.
     fn alternatives(&self) -> String {
         let Some(base) = self.base else { return String::new() };
-        let all = UNITS
-            .iter()
-            .map(|(name, _, powers)| (*name, *powers))
-            .chain(MORE.map(|(name, _, _, powers)| (name, powers)));
         let is_same =
             |[kg, m, s, ampere, kelvin, rad]: [i32; 6]| [kg, m, s, ampere, kelvin, 0, 0, rad] == base.exponents;
-        let names: Vec<&str> = all.filter(|(_, powers)| is_same(*powers)).map(|(name, _)| name).collect();
+        let same = QUANTITIES.iter().find(|(powers, _)| is_same(*powers));
+        let names: Vec<&str> = same.iter().flat_map(|(_, units)| units.iter().map(|(name, ..)| *name)).collect();
         if names.is_empty() { String::new() } else { format!("known are {}. ", names.join(", ")) }
     }
 }
