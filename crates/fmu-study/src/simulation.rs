@@ -54,7 +54,7 @@ pub struct Limit {
 }
 
 /// An inequality the parameters must fulfill before a run is spent on them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Constraint {
     /// Name.
     pub name: String,

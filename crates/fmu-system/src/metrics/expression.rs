@@ -1,4 +1,4 @@
-//! Metrics of metrics: arithmetic of numbers of the same run.
+//! Arithmetic of named numbers: metrics of metrics, and inequalities of parameters in studies.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -7,8 +7,8 @@ use std::ops::Range;
 /// Maximum nesting depth.
 const DEPTH: usize = 50;
 
-/// An expression. It is written with `+`, `-`, `*`, `/`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
-/// `min(x, y)` and `max(x, y)`.
+/// An expression. It is written with `+`, `-`, `*`, `/`, `^`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
+/// `min(x, y)` and `max(x, y)`, the last two also of more numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Expression {
@@ -19,30 +19,22 @@ pub struct Expression {
     steps: Vec<Step>,
 }
 
-/// A step of an expression.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Step {
-    /// A number.
     Number(f64),
-    /// The number of a metric, by its index.
-    Metric(usize),
-    /// Minus of the last operand.
+    /// A named number, by its index.
+    Name(usize),
+    // Of the last operand.
     Negative,
-    /// Magnitude of the last operand.
     Abs,
-    /// Square root of the last operand.
     Sqrt,
-    /// Sum of the last two operands.
+    // Of the last two operands.
     Plus,
-    /// The operand before the last less the last.
     Minus,
-    /// Product of the last two operands.
     Times,
-    /// The operand before the last divided by the last.
     Over,
-    /// The smaller of the last two operands.
+    Power,
     Min,
-    /// The larger of the last two operands.
     Max,
 }
 
@@ -58,10 +50,13 @@ pub struct ExpressionError {
 /// Kind of error in an expression.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
-    /// A name that is not a metric.
+    /// A name that is not known.
     #[error("unknown metric `{0}`")]
     Unknown(String),
-    /// Something is missing or out of place.
+    /// An operand is missing.
+    #[error("expected a number or a metric")]
+    Operand,
+    /// Something else is missing or out of place.
     #[error("expected {0}")]
     Expected(&'static str),
     /// Nested too deeply.
@@ -70,24 +65,34 @@ pub enum Problem {
 }
 
 impl Expression {
-    /// Reads an expression; `index` finds the metric of a name.
+    /// Reads an expression; `index` finds the number of a name.
     ///
     /// # Errors
-    /// The text is not an expression, or names a metric that `index` does not find.
+    /// The text is not an expression, or contains a name that `index` does not find.
     pub fn parse(text: &str, index: impl Fn(&str) -> Option<usize>) -> Result<Self, ExpressionError> {
-        let mut parser = Parser { text, at: 0, depth: 0, index, steps: Vec::new() };
+        let (expression, end) = Self::parse_from(text, 0, index)?;
+        if end < text.len() { Err(ExpressionError::at(text, end, "an operator or the end")) } else { Ok(expression) }
+    }
+
+    /// As [`Self::parse`], for the part of a text from `start` on; also returns the end of the expression.
+    ///
+    /// # Errors
+    /// As [`Self::parse`]; anything may follow the expression.
+    pub fn parse_from(
+        text: &str,
+        start: usize,
+        index: impl Fn(&str) -> Option<usize>,
+    ) -> Result<(Self, usize), ExpressionError> {
+        let mut parser = Parser { text, at: start, depth: 0, index, steps: Vec::new() };
         parser.sum()?;
         parser.skip_blanks();
-        if parser.at < text.len() {
-            parser.expected("an operator or the end")?;
-        }
-        Ok(Self { steps: parser.steps, text: text.to_owned() })
+        Ok((Self { steps: parser.steps, text: text[start..parser.at].to_owned() }, parser.at))
     }
 
     /// The metrics that are used, by their indices, in the order of the text.
     pub fn metrics(&self) -> impl Iterator<Item = usize> {
         self.steps.iter().filter_map(|step| match step {
-            Step::Metric(index) => Some(*index),
+            Step::Name(index) => Some(*index),
             _ => None,
         })
     }
@@ -96,21 +101,27 @@ impl Expression {
     /// division by 0.
     #[must_use]
     pub fn value(&self, metric: impl Fn(usize) -> Option<f64>) -> Option<f64> {
+        self.evaluate(metric).filter(|value| value.is_finite())
+    }
+
+    /// Computes the number, which may be infinite or NaN. `None` if a named number is missing.
+    pub fn evaluate(&self, named: impl Fn(usize) -> Option<f64>) -> Option<f64> {
         let mut stack: Vec<f64> = Vec::new();
         for step in &self.steps {
             let value = match step {
                 Step::Number(value) => *value,
-                Step::Metric(index) => metric(*index)?,
+                Step::Name(index) => named(*index)?,
                 Step::Negative => -stack.pop()?,
                 Step::Abs => f64::abs(stack.pop()?),
                 Step::Sqrt => f64::sqrt(stack.pop()?),
-                Step::Plus | Step::Minus | Step::Times | Step::Over | Step::Min | Step::Max => {
+                Step::Plus | Step::Minus | Step::Times | Step::Over | Step::Power | Step::Min | Step::Max => {
                     let (right, left) = (stack.pop()?, stack.pop()?);
                     match step {
                         Step::Plus => left + right,
                         Step::Minus => left - right,
                         Step::Times => left * right,
                         Step::Over => left / right,
+                        Step::Power => libm::pow(left, right),
                         // NaN propagates.
                         Step::Min if right < left || right.is_nan() => right,
                         Step::Max if right > left || right.is_nan() => right,
@@ -120,8 +131,21 @@ impl Expression {
             };
             stack.push(value);
         }
-        stack.pop().filter(|value| value.is_finite())
+        stack.pop()
     }
+}
+
+impl ExpressionError {
+    /// An error at the character at a place.
+    #[must_use]
+    pub fn at(text: &str, place: usize, expected: &'static str) -> Self {
+        Self { problem: Problem::Expected(expected), place: character(text, place) }
+    }
+}
+
+/// Place of the character at a place; empty at the end.
+fn character(text: &str, at: usize) -> Range<usize> {
+    at..at + text[at..].chars().next().map_or(0, char::len_utf8)
 }
 
 struct Parser<'a, F> {
@@ -159,53 +183,50 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
 
     fn expected(&mut self, what: &'static str) -> Parsed {
         self.skip_blanks();
-        let length = self.text[self.at..].chars().next().map_or(0, char::len_utf8);
-        Err(ExpressionError { problem: Problem::Expected(what), place: self.at..self.at + length })
+        Err(ExpressionError::at(self.text, self.at, what))
     }
 
     fn sum(&mut self) -> Parsed {
-        self.product()?;
-        loop {
-            let step = if self.takes('+') {
-                Step::Plus
-            } else if self.takes('-') {
-                Step::Minus
-            } else {
-                return Ok(());
-            };
-            self.product()?;
-            self.steps.push(step);
-        }
+        self.chain(Self::product, [('+', Step::Plus), ('-', Step::Minus)])
     }
 
     fn product(&mut self) -> Parsed {
-        self.factor()?;
-        loop {
-            let step = if self.takes('*') {
-                Step::Times
-            } else if self.takes('/') {
-                Step::Over
-            } else {
-                return Ok(());
-            };
-            self.factor()?;
-            self.steps.push(step);
-        }
+        self.chain(Self::signed, [('*', Step::Times), ('/', Step::Over)])
     }
 
-    fn factor(&mut self) -> Parsed {
+    /// Operands with operators of the same precedence, from the left.
+    fn chain(&mut self, operand: fn(&mut Self) -> Parsed, operators: [(char, Step); 2]) -> Parsed {
+        operand(self)?;
+        while let Some((_, step)) = operators.into_iter().find(|(sign, _)| self.takes(*sign)) {
+            operand(self)?;
+            self.steps.push(step);
+        }
+        Ok(())
+    }
+
+    /// A sign binds less than a power: -x^2 is -(x^2).
+    fn signed(&mut self) -> Parsed {
         self.depth += 1;
         if self.depth > DEPTH {
-            return Err(ExpressionError { problem: Problem::TooDeep, place: self.at..self.text.len() });
+            self.skip_blanks();
+            return Err(ExpressionError { problem: Problem::TooDeep, place: character(self.text, self.at) });
         }
-        if self.takes('-') {
-            self.factor()?;
-            self.steps.push(Step::Negative);
-        } else if self.takes('(') {
+        let mut is_negative = false;
+        while let Some(sign) = ['-', '+'].into_iter().find(|sign| self.takes(*sign)) {
+            is_negative ^= sign == '-';
+        }
+        if self.takes('(') {
             self.sum()?;
             self.closes()?;
         } else {
             self.operand()?;
+        }
+        if self.takes('^') {
+            self.signed()?;
+            self.steps.push(Step::Power);
+        }
+        if is_negative {
+            self.steps.push(Step::Negative);
         }
         self.depth -= 1;
         Ok(())
@@ -217,44 +238,47 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
 
     fn operand(&mut self) -> Parsed {
         self.skip_blanks();
-        let Some(first) = self.text[self.at..].chars().next() else { return self.expected("a number or a metric") };
-        if first.is_ascii_digit() || first == '.' {
+        let first = self.text[self.at..].chars().next();
+        if first.is_some_and(|c| c.is_ascii_digit() || c == '.') {
             return self.number();
         }
-        if !first.is_ascii_alphabetic() {
-            return self.expected("a number or a metric");
+        if !first.is_some_and(|c| c.is_ascii_alphabetic() || c == '_') {
+            return Err(ExpressionError { problem: Problem::Operand, place: character(self.text, self.at) });
         }
         let (name, place) = self.taken(|c| c.is_ascii_alphanumeric() || c == '_');
         let name = name.to_owned();
         if !self.takes('(') {
-            return match (self.index)(&name) {
-                Some(index) => {
-                    self.steps.push(Step::Metric(index));
-                    Ok(())
-                }
-                None => Err(ExpressionError { problem: Problem::Unknown(name), place }),
+            let Some(index) = (self.index)(&name) else {
+                return Err(ExpressionError { problem: Problem::Unknown(name), place });
             };
+            self.steps.push(Step::Name(index));
+            return Ok(());
         }
-        let (step, operands) = match name.as_str() {
-            "abs" => (Step::Abs, 1),
-            "sqrt" => (Step::Sqrt, 1),
-            "min" => (Step::Min, 2),
-            "max" => (Step::Max, 2),
+        let (step, has_several) = match name.as_str() {
+            "abs" => (Step::Abs, false),
+            "sqrt" => (Step::Sqrt, false),
+            "min" => (Step::Min, true),
+            "max" => (Step::Max, true),
             _ => {
                 let problem = Problem::Expected("one of the functions abs, sqrt, min and max");
                 return Err(ExpressionError { problem, place });
             }
         };
         self.sum()?;
-        for _ in 1..operands {
-            if !self.takes(',') {
-                return self.expected("`,` and a second number");
-            }
-            self.sum()?;
+        if !has_several {
+            self.steps.push(step);
+            return self.closes();
         }
-        self.closes()?;
-        self.steps.push(step);
-        Ok(())
+        if !self.takes(',') {
+            return self.expected("`,` and a second number");
+        }
+        loop {
+            self.sum()?;
+            self.steps.push(step);
+            if !self.takes(',') {
+                return self.closes();
+            }
+        }
     }
 
     fn number(&mut self) -> Parsed {
@@ -308,6 +332,8 @@ mod tests {
             ("sqrt(peak * final)", 4.0),
             ("min(peak, final) + max(1, 2)", 4.0),
             ("1e3 + 1.5E-1 + .5", 1000.65),
+            ("2 ^ 3 ^ 2 - -2 ^ 2", 516.0),
+            ("min(3, +1, 2)", 1.0),
         ] {
             assert_eq!(value(text), Some(expected), "{text}");
         }
@@ -335,7 +361,7 @@ mod tests {
             ("1e999", "expected a finite number", 0..5),
             ("2e", "expected an operator or the end", 1..2),
             ("peak × 2", "expected an operator or the end", 5..7),
-            (&nested, "nested more than 50 times", 50..60),
+            (&nested, "nested more than 50 times", 50..51),
         ] {
             let error = parse(text).unwrap_err();
             assert_eq!((error.problem.to_string().as_str(), error.place), (message, place), "{text}");

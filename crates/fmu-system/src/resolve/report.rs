@@ -223,7 +223,7 @@ impl Resolver<'_> {
                 let above = metrics[..index].iter().map(|metric| metric.name.get_ref().as_str());
                 (error.problem.to_string(), suggestion(name, above))
             }
-            Problem::Expected(_) | Problem::TooDeep => (error.problem.to_string(), None),
+            _ => (error.problem.to_string(), None),
         };
         self.problems.add_with_help(place, message, help);
         None
