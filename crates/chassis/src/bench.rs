@@ -1,7 +1,7 @@
 //! `chassis bench`: standard maneuvers, driven or recorded.
 
-mod evaluate;
-mod run;
+pub(crate) mod evaluate;
+pub(crate) mod run;
 
 /// Commands of the test bench.
 #[derive(clap::Subcommand, Debug)]
@@ -20,12 +20,4 @@ pub(crate) enum Command {
     /// or a line of units below the names. `--vehicle` maps other names. Other columns are ignored. A metric that cannot be computed is null;
     /// the reasons go to standard error. The exit code is 2 if the file cannot be used.
     Evaluate(evaluate::Arguments),
-}
-
-/// Carries out a command.
-pub(crate) fn run(command: &Command) -> miette::Result<()> {
-    match command {
-        Command::Run(arguments) => run::run(arguments),
-        Command::Evaluate(arguments) => evaluate::run(arguments),
-    }
 }

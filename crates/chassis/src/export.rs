@@ -10,7 +10,7 @@ use fmu_system::run::Run;
 use miette::{IntoDiagnostic, miette};
 use std::path::{Path, PathBuf};
 
-use crate::folders::folders;
+use crate::arguments::Folders;
 use crate::selection::find_steady_starts;
 use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
@@ -21,10 +21,8 @@ pub(crate) struct Arguments {
     /// Scenario file (TOML)
     scenario: PathBuf,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
-    #[arg(long, value_name = "DIR")]
-    fmus: Vec<PathBuf>,
+    #[command(flatten)]
+    fmus: Folders,
 
     /// Case to export [default: the first]
     #[arg(long, value_name = "NAME")]
@@ -54,7 +52,7 @@ pub(crate) struct Arguments {
 /// Writes the files.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let options = Options { stop: arguments.stop, ..Options::default() };
-    let plan = resolve(&arguments.scenario, &folders(&arguments.fmus), &options)?;
+    let plan = resolve(&arguments.scenario, &arguments.fmus.source(), &options)?;
     let mut run = chosen(&plan, arguments)?.clone();
     find_steady_starts(&plan.simulation, std::slice::from_mut(&mut run), &worker::Options::default())?;
     let system = System::new(&plan, &run).into_diagnostic()?;

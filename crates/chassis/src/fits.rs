@@ -12,7 +12,7 @@ use miette::{Result, miette};
 
 use cargo_fmu::out;
 
-use crate::folders::places;
+use crate::arguments::Folders;
 
 /// Arguments of `chassis fits`. [`fmu_system::compat`] defines the terms.
 #[derive(clap::Args, Debug)]
@@ -20,10 +20,8 @@ pub(crate) struct Arguments {
     /// Show only these plants and other FMUs
     names: Vec<String>,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
-    #[arg(long, value_name = "DIR")]
-    fmus: Vec<PathBuf>,
+    #[command(flatten)]
+    fmus: Folders,
 
     /// List what is missing, and why, for every pair that does not fit
     #[arg(long)]
@@ -35,7 +33,7 @@ pub(crate) struct Arguments {
 /// # Errors
 /// There is no FMU or no plant, an FMU cannot be read, or a name is unknown.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let systems = systems(&descriptions(&places(&arguments.fmus))?);
+    let systems = systems(&descriptions(&arguments.fmus.places())?);
     if systems.plants.is_empty() {
         return Err(miette!("there is no plant: none of the FMUs has continuous states, blocks for any signal aside"));
     }

@@ -6,19 +6,11 @@ use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
 
 use crate::python::{exit, root};
 
-/// Arguments of `chassis lab`.
-#[derive(clap::Args, Debug)]
-pub(crate) struct Arguments {
-    /// Options of `scripts/lab`
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-    options: Vec<String>,
-}
-
-/// Builds the site.
+/// Builds the site, with options of `scripts/lab`.
 ///
 /// # Errors
 /// This program is not in the repository, which has the sources of the site.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+pub(crate) fn run(options: &[String]) -> Result<()> {
     let root = root().ok_or_else(|| {
         miette!(
             help = "Clone the repository, and call `scripts/lab` in it.",
@@ -26,6 +18,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         )
     })?;
     let mut command = Command::new(root.join("scripts/lab"));
-    let status = command.args(&arguments.options).status().into_diagnostic().wrap_err("starting scripts/lab")?;
+    let status = command.args(options).status().into_diagnostic().wrap_err("starting scripts/lab")?;
     if status.success() { Ok(()) } else { exit(status.code().unwrap_or(1)) }
 }

@@ -1,14 +1,11 @@
 //! `chassis`: plans and runs systems of FMUs, carries out studies, and drives vehicles through standard maneuvers.
 
+mod arguments;
 mod bench;
-mod completions;
 mod export;
 mod fits;
-mod folders;
-mod jobs;
 mod lab;
 mod new;
-mod pack;
 mod plan;
 mod python;
 mod run;
@@ -16,11 +13,13 @@ mod schema;
 mod selection;
 mod study;
 
-use cargo_fmu::{errors, linearize, trim, worker};
-use clap::Parser;
+use cargo_fmu::{errors, linearize, out, outln, pack, trim, worker};
+use clap::{CommandFactory as _, Parser};
 use fmu_system::data::DataError;
-use fmu_system::resolve::ResolveError;
+use fmu_system::resolve::{ResolveError, fmu_names};
 use miette::{IntoDiagnostic as _, Result, miette};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 /// Commands that were renamed, and their names now.
 const RENAMED: [(&str, &str); 4] =
@@ -89,17 +88,32 @@ enum Cli {
     /// Pack the FMUs that a scenario or study needs, as far as the current workspace has their models
     ///
     /// FMUs that are up to date are left out.
-    Pack(pack::Arguments),
+    Pack {
+        /// Scenario or study file (TOML)
+        file: PathBuf,
+        #[command(flatten)]
+        settings: pack::Settings,
+    },
     /// Write a short scenario of a plant that runs
     New(new::Arguments),
     /// Build the lab, a static site that simulates vehicles and controllers in a browser
-    Lab(lab::Arguments),
+    Lab {
+        /// Options of `scripts/lab`
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        options: Vec<String>,
+    },
     /// Print a completion script for a shell
     ///
     /// For bash: chassis completions bash > ~/.local/share/bash-completion/completions/chassis
-    Completions(completions::Arguments),
+    Completions {
+        /// Shell
+        shell: clap_complete::Shell,
+    },
     /// Print the JSON Schema of a format
-    Schema(schema::Arguments),
+    Schema {
+        /// Format
+        format: schema::Format,
+    },
     /// `cargo fmu linearize`, for the Python package
     #[command(hide = true)]
     Linearize(linearize::Arguments),
@@ -145,17 +159,36 @@ fn run(command: &Cli) -> Result<()> {
         Cli::Run(arguments) => run::run(arguments),
         Cli::Export(arguments) => export::run(arguments),
         Cli::Study(arguments) => study::run(arguments),
-        Cli::Bench(command) => bench::run(command),
+        Cli::Bench(bench::Command::Run(arguments)) => bench::run::run(arguments),
+        Cli::Bench(bench::Command::Evaluate(arguments)) => bench::evaluate::run(arguments),
         Cli::Fits(arguments) => fits::run(arguments),
-        Cli::Pack(arguments) => pack::run(arguments),
+        Cli::Pack { file, settings } => pack::pack_needed(&fmus(file)?, settings),
         Cli::New(arguments) => new::run(arguments),
-        Cli::Lab(arguments) => lab::run(arguments),
-        Cli::Completions(arguments) => completions::run(arguments, &mut <Cli as clap::CommandFactory>::command()),
-        Cli::Schema(arguments) => schema::run(arguments),
+        Cli::Lab { options } => lab::run(options),
+        Cli::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "chassis", &mut script);
+            out!("{}", String::from_utf8_lossy(&script));
+            Ok(())
+        }
+        Cli::Schema { format } => {
+            outln!("{}", format.text()?);
+            Ok(())
+        }
         Cli::Linearize(arguments) => linearize::run(arguments),
         Cli::Trim(arguments) => trim::run(arguments),
         Cli::Worker(arguments) => worker::run(arguments, &JOBS),
     }
+}
+
+/// Names of the FMUs of a scenario, or of the scenario of a study.
+fn fmus(file: &Path) -> Result<BTreeSet<String>> {
+    if !fmu_study::study::is_study(file) {
+        return Ok(fmu_names(file)?);
+    }
+    let (scenario, mut fmus) = fmu_study::study::needs(file)?;
+    fmus.append(&mut fmu_names(&scenario)?);
+    Ok(fmus)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use fmu_import::names::{any_of, suggestion};
 use fmu_system::resolve::{Descriptions, FmuFolder, Options, resolve_text};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
-use crate::folders::folders;
+use crate::arguments::Folders;
 use crate::python;
 use crate::schema::Format;
 use cargo_fmu::files::write_whole;
@@ -35,10 +35,8 @@ pub(crate) struct Arguments {
     /// Maneuver of the FMU `Driver`, such as sine_with_dwell [default: start value of the FMU]
     #[arg(long, value_name = "NAME")]
     maneuver: Option<String>,
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
-    #[arg(long, value_name = "DIR")]
-    fmus: Vec<PathBuf>,
+    #[command(flatten)]
+    fmus: Folders,
 }
 
 /// Writes the scenario, with the extension `.toml`.
@@ -57,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if file.exists() {
         return Err(miette!("{} exists already; nothing was written", file.display()));
     }
-    let fmus = folders(&arguments.fmus);
+    let fmus = arguments.fmus.source();
     let plant = arguments.plant.as_str();
     let (schema, is_committed) = schema(&file)?;
     let text = format!("#:schema {schema}\n\n{}", text(plant, arguments.maneuver.as_deref(), &fmus)?);

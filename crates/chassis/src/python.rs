@@ -86,12 +86,8 @@ pub(crate) fn exit(code: i32) -> ! {
     std::process::exit(code)
 }
 
-/// This call as a command: files of the repository that this program was built in are named from its top.
-pub(crate) fn command() -> String {
-    command_without(&[])
-}
-
-/// As [`command`], without some options that have no value.
+/// This call as a command, without some options that have no value. Files of the repository that this program was built in are named from
+/// its top.
 pub(crate) fn command_without(options: &[&str]) -> String {
     let arguments = std::env::args().skip(1).filter(|argument| !options.contains(&argument.as_str()));
     ["chassis".to_owned()].into_iter().chain(arguments.map(|argument| named(&argument))).collect::<Vec<_>>().join(" ")

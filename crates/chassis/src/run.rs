@@ -1,6 +1,6 @@
 //! `chassis run`: executes a scenario.
 
-use crate::jobs::jobs;
+use crate::arguments::Jobs;
 use crate::plan::print_warnings;
 use crate::python::{self, Python};
 use crate::selection::{Selection, find_steady_starts};
@@ -19,7 +19,6 @@ use fmu_system::worker::{Failure, FailureKind, Pool, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use std::collections::{BTreeMap, BTreeSet};
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -59,9 +58,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     no_warnings: bool,
 
-    /// Number of processes [default: number of processors]
-    #[arg(long, short, value_name = "N")]
-    jobs: Option<NonZeroUsize>,
+    #[command(flatten)]
+    jobs: Jobs,
 
     /// Exit with 0 even if a requirement is not met
     #[arg(long)]
@@ -127,7 +125,7 @@ impl Arguments {
             "plan": plan,
             "folder": absolute(folder)?.to_string_lossy(),
             "engine": engine,
-            "command": python::command(),
+            "command": python::command_without(&[]),
             "numbers": results.numbers,
             "verdicts": verdicts.collect::<Vec<_>>(),
             "incomplete": incomplete.map(|run| (&run.run, run.reason())).collect::<BTreeMap<_, _>>(),
@@ -193,21 +191,6 @@ impl<'a> Results<'a> {
         let numbers = requirements::numbers(plan, is_only_required, &read).into_diagnostic()?;
         let verdicts = requirements::verdicts(plan, &numbers);
         Ok(Self { statuses, numbers, verdicts })
-    }
-}
-
-/// Summary of a run whose file is written.
-struct Done {
-    /// Time of the last row, s.
-    end: Option<f64>,
-    seconds: f64,
-    messages: Vec<String>,
-}
-
-impl From<Recording> for Done {
-    fn from(recording: Recording) -> Self {
-        let messages = recording.messages.iter().map(|(component, message)| format!("{component}: {}", message.text));
-        Self { end: recording.time.last().copied(), seconds: recording.seconds, messages: messages.collect() }
     }
 }
 
@@ -365,7 +348,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     let bar = progress_bar(plan)?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
-    let jobs = jobs(arguments.jobs);
+    let jobs = arguments.jobs.count();
     // An FMU may change the folder of its process.
     let target = absolute(folder)?;
     let mut settings = arguments.workers.settings(lines, jobs)?;
@@ -384,9 +367,9 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
         let path = target.join(results::file_name(&run));
         Ok(Task { run, csv: Some((names.clone(), path)) })
     };
-    let outcomes: Mutex<BTreeMap<usize, Result<Done, Failure>>> = Mutex::default();
+    let outcomes: Mutex<BTreeMap<usize, Result<Recording, Failure>>> = Mutex::default();
     pool.execute(&plan.simulation, plan.runs.len(), &task, &|n| bar.inc(n), &|index, outcome| {
-        outcomes.lock().unwrap_or_else(PoisonError::into_inner).insert(index, outcome.map(Done::from));
+        outcomes.lock().unwrap_or_else(PoisonError::into_inner).insert(index, outcome);
     });
     drop(pool);
     bar.finish_and_clear();
@@ -397,7 +380,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
         let run = &plan.runs[index];
         match outcome {
             Ok(result) => {
-                statuses.push(RunStatus::completed(run, result.end));
+                statuses.push(RunStatus::completed(run, result.time.last().copied()));
                 done.push((run, result));
             }
             Err(failure) => {
@@ -494,7 +477,7 @@ fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
 }
 
 /// `ended` is the number of runs that an FMU ended, which are shorter than the others.
-fn print_summary(plan: &Plan, done: &[(&Run, Done)], ended: usize, folder: &Path, elapsed: Duration) {
+fn print_summary(plan: &Plan, done: &[(&Run, Recording)], ended: usize, folder: &Path, elapsed: Duration) {
     let width = plan.cases.iter().map(|case| case.name.len()).max().unwrap_or(0).max("case".len());
     outln!("{:width$}  runs  seconds per run", "case");
     for case in &plan.cases {
@@ -513,9 +496,9 @@ fn print_summary(plan: &Plan, done: &[(&Run, Done)], ended: usize, folder: &Path
         elapsed.as_secs_f64(),
         folder.join("*.csv").display()
     );
-    let mut messages: BTreeMap<&str, usize> = BTreeMap::new();
-    for message in done.iter().flat_map(|(_, done)| &done.messages) {
-        *messages.entry(message).or_default() += 1;
+    let mut messages: BTreeMap<String, usize> = BTreeMap::new();
+    for (component, message) in done.iter().flat_map(|(_, done)| &done.messages) {
+        *messages.entry(format!("{component}: {}", message.text)).or_default() += 1;
     }
     for (message, count) in messages.iter().take(SHOWN_MESSAGES) {
         let times = if *count > 1 { format!(" ({count} times)") } else { String::new() };

@@ -1,14 +1,6 @@
 //! `chassis schema`: JSON Schemas of the formats.
 
-use cargo_fmu::outln;
 use miette::{IntoDiagnostic as _, Result};
-
-/// Arguments of `chassis schema`.
-#[derive(clap::Args, Debug)]
-pub(crate) struct Arguments {
-    /// Format
-    format: Format,
-}
 
 /// A format with a schema.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -34,10 +26,4 @@ impl Format {
         };
         serde_json::to_string_pretty(&schema).into_diagnostic()
     }
-}
-
-/// Prints the schema.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    outln!("{}", arguments.format.text()?);
-    Ok(())
 }

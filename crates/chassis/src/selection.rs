@@ -1,11 +1,11 @@
 //! Arguments that select a scenario and change it.
 
-use crate::folders::folders;
+use crate::arguments::{Folders, one_of};
 use cargo_fmu::worker;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use fmu_system::plan::Plan;
-use fmu_system::resolve::{self, Options, resolve};
-use fmu_system::run;
+use fmu_system::resolve::{AfterEnd, Options, resolve};
+use fmu_system::run::{Order, Run, Simulation};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,10 +16,8 @@ pub(crate) struct Selection {
     /// Scenario file (TOML)
     scenario: PathBuf,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
-    #[arg(long, value_name = "DIR")]
-    fmus: Vec<PathBuf>,
+    #[command(flatten)]
+    fmus: Folders,
 
     /// CSV file with signals that replace the outputs of components
     ///
@@ -29,7 +27,7 @@ pub(crate) struct Selection {
     pub(crate) inputs: Option<PathBuf>,
 
     /// Action if a signal from `--inputs` ends before the run does
-    #[arg(long, value_name = "WHAT", default_value = "error", requires = "inputs")]
+    #[arg(long, value_name = "WHAT", default_value = "error", requires = "inputs", value_parser = one_of(&AFTER_END))]
     after_end: AfterEnd,
 
     /// Override the scenario's stop time, in seconds
@@ -41,27 +39,21 @@ pub(crate) struct Selection {
     pub(crate) seeds: Option<u32>,
 
     /// Override the scenario's order of the components within a step
-    #[arg(long)]
+    #[arg(long, value_parser = one_of(&ORDERS))]
     order: Option<Order>,
 }
 
-/// Value of a signal of an input file after its last sample.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum AfterEnd {
-    /// Report an error
-    Error,
-    /// Hold the last value
-    Hold,
-}
+const AFTER_END: [(&str, &str, AfterEnd); 2] =
+    [("error", "Report an error", AfterEnd::Error), ("hold", "Hold the last value", AfterEnd::Hold)];
 
-/// Order of the components within a step.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Order {
-    /// Gauss-Seidel: one after the other, each with the new outputs of those before it
-    Sequential,
-    /// Jacobi: all at once, with the outputs of the previous step
-    Jacobi,
-}
+const ORDERS: [(&str, &str, Order); 2] = [
+    (
+        "sequential",
+        "Gauss-Seidel: one after the other, each with the new outputs of those before it",
+        Order::Sequential,
+    ),
+    ("jacobi", "Jacobi: all at once, with the outputs of the previous step", Order::Jacobi),
+];
 
 impl Selection {
     /// Resolves the scenario and adds the warnings that only trial runs give.
@@ -87,26 +79,20 @@ impl Selection {
     pub(crate) fn plan(&self) -> miette::Result<Plan> {
         let options = Options {
             stop: self.stop,
-            order: self.order.map(|order| match order {
-                Order::Sequential => run::Order::Sequential,
-                Order::Jacobi => run::Order::Jacobi,
-            }),
+            order: self.order,
             seeds: self.seeds.and_then(|n| usize::try_from(n).ok()),
             inputs: self.inputs.clone(),
-            after_end: match self.after_end {
-                AfterEnd::Error => resolve::AfterEnd::Error,
-                AfterEnd::Hold => resolve::AfterEnd::Hold,
-            },
+            after_end: self.after_end,
             fmus: Vec::new(),
         };
-        Ok(resolve(&self.scenario, &folders(&self.fmus), &options)?)
+        Ok(resolve(&self.scenario, &self.fmus.source(), &options)?)
     }
 }
 
 /// Finds the steady states that components of runs start in.
 pub(crate) fn find_steady_starts(
-    simulation: &run::Simulation,
-    runs: &mut [run::Run],
+    simulation: &Simulation,
+    runs: &mut [Run],
     workers: &worker::Options,
 ) -> miette::Result<()> {
     let settings = workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;

@@ -7,14 +7,13 @@ use fmu_study::journal::Progress;
 use fmu_study::study::{self, Method, Study, Workers};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, miette};
-use std::num::{NonZeroU64, NonZeroUsize};
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::folders::{folders, places};
-use crate::jobs::jobs;
+use crate::arguments::{Folders, Jobs};
 use crate::python::{self, Python};
 use cargo_fmu::outln;
 use cargo_fmu::worker;
@@ -25,10 +24,8 @@ pub(crate) struct Arguments {
     /// Study file (TOML)
     study: PathBuf,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
-    #[arg(long, value_name = "DIR")]
-    fmus: Vec<PathBuf>,
+    #[command(flatten)]
+    fmus: Folders,
 
     /// Folder for results
     ///
@@ -36,9 +33,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "OUT", default_value = RESULTS)]
     out: PathBuf,
 
-    /// Number of processes [default: number of processors]
-    #[arg(long, short, value_name = "N")]
-    jobs: Option<NonZeroUsize>,
+    #[command(flatten)]
+    jobs: Jobs,
 
     #[command(flatten)]
     workers: worker::Options,
@@ -112,10 +108,10 @@ impl Arguments {
             |path: &Path| std::path::absolute(path).into_diagnostic().map(|path| path.to_string_lossy().into_owned());
         let request = serde_json::json!({
             "study": absolute(&self.study)?,
-            "fmus": places(&self.fmus).iter().map(|folder| absolute(folder)).collect::<Result<Vec<_>>>()?,
+            "fmus": self.fmus.places().iter().map(|folder| absolute(folder)).collect::<Result<Vec<_>>>()?,
             "out": absolute(&self.out)?,
             "command": self.repeated(),
-            "jobs": jobs(self.jobs),
+            "jobs": self.jobs.count(),
             "timeout": self.workers.timeout().as_secs_f64(),
             "runs": self.runs,
             "dask": self.dask,
@@ -136,7 +132,7 @@ impl Arguments {
         if self.out != Path::new(RESULTS) {
             words.extend(["--out".to_owned(), python::named(&self.out.to_string_lossy())]);
         }
-        let folders = self.fmus.iter().map(|folder| python::named(&folder.to_string_lossy()));
+        let folders = self.fmus.given().iter().map(|folder| python::named(&folder.to_string_lossy()));
         words.extend(folders.flat_map(|folder| ["--fmus".to_owned(), folder]));
         words.join(" ")
     }
@@ -197,7 +193,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let request = arguments.request()?;
         // Shows mistakes with their places; Python reads the study again.
         let runs = arguments.runs.map(NonZeroU64::get);
-        if let Err(error) = fmu_system::study::read(&arguments.study, &folders(&arguments.fmus), runs) {
+        if let Err(error) = fmu_system::study::read(&arguments.study, &arguments.fmus.source(), runs) {
             eprintln!("Error: {:?}", miette::Report::from(error));
             python::exit(UNABLE);
         }
@@ -237,9 +233,9 @@ fn optimize(arguments: &Arguments) -> Result<()> {
     let bar = ProgressBar::no_length();
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
-    let jobs = jobs(arguments.jobs);
+    let jobs = arguments.jobs.count();
     let workers = Workers { settings: arguments.workers.settings(lines, jobs)?, jobs };
-    let mut study = study::read(&arguments.study, &folders(&arguments.fmus), workers)?;
+    let mut study = study::read(&arguments.study, &arguments.fmus.source(), workers)?;
     if let Some(budget) = arguments.budget {
         study.evaluations = budget.get();
     }

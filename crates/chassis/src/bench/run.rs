@@ -1,6 +1,6 @@
 //! `chassis bench run`: standard maneuvers for a plant, without and with controllers.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use fmu_assess::assess::{Options, Shown, assess};
 use fmu_assess::report::{Assessment, Judgment, Row, Verdict};
 use fmu_assess::vehicle::VehicleFile;
@@ -12,14 +12,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use crate::folders::{folders, places};
-use crate::jobs::jobs;
+use crate::arguments::{Folders, Jobs, one_of, source};
 use crate::python::{self, Python};
 use cargo_fmu::files::{try_to_write, write_whole};
 use cargo_fmu::worker;
@@ -41,13 +39,11 @@ pub(crate) struct Arguments {
     base: Vec<Placed>,
 
     /// Group of maneuvers; may be repeated [default: all that the plant supports]
-    #[arg(long, value_name = "SUITE")]
-    suite: Vec<SuiteName>,
+    #[arg(long, value_name = "SUITE", value_parser = one_of(&SUITES))]
+    suite: Vec<Suite>,
 
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
-    #[arg(long, value_name = "DIR")]
-    fmus: Vec<PathBuf>,
+    #[command(flatten)]
+    fmus: Folders,
 
     /// Set a parameter, such as esp_car:body.mass=1300 or "esp_car:body.mass=1300 kg"; may be repeated
     ///
@@ -103,40 +99,20 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
-    /// Number of processes [default: number of processors]
-    #[arg(long, short, value_name = "N")]
-    jobs: Option<NonZeroUsize>,
+    #[command(flatten)]
+    jobs: Jobs,
 
     #[command(flatten)]
     workers: worker::Options,
 }
 
-/// A group of maneuvers.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SuiteName {
-    /// Steady state and response to steering
-    Handling,
-    /// Sine with dwell and double lane changes
-    Stability,
-    /// Fishhook and J-turn
-    Rollover,
-    /// Braking straight ahead, on split friction and in a turn
-    Braking,
-    /// Ride on rough roads
-    Ride,
-}
-
-impl From<SuiteName> for Suite {
-    fn from(name: SuiteName) -> Self {
-        match name {
-            SuiteName::Handling => Self::Handling,
-            SuiteName::Stability => Self::Stability,
-            SuiteName::Rollover => Self::Rollover,
-            SuiteName::Braking => Self::Braking,
-            SuiteName::Ride => Self::Ride,
-        }
-    }
-}
+const SUITES: [(&str, &str, Suite); 5] = [
+    ("handling", "Steady state and response to steering", Suite::Handling),
+    ("stability", "Sine with dwell and double lane changes", Suite::Stability),
+    ("rollover", "Fishhook and J-turn", Suite::Rollover),
+    ("braking", "Braking straight ahead, on split friction and in a turn", Suite::Braking),
+    ("ride", "Ride on rough roads", Suite::Ride),
+];
 
 /// The name of an FMU, and its place among all of `--with` and `--base`.
 #[derive(Debug, Clone)]
@@ -246,7 +222,7 @@ fn page(arguments: &Arguments, python: &Python, code: i32) -> miette::Result<()>
 }
 
 fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
-    let mut places = places(&arguments.fmus);
+    let mut places = arguments.fmus.places();
     let mut order = Vec::new();
     let mut all = |units: &[Placed]| {
         let names: Vec<String> = units.iter().map(|unit| named(&unit.name, &mut places)).collect();
@@ -280,12 +256,12 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
     set.extend(arguments.set.iter().cloned());
     let subject = Subject { plant, base, with, set, order, vehicle };
     let options = Options {
-        suites: arguments.suite.iter().map(|suite| (*suite).into()).collect(),
+        suites: arguments.suite.clone(),
         speed: arguments.speed.map(|speed| speed / 3.6),
         is_quick: arguments.quick,
         adapts: arguments.adapt,
         required: arguments.require.clone(),
-        jobs: jobs(arguments.jobs),
+        jobs: arguments.jobs.count(),
     };
     let style = ProgressStyle::with_template("{msg} [{bar:40}] {pos}/{len} maneuvers {elapsed}").into_diagnostic()?;
     let bar = ProgressBar::no_length().with_style(style.progress_chars("=> "));
@@ -299,7 +275,7 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
         bar.set_position(done as u64);
         bar.set_message(format!("{} ({runs} runs)", subject.plant));
     };
-    let source: FmuFolder = folders(&places);
+    let source = source(&places);
     try_to_write(&out)?;
     let result = assess(&subject, &source, &options, &settings, &progress);
     bar.finish_and_clear();
@@ -395,12 +371,10 @@ fn print_systems(assessment: &Assessment) {
 
 /// The limit of a metric, where it applies.
 fn limit_text(row: &Row) -> String {
-    match (&row.limit["min"], &row.limit["max"]) {
-        (limit, serde_json::Value::Null) if limit.is_number() => {
-            format!(", at least {}", limit.as_f64().map_or_else(String::new, shown))
-        }
-        (_, limit) if limit.is_number() => format!(", at most {}", limit.as_f64().map_or_else(String::new, shown)),
-        _ => String::new(),
+    match ["min", "max"].map(|end| row.limit[end].as_f64()) {
+        [_, Some(limit)] => format!(", at most {}", shown(limit)),
+        [Some(limit), None] => format!(", at least {}", shown(limit)),
+        [None, None] => String::new(),
     }
 }
 
