@@ -279,13 +279,10 @@ fn print_summary(study: &Study, summary: &Summary, seconds: &[(String, f64)]) {
             outln!("  {weight:.4}  {}", term.signal);
         }
     }
-    let show = |title: &str, objective: f64, reason: Option<&String>| {
-        outln!("{title}: {objective:.6}{}", reason.map_or(String::new(), |r| format!("  ({r})")));
-    };
-    let baseline = &summary.baseline;
-    show(&baseline.title, baseline.objective, baseline.reason.as_ref());
-    for compared in &summary.comparisons {
-        show(&compared.title, compared.objective, compared.reason.as_ref());
+    let compared = summary.comparisons.iter().map(|compared| (&compared.title, &compared.outcome));
+    for (title, outcome) in std::iter::once((&summary.baseline.title, &summary.baseline.outcome)).chain(compared) {
+        let reason = outcome.reason.as_ref().map_or(String::new(), |reason| format!("  ({reason})"));
+        outln!("{title}: {:.6}{reason}", outcome.objective);
     }
     for method in &summary.methods {
         let progress = &method.progress;

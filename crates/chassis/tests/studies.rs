@@ -6,7 +6,8 @@ mod patience;
 mod support;
 
 use fmu_import::worker::{Launch, Settings};
-use fmu_study::execution::{ExecutionError, Existing, Summary, execute};
+use fmu_study::execution::{Existing, Summary, execute};
+use fmu_study::search::ExecutionError;
 use fmu_study::study::{self, Study, StudyError, Workers};
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
@@ -209,7 +210,7 @@ fn a_study_from_the_file_to_the_results() {
     assert_eq!(names, ["pacsa", "ga", "yardstick"]);
     assert_eq!(summary.runs, ["free", "inverted"]);
     // The same sums in the same order, but for the factors.
-    assert!((summary.baseline.objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
+    assert!((summary.baseline.outcome.objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
     assert_eq!(summary.baseline.values, [Some(1.0), Some(1.0)], "the start values of the FMUs");
     let compared: Vec<_> = summary.comparisons.iter().map(|c| c.title.as_str()).collect();
     assert_eq!(compared, ["Gains of 2, inverted"], "the scenario's own values are not computed twice");
@@ -223,7 +224,7 @@ fn a_study_from_the_file_to_the_results() {
         let [g, k] = found.values[..] else { panic!() };
         assert!(g.abs() * k <= 30.0 && (-2.0..=8.0).contains(&g) && (0.1..=10.0).contains(&k));
         assert!((found.objective - objective(&place, "ring.toml", Some([g, k]))).abs() < 1e-12);
-        assert!(found.objective < summary.baseline.objective, "better than the gains of 1 of the scenario");
+        assert!(found.objective < summary.baseline.outcome.objective, "better than the gains of 1 of the scenario");
         best = best.min(found.objective);
     }
 
@@ -344,7 +345,7 @@ fn the_scenarios_own_values_are_compared_with() {
     assert_eq!(summary.baseline.values, [Some(1.0), Some(3.0)]);
     let name = summary.best.as_ref().unwrap();
     let best = summary.methods.iter().find(|m| m.method.name == *name).unwrap().progress.best.as_ref().unwrap();
-    assert!(best.objective > summary.baseline.objective && !summary.improved);
+    assert!(best.objective > summary.baseline.outcome.objective && !summary.improved);
 }
 
 /// Only the mistake itself: what the scenario records does not depend on the cases of the study.

@@ -11,7 +11,7 @@
 const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.45, 1.49];
 
 /// Judgments with a consistency ratio above this are rejected.
-pub const MAX_RATIO: f64 = 0.10;
+const MAX_RATIO: f64 = 0.10;
 
 /// Maximum deviation from 1 of the product of an entry and its counterpart: room for 0.333333.
 const RECIPROCAL_SLACK: f64 = 1e-5;
@@ -19,7 +19,7 @@ const RECIPROCAL_SLACK: f64 = 1e-5;
 /// Weights and how consistent the judgments are.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Weights {
-    /// Weights in the order of the matrix, sum 1.
+    /// In the order of the matrix, sum 1.
     pub weights: Vec<f64>,
     /// Largest eigenvalue; the order of the matrix if the judgments are consistent, else more.
     pub lambda_max: f64,
@@ -29,111 +29,57 @@ pub struct Weights {
     pub ratio: f64,
 }
 
-/// Error in a judgment matrix.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum AhpError {
-    /// Its order is 0 or above 10.
-    #[error("a judgment matrix compares 1 to 10 features, this one {0}")]
-    Order(usize),
-    /// It is not square.
-    #[error("row {row} of the judgment matrix has {found} entries, expected {expected}")]
-    Row {
-        /// Row, from 1.
-        row: usize,
-        /// Its entries.
-        found: usize,
-        /// Number of rows.
-        expected: usize,
-    },
-    /// An entry is off the scale.
-    #[error("the judgment in row {row}, column {column} is {value}, expected 1/9 to 9")]
-    Scale {
-        /// Row, from 1.
-        row: usize,
-        /// Column, from 1.
-        column: usize,
-        /// Entry.
-        value: f64,
-    },
-    /// Two entries contradict each other, or a diagonal entry is not 1.
-    #[error(
-        "the judgments in row {row}, column {column} and row {column}, column {row} are {value} and {other}, expected \
-         reciprocals (and 1 on the diagonal)"
-    )]
-    Reciprocal {
-        /// Row, from 1.
-        row: usize,
-        /// Column, from 1.
-        column: usize,
-        /// Entry.
-        value: f64,
-        /// Its counterpart.
-        other: f64,
-    },
-    /// The judgments contradict each other too much.
-    #[error(
-        "the judgments contradict each other: consistency ratio {ratio:.3} (lambda_max {lambda_max:.4}), at most \
-         {MAX_RATIO:.2} is accepted; row {row}, column {column} fits worst: {value:.3}, where the weights ask for {expected:.2}"
-    )]
-    Inconsistent {
-        /// Consistency ratio.
-        ratio: f64,
-        /// Largest eigenvalue.
-        lambda_max: f64,
-        /// Row of the worst entry, from 1.
-        row: usize,
-        /// Column of the worst entry, from 1.
-        column: usize,
-        /// The worst entry.
-        value: f64,
-        /// Ratio of the weights in its place.
-        expected: f64,
-    },
-}
-
 /// Weights of a judgment matrix.
 ///
 /// # Errors
 /// The matrix is not a judgment matrix, or its consistency ratio is above [`MAX_RATIO`].
-pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, AhpError> {
+pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, String> {
     check(matrix)?;
+    let n = matrix.len();
+    let judged = judged(matrix);
+    let Weights { weights: q, lambda_max, ratio, .. } = &judged;
+    if *ratio > MAX_RATIO {
+        // Factor by which an entry is too large or too small.
+        let misfit = |i: usize, j: usize| (matrix[i][j] * q[j] / q[i]).max(q[i] / (q[j] * matrix[i][j]));
+        let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
+        let (i, j) = pairs.max_by(|a, b| misfit(a.0, a.1).total_cmp(&misfit(b.0, b.1))).unwrap_or_default();
+        return Err(format!(
+            "the judgments contradict each other: consistency ratio {ratio:.3} (lambda_max {lambda_max:.4}), at most \
+             {MAX_RATIO:.2} is accepted; row {}, column {} fits worst: {:.3}, where the weights ask for {:.2}",
+            i + 1,
+            j + 1,
+            matrix[i][j],
+            q[i] / q[j]
+        ));
+    }
+    Ok(judged)
+}
+
+/// Weights of judgments that may contradict each other.
+fn judged(matrix: &[Vec<f64>]) -> Weights {
     let n = matrix.len();
     let q = principal_eigenvector(matrix);
     let lambda_max = multiply(matrix, &q).iter().zip(&q).map(|(t, q)| t / q).sum::<f64>() / n as f64;
     // Rounding may leave consistent judgments a hair below n.
     let index = if n > 1 { ((lambda_max - n as f64) / (n as f64 - 1.0)).max(0.0) } else { 0.0 };
     let ratio = if n > 2 { index / RANDOM_INDEX[n - 1] } else { 0.0 };
-    if ratio > MAX_RATIO {
-        // Factor by which an entry is too large or too small.
-        let misfit = |i: usize, j: usize| (matrix[i][j] * q[j] / q[i]).max(q[i] / (q[j] * matrix[i][j]));
-        let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
-        let (i, j) = pairs.max_by(|a, b| misfit(a.0, a.1).total_cmp(&misfit(b.0, b.1))).unwrap_or_default();
-        return Err(AhpError::Inconsistent {
-            ratio,
-            lambda_max,
-            row: i + 1,
-            column: j + 1,
-            value: matrix[i][j],
-            expected: q[i] / q[j],
-        });
-    }
-    Ok(Weights { weights: q, lambda_max, index, ratio })
+    Weights { weights: q, lambda_max, index, ratio }
 }
 
-fn check(matrix: &[Vec<f64>]) -> Result<(), AhpError> {
+fn check(matrix: &[Vec<f64>]) -> Result<(), String> {
     let n = matrix.len();
     if !(1..=RANDOM_INDEX.len()).contains(&n) {
-        return Err(AhpError::Order(n));
+        return Err(format!("a judgment matrix compares 1 to 10 features, this one {n}"));
     }
     if let Some(row) = matrix.iter().position(|row| row.len() != n) {
-        return Err(AhpError::Row { row: row + 1, found: matrix[row].len(), expected: n });
+        return Err(format!("row {} of the judgment matrix has {} entries, expected {n}", row + 1, matrix[row].len()));
     }
     for (i, row) in matrix.iter().enumerate() {
         for (j, &value) in row.iter().enumerate() {
             let (row, column) = (i + 1, j + 1);
             let slack = 1.0 + RECIPROCAL_SLACK;
             if !(1.0 / (9.0 * slack)..=9.0 * slack).contains(&value) {
-                return Err(AhpError::Scale { row, column, value });
+                return Err(format!("the judgment in row {row}, column {column} is {value}, expected 1/9 to 9"));
             }
         }
     }
@@ -141,7 +87,11 @@ fn check(matrix: &[Vec<f64>]) -> Result<(), AhpError> {
         for (j, &value) in row.iter().enumerate().skip(i) {
             let other = matrix[j][i];
             if (value * other - 1.0).abs() > RECIPROCAL_SLACK {
-                return Err(AhpError::Reciprocal { row: i + 1, column: j + 1, value, other });
+                let (row, column) = (i + 1, j + 1);
+                return Err(format!(
+                    "the judgments in row {row}, column {column} and row {column}, column {row} are {value} and {other}, \
+                     expected reciprocals (and 1 on the diagonal)"
+                ));
             }
         }
     }
@@ -235,11 +185,10 @@ mod tests {
     #[test]
     fn contradictory_judgments_are_rejected() {
         let circle = [vec![1.0, 5.0, 0.2], vec![0.2, 1.0, 5.0], vec![5.0, 0.2, 1.0]];
-        let error = weights(&circle).unwrap_err();
-        let AhpError::Inconsistent { ratio, lambda_max, .. } = error else { panic!("{error}") };
         // By symmetry the weights are equal and lambda_max is the sum of a row.
+        let Weights { ratio, lambda_max, .. } = judged(&circle);
         assert!((lambda_max - 6.2).abs() < 1e-12 && (ratio - 1.6 / 0.58).abs() < 1e-12);
-        let text = error.to_string();
+        let text = weights(&circle).unwrap_err();
         assert!(text.contains("ratio 2.759") && text.contains("at most 0.10"), "{text}");
     }
 
@@ -255,7 +204,7 @@ mod tests {
             (vec![vec![1.0, 2.0], vec![2.0, 1.0]], "are 2 and 2, expected reciprocals"),
             (vec![vec![2.0]], "row 1, column 1 and row 1, column 1 are 2 and 2"),
         ] {
-            let error = weights(&matrix).unwrap_err().to_string();
+            let error = weights(&matrix).unwrap_err();
             assert!(error.contains(expected), "{error}");
         }
     }

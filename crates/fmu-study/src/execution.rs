@@ -10,14 +10,13 @@
 //!
 //! Apart from the history, a file is complete or does not exist.
 
-use crate::journal::{self, Candidate, Journal, Progress};
-use crate::search::{JournalError, Stop};
+use crate::journal::{self, Candidate, Journal, Outcome, Progress};
+use crate::search::{ExecutionError, Stop};
 use crate::simulation::{Limit, Term};
 use crate::space::Parameter;
 use crate::study::{Method, Search, Study};
 use crate::{ahp, cma_es, genetic, pacsa};
-use fmu_import::description::Unit;
-use fmu_import::description::Value;
+use fmu_import::description::{Unit, Value};
 use fmu_import::parameter_set::{self, ParameterSet};
 use fmu_system::run::Run;
 use serde::Serialize;
@@ -27,7 +26,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Version of the layout of the summary.
-pub const FORMAT: u32 = 3;
+const FORMAT: u32 = 3;
 /// Version of the history and its state. An older summary does not matter: it is regenerated from the history.
 const HISTORY_FORMAT: u32 = 1;
 
@@ -40,47 +39,6 @@ pub enum Existing {
     Resume,
     /// Start over.
     Overwrite,
-}
-
-/// Error while running a study.
-#[derive(Debug, thiserror::Error)]
-pub enum ExecutionError {
-    /// Results exist.
-    #[error("{} already exists: `--resume` continues it, `--overwrite` starts over", .0.display())]
-    Exists(PathBuf),
-    /// The results are those of another study.
-    #[error(
-        "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` starts over", .0.display()
-    )]
-    Changed(PathBuf),
-    /// The results have more evaluations than the budget allows.
-    #[error(
-        "{} has {evaluations} evaluations, more than the budget of {budget}, and a shorter search would replace better \
-         results by worse ones: `--resume` needs a budget of at least {evaluations}; `--overwrite` starts over, another \
-         folder (`--out`) keeps both", path.display()
-    )]
-    Budget {
-        /// The history.
-        path: PathBuf,
-        /// Its evaluations.
-        evaluations: u64,
-        /// The budget.
-        budget: u64,
-    },
-    /// An FMU cannot be loaded.
-    #[error("{0}")]
-    Load(String),
-    /// A file cannot be read or written.
-    #[error("{}: {cause}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// A history cannot be used.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
 }
 
 /// Reason for the end of a method.
@@ -98,40 +56,29 @@ pub enum End {
 /// Results of a study.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary {
-    /// [`FORMAT`].
-    pub format: u32,
-    /// Name of the study.
-    pub name: String,
-    /// Title.
-    pub title: String,
-    /// Description; a blank line separates paragraphs.
-    pub description: String,
-    /// Source.
-    pub reference: String,
-    /// Path of the scenario.
-    pub scenario: String,
-    /// Paths of its FMUs.
-    pub fmus: BTreeSet<String>,
+    format: u32,
+    name: String,
+    title: String,
+    description: String,
+    reference: String,
+    scenario: String,
+    fmus: BTreeSet<String>,
     /// Ids of the runs whose mean is the objective.
     pub runs: Vec<String>,
     /// Simulated time of a run, s.
-    pub duration: f64,
+    duration: f64,
     /// Evaluations per method.
-    pub budget: u64,
-    /// Target of the objective.
-    pub target: Option<f64>,
-    /// Objective of infeasible candidates.
-    pub penalty: f64,
-    /// Parameters.
-    pub parameters: Vec<Parameter>,
+    budget: u64,
+    target: Option<f64>,
+    penalty: f64,
+    parameters: Vec<Parameter>,
     /// Name and inequality.
-    pub constraints: Vec<(String, String)>,
-    /// Limits.
-    pub limits: Vec<Limit>,
+    constraints: Vec<(String, String)>,
+    limits: Vec<Limit>,
     /// Terms of the objective.
     pub terms: Vec<Term>,
     /// Recorded rows in the window of each term.
-    pub rows: Vec<usize>,
+    rows: Vec<usize>,
     /// Weights from judgments.
     pub judged: Option<ahp::Weights>,
     /// The scenario's own values.
@@ -153,10 +100,9 @@ pub struct Baseline {
     pub title: String,
     /// Values in the order of the parameters; `None` where the runs differ.
     pub values: Vec<Option<f64>>,
-    /// Objective.
-    pub objective: f64,
-    /// Reason that it is not feasible.
-    pub reason: Option<String>,
+    /// Outcome.
+    #[serde(flatten)]
+    pub outcome: Outcome,
 }
 
 /// Result of a comparison.
@@ -166,10 +112,9 @@ pub struct Compared {
     pub title: String,
     /// Values that differ from the scenario's, by `component:parameter`.
     pub values: BTreeMap<String, f64>,
-    /// Objective.
-    pub objective: f64,
-    /// Reason that it is not feasible.
-    pub reason: Option<String>,
+    /// Outcome.
+    #[serde(flatten)]
+    pub outcome: Outcome,
 }
 
 /// Result of a method.
@@ -233,7 +178,8 @@ pub fn execute(
         if let Some(best) = progress.best.as_ref().filter(|b| b.objective < before) {
             write(&folder.join("best.ssv"), parameter_set(study, &best.values).as_bytes())?;
             summary.best = Some(method.name.clone());
-            summary.improved = summary.baseline.reason.is_some() || best.objective < summary.baseline.objective;
+            let baseline = &summary.baseline.outcome;
+            summary.improved = baseline.reason.is_some() || best.objective < baseline.objective;
         }
         summary.methods.push(MethodSummary { method: method.clone(), end, progress });
         write(&folder.join("summary.json"), json(&summary).as_bytes())?;
@@ -254,7 +200,7 @@ fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>)
         let known = match std::fs::read(&path) {
             Ok(bytes) => serde_json::from_slice::<State<serde_json::Value>>(&bytes).ok(),
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
-            Err(cause) => return Err(ExecutionError::Io { path, cause }),
+            Err(cause) => return Err(ExecutionError::io(&path)(cause)),
         };
         let fingerprint = fingerprint(study, method, fmus);
         if known.is_none_or(|state| state.format != HISTORY_FORMAT || state.fingerprint != fingerprint) {
@@ -293,21 +239,11 @@ fn search(
     }
     let written = Cell::new(0);
     let checkpoint = |progress: &Progress| {
-        let to_journal = |error| match error {
-            ExecutionError::Io { path, cause } => JournalError::Io { path, cause },
-            ExecutionError::Journal(error) => error,
-            ExecutionError::Exists(path) | ExecutionError::Changed(path) | ExecutionError::Budget { path, .. } => {
-                JournalError::Io { path, cause: io::ErrorKind::AlreadyExists.into() }
-            }
-            ExecutionError::Load(message) => {
-                JournalError::Io { path: folder.to_path_buf(), cause: io::Error::other(message) }
-            }
-        };
         if let Some(best) = progress.best.as_ref().filter(|best| best.evaluation != written.get()) {
-            write(&folder.join("best.ssv"), parameter_set(study, &best.values).as_bytes()).map_err(to_journal)?;
+            write(&folder.join("best.ssv"), parameter_set(study, &best.values).as_bytes())?;
             written.set(best.evaluation);
         }
-        save(progress).map_err(to_journal)
+        save(progress)
     };
     let simulation = &study.simulation;
     let limits = (study.evaluations, study.target);
@@ -322,7 +258,7 @@ fn search(
         Ok(()) => End::Generations,
         Err(Stop::Budget) => End::Budget,
         Err(Stop::Target) => End::Target,
-        Err(Stop::Failed(error)) => return Err(error.into()),
+        Err(Stop::Failed(error)) => return Err(error),
     };
     let progress = journal.progress();
     // The last generation may have come from the history of a call that ended before its checkpoint.
@@ -341,16 +277,11 @@ fn rows(times: &fmu_system::run::Simulation, term: &Term) -> usize {
 fn summary(study: &Study) -> Summary {
     let simulation = &study.simulation;
     let name = |index: usize| simulation.parameters[index].name.clone();
-    let comparisons = study.comparisons.iter().map(|comparison| {
-        let outcome = simulation.outcome(&comparison.runs, &comparison.values);
-        Compared {
-            title: comparison.title.clone(),
-            values: comparison.values.iter().map(|(index, value)| (name(*index), *value)).collect(),
-            objective: outcome.objective,
-            reason: outcome.reason,
-        }
+    let comparisons = study.comparisons.iter().map(|comparison| Compared {
+        title: comparison.title.clone(),
+        values: comparison.values.iter().map(|(index, value)| (name(*index), *value)).collect(),
+        outcome: simulation.outcome(&comparison.runs, &comparison.values),
     });
-    let own = simulation.outcome(&simulation.runs, &[]);
     Summary {
         format: FORMAT,
         name: study.name.clone(),
@@ -373,8 +304,7 @@ fn summary(study: &Study) -> Summary {
         baseline: Baseline {
             title: study.baseline.clone(),
             values: (0..simulation.parameters.len()).map(|index| simulation.own_value(index)).collect(),
-            objective: own.objective,
-            reason: own.reason,
+            outcome: simulation.outcome(&simulation.runs, &[]),
         },
         comparisons: comparisons.collect(),
         methods: Vec::new(),
@@ -395,8 +325,7 @@ fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionErro
             });
         for file in std::iter::once(&component.fmu).chain(strings) {
             if !hashes.contains_key(file) {
-                let path = PathBuf::from(file);
-                let bytes = std::fs::read(&path).map_err(|cause| ExecutionError::Io { path, cause })?;
+                let bytes = std::fs::read(file).map_err(ExecutionError::io(Path::new(file)))?;
                 hashes.insert(file.clone(), hash(&bytes));
             }
         }
@@ -482,29 +411,17 @@ fn write(path: &Path, content: &[u8]) -> Result<(), ExecutionError> {
         let mut part = tempfile::Builder::new().prefix(".").suffix(".part").tempfile_in(folder)?;
         part.write_all(content)?;
         part.as_file().sync_all()?;
-        readable(part.as_file())?;
+        // Temporary files are for their owner alone; results have the permissions of other files.
+        #[cfg(unix)]
+        part.as_file().set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
         part.persist(path).map_err(|error| error.error)
     });
-    written.map(drop).map_err(|cause| ExecutionError::Io { path: path.to_path_buf(), cause })
-}
-
-/// Temporary files are for their owner alone; results have the permissions of other files.
-#[cfg(unix)]
-fn readable(file: &std::fs::File) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable(_: &std::fs::File) -> io::Result<()> {
-    Ok(())
+    written.map(drop).map_err(ExecutionError::io(path))
 }
 
 fn remove(path: &Path) -> Result<(), ExecutionError> {
     match std::fs::remove_file(path) {
-        Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
-            Err(ExecutionError::Io { path: path.to_path_buf(), cause })
-        }
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(ExecutionError::io(path)(cause)),
         _ => Ok(()),
     }
 }

@@ -4,7 +4,7 @@
 //! Reference: Applied Sciences 2020, 10, 1852, section 5.1, which compares with a GA without describing it; Goldberg,
 //! Genetic Algorithms in Search, Optimization and Machine Learning, 1989.
 
-use crate::search::{BITS, Code, Evaluate, Random, Stop, affinity, decode, mutate, ranking};
+use crate::search::{BITS, Code, Evaluate, Random, Stop, affinity, evaluate, first_generation, mutate, ranking};
 
 /// Settings.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -32,15 +32,7 @@ impl Default for Settings {
 /// # Errors
 /// The evaluator ends the search.
 pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn Evaluate) -> Result<(), Stop> {
-    let evaluate = |evaluator: &mut dyn Evaluate, codes: &[Code]| {
-        evaluator.evaluate(&codes.iter().map(|code| decode(code)).collect::<Vec<_>>())
-    };
-    let mut codes: Vec<Code> = (0..settings.population)
-        .map(|i| {
-            let mut random = Random::new(seed, 0, i);
-            (0..dimension).map(|_| random.code()).collect()
-        })
-        .collect();
+    let mut codes = first_generation(settings.population, dimension, seed);
     let mut objectives = evaluate(evaluator, &codes)?;
     for generation in 1..=settings.generations {
         let wheel = Wheel::new(&objectives);

@@ -4,7 +4,7 @@
 //! to resume, the method starts over, and as long as the history has outcomes, nothing is computed. A candidate that
 //! differs from the history shows that the study has changed. A line that was cut off by the interruption is dropped.
 
-use crate::search::{Evaluate, JournalError, Stop};
+use crate::search::{Evaluate, ExecutionError, Stop};
 use crate::space::Parameter;
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Outcome of a candidate.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Outcome {
     /// Objective, finite, not negative; the penalty if it is not feasible.
     pub objective: f64,
@@ -57,7 +57,7 @@ pub struct Progress {
 /// Called after every evaluation that is computed or read.
 pub type Report<'a> = &'a (dyn Fn(&Progress) + Sync);
 /// Called after every generation with new evaluations; saves what must survive an interruption.
-pub type Checkpoint<'a> = &'a dyn Fn(&Progress) -> Result<(), JournalError>;
+pub type Checkpoint<'a> = &'a dyn Fn(&Progress) -> Result<(), ExecutionError>;
 
 /// Gives a method its objectives, writes the history, enforces the budget.
 pub struct Journal<'a> {
@@ -94,33 +94,30 @@ impl<'a> Journal<'a> {
         (budget, target): (u64, Option<f64>),
         report: Report<'a>,
         checkpoint: Checkpoint<'a>,
-    ) -> Result<Self, JournalError> {
-        let failed = |cause| JournalError::Io { path: path.to_path_buf(), cause };
+    ) -> Result<Self, ExecutionError> {
+        let failed = ExecutionError::io(path);
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(failed)?;
+            std::fs::create_dir_all(folder).map_err(&failed)?;
         }
         let mut file =
-            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
+            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(&failed)?;
         file.try_lock().map_err(|error| match error {
             TryLockError::WouldBlock => failed(io::Error::other("another process is writing to it")),
             TryLockError::Error(cause) => failed(cause),
         })?;
         let mut content = Vec::new();
-        io::Read::read_to_end(&mut file, &mut content).map_err(failed)?;
+        io::Read::read_to_end(&mut file, &mut content).map_err(&failed)?;
         // A line without a line feed was cut off.
         let whole = content.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
-        file.set_len(whole as u64).map_err(failed)?;
-        file.seek(io::SeekFrom::End(0)).map_err(failed)?;
+        file.set_len(whole as u64).map_err(&failed)?;
+        file.seek(io::SeekFrom::End(0)).map_err(&failed)?;
         let header = header(parameters);
         let replay = if whole == 0 {
-            file.write_all(header.as_bytes()).map_err(failed)?;
+            file.write_all(header.as_bytes()).map_err(&failed)?;
             Vec::new()
         } else {
-            read(&content[..whole], &header, parameters.len()).map_err(|(line, message)| JournalError::Line {
-                path: path.to_path_buf(),
-                line,
-                message,
-            })?
+            read(&content[..whole], &header, parameters.len())
+                .map_err(|(line, message)| ExecutionError::Line(path.to_path_buf(), line, message))?
         };
         Ok(Self {
             parameters,
@@ -145,23 +142,20 @@ impl<'a> Journal<'a> {
         lock(&self.log)
     }
 
-    fn failed(&self, cause: io::Error) -> JournalError {
-        JournalError::Io { path: self.path.clone(), cause }
+    fn failed(&self, cause: io::Error) -> ExecutionError {
+        ExecutionError::io(&self.path)(cause)
     }
 
     /// Takes the outcomes of the history, as far as it goes.
-    fn replayed(&mut self, candidates: &[Vec<f64>]) -> Result<Vec<Outcome>, JournalError> {
+    fn replayed(&mut self, candidates: &[Vec<f64>]) -> Result<Vec<Outcome>, ExecutionError> {
         let mut outcomes = Vec::new();
         for candidate in candidates {
             let Some((values, outcome)) = self.replay.next() else { break };
             if bits(&values) != bits(candidate) {
                 // Line 1 holds the names.
                 let line = usize::try_from(self.log().progress.evaluations).unwrap_or(usize::MAX) + outcomes.len() + 2;
-                return Err(JournalError::Line {
-                    path: self.path.clone(),
-                    line,
-                    message: "this study would try other values here: the file belongs to another version of it".into(),
-                });
+                let message = "this study would try other values here: the file belongs to another version of it";
+                return Err(ExecutionError::Line(self.path.clone(), line, message.to_owned()));
             }
             outcomes.push(outcome);
         }
@@ -288,7 +282,7 @@ impl Log<'_> {
 }
 
 /// A panic in another thread leaves whole rows behind, so the data are valid.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -297,11 +291,8 @@ fn bits(values: &[f64]) -> Vec<u64> {
 }
 
 /// Number of whole evaluations in a history; a line that was cut off does not count.
-///
-/// # Errors
-/// The file cannot be read.
-pub fn evaluations(path: &Path) -> Result<u64, JournalError> {
-    let content = std::fs::read(path).map_err(|cause| JournalError::Io { path: path.to_path_buf(), cause })?;
+pub(crate) fn evaluations(path: &Path) -> Result<u64, ExecutionError> {
+    let content = std::fs::read(path).map_err(ExecutionError::io(path))?;
     // A row is a line, and so is the header.
     Ok((content.iter().filter(|b| **b == b'\n').count() as u64).saturating_sub(1))
 }

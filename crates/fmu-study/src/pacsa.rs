@@ -6,7 +6,7 @@
 //! Reference: Applied Sciences 2020, 10, 1852, section 4.2, equations 30 to 32, steps 1 to 7. The paper gives no numbers
 //! for its settings and no encoding; the defaults are assumed.
 
-use crate::search::{Code, Evaluate, Random, Stop, affinity, decode, mutate, ranking};
+use crate::search::{Code, Evaluate, Random, Stop, affinity, evaluate, first_generation, mutate, ranking};
 
 /// Settings (step 1), with the paper's symbols.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -61,15 +61,7 @@ struct Cloning {
 /// The evaluator ends the search.
 pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn Evaluate) -> Result<(), Stop> {
     // Steps 2 and 3: random antibodies and their affinities.
-    let mut codes: Vec<Code> = (0..settings.population)
-        .map(|i| {
-            let mut random = Random::new(seed, 0, i);
-            (0..dimension).map(|_| random.code()).collect()
-        })
-        .collect();
-    let evaluate = |evaluator: &mut dyn Evaluate, codes: &[Code]| {
-        evaluator.evaluate(&codes.iter().map(|code| decode(code)).collect::<Vec<_>>())
-    };
+    let mut codes = first_generation(settings.population, dimension, seed);
     let mut objectives = evaluate(evaluator, &codes)?;
     for x in 1..=settings.generations {
         let affinities: Vec<f64> = objectives.iter().map(|j| affinity(*j)).collect();

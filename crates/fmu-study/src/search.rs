@@ -3,11 +3,36 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Error in the history of the evaluations.
+/// Error while running a study.
 #[derive(Debug, thiserror::Error)]
-pub enum JournalError {
+pub enum ExecutionError {
+    /// Results exist.
+    #[error("{} already exists: `--resume` continues it, `--overwrite` starts over", .0.display())]
+    Exists(PathBuf),
+    /// The results are those of another study.
+    #[error(
+        "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` starts over", .0.display()
+    )]
+    Changed(PathBuf),
+    /// The history has more evaluations than the budget allows.
+    #[error(
+        "{} has {evaluations} evaluations, more than the budget of {budget}, and a shorter search would replace better \
+         results by worse ones: `--resume` needs a budget of at least {evaluations}; `--overwrite` starts over, another \
+         folder (`--out`) keeps both", path.display()
+    )]
+    Budget {
+        /// The history.
+        path: PathBuf,
+        /// Its evaluations.
+        evaluations: u64,
+        /// The budget.
+        budget: u64,
+    },
+    /// An FMU cannot be loaded.
+    #[error("{0}")]
+    Load(String),
     /// A file cannot be read or written.
     #[error("{}: {cause}", path.display())]
     Io {
@@ -16,16 +41,16 @@ pub enum JournalError {
         /// Cause.
         cause: io::Error,
     },
-    /// A line has other content than expected.
-    #[error("{}, line {line}: {message}", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// Message.
-        message: String,
-    },
+    /// A line of a history has other content than expected: the file, the line from 1, and a message.
+    #[error("{path}, line {1}: {2}", path = .0.display())]
+    Line(PathBuf, usize, String),
+}
+
+impl ExecutionError {
+    /// A file cannot be read or written.
+    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |cause| Self::Io { path: path.to_path_buf(), cause }
+    }
 }
 
 /// Reason that a search ends early.
@@ -39,7 +64,7 @@ pub enum Stop {
     Target,
     /// The history cannot be kept.
     #[error(transparent)]
-    Failed(#[from] JournalError),
+    Failed(#[from] ExecutionError),
 }
 
 /// Evaluates candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.
@@ -86,6 +111,20 @@ impl Random {
 
 /// A candidate as the binary methods see it: 16 bits per parameter, plain binary, most significant first.
 pub(crate) type Code = Vec<u16>;
+
+/// Random candidates of the first generation.
+pub(crate) fn first_generation(population: usize, dimension: usize, seed: u64) -> Vec<Code> {
+    let code = |index| {
+        let mut random = Random::new(seed, 0, index);
+        (0..dimension).map(|_| random.code()).collect()
+    };
+    (0..population).map(code).collect()
+}
+
+/// Objectives of a population.
+pub(crate) fn evaluate(evaluator: &mut dyn Evaluate, codes: &[Code]) -> Result<Vec<f64>, Stop> {
+    evaluator.evaluate(&codes.iter().map(|code| decode(code)).collect::<Vec<_>>())
+}
 
 /// Bits per parameter.
 pub(crate) const BITS: usize = 16;

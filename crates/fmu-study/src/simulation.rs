@@ -1,16 +1,15 @@
 //! Objectives by simulation: every candidate is a run of the scenario, or several, with other parameters.
 
 use crate::expression::Inequality;
-use crate::journal::{Objective, Outcome};
+use crate::journal::{Objective, Outcome, lock};
 use crate::space::Parameter;
 use fmu_import::description::Value;
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::metrics::{self, Kind, Summation};
-use fmu_system::run;
-use fmu_system::run::Run;
+use fmu_system::run::{self, Run};
 use fmu_system::worker::{Failure, Pool, Task};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 /// A term of the objective: factor * |kind(signal)|. The magnitude counts, because an objective is not negative.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -207,10 +206,6 @@ impl Objective for Simulation {
         }
         self.outcomes(&self.runs, &sets, &|set, outcome| done(indices[set], outcome));
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

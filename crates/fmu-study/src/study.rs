@@ -83,17 +83,19 @@ pub struct Study {
 /// Returns true if a file is a study, not a scenario: it names a scenario. False if it cannot be read or is not TOML.
 #[must_use]
 pub fn is_study(path: &Path) -> bool {
-    let table = text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
-    table.is_some_and(|table| table.contains_key("scenario"))
+    table(path).is_some_and(|table| table.contains_key("scenario"))
 }
 
 /// Returns true if a study varies values in samples, which `chassis_fmu.study` carries out: all but those of method `optimize` without
 /// `[[vary]]`. False if it cannot be read.
 pub fn has_samples(path: &Path) -> bool {
-    let table = text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
-    table.is_some_and(|table| {
+    table(path).is_some_and(|table| {
         table.contains_key("vary") || table.get("method").and_then(toml::Value::as_str) != Some("optimize")
     })
+}
+
+fn table(path: &Path) -> Option<toml::Table> {
+    text(path).ok()?.parse().ok()
 }
 
 /// Returns the schema of a study: of one with `[[vary]]`, or of one that searches parameters.

@@ -1,7 +1,7 @@
 //! The history: its content, the effect of an interruption, and of the number of threads.
 
 use fmu_study::journal::{Checkpoint, Journal, Objective, Outcome, Progress, Report};
-use fmu_study::search::{Evaluate, JournalError, Stop};
+use fmu_study::search::{Evaluate, ExecutionError, Stop};
 use fmu_study::space::Parameter;
 use fmu_study::{cma_es, genetic, pacsa};
 use std::path::Path;
@@ -236,7 +236,7 @@ fn a_failed_checkpoint_is_an_error() {
     let path = folder.path().join("history.csv");
     let (parameters, bowl) = (parameters(), Bowl::new(1));
     let full = |_: &Progress| {
-        Err(JournalError::Io { path: "state.json".into(), cause: std::io::ErrorKind::StorageFull.into() })
+        Err(ExecutionError::Io { path: "state.json".into(), cause: std::io::ErrorKind::StorageFull.into() })
     };
     let mut journal = Journal::open(&path, &parameters, &bowl, (30, None), QUIET, &full).unwrap();
     let error = METHODS[0](&mut journal).unwrap_err();

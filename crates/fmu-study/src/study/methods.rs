@@ -153,6 +153,7 @@ impl Settings<'_> {
         let usual = pacsa::Settings::default();
         let population = self.count("population", usual.population, 2..=MAX_POPULATION);
         let most = population as i64;
+        let updates = most as f64 - 1.0;
         let settings = pacsa::Settings {
             population,
             selected: self.count("selected", usual.selected.min(population), 1..=most),
@@ -160,18 +161,8 @@ impl Settings<'_> {
             most_clones: self.count("most_clones", usual.most_clones, 1..=MAX_POPULATION),
             mutation_max: self.share("mutation_max", usual.mutation_max),
             mutation_min: self.share("mutation_min", usual.mutation_min),
-            updates_max: self.number(
-                "updates_max",
-                usual.updates_max.min(most as f64 - 1.0),
-                1.0..=most as f64 - 1.0,
-                false,
-            ),
-            updates_min: self.number(
-                "updates_min",
-                usual.updates_min.min(most as f64 - 1.0),
-                0.0..=most as f64 - 1.0,
-                false,
-            ),
+            updates_max: self.number("updates_max", usual.updates_max.min(updates), 1.0..=updates, false),
+            updates_min: self.number("updates_min", usual.updates_min.min(updates), 0.0..=updates, false),
             generations: self.generations(usual.generations),
         };
         self.ordered(["mutation_min", "mutation_max"], [settings.mutation_min, settings.mutation_max]);

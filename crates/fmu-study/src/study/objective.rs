@@ -57,7 +57,7 @@ pub(super) fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weig
         );
         return None;
     }
-    ahp::weights(&matrix).map_err(|error| problems.add(judgments.span(), error.to_string())).ok()
+    ahp::weights(&matrix).map_err(|error| problems.add(judgments.span(), error)).ok()
 }
 
 fn judgment(entry: &Judgment) -> Option<f64> {
