@@ -3,9 +3,10 @@
 use fmu_import::description::{BaseType, Value, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::worker::{Launch, Settings, memory_share};
-use fmu_system::batch::{Batch, Change, End, Row, Sample};
+use fmu_system::batch::{Batch, Change, Row, Sample};
+use fmu_system::failure::Failure;
 use fmu_system::fmus::{Fmus, FmusError};
-use fmu_system::master::{self, Recording, RunError};
+use fmu_system::master::{self, Recording};
 use fmu_system::parameter::{self, Settable};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, OtherFmu, file_of, resolve};
@@ -34,8 +35,8 @@ pub(crate) fn error(error: impl std::fmt::Display) -> PyErr {
     ScenarioError::new_err(error.to_string())
 }
 
-pub(crate) fn run_failure(failed: RunError) -> PyErr {
-    RunFailedError::new_err((failed.time, failed.cause.to_string()))
+pub(crate) fn run_failure(failed: Failure) -> PyErr {
+    RunFailedError::new_err((failed.time, failed.message))
 }
 
 /// A study with `[[vary]]` as JSON; `runs` replaces its number of samples.
@@ -98,15 +99,15 @@ type Done =
     (usize, usize, Vec<Option<f64>>, &'static str, Option<f64>, Option<String>, Option<String>, Option<String>, f64);
 
 fn done(row: Row) -> Done {
-    let Row { sample, run, numbers, end, place, seconds } = row;
-    let (status, time, message) = match end {
-        End::Ok => ("ok", None, None),
-        End::Rejected { message } => ("rejected", None, Some(message)),
-        End::Diverged { time, message } => ("diverged", Some(time), Some(message)),
-        End::Crashed { time, message } => ("crashed", time, Some(message)),
-        End::TimedOut { time, message } => ("timed_out", time, Some(message)),
-    };
-    (sample, run, numbers, status, time, place.component, place.variable, message, seconds)
+    let Row { sample, run, result, seconds } = row;
+    match result {
+        Ok(numbers) => (sample, run, numbers, "ok", None, None, None, None, seconds),
+        Err(failure) => {
+            let status = failure.status();
+            let Failure { time, component, variable, message, .. } = failure;
+            (sample, run, Vec::new(), status, time, component, variable.map(String::from), Some(message), seconds)
+        }
+    }
 }
 
 /// A resolved scenario with its FMUs.

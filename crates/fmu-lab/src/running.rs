@@ -6,10 +6,10 @@ use crate::fmus::{Descriptions, Modules, name_of};
 use crate::requests::{Driving, Failure};
 use fmu_assess::single::{PLANT, ROLLED_OVER};
 use fmu_import::description::{BaseType, Causality, Value, Variable};
-use fmu_system::failure::FailureKind;
+use fmu_system::failure::{Failure as RunFailure, FailureKind};
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
-use fmu_system::session::{Overwrite, RunError, Saved, Session};
+use fmu_system::session::{Overwrite, Saved, Session};
 use std::collections::BTreeMap;
 
 /// Time between two saved states, s.
@@ -133,7 +133,7 @@ impl Running {
         Some(steps)
     }
 
-    fn step(&mut self) -> Result<(), RunError> {
+    fn step(&mut self) -> Result<(), RunFailure> {
         let step = self.session.steps();
         let is_due =
             step.is_multiple_of(self.state_every) && self.checkpoints.last().is_none_or(|last| last.step < step);
@@ -152,7 +152,7 @@ impl Running {
         }
         let ended = self.session.step();
         // An FMU that ends the simulation at the end of the step has made it.
-        let is_whole = ended.as_ref().err().is_none_or(|error| error.kind() == FailureKind::Terminated);
+        let is_whole = ended.as_ref().err().is_none_or(|error| error.kind == FailureKind::Terminated);
         if is_whole && self.session.steps() > step {
             self.record();
             if self.ends_rolled_over {
@@ -269,7 +269,7 @@ impl Running {
         if target == self.session.steps() && self.stopped.is_none() {
             return Ok(());
         }
-        let failed = |error: RunError| Failure::new(format!("cannot rewind: {error}"));
+        let failed = |error: RunFailure| Failure::new(format!("cannot rewind: {error}"));
         let at = self.checkpoints.iter().rposition(|checkpoint| checkpoint.step <= target);
         // A terminated instance cannot be restored, and some FMUs cannot save their state: start with another one.
         if at.is_none_or(|at| self.restore(at).is_err()) {
@@ -285,7 +285,7 @@ impl Running {
                 self.apply(action)?;
             }
             if let Err(error) = self.step() {
-                if error.kind() != FailureKind::Terminated {
+                if error.kind != FailureKind::Terminated {
                     return Err(failed(error));
                 }
                 self.stopped = Some(stopped(&error));
@@ -299,7 +299,7 @@ impl Running {
     }
 
     /// Restores a saved state and frees those after it.
-    fn restore(&mut self, at: usize) -> Result<(), RunError> {
+    fn restore(&mut self, at: usize) -> Result<(), RunFailure> {
         for later in self.checkpoints.split_off(at + 1) {
             self.session.free(later.saved)?;
         }
@@ -311,7 +311,7 @@ impl Running {
     }
 
     /// Starts over with other instances.
-    fn restart(&mut self) -> Result<(), RunError> {
+    fn restart(&mut self) -> Result<(), RunFailure> {
         let instances = Modules::new(self.modules, self.descriptions.clone());
         self.checkpoints.clear();
         self.session = Session::new(&self.simulation, &self.run, &instances)?;
@@ -343,7 +343,7 @@ pub(crate) fn converted(variable: &Variable, value: f64) -> Value {
     }
 }
 
-fn stopped(error: &RunError) -> Stopped {
-    let component = error.cause.component().unwrap_or_default().to_owned();
-    Stopped { time: error.time.unwrap_or(0.0), component, message: error.cause.to_string() }
+fn stopped(error: &RunFailure) -> Stopped {
+    let component = error.component.clone().unwrap_or_default();
+    Stopped { time: error.time.unwrap_or(0.0), component, message: error.message.clone() }
 }

@@ -1,6 +1,9 @@
 //! Failures of runs, in this process or in a worker.
 
+use crate::fmus::FmusError;
 use crate::recording::Recording;
+use fmu_import::fmu::FmuError;
+use fmu_import::loader::{CallProblem, Status};
 use serde::{Deserialize, Serialize};
 
 /// A run that failed, or that an FMU ended before its stop time.
@@ -26,6 +29,41 @@ pub struct Failure {
 }
 
 impl Failure {
+    pub(crate) fn of(run: &str, time: Option<f64>, cause: impl Into<FmusError>) -> Self {
+        let cause = cause.into();
+        let (component, variable, kind) = match &cause {
+            FmusError::NotFinite { component, variable, .. } => {
+                (Some(component), Some(variable), FailureKind::NotFinite)
+            }
+            FmusError::Steady { component, .. } => (Some(component), None, FailureKind::Error),
+            FmusError::Fmu(FmuError::Call(call)) => {
+                let kind = match (&call.problem, call.function) {
+                    (CallProblem::Terminated, _) => FailureKind::Terminated,
+                    (CallProblem::Status(Status::Fatal), _) => FailureKind::Fatal,
+                    (CallProblem::Status(Status::Discard) | CallProblem::EarlyReturn, "fmi2DoStep" | "fmi3DoStep") => {
+                        FailureKind::Discarded
+                    }
+                    _ => FailureKind::Error,
+                };
+                (Some(&call.instance), None, kind)
+            }
+            _ => (None, None, FailureKind::Error),
+        };
+        let (component, variable) = (component.cloned(), variable.map(|name| name.as_str().into()));
+        Self { time, component, variable, kind, ..Self::new(run, cause.to_string()) }
+    }
+
+    /// The word for it in tables: `rejected`, `diverged`, `crashed` or `timed_out`.
+    #[must_use]
+    pub fn status(&self) -> &'static str {
+        match self.kind {
+            FailureKind::Crashed => "crashed",
+            FailureKind::TimedOut => "timed_out",
+            _ if self.time.is_some() => "diverged",
+            _ => "rejected",
+        }
+    }
+
     /// A run that could not be started or whose file could not be written.
     #[must_use]
     pub fn new(run: &str, message: String) -> Self {
@@ -46,6 +84,8 @@ impl Failure {
 pub enum FailureKind {
     /// It could not be started, a call returned an error, or its file could not be written.
     Error,
+    /// A call returned `fmi2Fatal`: no instance of the FMU may be used any more in its process.
+    Fatal,
     /// A signal is not finite.
     NotFinite,
     /// An FMU discarded a step.

@@ -47,36 +47,6 @@ pub enum FmusError {
     NotLoaded(String),
 }
 
-impl FmusError {
-    /// Name of the component that it is about.
-    #[must_use]
-    pub fn component(&self) -> Option<&str> {
-        match self {
-            Self::Fmu(FmuError::Call(call)) => Some(&call.instance),
-            Self::Steady { component, .. } | Self::NotFinite { component, .. } => Some(component),
-            _ => None,
-        }
-    }
-
-    /// Name of the variable that it is about.
-    #[must_use]
-    pub fn variable(&self) -> Option<&str> {
-        match self {
-            Self::NotFinite { variable, .. } => Some(variable),
-            _ => None,
-        }
-    }
-
-    /// The call that returned more than `fmi2Warning`.
-    #[must_use]
-    pub fn call(&self) -> Option<&CallError> {
-        match self {
-            Self::Fmu(FmuError::Call(call)) => Some(call),
-            _ => None,
-        }
-    }
-}
-
 impl From<CallError> for FmusError {
     fn from(error: CallError) -> Self {
         Self::Fmu(error.into())

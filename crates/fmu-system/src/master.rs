@@ -1,11 +1,10 @@
 //! The master: executes the runs of a plan from start to stop. It records the start and every n-th step of a [`Session`], which
 //! makes the calls.
 
-use crate::failure::FailureKind;
+use crate::failure::{Failure, FailureKind};
 use crate::fmus::Instances;
 pub use crate::recording::Recording;
 use crate::run::{Run, Simulation};
-pub use crate::session::RunError;
 use crate::session::Session;
 use fmu_import::limits;
 use std::time::Instant;
@@ -45,7 +44,7 @@ impl Recorder {
 /// # Errors
 /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU ends the
 /// simulation before the stop time. The error contains the rows before it.
-pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
+pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
     record(simulation, run, fmus, true)
 }
 
@@ -54,16 +53,11 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
 ///
 /// # Errors
 /// As [`execute`].
-pub(crate) fn repeat(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
+pub(crate) fn repeat(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
     record(simulation, run, fmus, false)
 }
 
-fn record(
-    simulation: &Simulation,
-    run: &Run,
-    fmus: &dyn Instances,
-    is_terminated: bool,
-) -> Result<Recording, RunError> {
+fn record(simulation: &Simulation, run: &Run, fmus: &dyn Instances, is_terminated: bool) -> Result<Recording, Failure> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run);
@@ -72,8 +66,7 @@ fn record(
     while ended.is_ok() && !session.is_over() {
         let before = session.steps();
         ended = session.step();
-        let is_made =
-            session.steps() > before && !matches!(&ended, Err(error) if error.kind() == FailureKind::NotFinite);
+        let is_made = session.steps() > before && !matches!(&ended, Err(error) if error.kind == FailureKind::NotFinite);
         if is_made && session.steps() % simulation.every == 0 {
             recorder.push(session.time(), session.bus());
         }
@@ -83,33 +76,29 @@ fn record(
         std::mem::forget(session);
         return match ended {
             Ok(()) => Ok(recording),
-            Err(error) => Err(keeping(error, recording)),
+            Err(failure) => Err(keeping(failure, recording)),
         };
     }
-    match ended {
-        Ok(()) => match session.terminate() {
-            Ok(messages) => recording.messages = messages,
-            Err(error) => return Err(keeping(error, recording)),
-        },
-        Err(error) if error.kind() == FailureKind::Terminated => {
-            let messages = error.cause.call().map(|call| call.messages.clone()).unwrap_or_default();
-            let component = error.cause.component().unwrap_or_default().to_owned();
+    let messages = match ended {
+        Ok(()) => session.terminate(),
+        Err(failure) if failure.kind == FailureKind::Terminated => {
             let is_whole = session.is_over();
+            let mut messages = std::mem::take(&mut session.logged);
             // Errors of the termination do not matter after an FMU has ended the simulation.
-            let later = session.terminate().unwrap_or_default();
-            if !is_whole {
-                return Err(keeping(error, recording));
-            }
-            recording.messages =
-                messages.into_iter().map(|message| (component.clone(), message)).chain(later).collect();
+            messages.extend(session.terminate().unwrap_or_default());
+            if is_whole { Ok(messages) } else { Err(failure) }
         }
-        Err(error) => return Err(keeping(error, recording)),
+        Err(failure) => Err(failure),
+    };
+    match messages {
+        Ok(messages) => recording.messages = messages,
+        Err(failure) => return Err(keeping(failure, recording)),
     }
     recording.seconds = began.elapsed().as_secs_f64();
     Ok(recording)
 }
 
-/// Adds the rows before it to an error.
-fn keeping(error: RunError, recording: Recording) -> RunError {
-    RunError { recorded: Some(Box::new(recording)), ..error }
+/// Adds the rows before it to a failure.
+fn keeping(failure: Failure, recording: Recording) -> Failure {
+    Failure { recorded: Some(Box::new(recording)), ..failure }
 }

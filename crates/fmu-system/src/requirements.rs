@@ -8,6 +8,7 @@ use crate::report::{Metric, Requirement, Source};
 use crate::run::Run;
 use crate::typography;
 use fmu_import::terminal::escaped;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
@@ -139,11 +140,19 @@ fn needed(plan: &Plan) -> BTreeSet<usize> {
     all
 }
 
-fn definitions<'a>(plan: &'a Plan, metrics: &BTreeSet<usize>) -> impl Iterator<Item = &'a Definition> {
+pub(crate) fn definitions<'a>(plan: &'a Plan, metrics: &BTreeSet<usize>) -> impl Iterator<Item = &'a Definition> {
     metrics.iter().filter_map(|index| match &plan.metrics[*index].source {
         Source::Signals(definition) => Some(definition),
         Source::Metrics { .. } => None,
     })
+}
+
+/// Index of the run of the baseline of a run's case, if one of the metrics needs it.
+pub(crate) fn baseline(plan: &Plan, metrics: &BTreeSet<usize>, run: &Run) -> Option<usize> {
+    let case = plan.cases.iter().find(|case| case.name == run.case)?;
+    let name = case.baseline.as_ref()?;
+    definitions(plan, metrics).find(|definition| definition.from_baseline)?;
+    plan.runs.iter().position(|other| other.case == *name && other.point == run.point && other.seed == run.seed)
 }
 
 /// Recorded signals of a run.
@@ -196,16 +205,13 @@ pub fn numbers<'a>(plan: &'a Plan, is_only_required: bool, read: Read<'_>) -> Re
         return Ok(RunNumbers::new());
     }
     let columns: BTreeSet<usize> = definitions(plan, &metrics).flat_map(Definition::needed_columns).collect();
-    let compares = definitions(plan, &metrics).any(|definition| definition.from_baseline);
     let mut found = RunNumbers::new();
     for run in &plan.runs {
         let Some(signals) = read(run, &columns).transpose()? else { continue };
-        let baseline = plan.cases.iter().find(|case| case.name == run.case).and_then(|case| case.baseline.as_ref());
-        let baseline = baseline.filter(|_| compares).and_then(|name| {
-            plan.runs.iter().find(|other| other.case == *name && other.point == run.point && other.seed == run.seed)
-        });
-        let baseline = baseline.and_then(|other| read(other, &columns)).transpose()?;
-        found.insert(&run.id, of_run(plan, &metrics, &signals, baseline.as_ref())?);
+        let baseline = baseline(plan, &metrics, run).and_then(|other| read(&plan.runs[other], &columns)).transpose()?;
+        let of_baseline = baseline.as_ref().map(Signals::columns);
+        let numbers = numbers_of(plan, &metrics, &signals.times, &signals.columns(), of_baseline.as_ref())?;
+        found.insert(&run.id, numbers);
     }
     Ok(found)
 }
@@ -238,14 +244,14 @@ pub fn verdicts<'a>(plan: &'a Plan, numbers: &RunNumbers<'_>) -> Vec<Verdict<'a>
 }
 
 /// The numbers of some metrics of a run, by the index of the metric.
-fn of_run(
+pub(crate) fn numbers_of(
     plan: &Plan,
     metrics: &BTreeSet<usize>,
-    signals: &Signals,
-    baseline: Option<&Signals>,
+    times: &[f64],
+    columns: &Columns<'_>,
+    baseline: Option<&Columns<'_>>,
 ) -> Result<Numbers, RequirementError> {
     let simulation = &plan.simulation;
-    let (columns, of_baseline) = (signals.columns(), baseline.map(Signals::columns));
     let mut numbers = vec![None; plan.metrics.len()];
     for index in metrics {
         let metric = &plan.metrics[*index];
@@ -253,7 +259,7 @@ fn of_run(
             // The runs were cut short.
             Source::Signals(Definition { window: Some([from, _]), .. }) if *from >= simulation.stop => None,
             Source::Signals(definition) => definition
-                .value(&signals.times, &columns, of_baseline.as_ref(), simulation.step)
+                .value(times, columns, baseline, simulation.step)
                 .map_err(|source| RequirementError::Metric { metric: metric.name.clone(), source })?,
             Source::Metrics { value, .. } => value.value(|index| numbers[index]),
         };
@@ -340,8 +346,8 @@ pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)
     out + "</testsuite>\n"
 }
 
-fn content(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+fn content(text: &str) -> Cow<'_, str> {
+    quick_xml::escape::partial_escape(text)
 }
 
 fn attribute(text: &str) -> String {

@@ -26,64 +26,14 @@
 //! have a call of their own. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is above 0.5. That is also how a
 //! connection converts between Real and Boolean.
 
-use crate::failure::{Failure, FailureKind};
+use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter::{self, ParameterError};
-use crate::recording::Recording;
 use crate::run::{InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
 use fmu_import::loader::calls::{self, Board};
 use fmu_import::loader::{CallError, CallProblem, Instance, Message, SavedState, Status};
-
-/// A run that failed, or that an FMU ended before its stop time.
-#[derive(Debug, thiserror::Error)]
-#[error("run {run}{}: {cause}", self.kind().place(*time, cause.component()))]
-pub struct RunError {
-    /// Id of the run.
-    pub run: String,
-    /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s; `None`
-    /// before the first step.
-    pub time: Option<f64>,
-    /// Component, function, status and messages logged by the component.
-    pub cause: Box<FmusError>,
-    /// The rows before the failure, if a [`master`](crate::master) recorded some.
-    pub recorded: Option<Box<Recording>>,
-}
-
-impl RunError {
-    pub(crate) fn new(run: &str, time: Option<f64>, cause: impl Into<FmusError>) -> Self {
-        Self { run: run.to_owned(), time, cause: Box::new(cause.into()), recorded: None }
-    }
-
-    /// Kind of failure.
-    #[must_use]
-    pub fn kind(&self) -> FailureKind {
-        let problem = self.cause.call().map(|call| (&call.problem, call.function));
-        match problem {
-            _ if self.cause.variable().is_some() => FailureKind::NotFinite,
-            Some((CallProblem::Terminated, _)) => FailureKind::Terminated,
-            Some((CallProblem::Status(Status::Discard) | CallProblem::EarlyReturn, "fmi2DoStep" | "fmi3DoStep")) => {
-                FailureKind::Discarded
-            }
-            _ => FailureKind::Error,
-        }
-    }
-}
-
-impl From<RunError> for Failure {
-    fn from(error: RunError) -> Self {
-        Self {
-            time: error.time,
-            component: error.cause.component().map(str::to_owned),
-            variable: error.cause.variable().map(Box::from),
-            message: error.cause.to_string(),
-            kind: error.kind(),
-            recorded: error.recorded,
-            run: error.run,
-        }
-    }
-}
 
 /// Tolerance, in steps, of the time that an FMU reports at the end of a step: FMUs add up times with rounding.
 const STEP_SLACK: f64 = 1e-6;
@@ -328,6 +278,8 @@ pub struct Session {
     /// Steps that are done.
     step: u64,
     board: Option<&'static Board>,
+    /// Messages of the call by which an FMU has ended the simulation, with the name of the component.
+    pub(crate) logged: Vec<(String, Message)>,
 }
 
 impl Session {
@@ -336,7 +288,7 @@ impl Session {
     /// # Errors
     /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a component that starts in a steady
     /// state has none, or a signal is not finite.
-    pub fn new(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
+    pub fn new(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, Failure> {
         if run.needs_steady_starts() {
             let mut run = run.clone();
             run.find_steady_starts(simulation, fmus)?;
@@ -346,14 +298,14 @@ impl Session {
     }
 
     /// Returns the session if all signals at the start are finite.
-    fn checked(self) -> Result<Self, RunError> {
+    fn checked(self) -> Result<Self, Failure> {
         self.check_bus(self.simulation.start)?;
         Ok(self)
     }
 
     /// Instantiates and initializes a run with the start values that it has.
-    pub(crate) fn initialized(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
-        let failed = |cause: FmusError| RunError::new(&run.id, None, cause);
+    pub(crate) fn initialized(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, Failure> {
+        let failed = |cause: FmusError| Failure::of(&run.id, None, cause);
         let board = calls::board();
         if let Some(board) = board {
             board.begin();
@@ -368,6 +320,7 @@ impl Session {
             overwritten: Vec::new(),
             step: 0,
             board,
+            logged: Vec::new(),
         };
         session.initialize(run).map_err(|error| failed(error.into()))?;
         Ok(session)
@@ -461,9 +414,9 @@ impl Session {
     ///
     /// # Errors
     /// A call returns more than `fmi2Warning`, or a signal or the value of an overwritten input is not finite. If an FMU ends
-    /// the simulation ([`FailureKind::Terminated`]) at the end of the step, all components have made it, and
+    /// the simulation ([`FailureKind::Terminated`](crate::failure::FailureKind::Terminated)) at the end of the step, all components have made it, and
     /// [`Self::steps`] counts it.
-    pub fn step(&mut self) -> Result<(), RunError> {
+    pub fn step(&mut self) -> Result<(), Failure> {
         let time = self.time();
         self.check_overwritten(time)?;
         if let Some(board) = self.board {
@@ -476,18 +429,20 @@ impl Session {
         }
         self.step += 1;
         self.check_bus(self.time())?;
-        ended.map_or(Ok(()), |(_, error)| Err(self.failed(Some(self.time()), error)))
+        let Some((_, error)) = ended else { return Ok(()) };
+        self.logged = error.messages.iter().map(|message| (error.instance.clone(), message.clone())).collect();
+        Err(self.failed(Some(self.time()), error))
     }
 
     /// Returns an error if a signal is not finite.
-    fn check_bus(&self, time: f64) -> Result<(), RunError> {
+    fn check_bus(&self, time: f64) -> Result<(), Failure> {
         // No early exit, so that the loop is vectorized.
         let is_finite = self.bus.iter().fold(true, |all, value| all & value.is_finite());
         if is_finite { Ok(()) } else { Err(self.not_finite(time)) }
     }
 
     #[cold]
-    fn not_finite(&self, time: f64) -> RunError {
+    fn not_finite(&self, time: f64) -> Failure {
         let slot = self.bus.iter().position(|value| !value.is_finite()).unwrap_or_default();
         let mut outputs = self
             .members
@@ -495,22 +450,22 @@ impl Session {
             .flat_map(|member| member.names.iter().map(|(slot, name)| (*slot, member.instance.name(), name.as_str())));
         let (_, component, variable) = outputs.find(|output| output.0 == slot).unwrap_or((slot, "", "input series"));
         let (component, variable) = (component.to_owned(), variable.to_owned());
-        RunError::new(&self.run, Some(time), FmusError::NotFinite { component, variable, value: self.bus[slot] })
+        Failure::of(&self.run, Some(time), FmusError::NotFinite { component, variable, value: self.bus[slot] })
     }
 
-    fn check_overwritten(&self, time: f64) -> Result<(), RunError> {
+    fn check_overwritten(&self, time: f64) -> Result<(), Failure> {
         let bad = self.overwritten.iter().find(|input| input.value.is_some_and(|value| !value.is_finite()));
         let Some(Overwritten { member, name, value: Some(value), .. }) = bad else { return Ok(()) };
         let component = self.members[*member].instance.name().to_owned();
         let cause = FmusError::NotFinite { component, variable: name.clone(), value: *value };
-        Err(RunError::new(&self.run, Some(time), cause))
+        Err(Failure::of(&self.run, Some(time), cause))
     }
 
     /// Saves the FMU states of all components, the signals and the overwritten inputs.
     ///
     /// # Errors
     /// An FMU returns an error or cannot save its state.
-    pub fn save(&mut self) -> Result<Saved, RunError> {
+    pub fn save(&mut self) -> Result<Saved, Failure> {
         let states: Result<_, CallError> = self.members.iter_mut().map(|member| member.instance.save_state()).collect();
         Ok(Saved {
             states: states.map_err(|error| self.failed(Some(self.time()), error))?,
@@ -525,7 +480,7 @@ impl Session {
     ///
     /// # Errors
     /// The state is of another session, or an FMU returns an error.
-    pub fn restore(&mut self, saved: &Saved) -> Result<(), RunError> {
+    pub fn restore(&mut self, saved: &Saved) -> Result<(), Failure> {
         let restored: Result<(), CallError> = self
             .members
             .iter_mut()
@@ -548,7 +503,7 @@ impl Session {
     ///
     /// # Errors
     /// The state is of another session, or an FMU returns an error.
-    pub fn free(&mut self, saved: Saved) -> Result<(), RunError> {
+    pub fn free(&mut self, saved: Saved) -> Result<(), Failure> {
         let freed: Result<(), CallError> =
             self.members.iter_mut().zip(saved.states).try_for_each(|(member, state)| member.instance.free_state(state));
         freed.map_err(|error| self.failed(Some(self.time()), error))
@@ -558,14 +513,14 @@ impl Session {
     ///
     /// # Errors
     /// A call returns more than `fmi2Warning`.
-    pub fn terminate(mut self) -> Result<Vec<(String, Message)>, RunError> {
+    pub fn terminate(mut self) -> Result<Vec<(String, Message)>, Failure> {
         let time = if self.is_over() { self.simulation.stop } else { self.time() };
         if let Some(board) = self.board {
             board.step(time, self.step);
         }
         let mut logged = Vec::new();
         for member in &mut self.members {
-            member.instance.terminate().map_err(|error| RunError::new(&self.run, Some(time), error))?;
+            member.instance.terminate().map_err(|error| Failure::of(&self.run, Some(time), error))?;
             let messages = member.instance.take_messages();
             let component = member.instance.name();
             logged.extend(messages.into_iter().map(|message| (component.to_owned(), message)));
@@ -574,8 +529,8 @@ impl Session {
     }
 
     #[cold]
-    fn failed(&self, time: Option<f64>, error: CallError) -> RunError {
-        RunError::new(&self.run, time, error)
+    fn failed(&self, time: Option<f64>, error: CallError) -> Failure {
+        Failure::of(&self.run, time, error)
     }
 
     /// From instantiation to the end of initialization; see the top of this file.

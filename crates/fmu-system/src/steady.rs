@@ -4,9 +4,10 @@
 //! declared start states. Only the direct feedthrough of a plant changes with its own start, so the search is repeated until the inputs
 //! stay the same.
 
+use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::run::{Component, Run, Setting, Simulation};
-use crate::session::{RunError, Session};
+use crate::session::Session;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value};
 use fmu_linear::trim::{self, Request};
 
@@ -38,17 +39,17 @@ impl Run {
     ///
     /// # Errors
     /// A run cannot be initialized, there is no steady state, or the inputs of a component keep changing with its start.
-    pub fn find_steady_starts(&mut self, simulation: &Simulation, fmus: &dyn Instances) -> Result<(), RunError> {
+    pub fn find_steady_starts(&mut self, simulation: &Simulation, fmus: &dyn Instances) -> Result<(), Failure> {
         let id = self.id.clone();
         let failed = |component: &str, message: String| {
-            RunError::new(&id, None, FmusError::Steady { component: component.to_owned(), message })
+            Failure::of(&id, None, FmusError::Steady { component: component.to_owned(), message })
         };
         let descriptions = self
             .components
             .iter()
             .map(|component| component.steady.is_some().then(|| fmus.description(component)).transpose())
             .collect::<Result<Vec<_>, _>>()
-            .map_err(|error| RunError::new(&id, None, error))?;
+            .map_err(|error| Failure::of(&id, None, error))?;
         let mut before: Option<Vec<u64>> = None;
         for _ in 0..ROUNDS {
             // No instance is kept: some FMUs allow only one.

@@ -8,8 +8,9 @@ mod support;
 
 use fmu_import::archive::platform_of;
 use fmu_import::description::{FmiVersion, Value};
+use fmu_system::failure::Failure;
 use fmu_system::fmus::Fmus;
-use fmu_system::master::{self, RunError};
+use fmu_system::master;
 use fmu_system::plan::Plan;
 use fmu_system::problem::Problem;
 use fmu_system::resolve::{FmuFolder, Options, ResolveError, resolve_text};
@@ -121,7 +122,7 @@ impl Scenario<'_> {
 }
 
 /// Names and last values of the recorded signals.
-fn last(plan: &Plan) -> Result<Vec<(String, f64)>, RunError> {
+fn last(plan: &Plan) -> Result<Vec<(String, f64)>, Failure> {
     let fmus = Fmus::load(&plan.runs).unwrap();
     let recording = master::execute(&plan.simulation, &plan.runs[0], &fmus)?;
     let value = |column: usize| *recording.column(column).unwrap().last().unwrap();

@@ -6,7 +6,7 @@ mod support;
 
 use fmu_import::description::Value;
 use fmu_import::loader::Status;
-use fmu_system::batch::{Batch, Change, End, Sample};
+use fmu_system::batch::{Batch, Change, Sample};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::{self, Recording};
 use fmu_system::plan::Plan;
@@ -245,16 +245,16 @@ fn samples_are_what_the_scenario_would_say() {
     };
     let stiff = execute(Vec::new(), "stiff");
     let (y, free) = (last("stiff"), last("free"));
-    assert_eq!((stiff.end, &stiff.numbers[..]), (End::Ok, &[Some(y), Some(y - free), Some(y / 2.0)][..]));
+    assert_eq!(stiff.result, Ok(vec![Some(y), Some(y - free), Some(y / 2.0)]));
     // A parameter of a case; the case without a baseline has no change from it.
     let row = execute(vec![change("velocity", "gain", -4.0)], "free");
-    assert_eq!(row.numbers, [Some(y), None, Some(y / 2.0)]);
+    assert_eq!(row.result, Ok(vec![Some(y), None, Some(y / 2.0)]));
     // The change reaches the run of the baseline, too.
     let row = execute(vec![change("velocity", "gain", -1.0)], "stiff");
-    assert_eq!(row.numbers, [Some(free), Some(0.0), Some(free / 2.0)]);
+    assert_eq!(row.result, Ok(vec![Some(free), Some(0.0), Some(free / 2.0)]));
     // An input that keeps its value: x = 1 + 2 y over a second. A component that the case omits is ignored.
     let row = execute(vec![change("position", "y", 4.0), change("velocity", "gain", 3.0)], "alone");
-    assert_eq!(row.numbers, [None, None, None]);
+    assert_eq!(row.result, Ok(vec![None, None, None]));
     let changed = batch.changed(index("alone"), &[change("position", "y", 4.0)]).unwrap();
     assert_eq!(changed.components[0].constants[0].value, Value::Real(4.0));
 
@@ -263,8 +263,8 @@ fn samples_are_what_the_scenario_would_say() {
         (change("velocity", "gian", 1.0), "`velocity`: Velocity has no parameter `gian`"),
         (change("velocity", "gain", 11.0), "`velocity`: `gain` is 11.0, expected at most 10"),
     ] {
-        let End::Rejected { message } = execute(vec![wrong], "free").end else { panic!("{expected}") };
-        assert!(message.starts_with(expected), "{message}");
+        let failure = execute(vec![wrong], "free").result.expect_err(expected);
+        assert!(failure.status() == "rejected" && failure.message.starts_with(expected), "{failure}");
     }
 }
 
@@ -282,11 +282,10 @@ fn a_signal_that_is_not_finite_is_a_row_without_numbers() {
     };
     let changes = vec![change("position", "start", f64::MAX), change("velocity", "gain", 10.0)];
     let rows = batch.execute_here(0, &Sample { changes, runs: vec![0] });
-    let End::Diverged { time, message } = &rows[0].end else { panic!("{:?}", rows[0].end) };
-    assert!(*time > 0.0 && message.starts_with("`y` is "), "{time}: {message}");
-    let place = &rows[0].place;
-    assert!(place.component.is_some() && place.variable.as_deref() == Some("y"), "{place:?}");
-    assert!(rows[0].numbers.is_empty());
+    let failure = rows[0].result.as_ref().unwrap_err();
+    assert!(failure.status() == "diverged" && failure.time.is_some_and(|time| time > 0.0), "{failure}");
+    assert!(failure.message.starts_with("`y` is "), "{failure}");
+    assert!(failure.component.is_some() && failure.variable.as_deref() == Some("y"), "{failure:?}");
 }
 
 #[test]

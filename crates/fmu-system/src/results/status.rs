@@ -71,7 +71,7 @@ impl RunStatus {
         let status = match failure.kind {
             FailureKind::Terminated => "terminated",
             FailureKind::Discarded => "discarded",
-            FailureKind::Error | FailureKind::NotFinite | FailureKind::Crashed | FailureKind::TimedOut => "failed",
+            _ => "failed",
         };
         let Failure { time, component, message, .. } = failure;
         let (component, message) = (component.clone(), Some(message.clone()));

@@ -215,21 +215,20 @@ impl Pool {
         worker.send(&request, &body);
         drop(body);
         let received = worker.receive(&mut Watch::new(self.settings.timeout), steps);
+        let component = |index: Option<usize>| index.and_then(|index| components.get(index));
+        let place =
+            |index: Option<usize>| component(index).map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
         for incident in worker.incidents() {
             let index = if let Incident::Denied { component, .. } = incident { component } else { None };
-            let component = index.and_then(|index| components.get(index));
-            let place = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
-            (self.settings.noticed)(&format!("{place}{incident}"));
+            (self.settings.noticed)(&format!("{}{incident}", place(index)));
         }
         let response = match received {
             Ok(answer) => answer,
-            Err(Ended { time, component, message, is_timeout }) => {
+            Err(Ended { time, component: index, message, is_timeout }) => {
                 *slot = None;
-                let component = component.and_then(|index| components.get(index));
-                let place = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
-                let component = component.map(|(name, _)| name.clone());
+                let component = component(index).map(|(name, _)| name.clone());
                 let kind = if is_timeout { FailureKind::TimedOut } else { FailureKind::Crashed };
-                return Err(Failure { time, component, kind, ..failed(place + &message) });
+                return Err(Failure { time, component, kind, ..failed(place(index) + &message) });
             }
         };
         let unexpected = |slot: &mut Option<Process>| {
@@ -240,12 +239,12 @@ impl Pool {
             Response::Recorded { rows, columns, messages, seconds } => {
                 protocol::recording(rows, &columns, messages, seconds, worker.body()).map_err(|_| unexpected(slot))
             }
-            Response::Failed { failure, is_fatal, rows } => {
+            Response::Failed { failure, rows } => {
                 let recorded = rows.map(|(rows, columns)| {
                     protocol::recording(rows, &columns, Vec::new(), 0.0, worker.body()).map(Box::new)
                 });
                 let recorded = recorded.transpose().map_err(|_| unexpected(slot))?;
-                if is_fatal {
+                if failure.kind == FailureKind::Fatal {
                     // No instance of that FMU may be used any more in its process.
                     *slot = None;
                 }

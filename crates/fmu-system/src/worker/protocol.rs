@@ -54,8 +54,6 @@ pub(super) enum Response {
     Failed {
         /// The failure.
         failure: Failure,
-        /// True if no library of the worker may be used any more.
-        is_fatal: bool,
         /// Number of rows before it, and which columns they have; they are in the body unless they were written to the file.
         /// `None`: there are none.
         rows: Option<(usize, Vec<bool>)>,
@@ -111,7 +109,7 @@ impl Response {
     }
 
     /// A failure as header and body: the rows before it.
-    pub(super) fn failed(mut failure: Failure, is_fatal: bool) -> (Self, Vec<Vec<f64>>) {
+    pub(super) fn failed(mut failure: Failure) -> (Self, Vec<Vec<f64>>) {
         let (rows, body) = match failure.recorded.take() {
             None => (None, Vec::new()),
             Some(recording) => {
@@ -119,7 +117,7 @@ impl Response {
                 (Some(rows), body)
             }
         };
-        (Self::Failed { failure, is_fatal, rows }, body)
+        (Self::Failed { failure, rows }, body)
     }
 }
 

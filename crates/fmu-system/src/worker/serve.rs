@@ -7,7 +7,7 @@ use crate::master::{self, Recording};
 use crate::run::Component;
 use crate::trial;
 use fmu_import::fmu::Binary;
-use fmu_import::loader::{CallProblem, Instance, Library, Status, calls};
+use fmu_import::loader::{Instance, Library, calls};
 use fmu_import::worker::{Replies, serve_requests};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
 }
 
 fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
-    let failed = |message: String| Response::Failed { failure: Failure::new("", message), is_fatal: false, rows: None };
+    let failed = |message: String| Response::Failed { failure: Failure::new("", message), rows: None };
     match request {
         Request::Fmus(binaries) => {
             libraries.binaries =
@@ -57,14 +57,10 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
             let executed = execute(&simulation, &run, libraries);
             replies.end_copies();
             let (response, body) = match executed {
-                Err(mut error) => {
-                    let status = error.cause.call().map(|call| &call.problem);
-                    let is_fatal = status == Some(&CallProblem::Status(Status::Fatal));
-                    match error.recorded.as_deref_mut().map_or(Ok(()), kept) {
-                        Err(error) => (failed(error.to_string()), Vec::new()),
-                        Ok(()) => Response::failed(error.into(), is_fatal),
-                    }
-                }
+                Err(mut failure) => match failure.recorded.as_deref_mut().map_or(Ok(()), kept) {
+                    Err(error) => (failed(error.to_string()), Vec::new()),
+                    Ok(()) => Response::failed(failure),
+                },
                 Ok(mut recording) => match kept(&mut recording) {
                     Err(error) => (failed(error.to_string()), Vec::new()),
                     Ok(()) => Response::recorded(recording),
