@@ -13,10 +13,10 @@
 
 mod osp;
 mod ssp;
+mod xml;
 
 use crate::plan::Plan;
-use crate::run;
-use crate::run::{Run, Wire};
+use crate::run::{self, Run, Wire};
 use fmu_import::archive::{ArchiveError, read_description};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, FmiVersion, ModelDescription, Unit, Variable};
@@ -39,69 +39,12 @@ pub enum ExportError {
     /// An FMU cannot be read.
     #[error(transparent)]
     Fmu(#[from] ArchiveError),
-    /// The description does not match the plan.
-    #[error("{fmu}: the FMU has changed since the plan was made: it has no {what} {base_type} {reference}")]
-    Changed {
-        /// The file.
-        fmu: String,
-        /// Role of the variable.
-        what: &'static str,
-        /// Its type.
-        base_type: BaseType,
-        /// Its value reference.
-        reference: Reference,
-    },
     /// The run reads signals from a file.
     #[error("signals from a file cannot be written: neither SSP nor OSP structures hold them")]
     InputSeries,
-    /// A file name that has another meaning in a path or URI.
-    #[error("{0}: the name of an FMU may hold letters, digits, `_`, `-` and `.` only, because it is part of a URI")]
-    FileName(String),
-    /// A variable of a type that other masters do not set.
-    #[error(
-        "`{component}:{variable}` is an enumeration, which libcosim and Ecos do not read; only Integer can be written"
-    )]
-    Enumeration {
-        /// Component.
-        component: String,
-        /// Variable.
-        variable: String,
-    },
-    /// An element of an array.
-    #[error(
-        "`{component}:{variable}` is an element of an array, which no other master connects; only scalars can be written"
-    )]
-    Element {
-        /// Component.
-        component: String,
-        /// Variable.
-        variable: String,
-    },
-    /// A connection that converts between Real and Boolean.
-    #[error(
-        "the connection from `{from}` ({output}) to `{to}` ({input}) converts the value, which neither SSP 1.0 nor OSP \
-         structures can express; connect variables of the same type"
-    )]
-    Conversion {
-        /// Component and variable that write.
-        from: String,
-        /// Their type.
-        output: BaseType,
-        /// Component and variable that read.
-        to: String,
-        /// Their type.
-        input: BaseType,
-    },
-    /// A unit of measure with two definitions.
-    #[error("the unit of measure `{name}` is another one in {second} than in {first}")]
-    UnitOfMeasure {
-        /// Its name.
-        name: String,
-        /// An FMU that defines it.
-        first: String,
-        /// An FMU that defines it differently.
-        second: String,
-    },
+    /// Something that other masters do not support, or an FMU that is not that of the plan.
+    #[error("{0}")]
+    Unsupported(String),
     /// The folder is not empty.
     #[error("{}: the folder is not empty{hint}", path.display())]
     Occupied {
@@ -265,12 +208,13 @@ impl System {
                 let Some((from, output)) = writers.get(&wire.slot) else { continue };
                 let to = [planned.name.clone(), connector.name.clone()];
                 if *output != wire.base_type {
-                    return Err(ExportError::Conversion {
-                        from: from.join(":"),
-                        output: *output,
-                        to: to.join(":"),
-                        input: wire.base_type,
-                    });
+                    return Err(ExportError::Unsupported(format!(
+                        "the connection from `{}` ({output}) to `{}` ({}) converts the value, which neither SSP 1.0 nor OSP \
+                         structures can express; connect variables of the same type",
+                        from.join(":"),
+                        to.join(":"),
+                        wire.base_type
+                    )));
                 }
                 connections.push(Connection { from: from.clone(), to });
             }
@@ -382,7 +326,7 @@ impl Definitions {
         if known.base == unit.base {
             return Ok(());
         }
-        Err(ExportError::UnitOfMeasure { name: name.to_string(), first: first.clone(), second: file.to_string() })
+        Err(ExportError::Unsupported(format!("the unit of measure `{name}` is another one in {file} than in {first}")))
     }
 }
 
@@ -408,11 +352,12 @@ fn wired<'a>(
     wire: &Wire,
     causality: Causality,
 ) -> Result<&'a Variable, ExportError> {
-    wirable.get(&(causality, wire.base_type, wire.reference)).copied().ok_or_else(|| ExportError::Changed {
-        fmu: planned.fmu.clone(),
-        what: if causality == Causality::Input { "input" } else { "output" },
-        base_type: wire.base_type,
-        reference: wire.reference,
+    wirable.get(&(causality, wire.base_type, wire.reference)).copied().ok_or_else(|| {
+        let what = if causality == Causality::Input { "input" } else { "output" };
+        ExportError::Unsupported(format!(
+            "{}: the FMU has changed since the plan was made: it has no {what} {} {}",
+            planned.fmu, wire.base_type, wire.reference
+        ))
     })
 }
 
@@ -442,22 +387,28 @@ fn type_name(variable: &Variable, fmi: FmiVersion) -> String {
 
 /// Rejects variables that other masters do not support.
 fn reject(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
-    match variable {
+    let why = match variable {
         Some(variable) if variable.element.is_some() => {
-            Err(ExportError::Element { component: component.to_string(), variable: variable.name.clone() })
+            "an element of an array, which no other master connects; only scalars can be written"
         }
         // Only enumerations have items.
         Some(variable) if !variable.items.is_empty() => {
-            Err(ExportError::Enumeration { component: component.to_string(), variable: variable.name.clone() })
+            "an enumeration, which libcosim and Ecos do not read; only Integer can be written"
         }
-        _ => Ok(()),
-    }
+        _ => return Ok(()),
+    };
+    let name = variable.map_or("", |variable| &variable.name);
+    Err(ExportError::Unsupported(format!("`{component}:{name}` is {why}")))
 }
 
 fn file_name(fmu: &Path) -> Result<String, ExportError> {
     let name = fmu.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-    if name.chars().all(plain) { Ok(name) } else { Err(ExportError::FileName(name)) }
+    if name.chars().all(plain) {
+        return Ok(name);
+    }
+    let rule = "the name of an FMU may hold letters, digits, `_`, `-` and `.` only, because it is part of a URI";
+    Err(ExportError::Unsupported(format!("{name}: {rule}")))
 }
 
 /// Describes the run in one line.

@@ -1,10 +1,10 @@
 //! The SSP file (System Structure and Parameterization 1.0 and 2.0, section 5).
 
+use super::xml::{Xml, document, element, empty};
 use super::{Component, STRUCTURE, System, number};
 use fmu_import::description::BaseType;
 use fmu_import::parameter_set::{COMMON, base_unit};
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, Event};
+use quick_xml::events::Event;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
@@ -16,8 +16,6 @@ const DESCRIPTION: &str = "http://ssp-standard.org/SSP1/SystemStructureDescripti
 /// Namespaces of the annotations, as the tools themselves write them.
 const OMS: &str = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
 const OSP: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
-
-type Xml = Writer<Vec<u8>>;
 
 /// Writes the file.
 pub(super) fn write(system: &System, fmus: &BTreeMap<&str, &Path>, path: &Path) -> io::Result<()> {
@@ -59,147 +57,105 @@ fn parameter_file(component: &Component) -> String {
 
 /// The text of the structure.
 pub(super) fn structure(system: &System) -> io::Result<String> {
-    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    xml.create_element("ssd:SystemStructureDescription")
-        .with_attributes([
-            ("xmlns:ssd", DESCRIPTION),
-            ("xmlns:ssc", COMMON),
-            // Here and not where they are used: libcosim takes every attribute of osp:Algorithm for an algorithm.
-            ("xmlns:oms", OMS),
-            ("xmlns:osp", OSP),
-            ("version", system.version()),
-            ("name", system.name.as_str()),
-            ("generationTool", concat!("cargo-fmu ", env!("CARGO_PKG_VERSION"))),
-        ])
-        .write_inner_content(|xml| {
-            xml.create_element("ssd:System")
-                .with_attributes([("name", system.name.as_str()), ("description", system.description.as_str())])
-                .write_inner_content(|xml| {
-                    xml.create_element("ssd:Elements").write_inner_content(|xml| {
-                        system.components.iter().try_for_each(|component| element(xml, component))
-                    })?;
-                    if !system.connections.is_empty() {
-                        xml.create_element("ssd:Connections").write_inner_content(|xml| connections(xml, system))?;
-                    }
-                    // OMSimulator does not start without the master's name and step.
-                    annotation(xml, "org.openmodelica", |xml| {
-                        xml.create_element("oms:Annotations").write_inner_content(|xml| {
-                            xml.create_element("oms:SimulationInformation").write_inner_content(|xml| {
-                                xml.create_element("oms:FixedStepMaster")
-                                    .with_attributes([
-                                        ("description", "oms-ma"),
-                                        ("stepSize", number(system.step).as_str()),
-                                        ("absoluteTolerance", "0.0001"),
-                                        ("relativeTolerance", "0.0001"),
-                                    ])
-                                    .write_empty()?;
-                                Ok(())
-                            })?;
-                            Ok(())
-                        })?;
-                        Ok(())
-                    })
-                })?;
-            if !system.units.is_empty() {
-                xml.create_element("ssd:Units").write_inner_content(|xml| units(xml, system))?;
+    let (start, stop, step) = (number(system.start), number(system.stop), number(system.step));
+    let attributes = [
+        ("xmlns:ssd", DESCRIPTION),
+        ("xmlns:ssc", COMMON),
+        // Here and not where they are used: libcosim takes every attribute of osp:Algorithm for an algorithm.
+        ("xmlns:oms", OMS),
+        ("xmlns:osp", OSP),
+        ("version", system.version()),
+        ("name", system.name.as_str()),
+        ("generationTool", concat!("cargo-fmu ", env!("CARGO_PKG_VERSION"))),
+    ];
+    document("ssd:SystemStructureDescription", &attributes, |xml| {
+        element(xml, "ssd:System", &[("name", &system.name), ("description", &system.description)], |xml| {
+            element(xml, "ssd:Elements", &[], |xml| {
+                system.components.iter().try_for_each(|component| self::component(xml, component))
+            })?;
+            if !system.connections.is_empty() {
+                element(xml, "ssd:Connections", &[], |xml| connections(xml, system))?;
             }
-            xml.create_element("ssd:DefaultExperiment")
-                .with_attributes([
-                    ("startTime", number(system.start).as_str()),
-                    ("stopTime", number(system.stop).as_str()),
-                ])
-                .write_inner_content(|xml| {
-                    annotation(xml, "com.opensimulationplatform", |xml| {
-                        xml.create_element("osp:Algorithm").write_inner_content(|xml| {
-                            xml.create_element("osp:FixedStepAlgorithm")
-                                .with_attribute(("baseStepSize", number(system.step).as_str()))
-                                .write_empty()?;
-                            Ok(())
-                        })?;
-                        Ok(())
+            // OMSimulator does not start without the master's name and step.
+            annotation(xml, "org.openmodelica", |xml| {
+                element(xml, "oms:Annotations", &[], |xml| {
+                    element(xml, "oms:SimulationInformation", &[], |xml| {
+                        let master = [
+                            ("description", "oms-ma"),
+                            ("stepSize", step.as_str()),
+                            ("absoluteTolerance", "0.0001"),
+                            ("relativeTolerance", "0.0001"),
+                        ];
+                        empty(xml, "oms:FixedStepMaster", &master)
                     })
-                })?;
-            Ok(())
+                })
+            })
         })?;
-    let mut text = String::from_utf8(xml.into_inner()).map_err(io::Error::other)?;
-    text.push('\n');
-    Ok(text)
+        if !system.units.is_empty() {
+            element(xml, "ssd:Units", &[], |xml| {
+                system.units.iter().try_for_each(|unit| {
+                    element(xml, "ssc:Unit", &[("name", &unit.name)], |xml| {
+                        xml.write_event(Event::Empty(base_unit(unit.base.as_ref())))
+                    })
+                })
+            })?;
+        }
+        element(xml, "ssd:DefaultExperiment", &[("startTime", &start), ("stopTime", &stop)], |xml| {
+            annotation(xml, "com.opensimulationplatform", |xml| {
+                element(xml, "osp:Algorithm", &[], |xml| {
+                    empty(xml, "osp:FixedStepAlgorithm", &[("baseStepSize", &step)])
+                })
+            })
+        })
+    })
 }
 
 fn annotation(xml: &mut Xml, tool: &str, content: impl FnOnce(&mut Xml) -> io::Result<()>) -> io::Result<()> {
-    xml.create_element("ssd:Annotations").write_inner_content(|xml| {
-        xml.create_element("ssc:Annotation").with_attribute(("type", tool)).write_inner_content(content)?;
-        Ok(())
-    })?;
-    Ok(())
+    element(xml, "ssd:Annotations", &[], |xml| element(xml, "ssc:Annotation", &[("type", tool)], content))
 }
 
-fn element(xml: &mut Xml, component: &Component) -> io::Result<()> {
-    xml.create_element("ssd:Component")
-        .with_attributes([
-            ("name", component.name.as_str()),
-            ("type", "application/x-fmu-sharedlibrary"),
-            ("source", format!("resources/{}", component.file).as_str()),
-            ("implementation", "CoSimulation"),
-        ])
-        .write_inner_content(|xml| {
-            if !component.connectors.is_empty() {
-                xml.create_element("ssd:Connectors").write_inner_content(|xml| connectors(xml, component))?;
-            }
-            if !component.values.is_empty() {
-                xml.create_element("ssd:ParameterBindings").write_inner_content(|xml| {
-                    xml.create_element("ssd:ParameterBinding")
-                        .with_attributes([
-                            ("type", "application/x-ssp-parameter-set"),
-                            ("source", parameter_file(component).as_str()),
-                        ])
-                        .write_empty()?;
-                    Ok(())
-                })?;
-            }
-            Ok(())
-        })?;
-    Ok(())
+fn component(xml: &mut Xml, component: &Component) -> io::Result<()> {
+    let attributes = [
+        ("name", component.name.as_str()),
+        ("type", "application/x-fmu-sharedlibrary"),
+        ("source", &format!("resources/{}", component.file)),
+        ("implementation", "CoSimulation"),
+    ];
+    element(xml, "ssd:Component", &attributes, |xml| {
+        if !component.connectors.is_empty() {
+            element(xml, "ssd:Connectors", &[], |xml| connectors(xml, component))?;
+        }
+        if component.values.is_empty() {
+            return Ok(());
+        }
+        element(xml, "ssd:ParameterBindings", &[], |xml| {
+            let source = parameter_file(component);
+            let set = [("type", "application/x-ssp-parameter-set"), ("source", source.as_str())];
+            empty(xml, "ssd:ParameterBinding", &set)
+        })
+    })
 }
 
 fn connectors(xml: &mut Xml, component: &Component) -> io::Result<()> {
-    for connector in &component.connectors {
+    component.connectors.iter().try_for_each(|connector| {
         let kind = if connector.output { "output" } else { "input" };
-        xml.create_element("ssd:Connector")
-            .with_attributes([("name", connector.name.as_str()), ("kind", kind)])
-            .write_inner_content(|xml| {
-                let mut tag = xml.create_element(format!("ssc:{}", connector.type_name));
-                if let (BaseType::Real, Some(unit)) = (connector.base_type, &connector.unit) {
-                    tag = tag.with_attribute(("unit", unit.as_str()));
-                }
-                tag.write_empty()?;
-                Ok(())
-            })?;
-    }
-    Ok(())
+        element(xml, "ssd:Connector", &[("name", &connector.name), ("kind", kind)], |xml| {
+            let unit = connector.unit.as_ref().filter(|_| connector.base_type == BaseType::Real);
+            let unit: Vec<(&str, &str)> = unit.iter().map(|unit| ("unit", unit.as_str())).collect();
+            empty(xml, &format!("ssc:{}", connector.type_name), &unit)
+        })
+    })
 }
 
 fn connections(xml: &mut Xml, system: &System) -> io::Result<()> {
-    for connection in &system.connections {
+    system.connections.iter().try_for_each(|connection| {
         let ([start, output], [end, input]) = (&connection.from, &connection.to);
-        xml.create_element("ssd:Connection")
-            .with_attributes([
-                ("startElement", start.as_str()),
-                ("startConnector", output.as_str()),
-                ("endElement", end.as_str()),
-                ("endConnector", input.as_str()),
-            ])
-            .write_empty()?;
-    }
-    Ok(())
-}
-
-fn units(xml: &mut Xml, system: &System) -> io::Result<()> {
-    for unit in &system.units {
-        xml.create_element("ssc:Unit")
-            .with_attribute(("name", unit.name.as_str()))
-            .write_inner_content(|xml| xml.write_event(Event::Empty(base_unit(unit.base.as_ref()))))?;
-    }
-    Ok(())
+        let ends = [
+            ("startElement", start.as_str()),
+            ("startConnector", output),
+            ("endElement", end),
+            ("endConnector", input),
+        ];
+        empty(xml, "ssd:Connection", &ends)
+    })
 }
