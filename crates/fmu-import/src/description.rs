@@ -107,9 +107,9 @@ pub struct BaseUnit {
 }
 
 /// A unit to show values in: shown value = factor * value + offset.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct DisplayUnit {
-    /// Name.
+    /// Name of the unit.
     pub name: String,
     /// Factor, not 0.
     pub factor: f64,

@@ -4,8 +4,9 @@ use crate::fmus::{Fmus, FmusError};
 use crate::plan::Plan;
 use crate::run::{Component, Run, Setting};
 use fmu_import::description::{Causality, DisplayUnit, Initial, ModelDescription, Value, Variability, Variable};
+use fmu_import::fmu::Fmu;
 use fmu_import::named_values::listed;
-use fmu_import::names::suggestion;
+use fmu_import::names::{any_of, suggestion};
 use std::ops::Deref;
 
 /// Error while setting a parameter.
@@ -40,7 +41,8 @@ impl Run {
         name: &str,
         value: Value,
     ) -> Result<(), ParameterError> {
-        self.set(fmus, component, value, |description| parameter(description, name).map_err(|error| error.message))
+        let describe = |fmu: &str| fmus.get(fmu).ok().map(Fmu::description);
+        self.set(&describe, component, value, |description| parameter(description, name).map_err(|error| error.message))
     }
 
     /// Sets a parameter, the start value of a state or another variable, or a constant input, overriding the scenario.
@@ -49,7 +51,7 @@ impl Run {
     /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type or lies
     /// outside its limits.
     pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), ParameterError> {
-        self.set(fmus, component, value, |description| settable(description, name))
+        self.set_described(&|fmu| fmus.get(fmu).ok().map(Fmu::description), component, name, value)
     }
 
     /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns its description by the path in the plan.
@@ -63,33 +65,23 @@ impl Run {
         name: &str,
         value: Value,
     ) -> Result<(), ParameterError> {
-        let find = |fmu: &str| describe(fmu).ok_or_else(|| FmusError::NotLoaded(fmu.to_string()));
-        self.set_by(find, component, value, |description| settable(description, name))
+        self.set(describe, component, value, |description| settable(description, name))
     }
 
-    fn set(
+    fn set<'d>(
         &mut self,
-        fmus: &Fmus,
+        describe: &dyn Fn(&str) -> Option<&'d ModelDescription>,
         component: &str,
         value: Value,
-        of: impl for<'d> Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
-    ) -> Result<(), ParameterError> {
-        self.set_by(|fmu| Ok(fmus.get(fmu)?.description()), component, value, of)
-    }
-
-    fn set_by<'f>(
-        &mut self,
-        find: impl FnOnce(&str) -> Result<&'f ModelDescription, FmusError>,
-        component: &str,
-        value: Value,
-        of: impl for<'d> Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
+        of: impl Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
     ) -> Result<(), ParameterError> {
         let target = self
             .components
             .iter_mut()
             .find(|u| u.name == component)
             .ok_or_else(|| ParameterError::Component(component.to_string()))?;
-        let set = of(find(&target.fmu)?).and_then(|variable| {
+        let description = describe(&target.fmu).ok_or_else(|| FmusError::NotLoaded(target.fmu.clone()))?;
+        let set = of(description).and_then(|variable| {
             check(variable, &value)?;
             target.set(variable, value)
         });
@@ -109,8 +101,7 @@ impl Component {
             constant.ok_or_else(written)?.value = value;
             return Ok(());
         }
-        let setting =
-            Setting { name: name.clone(), base_type: variable.base_type, reference: variable.reference, value };
+        let setting = Setting::new(variable, value);
         match self.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {
             Ok(at) => self.parameters[at] = setting,
             Err(at) => self.parameters.insert(at, setting),
@@ -210,6 +201,34 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
                 .or_else(|| suggestion(name, description.variables.iter().filter(settable).map(|v| v.name.as_str()))),
         }),
     }
+}
+
+/// A message and a hint.
+pub(crate) type Mistake = (String, Option<String>);
+
+/// Factor and offset of a unit in which the values of a variable can be given or shown: shown value = factor * value + offset. `own` is the
+/// unit of the variable, `use_of` the word "given" or "shown".
+pub(crate) fn scale(
+    name: &str,
+    own: Option<&str>,
+    units: &[DisplayUnit],
+    wanted: &str,
+    use_of: &str,
+) -> Result<(f64, f64), Mistake> {
+    // A variable without a unit is a plain number.
+    if own.unwrap_or("1") == wanted {
+        return Ok((1.0, 0.0));
+    }
+    let Some(own) = own else {
+        let message = format!("`{name}` has no unit of measure, so it cannot be {use_of} in `{wanted}`");
+        return Err((message, Some("leave out `unit`".to_owned())));
+    };
+    if let Some(unit) = units.iter().find(|unit| unit.name == wanted) {
+        return Ok((unit.factor, unit.offset));
+    }
+    let all: Vec<&str> = std::iter::once(own).chain(units.iter().map(|unit| unit.name.as_str())).collect();
+    let message = format!("`{name}` cannot be {use_of} in `{wanted}`, expected {}", any_of(&all));
+    Err((message, suggestion(wanted, all)))
 }
 
 /// Returns the help for the name of an array: the elements to write instead.

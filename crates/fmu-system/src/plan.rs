@@ -5,7 +5,7 @@
 
 use crate::report::{Figure, Finding, Metric};
 use crate::run::{Run, Simulation, Trial};
-pub use fmu_import::description::{BaseType, Value};
+pub use fmu_import::description::{BaseType, DisplayUnit, Value};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
@@ -183,19 +183,7 @@ pub struct Column {
     /// Description of the variable.
     pub description: String,
     /// All units the values can be shown in.
-    pub units: Vec<Conversion>,
+    pub units: Vec<DisplayUnit>,
     /// True if the values come from the input file (in some case), not from the component.
     pub from_file: bool,
-}
-
-/// A unit to show values in: shown value = factor * value + offset.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[schemars(rename = "DisplayUnit")]
-pub struct Conversion {
-    /// Name of the unit.
-    pub name: String,
-    /// Factor.
-    pub factor: f64,
-    /// Offset.
-    pub offset: f64,
 }

@@ -234,11 +234,7 @@ impl Collector {
     /// Takes the warnings, each as `file:line:column: message; hint`.
     pub(crate) fn take_warnings(&mut self) -> Vec<String> {
         let contexts = self.contexts;
-        let line = |problem: Problem| match &problem.help {
-            Some(help) => format!("{}; {help}", problem.line()),
-            None => problem.line(),
-        };
-        std::mem::take(&mut self.warnings).into_iter().map(|noted| line(noted.named(contexts))).collect()
+        std::mem::take(&mut self.warnings).into_iter().map(|noted| noted.named(contexts).explained()).collect()
     }
 }
 

@@ -141,22 +141,6 @@ pub enum FigureKind {
 }
 
 impl FigureKind {
-    /// Name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Spectrum => "spectrum",
-            Self::Sweep => "sweep",
-            Self::HeatMap => "heat_map",
-            Self::Running => "running",
-            Self::Xy => "xy",
-            Self::Transfer => "transfer",
-            Self::Distribution => "distribution",
-            Self::Scatter => "scatter",
-        }
-    }
-
     /// Returns true if it shows signals, not metrics.
     #[must_use]
     pub fn is_of_signals(self) -> bool {
@@ -305,27 +289,20 @@ impl Format {
         matches!(self, Self::Change | Self::By | Self::Ratio | Self::Difference | Self::PaperChange | Self::PaperBy)
     }
 
-    pub(crate) fn parse(word: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(name, _)| *name == word).map(|(_, format)| *format)
+    pub(crate) fn parse(text: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| word(format) == text)
     }
 
-    pub(crate) const ALL: [(&str, Self); 15] = [
-        ("value", Self::Value),
-        ("number", Self::Number),
-        ("percent", Self::Percent),
-        ("spread", Self::Spread),
-        ("change", Self::Change),
-        ("by", Self::By),
-        ("ratio", Self::Ratio),
-        ("difference", Self::Difference),
-        ("paper", Self::Paper),
-        ("paper_change", Self::PaperChange),
-        ("paper_by", Self::PaperBy),
-        ("threshold", Self::Threshold),
-        ("from", Self::From),
-        ("to", Self::To),
-        ("band", Self::Band),
+    #[rustfmt::skip]
+    pub(crate) const ALL: [Self; 15] = [
+        Self::Value, Self::Number, Self::Percent, Self::Spread, Self::Change, Self::By, Self::Ratio, Self::Difference,
+        Self::Paper, Self::PaperChange, Self::PaperBy, Self::Threshold, Self::From, Self::To, Self::Band,
     ];
+}
+
+/// Name of a variant in files.
+pub(crate) fn word(of: impl Serialize) -> String {
+    serde_json::to_value(of).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
 impl Cell {

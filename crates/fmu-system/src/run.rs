@@ -108,6 +108,13 @@ pub struct Setting {
     pub value: Value,
 }
 
+impl Setting {
+    pub(crate) fn new(variable: &Variable, value: Value) -> Self {
+        let Variable { name, reference, base_type, .. } = variable;
+        Self { name: name.clone(), base_type: *base_type, reference: *reference, value }
+    }
+}
+
 /// A variable and its place on the bus.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Wire {

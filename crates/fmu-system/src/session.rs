@@ -401,13 +401,7 @@ impl Session {
         if variable.causality != Causality::Parameter || variable.variability != Variability::Tunable {
             return Err(rejected(format!("`{}` is not a tunable parameter", variable.name)));
         }
-        let setting = Setting {
-            name: variable.name.clone(),
-            base_type: variable.base_type,
-            reference: variable.reference,
-            value,
-        };
-        member.set(&setting).map_err(|error| rejected(error.to_string()))
+        member.set(&Setting::new(variable, value)).map_err(|error| rejected(error.to_string()))
     }
 
     /// Makes a step. Nothing is allocated unless it fails. A session that has failed can be restored.

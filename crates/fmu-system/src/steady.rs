@@ -123,9 +123,7 @@ fn start(
         |index: usize, value: &Value| request.given.iter().any(|(given, other)| *given == index && other == value);
     let settings = steady.starts.into_iter().filter_map(|(name, value)| {
         let index = description.index(&name)?;
-        let variable = &description.variables[index];
-        let setting = Setting { name, base_type: variable.base_type, reference: variable.reference, value };
-        (!is_given(index, &setting.value)).then_some(setting)
+        (!is_given(index, &value)).then(|| Setting::new(&description.variables[index], value))
     });
     Ok(settings.collect())
 }

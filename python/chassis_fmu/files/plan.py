@@ -90,9 +90,9 @@ class DisplayUnit(_Part, frozen=True):
 
     # Name of the unit.
     name: str
-    # Factor.
+    # Factor, not 0.
     factor: float
-    # Offset.
+    # Offset in the display unit.
     offset: float
 
 

@@ -2,7 +2,7 @@
 
 use super::pattern::{is_match, matches, split_pattern};
 use super::system::{CaseComponent, Column, Resolver, System, context, near_outputs, outputs};
-use crate::plan::{self, Conversion};
+use crate::plan;
 use crate::spanned::Spanned;
 use fmu_import::description::{Causality, Variable};
 use std::collections::{BTreeSet, HashMap};
@@ -148,13 +148,7 @@ impl Resolver<'_> {
 }
 
 fn column(member: &CaseComponent<'_>, variable: &Variable, shared: bool) -> Column {
-    let units: Vec<Conversion> = member
-        .found
-        .description
-        .display_units(variable)
-        .into_iter()
-        .map(|u| Conversion { name: u.name, factor: u.factor, offset: u.offset })
-        .collect();
+    let units = member.found.description.display_units(variable);
     let shown = variable.display_unit.as_ref().and_then(|name| units.iter().find(|u| u.name == *name));
     Column {
         component: member.name().to_string(),

@@ -7,7 +7,7 @@ use fmu_import::description::{BaseType, BaseUnit, Variable};
 /// The unit of a plain number.
 const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 };
 
-/// An end of a wire: a member and a variable of it.
+/// An end of a wire: a component and a variable of it.
 pub(super) type Place<'a> = (&'a CaseComponent<'a>, &'a Variable);
 
 /// Checks that an output may write an input of the same name: same base type, same unit of measure where both have one.

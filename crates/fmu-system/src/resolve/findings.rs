@@ -6,7 +6,7 @@
 //! plan contains references, which the reader of the results resolves.
 
 use crate::problem::Collector;
-use crate::report::{Cell, Check, Expect, Finding, Format, Part, Text};
+use crate::report::{Cell, Check, Expect, Finding, Format, Part, Text, word};
 use crate::scenario::{self, Scenario, WrittenCheck, WrittenFinding, unknown};
 use crate::spanned::Spanned;
 use fmu_import::names::suggestion;
@@ -269,11 +269,11 @@ impl Resolver<'_> {
     }
 
     fn number(&mut self, inside: &str, span: Range<usize>) -> Option<Part> {
-        let (of, word) = inside.split_once(':').unwrap_or((inside, "value"));
-        let Some(format) = Format::parse(word) else {
-            let names = Format::ALL.map(|(name, _)| name);
-            let message = format!("unknown format `{word}`, expected one of {}", names.join(", "));
-            self.problems.add_with_help(span, message, suggestion(word, names));
+        let (of, name) = inside.split_once(':').unwrap_or((inside, "value"));
+        let Some(format) = Format::parse(name) else {
+            let names = Format::ALL.map(word);
+            let message = format!("unknown format `{name}`, expected one of {}", names.join(", "));
+            self.problems.add_with_help(span, message, suggestion(name, names.iter().map(String::as_str)));
             return None;
         };
         if format.is_of_metric() {

@@ -4,11 +4,12 @@ use super::findings;
 use super::pattern::split_pattern;
 use super::system::{Column, Resolver, System, context, near_outputs, outputs};
 use crate::metrics::{self, Combine, Definition, Expression, Kind, Problem};
+use crate::parameter;
 use crate::report::Source;
 use crate::spanned::Spanned;
 use crate::{plan, report, scenario};
 use fmu_import::description::{Causality, Initial, Value, Variability};
-use fmu_import::names::{any_of, suggestion};
+use fmu_import::names::suggestion;
 
 impl Resolver<'_> {
     /// Column of a signal named in a metric or a figure.
@@ -63,25 +64,8 @@ impl Resolver<'_> {
         let Some(unit) = unit else {
             return Some((1.0, 0.0));
         };
-        let name = unit.get_ref();
-        // A signal without a unit is a plain number.
-        if column.unit.as_deref().unwrap_or("1") == name {
-            return Some((1.0, 0.0));
-        }
-        if column.unit.is_none() {
-            let message = format!("`{}` has no unit of measure, so it cannot be shown in `{name}`", column.name);
-            self.problems.add_with_help(unit.span(), message, Some("leave out `unit`".to_string()));
-            return None;
-        }
-        let found = column.units.iter().find(|u| u.name == *name);
-        if found.is_none() {
-            let own = column.unit.iter();
-            let all: Vec<&str> = own.chain(column.units.iter().map(|u| &u.name)).map(String::as_str).collect();
-            let help = suggestion(name, all.iter().copied());
-            let message = format!("`{}` cannot be shown in `{name}`, expected {}", column.name, any_of(&all));
-            self.problems.add_with_help(unit.span(), message, help);
-        }
-        found.map(|u| (u.factor, u.offset))
+        let scale = parameter::scale(&column.name, column.unit.as_deref(), &column.units, unit.get_ref(), "shown");
+        scale.map_err(|(message, help)| self.problems.add_with_help(unit.span(), message, help)).ok()
     }
 
     pub(super) fn metrics(&mut self, systems: &[System<'_>], columns: &[Column]) -> Vec<report::Metric> {

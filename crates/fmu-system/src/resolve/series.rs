@@ -15,7 +15,7 @@ fn interpolation(source: &Variable, reader: &Variable) -> Interpolation {
 }
 
 impl Resolver<'_> {
-    /// Lets a column write the input `reader` with values of `variable` of `member`: the input, or the output that it replaces.
+    /// Lets a column write the input `reader` with values of `variable` of a component: the input, or the output that it replaces.
     pub(super) fn use_column(
         &mut self,
         column: usize,

@@ -64,7 +64,7 @@ pub(super) struct Replaced {
 /// Source of an input.
 #[derive(Clone)]
 pub(super) enum Source {
-    /// An output: member and variable.
+    /// An output: component and variable.
     Output(usize, usize),
     /// A signal of the input file.
     Series(usize),
@@ -76,7 +76,7 @@ pub(super) enum Source {
 pub(super) struct System<'a> {
     pub(super) case: &'a Case,
     pub(super) members: Vec<CaseComponent<'a>>,
-    /// Recorded outputs, as member and variable, that have the values of a signal of the input file.
+    /// Recorded outputs, as component and variable, that have the values of a signal of the input file.
     pub(super) replaced: BTreeMap<(usize, usize), usize>,
 }
 

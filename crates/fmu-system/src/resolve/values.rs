@@ -2,13 +2,13 @@
 
 use super::pattern::matches;
 use super::system::{CaseComponent, Resolver};
-use crate::parameter;
+use crate::parameter::{self, Mistake};
 use crate::run::Setting;
 use crate::scenario::{self, Case, Given, Values};
 use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::named_values::listed;
-use fmu_import::names::{any_of, suggestion};
+use fmu_import::names::suggestion;
 use fmu_import::parameter_set::{Parameter, ParameterSet};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -22,9 +22,6 @@ enum Names {
     /// Parameters that the component's own FMU has with the same type and unit of measure.
     Shared,
 }
-
-/// A message and a hint.
-type Mistake = (String, Option<String>);
 
 /// Constants of inputs by index, with their places in the file. An invalid constant was reported and has no value.
 type Constants = BTreeMap<usize, (Option<Value>, Range<usize>)>;
@@ -79,7 +76,7 @@ impl Resolver<'_> {
         let mut settings: BTreeMap<String, Setting> = BTreeMap::new();
         let mut set = |values: Vec<(&Variable, Value)>| {
             for (variable, value) in values {
-                settings.insert(variable.name.clone(), setting(variable, value));
+                settings.insert(variable.name.clone(), Setting::new(variable, value));
             }
         };
         let shared = if member.replaced.is_some() { Names::Shared } else { Names::All };
@@ -323,10 +320,6 @@ fn split_component(name: &str) -> Option<(&str, &str)> {
     name.split_once([':', '.'])
 }
 
-pub(super) fn setting(variable: &Variable, value: Value) -> Setting {
-    Setting { name: variable.name.clone(), base_type: variable.base_type, reference: variable.reference, value }
-}
-
 /// Converts a value written in TOML to a value of the variable, in the unit of the variable.
 fn convert(description: &ModelDescription, variable: &Variable, written: &toml::Value) -> Result<Value, Mistake> {
     let name = &variable.name;
@@ -417,23 +410,7 @@ fn convert_unit(
     number: f64,
     unit: &str,
 ) -> Result<Value, Mistake> {
-    let name = &variable.name;
-    // A variable without a unit is a plain number.
-    if variable.unit.as_deref().unwrap_or("1") == unit {
-        return Ok(Value::Real(number));
-    }
-    let Some(own) = &variable.unit else {
-        let message = format!("`{name}` has no unit of measure, so it cannot be given in `{unit}`");
-        return Err((message, Some("leave out `unit`".to_string())));
-    };
-    let display_units = description.display_units(variable);
-    match display_units.iter().find(|u| u.name == unit) {
-        Some(u) => Ok(Value::Real((number - u.offset) / u.factor)),
-        None => {
-            let mut all = vec![own.as_str()];
-            all.extend(display_units.iter().map(|u| u.name.as_str()));
-            let message = format!("`{name}` cannot be given in `{unit}`, expected {}", any_of(&all));
-            Err((message, suggestion(unit, all)))
-        }
-    }
+    let units = description.display_units(variable);
+    let (factor, offset) = parameter::scale(&variable.name, variable.unit.as_deref(), &units, unit, "given")?;
+    Ok(Value::Real((number - offset) / factor))
 }

@@ -3,11 +3,9 @@
 use super::conversion::{self, compatible, convertible};
 use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
-use super::values::setting;
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
-use crate::run;
-use crate::run::Wire;
+use crate::run::{self, Setting, Wire};
 use crate::scenario::Connection;
 use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
@@ -17,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was reported.
+/// An end of a connection: component and variable; `None` if the case has none. `Err`: a mistake was reported.
 type End = Result<Option<(usize, usize)>, ()>;
 /// Outputs by name.
 type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
@@ -35,7 +33,7 @@ enum Change {
     LostOutput,
 }
 
-/// The member whose FMU makes one of these changes for an input of the reader.
+/// The component whose FMU makes one of these changes for an input of the reader.
 fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -> Option<(usize, Change)> {
     let has = |description: &ModelDescription, causality| {
         description.variable(input).is_some_and(|variable| variable.causality == causality)
@@ -190,7 +188,7 @@ impl<'a> Resolver<'a> {
         self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
-    /// Reports an input that several members write.
+    /// Reports an input that several components write.
     fn report_writers(&mut self, system: &System<'_>, (m, v): (usize, usize), writers: &[(usize, usize)]) {
         let member = &system.members[m];
         let input = member.variable(v).name.as_str();
@@ -535,13 +533,9 @@ impl<'a> Resolver<'a> {
                 for (v, source) in &member.inputs {
                     let variable = member.variable(*v);
                     match source {
-                        Source::Constant(value) => {
-                            constants.push(setting(variable, value.clone()));
-                        }
+                        Source::Constant(value) => constants.push(Setting::new(variable, value.clone())),
                         Source::Series(feed) => inputs.push(Wire::new(variable, feed_slots[feed])),
-                        Source::Output(m, o) => {
-                            inputs.push(Wire::new(variable, output_slots[&(*m, *o)]));
-                        }
+                        Source::Output(m, o) => inputs.push(Wire::new(variable, output_slots[&(*m, *o)])),
                     }
                 }
                 run::Component {

@@ -3,7 +3,7 @@
 use super::layout::{Figure, Metric, Scenario, Simulation};
 use crate::metrics::{Combine, Kind};
 use crate::problem::Collector;
-use crate::report::FigureKind;
+use crate::report::{FigureKind, word};
 use crate::spanned::Spanned;
 use fmu_import::limits::{RUNS, STEPS};
 use fmu_import::names::suggestion;
@@ -178,7 +178,7 @@ impl Scenario {
         let kind = figure.kind;
         let mut only = |name: &str, span: Option<Range<usize>>, kinds: &[FigureKind]| {
             if let Some(span) = span.filter(|_| !kinds.contains(&kind)) {
-                let kinds: Vec<String> = kinds.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
+                let kinds: Vec<String> = kinds.iter().map(|kind| format!("\"{}\"", word(kind))).collect();
                 problems.add(span, format!("only a figure of kind {} has `{name}`", kinds.join(" or ")));
             }
         };
@@ -200,7 +200,7 @@ impl Scenario {
             check_band(band, problems);
         }
         let at = figure.name.span();
-        let name = kind.name();
+        let name = word(kind);
         if figure.over.is_none() && matches!(kind, Xy | Transfer | Scatter) {
             let what = if kind == Scatter { "metric" } else { "signal" };
             problems.add(at.clone(), format!("a figure of kind \"{name}\" needs `over`, the {what} on the abscissa"));
@@ -271,16 +271,12 @@ impl Scenario {
             None => (key.get_ref().as_str(), None),
         };
         if !cases.contains(case) {
-            problems.add_with_help(
-                key.span(),
-                format!("unknown case `{case}`"),
-                suggestion(case, cases.iter().copied()),
-            );
+            unknown("case", case, key.span(), cases.iter().copied(), problems);
         }
         let points = || self.points.iter().map(|p| p.name.get_ref().as_str());
         match point {
             Some(point) if !points().any(|p| p == point) => {
-                problems.add_with_help(key.span(), format!("unknown point `{point}`"), suggestion(point, points()))
+                unknown("point", point, key.span(), points(), problems);
             }
             None if !self.points.is_empty() => {
                 problems.add(key.span(), "with a sweep the paper's values are named \"case@point\"")

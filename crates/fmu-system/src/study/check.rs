@@ -2,6 +2,7 @@
 
 use super::{Analysis, Correlation, Design, Distribution, Factor, Level, Method, Names, Scale, Search, Study};
 use crate::problem::Collector;
+use crate::report::word;
 use crate::spanned::Spanned;
 use fmu_import::names::{any_of, suggestion};
 use std::fmt::Display;
@@ -37,11 +38,6 @@ impl Distribution {
             Self::Seed => (&[], &[]),
         }
     }
-}
-
-/// Name of a variant in files.
-fn word(of: impl serde::Serialize) -> String {
-    serde_json::to_value(of).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
 fn value<T: Copy>(written: &Option<Spanned<T>>) -> Option<T> {
