@@ -10,7 +10,6 @@ use fmu_system::resolve::FmuFolder;
 /// Output folder of `cargo fmu pack`, relative to the workspace root.
 const PACKED: &str = "target/fmu";
 
-/// Folders with FMUs.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Folders {
     /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
@@ -31,7 +30,6 @@ impl Folders {
         if self.fmus.is_empty() { vec![usual()] } else { self.fmus.clone() }
     }
 
-    /// The given folders.
     pub(crate) fn given(&self) -> &[PathBuf] {
         &self.fmus
     }
@@ -61,7 +59,6 @@ fn usual() -> PathBuf {
     found.unwrap_or(here)
 }
 
-/// Number of worker processes.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Jobs {
     /// Number of processes [default: number of processors]

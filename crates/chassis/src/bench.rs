@@ -3,7 +3,6 @@
 pub(crate) mod evaluate;
 pub(crate) mod run;
 
-/// Commands of the test bench.
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
     /// Drive a plant through standard maneuvers, without and with controllers, and compare

@@ -15,7 +15,6 @@ use crate::selection::find_steady_starts;
 use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
 
-/// Arguments of `chassis export`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Scenario file (TOML)
@@ -49,7 +48,6 @@ pub(crate) struct Arguments {
     overwrite: bool,
 }
 
-/// Writes the files.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let options = Options { stop: arguments.stop, ..Options::default() };
     let plan = resolve(&arguments.scenario, &arguments.fmus.source(), &options)?;

@@ -29,9 +29,6 @@ pub(crate) struct Arguments {
 }
 
 /// Prints the table.
-///
-/// # Errors
-/// There is no FMU or no plant, an FMU cannot be read, or a name is unknown.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let systems = systems(&descriptions(&arguments.fmus.places())?);
     if systems.plants.is_empty() {

@@ -31,7 +31,6 @@ const EXIT_CODES: &str = "Exit codes:
   1  a run failed, a requirement or limit is not met, or a file has a mistake
   2  wrong usage, unusable data, or nothing could be run";
 
-/// Jobs of workers.
 const JOBS: [worker::Job; 3] = [
     (fmu_linear::worker::JOB, fmu_linear::worker::serve),
     (fmu_system::worker::JOB, fmu_system::worker::serve),

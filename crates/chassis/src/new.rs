@@ -19,12 +19,10 @@ use cargo_fmu::workspace::Workspace;
 const DRIVER: &str = "Driver";
 const ROAD: &str = "Road";
 
-/// Number of outputs recorded in a new scenario.
 const RECORDED: usize = 4;
 /// Outputs of a vehicle that are preferred.
 const WANTED: [&str; 4] = ["vehicle.yaw_rate", "vehicle.lateral_acceleration", "vehicle.sideslip", "body.roll"];
 
-/// Arguments of `chassis new`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Scenario file, with or without `.toml`
@@ -40,9 +38,6 @@ pub(crate) struct Arguments {
 }
 
 /// Writes the scenario, with the extension `.toml`.
-///
-/// # Errors
-/// The file exists, an FMU is not there, the driver has no such maneuver, or the file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.path;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -118,7 +113,6 @@ fn of(description: &ModelDescription, causality: Causality) -> impl Iterator<Ite
     description.variables.iter().filter(move |variable| variable.causality == causality)
 }
 
-/// The scenario.
 fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String> {
     let description = needed(plant, fmus)?;
     let inputs: Vec<&Variable> = of(&description, Causality::Input).collect();
@@ -236,7 +230,6 @@ fn constants(inputs: &[&Variable], others: &[&Variable]) -> Vec<String> {
     all
 }
 
-/// The start value as TOML.
 fn constant(input: &Variable) -> String {
     match &input.start {
         Some(Value::Real(value)) => format!("{value:?}"),

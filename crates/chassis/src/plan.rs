@@ -14,7 +14,6 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// Maximum number of outputs of a component listed by name; of more, only the number is shown.
 const LISTED_OUTPUTS: usize = 6;
 
-/// Arguments of `chassis plan`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -25,7 +24,6 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// Prints the plan, and warnings about likely mistakes.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let plan = arguments.selection.plan_with_steady_starts(&worker::Options::default())?;
     print_warnings(&plan);
@@ -37,7 +35,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     Ok(())
 }
 
-/// Prints the warnings of a plan.
 pub(crate) fn print_warnings(plan: &Plan) {
     for warning in &plan.warnings {
         errln!("warning: {}", indented(warning, "  "));

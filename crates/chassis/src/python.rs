@@ -14,7 +14,6 @@ const VARIABLE: &str = "CHASSIS_PYTHON";
 const HELP: &str =
     "Install the wheel of the package `chassis-fmu`, or call the command inside the repository after `scripts/setup`.";
 
-/// A Python with the package.
 pub(crate) struct Python {
     program: PathBuf,
 }
@@ -40,17 +39,11 @@ impl Python {
     }
 
     /// As [`Self::find`].
-    ///
-    /// # Errors
-    /// There is none, and `purpose` needs one.
     pub(crate) fn required(purpose: &str) -> Result<Self> {
         Self::find().ok_or_else(|| miette!(help = HELP, "{purpose} needs the Python package `chassis_fmu`"))
     }
 
     /// Runs a module of the package with arguments, and with text on its standard input; returns the exit code.
-    ///
-    /// # Errors
-    /// Python cannot be started.
     pub(crate) fn call(&self, module: &str, arguments: &[String], input: Option<&str>) -> Result<i32> {
         let starting = || format!("starting {}", self.program.display());
         let mut command = Command::new(&self.program);
@@ -68,7 +61,6 @@ impl Python {
     }
 }
 
-/// Job of the workers that execute runs by FMPy.
 pub(crate) const FMPY: &str = "fmpy";
 
 /// Serves the process that started this one as a worker in Python.

@@ -26,7 +26,6 @@ use std::time::{Duration, Instant};
 /// Maximum number of different messages shown after all runs.
 const SHOWN_MESSAGES: usize = 10;
 
-/// Arguments of `chassis run`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -77,7 +76,6 @@ pub(crate) struct Arguments {
     workers: worker::Options,
 }
 
-/// A master.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 enum Engine {
     /// The master of this program
@@ -183,12 +181,12 @@ impl<'a> Results<'a> {
             }
             let names: Vec<&str> = columns.iter().map(|index| plan.columns[*index].name.as_str()).collect();
             let read = results::read_csv(&runs.join(results::file_name(run)), &names);
-            Some(read.map(|(times, values)| {
+            Some(read.map_err(|error| error.to_string()).map(|(times, values)| {
                 let columns = columns.iter().zip(values).filter_map(|(index, values)| Some((*index, values?)));
                 Signals { times, columns: columns.collect() }
             }))
         };
-        let numbers = requirements::numbers(plan, is_only_required, &read).into_diagnostic()?;
+        let numbers = requirements::numbers(plan, is_only_required, &read).map_err(|message| miette!("{message}"))?;
         let verdicts = requirements::verdicts(plan, &numbers);
         Ok(Self { statuses, numbers, verdicts })
     }
@@ -310,7 +308,6 @@ fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuse
     Ok((statuses, incomplete))
 }
 
-/// Reads the rows of a complete run.
 fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
     let file = results::file_name(run);
     let recorded =
@@ -422,7 +419,6 @@ fn described(failure: &Failure) -> String {
     }
 }
 
-/// Hint on options, for requirements that are not met.
 const NO_FAIL: &str = "With `--no-fail` the exit code is 0 nevertheless.";
 
 /// Prints the verdicts on the requirements. Returns the number of those that are not met.

@@ -2,7 +2,6 @@
 
 use miette::{IntoDiagnostic as _, Result};
 
-/// A format with a schema.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub(crate) enum Format {
     /// Scenario file, or a part that scenarios include (TOML)
@@ -16,7 +15,6 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// The schema as text.
     pub(crate) fn text(self) -> Result<String> {
         let schema = match self {
             Self::Scenario => fmu_system::schema::scenario(),

@@ -10,7 +10,6 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A scenario and changes to it.
 #[derive(Debug, Args)]
 pub(crate) struct Selection {
     /// Scenario file (TOML)
@@ -75,7 +74,6 @@ impl Selection {
         Ok(plan)
     }
 
-    /// Resolves the scenario.
     pub(crate) fn plan(&self) -> miette::Result<Plan> {
         let options = Options {
             stop: self.stop,
@@ -89,7 +87,6 @@ impl Selection {
     }
 }
 
-/// Finds the steady states that components of runs start in.
 pub(crate) fn find_steady_starts(
     simulation: &Simulation,
     runs: &mut [Run],

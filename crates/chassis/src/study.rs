@@ -76,7 +76,6 @@ pub(crate) struct Arguments {
     report_only: bool,
 }
 
-/// Default folder for results.
 const RESULTS: &str = "results";
 
 /// Exit code of a study that could not run.
@@ -187,7 +186,6 @@ impl Bars {
     }
 }
 
-/// Carries out the study, and makes its page.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if study::has_samples(&arguments.study) {
         let request = arguments.request()?;
@@ -228,7 +226,6 @@ fn page(arguments: &Arguments, python: &Python) -> Result<()> {
     }
 }
 
-/// Carries out a study that searches parameters.
 fn optimize(arguments: &Arguments) -> Result<()> {
     let bar = ProgressBar::no_length();
     let printing = bar.clone();

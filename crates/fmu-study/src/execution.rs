@@ -219,7 +219,6 @@ fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>)
     }
 }
 
-/// Runs one method.
 fn search(
     study: &Study,
     method: &Method,
@@ -266,7 +265,6 @@ fn search(
     Ok((end, progress))
 }
 
-/// Recorded rows in the window of a term.
 fn rows(times: &fmu_system::run::Simulation, term: &Term) -> usize {
     let distance = times.step * times.every as f64;
     let all: Vec<f64> = (0..=times.steps / times.every).map(|row| times.start + distance * row as f64).collect();

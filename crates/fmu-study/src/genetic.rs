@@ -28,9 +28,6 @@ impl Default for Settings {
 }
 
 /// Searches until the last generation. The elite is not evaluated again.
-///
-/// # Errors
-/// The evaluator ends the search.
 pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn Evaluate) -> Result<(), Stop> {
     let mut codes = first_generation(settings.population, dimension, seed);
     let mut objectives = evaluate(evaluator, &codes)?;
@@ -65,7 +62,6 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
 
 /// A roulette wheel with a sector for each individual, as wide as its fitness.
 struct Wheel {
-    /// Ends of the sectors.
     ends: Vec<f64>,
 }
 

@@ -56,9 +56,6 @@ struct Cloning {
 }
 
 /// Searches until the last generation.
-///
-/// # Errors
-/// The evaluator ends the search.
 pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn Evaluate) -> Result<(), Stop> {
     // Steps 2 and 3: random antibodies and their affinities.
     let mut codes = first_generation(settings.population, dimension, seed);

@@ -70,9 +70,6 @@ pub enum Stop {
 /// Evaluates candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.
 pub trait Evaluate {
     /// Objectives of a population, in its order: finite, the smaller the better. Each call is a generation.
-    ///
-    /// # Errors
-    /// The search must end.
     fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop>;
 }
 
@@ -112,7 +109,6 @@ impl Random {
 /// A candidate as the binary methods see it: 16 bits per parameter, plain binary, most significant first.
 pub(crate) type Code = Vec<u16>;
 
-/// Random candidates of the first generation.
 pub(crate) fn first_generation(population: usize, dimension: usize, seed: u64) -> Vec<Code> {
     let code = |index| {
         let mut random = Random::new(seed, 0, index);
@@ -121,7 +117,6 @@ pub(crate) fn first_generation(population: usize, dimension: usize, seed: u64) -
     (0..population).map(code).collect()
 }
 
-/// Objectives of a population.
 pub(crate) fn evaluate(evaluator: &mut dyn Evaluate, codes: &[Code]) -> Result<Vec<f64>, Stop> {
     evaluator.evaluate(&codes.iter().map(|code| decode(code)).collect::<Vec<_>>())
 }
@@ -134,7 +129,6 @@ pub(crate) fn decode(code: &[u16]) -> Vec<f64> {
     code.iter().map(|c| f64::from(*c) / f64::from(u16::MAX)).collect()
 }
 
-/// Flips each bit with a probability.
 pub(crate) fn mutate(code: &mut [u16], probability: f64, random: &mut Random) {
     for word in code {
         for bit in (0..BITS).rev() {

@@ -113,7 +113,7 @@ impl Simulation {
             for (parameter, value) in &sets[set] {
                 let (component, name) = self.parameters[*parameter].component_and_name();
                 let changed = run.set_parameter(&self.fmus, component, name, Value::Real(*value));
-                changed.map_err(|error| Failure::new(&run.id, error.to_string()))?;
+                changed.map_err(|error| Failure::new(&run.id, error))?;
             }
             Ok(Task { run, csv: None })
         };
@@ -158,7 +158,6 @@ impl Simulation {
         self.runs.iter().all(|run| of(run) == Some(first)).then_some(first)
     }
 
-    /// The objective of one run.
     fn objective(&self, run: &str, recording: &Recording) -> Result<f64, String> {
         for Limit { signal, magnitude, column } in &self.limits {
             let beyond = |v: &&f64| v.abs() > *magnitude;

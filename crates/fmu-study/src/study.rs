@@ -35,7 +35,6 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-/// Default objective of infeasible candidates.
 const PENALTY: f64 = 1e6;
 /// Title of the scenario's own values, unless a `[[compare]]` names them.
 const BASELINE: &str = "As in the scenario";
@@ -169,7 +168,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
     let penalty = file.penalty.as_ref().map_or(PENALTY, |p| positive(p, "penalty", &mut problems));
     let evaluations = at_least_1(&file.budget.evaluations, "evaluations", &mut problems);
     let seeds = file.seeds.as_ref().map(|s| at_least_1(s, "seeds", &mut problems));
-    if let Some(target) = file.budget.target.as_ref().filter(|t| !t.get_ref().is_finite()) {
+    if let Some(target) = file.budget.target.as_ref().filter(|t| !t.is_finite()) {
         problems.add(target.span(), "expected a finite number");
     }
     if !problems.is_empty() {
@@ -257,7 +256,6 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
     })
 }
 
-/// A run that records only what is needed.
 fn without_columns(mut run: Run, needed: &BTreeSet<usize>) -> Run {
     for (index, slot) in run.columns.iter_mut().enumerate() {
         if !needed.contains(&index) {

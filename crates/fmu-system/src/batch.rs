@@ -6,9 +6,8 @@
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
 use crate::metrics::{Columns, Definition};
-use crate::parameter::ParameterError;
 use crate::plan::Plan;
-use crate::requirements::{RequirementError, baseline, definitions, numbers_of};
+use crate::requirements::{baseline, definitions, numbers_of};
 use crate::run::Run;
 use crate::worker::{Failure, Pool, Task};
 use fmu_import::description::Value;
@@ -53,7 +52,6 @@ pub struct Row {
 pub struct Batch {
     plan: Plan,
     fmus: Fmus,
-    /// Indices of all metrics.
     metrics: BTreeSet<usize>,
     /// For each run, the run of the baseline of its case, if a metric needs it.
     baselines: Vec<Option<usize>>,
@@ -96,7 +94,7 @@ impl Batch {
     ///
     /// # Panics
     /// If the plan has no such run.
-    pub fn changed(&self, run: usize, changes: &[Change]) -> Result<Run, ParameterError> {
+    pub fn changed(&self, run: usize, changes: &[Change]) -> Result<Run, String> {
         let mut run = self.plan.runs[run].clone();
         for Change { component, variable, value } in changes {
             if run.components.iter().any(|other| other.name == *component) {
@@ -123,7 +121,7 @@ impl Batch {
             if stopped.load(order) {
                 return Err(failed("stopped".to_owned()));
             }
-            let run = self.changed(run, &samples[sample].changes).map_err(|error| failed(error.to_string()))?;
+            let run = self.changed(run, &samples[sample].changes).map_err(failed)?;
             Ok(Task { run, csv: None })
         };
         let finish = |index: usize, outcome: Result<Recording, Failure>| {
@@ -157,8 +155,7 @@ impl Batch {
     ) {
         let task = |index: usize| {
             let (changes, at) = &runs[index];
-            let changed =
-                self.changed(*at, changes).map_err(|error| Failure::new(&self.plan.runs[*at].id, error.to_string()));
+            let changed = self.changed(*at, changes).map_err(|error| Failure::new(&self.plan.runs[*at].id, error));
             changed.map(|run| Task { run: Run { columns: columns[*at].clone(), ..run }, csv: None })
         };
         pool.execute(&self.plan.simulation, runs.len(), &task, &|_| (), take);
@@ -168,7 +165,7 @@ impl Batch {
     #[must_use]
     pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
         let outcome = |run: &usize| {
-            let failed = |error: ParameterError| Failure::new(&self.plan.runs[*run].id, error.to_string());
+            let failed = |error: String| Failure::new(&self.plan.runs[*run].id, error);
             let changed = self.changed(*run, &sample.changes).map_err(failed)?;
             master::execute(&self.plan.simulation, &changed, &self.fmus)
         };
@@ -197,7 +194,7 @@ impl Batch {
                         &columns(recording),
                         baseline.map(columns).as_ref(),
                     );
-                    let failed = |error: RequirementError| Failure::new(&self.plan.runs[run].id, error.to_string());
+                    let failed = |error: String| Failure::new(&self.plan.runs[run].id, error);
                     numbers.map(|numbers| (numbers, recording.seconds)).map_err(failed)
                 }
             };

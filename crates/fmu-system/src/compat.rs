@@ -126,22 +126,18 @@ fn variables(description: &ModelDescription, causality: Causality) -> impl Itera
     description.variables.iter().filter(move |variable| variable.causality == causality)
 }
 
-/// Returns the output of an FMU with the name of an input.
 fn output<'a>(writer: &'a ModelDescription, input: &Variable) -> Option<&'a Variable> {
     writer.variable(&input.name).filter(|variable| variable.causality == Causality::Output)
 }
 
-/// Returns true if an FMU writes this input.
 fn supplies(writer: &ModelDescription, input: &Variable) -> bool {
     output(writer, input).is_some_and(|output| output.mismatch(input).is_none())
 }
 
-/// Returns true if an FMU writes an input of another one.
 fn writes(writer: &ModelDescription, reader: &ModelDescription) -> bool {
     variables(reader, Causality::Input).any(|input| supplies(writer, input))
 }
 
-/// Determines the fit of each component to a plant.
 fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str]) -> Vec<Fit> {
     // The largest set of components that write each other's inputs together with the plant: cycles stay in it.
     let mut supplied: BTreeSet<&str> = components.iter().copied().collect();
@@ -188,7 +184,6 @@ fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str
     components.iter().map(fit).collect()
 }
 
-/// Finds the reason that an input is not written.
 fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&str], components: &[&str]) -> Missing {
     let of = |names: &[&str], is_writer: &dyn Fn(&str) -> bool| -> Vec<String> {
         names.iter().filter(|name| is_writer(name)).map(|name| (*name).to_string()).collect()

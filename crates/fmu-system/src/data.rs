@@ -38,7 +38,6 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 #[derive(Debug)]
 pub struct Table {
     file: String,
-    /// Decimal mark.
     decimal: char,
     columns: Vec<Column>,
     /// Line of each row.
@@ -130,9 +129,6 @@ impl Table {
     }
 
     /// Reads the content of a file, plain or compressed with gzip. `file` names it in messages.
-    ///
-    /// # Errors
-    /// As [`Self::read`].
     pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, DataError> {
         let mut plain = Vec::new();
         let bytes = if bytes.starts_with(&GZIP) {
@@ -270,7 +266,6 @@ impl Table {
         &self.columns
     }
 
-    /// Line of a row of cells.
     fn line(&self, row: usize) -> usize {
         self.lines.get(row).map_or(0, |line| *line as usize)
     }
@@ -346,7 +341,6 @@ fn unit_line(rows: &Rows<'_>, count: usize) -> Option<Vec<String>> {
     is_line.then(|| units.iter().map(|unit| unit.trim_matches(['[', ']', '(', ')']).to_owned()).collect())
 }
 
-/// Returns true if two names are those of different units.
 fn differ(a: &str, b: &str) -> bool {
     a != b && (unit::find(a).is_none() || unit::find(a) != unit::find(b))
 }

@@ -69,9 +69,8 @@ pub struct System {
     /// Name of the scenario, with `_` in place of characters other than letters, digits and `_`.
     pub name: String,
     /// Scenario, case, point and seed.
-    pub description: String,
-    /// Start, s.
-    pub start: f64,
+    description: String,
+    start: f64,
     /// Stop, s.
     pub stop: f64,
     /// Communication step, s.
@@ -81,7 +80,7 @@ pub struct System {
     /// Wires, in the order of the components that read and of their inputs.
     pub connections: Vec<Connection>,
     /// Definitions of the units of measure that connectors and parameters have.
-    pub units: Vec<Unit>,
+    units: Vec<Unit>,
 }
 
 /// A component of the scenario.
@@ -90,11 +89,10 @@ pub struct Component {
     /// Name.
     pub name: String,
     /// The `.fmu` file.
-    pub fmu: PathBuf,
+    fmu: PathBuf,
     /// Its file name.
     pub file: String,
-    /// Its version of FMI.
-    pub fmi: FmiVersion,
+    fmi: FmiVersion,
     /// Inputs that are written, and outputs that are read or recorded.
     pub connectors: Vec<Connector>,
     /// Values of parameters and of inputs that nothing writes.
@@ -106,25 +104,21 @@ pub struct Component {
 /// An input or output of a component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Connector {
-    /// Name of the variable.
-    pub name: String,
+    name: String,
     /// True for an output, false for an input.
     pub output: bool,
-    /// Base type, not `String`.
-    pub base_type: BaseType,
+    base_type: BaseType,
     /// Its type, as FMI and SSP name it.
     type_name: String,
-    /// Unit of measure.
-    pub unit: Option<String>,
+    unit: Option<String>,
 }
 
 /// A wire: component and variable at both ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connection {
-    /// Component and variable that write.
-    pub from: [String; 2],
-    /// Component and variable that read.
-    pub to: [String; 2],
+    /// The end that writes.
+    from: [String; 2],
+    to: [String; 2],
 }
 
 impl System {
@@ -139,9 +133,6 @@ impl System {
     }
 
     /// As [`Self::new`]; `describe` returns the description of an FMU by its path in the plan.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
     pub fn described(
         plan: &Plan,
         run: &Run,
@@ -232,9 +223,6 @@ impl System {
     }
 
     /// Writes the SSP file; `copy` writes an FMU by its file name.
-    ///
-    /// # Errors
-    /// It cannot be written.
     pub fn write_ssp<W: io::Write + io::Seek>(
         &self,
         output: W,
@@ -305,7 +293,6 @@ impl System {
         Ok(files)
     }
 
-    /// The values of a component as a parameter set.
     fn parameter_set(&self, component: &Component) -> io::Result<String> {
         let set = ParameterSet { name: PARAMETERS.to_string(), parameters: component.values.clone() };
         set.to_xml_of(self.version(), &self.units, |parameter| {
@@ -411,7 +398,6 @@ fn file_name(fmu: &Path) -> Result<String, ExportError> {
     Err(ExportError::Unsupported(format!("{name}: {rule}")))
 }
 
-/// Describes the run in one line.
 fn text(plan: &Plan, run: &Run) -> String {
     let mut text = format!("{}: case {}", plan.title, run.case);
     if let Some(point) = &run.point {

@@ -62,9 +62,6 @@ pub trait Instances {
     fn of(&self, component: &Component) -> Result<Instance, FmusError>;
 
     /// The description of the FMU of a component.
-    ///
-    /// # Errors
-    /// It cannot be read.
     fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
         Ok(read_description(Path::new(&component.fmu)).map_err(FmuError::from)?)
     }
@@ -116,9 +113,6 @@ impl Fmus {
     }
 
     /// Returns the FMU with this path, as written in the plan.
-    ///
-    /// # Errors
-    /// It was not loaded.
     pub fn get(&self, path: &str) -> Result<&Fmu, FmusError> {
         self.0.get(path).ok_or_else(|| FmusError::NotLoaded(path.to_string()))
     }

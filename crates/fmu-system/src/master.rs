@@ -50,9 +50,6 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
 
 /// Works like [`execute`], but neither terminates nor frees the instances, because that may have crashed or hung before. They stay
 /// until the process ends.
-///
-/// # Errors
-/// As [`execute`].
 pub(crate) fn repeat(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
     record(simulation, run, fmus, false)
 }
@@ -98,7 +95,6 @@ fn record(simulation: &Simulation, run: &Run, fmus: &dyn Instances, is_terminate
     Ok(recording)
 }
 
-/// Adds the rows before it to a failure.
 fn keeping(failure: Failure, recording: Recording) -> Failure {
     Failure { recorded: Some(Box::new(recording)), ..failure }
 }

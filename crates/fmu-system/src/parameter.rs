@@ -9,38 +9,13 @@ use fmu_import::named_values::listed;
 use fmu_import::names::{any_of, suggestion};
 use std::ops::Deref;
 
-/// Error while setting a parameter.
-#[derive(Debug, thiserror::Error)]
-pub enum ParameterError {
-    /// The run has no such component.
-    #[error("the run has no component `{0}`")]
-    Component(String),
-    /// The FMU is not loaded.
-    #[error(transparent)]
-    Fmu(#[from] FmusError),
-    /// The name or the value does not fit.
-    #[error("`{component}`: {reason}")]
-    Rejected {
-        /// Component.
-        component: String,
-        /// Reason.
-        reason: String,
-    },
-}
-
 impl Run {
     /// Sets a parameter, overriding the scenario.
     ///
     /// # Errors
     /// The run has no such component, its FMU no such parameter, or the value has another type or lies
     /// outside its limits.
-    pub fn set_parameter(
-        &mut self,
-        fmus: &Fmus,
-        component: &str,
-        name: &str,
-        value: Value,
-    ) -> Result<(), ParameterError> {
+    pub fn set_parameter(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
         let describe = |fmu: &str| fmus.get(fmu).ok().map(Fmu::description);
         self.set(&describe, component, value, |description| parameter(description, name).map_err(|error| error.message))
     }
@@ -50,21 +25,18 @@ impl Run {
     /// # Errors
     /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type or lies
     /// outside its limits.
-    pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), ParameterError> {
+    pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
         self.set_described(&|fmu| fmus.get(fmu).ok().map(Fmu::description), component, name, value)
     }
 
     /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns its description by the path in the plan.
-    ///
-    /// # Errors
-    /// As [`Self::set_value`].
     pub fn set_described<'d>(
         &mut self,
         describe: &dyn Fn(&str) -> Option<&'d ModelDescription>,
         component: &str,
         name: &str,
         value: Value,
-    ) -> Result<(), ParameterError> {
+    ) -> Result<(), String> {
         self.set(describe, component, value, |description| settable(description, name))
     }
 
@@ -74,18 +46,14 @@ impl Run {
         component: &str,
         value: Value,
         of: impl Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
-    ) -> Result<(), ParameterError> {
-        let target = self
-            .components
-            .iter_mut()
-            .find(|u| u.name == component)
-            .ok_or_else(|| ParameterError::Component(component.to_string()))?;
-        let description = describe(&target.fmu).ok_or_else(|| FmusError::NotLoaded(target.fmu.clone()))?;
+    ) -> Result<(), String> {
+        let target = self.components.iter_mut().find(|u| u.name == component).ok_or_else(|| no_component(component))?;
+        let description = describe(&target.fmu).ok_or_else(|| FmusError::NotLoaded(target.fmu.clone()).to_string())?;
         let set = of(description).and_then(|variable| {
             check(variable, &value)?;
             target.set(variable, value)
         });
-        set.map_err(|reason| ParameterError::Rejected { component: component.to_string(), reason })?;
+        set.map_err(|reason| format!("`{component}`: {reason}"))?;
         self.forget_steady_starts();
         Ok(())
     }
@@ -108,6 +76,10 @@ impl Component {
         }
         Ok(())
     }
+}
+
+pub(crate) fn no_component(name: &str) -> String {
+    format!("the run has no component `{name}`")
 }
 
 /// A variable of a component that can be set.
@@ -182,7 +154,6 @@ pub(crate) struct NoParameter {
     pub(crate) help: Option<String>,
 }
 
-/// Finds the parameter of this name.
 pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, NoParameter> {
     let settable = |v: &&Variable| v.causality == Causality::Parameter && v.variability != Variability::Constant;
     let model = &description.model_name;

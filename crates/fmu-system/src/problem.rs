@@ -17,7 +17,6 @@ pub struct Problem {
     source_code: Arc<NamedSource<String>>,
     #[label]
     span: SourceSpan,
-    /// Other places that belong to it.
     #[label(collection)]
     others: Vec<SourceSpan>,
     #[help]
@@ -138,12 +137,10 @@ impl Collector {
         source.inner().get(place - from..)
     }
 
-    /// Sets the number of contexts.
     pub(crate) fn expect_contexts(&mut self, contexts: usize) {
         self.contexts = contexts;
     }
 
-    /// Sets the context of the mistakes that follow.
     pub(crate) fn set_context(&mut self, context: Option<Context>) {
         self.context = context;
     }
@@ -183,7 +180,6 @@ impl Collector {
         Problem { message, span: inside(&first), others, source_code: Arc::clone(source), help }
     }
 
-    /// Name of the file.
     pub(crate) fn file(&self) -> &str {
         self.source_code.name()
     }
@@ -216,9 +212,6 @@ impl Collector {
     }
 
     /// Ends the collection.
-    ///
-    /// # Errors
-    /// The mistakes, if there are any.
     pub fn finish(self) -> Result<(), Problems> {
         if self.problems.is_empty() { Ok(()) } else { Err(self.fail()) }
     }

@@ -2,7 +2,7 @@
 //!
 //! This is the only implementation of the rules.
 
-use crate::metrics::{Columns, Definition, Kind, MetricError};
+use crate::metrics::{Columns, Definition, Kind};
 use crate::plan::Plan;
 use crate::report::{Metric, Requirement, Source};
 use crate::run::Run;
@@ -170,26 +170,9 @@ impl Signals {
     }
 }
 
-/// Error while evaluating a requirement.
-#[derive(Debug, thiserror::Error)]
-pub enum RequirementError {
-    /// A metric has no number for any signals.
-    #[error("metric {metric}: {source}")]
-    Metric {
-        /// Its name.
-        metric: String,
-        /// Cause.
-        source: MetricError,
-    },
-    /// The signals of a run cannot be read.
-    #[error(transparent)]
-    Signals(#[from] std::io::Error),
-}
-
 /// Reads columns of a run, by index; `None` for a run that failed.
-pub type Read<'a> = &'a dyn Fn(&Run, &BTreeSet<usize>) -> Option<std::io::Result<Signals>>;
+pub type Read<'a> = &'a dyn Fn(&Run, &BTreeSet<usize>) -> Option<Result<Signals, String>>;
 
-/// Numbers of the metrics of a run, by index.
 type Numbers = Vec<Option<f64>>;
 
 /// Numbers of the metrics of the complete runs, by the id of the run.
@@ -199,7 +182,7 @@ pub type RunNumbers<'a> = BTreeMap<&'a str, Numbers>;
 ///
 /// # Errors
 /// Signals cannot be read, or a metric has no number.
-pub fn numbers<'a>(plan: &'a Plan, is_only_required: bool, read: Read<'_>) -> Result<RunNumbers<'a>, RequirementError> {
+pub fn numbers<'a>(plan: &'a Plan, is_only_required: bool, read: Read<'_>) -> Result<RunNumbers<'a>, String> {
     let metrics = if is_only_required { needed(plan) } else { (0..plan.metrics.len()).collect() };
     if is_only_required && metrics.is_empty() {
         return Ok(RunNumbers::new());
@@ -250,7 +233,7 @@ pub(crate) fn numbers_of(
     times: &[f64],
     columns: &Columns<'_>,
     baseline: Option<&Columns<'_>>,
-) -> Result<Numbers, RequirementError> {
+) -> Result<Numbers, String> {
     let simulation = &plan.simulation;
     let mut numbers = vec![None; plan.metrics.len()];
     for index in metrics {
@@ -260,7 +243,7 @@ pub(crate) fn numbers_of(
             Source::Signals(Definition { window: Some([from, _]), .. }) if *from >= simulation.stop => None,
             Source::Signals(definition) => definition
                 .value(times, columns, baseline, simulation.step)
-                .map_err(|source| RequirementError::Metric { metric: metric.name.clone(), source })?,
+                .map_err(|error| format!("metric {}: {error}", metric.name))?,
             Source::Metrics { value, .. } => value.value(|index| numbers[index]),
         };
     }

@@ -129,7 +129,6 @@ pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
     }
 }
 
-/// Sets another FMU for a component in all cases.
 fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError> {
     let OtherFmu { component, fmu, keep_parameters } = other;
     let Some(own) = scenario.components.iter().find(|own| own.name.get_ref() == component) else {
@@ -165,9 +164,6 @@ fn read(path: &Path, limit: u64) -> Result<String, ResolveError> {
 }
 
 /// Resolves the text of a scenario; `file` names it in messages and in the plan.
-///
-/// # Errors
-/// As [`resolve`].
 pub fn resolve_text(
     file: &Path,
     text: &str,
@@ -211,7 +207,7 @@ pub fn resolve_text(
     let findings = findings::findings(&scenario, &mut resolver.problems);
     let seeds: Vec<i32> = scenario.seeds.as_ref().map_or(Vec::new(), |seeds| {
         let wanted = options.seeds.unwrap_or(usize::MAX);
-        let values = seeds.values.get_ref().iter();
+        let values = seeds.values.iter();
         values.take(wanted).map(|s| *s.get_ref()).collect()
     });
     let runs = resolver.runs(&systems, &columns, &seeds);
@@ -220,7 +216,7 @@ pub fn resolve_text(
     let mut warnings = resolver.problems.take_warnings();
     resolver.problems.finish()?;
     if let Some(inputs) = resolver.inputs {
-        let components: Vec<&str> = scenario.components.iter().map(|own| own.name.get_ref().as_str()).collect();
+        let components: Vec<&str> = scenario.components.iter().map(|own| own.name.as_str()).collect();
         let [takes, has] = [Causality::Input, Causality::Output].map(|causality| signal_names(&systems, causality));
         warnings.extend(inputs.finish(&takes, &has, &components)?);
     }
@@ -301,7 +297,7 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<run::Simulation,
         steps,
         order: options.order.or(scenario.simulation.order).unwrap_or(run::Order::Sequential),
         // Checked to be at least 1.
-        every: scenario.record.every.as_ref().map_or(1, |every| every.get_ref().unsigned_abs()),
+        every: scenario.record.every.as_ref().map_or(1, |every| every.unsigned_abs()),
     })
 }
 

@@ -135,9 +135,6 @@ fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Res
 }
 
 /// Writes the content of a file of [`write_csv`].
-///
-/// # Errors
-/// The file cannot be written.
 pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -> io::Result<()> {
     let (names, columns): (Vec<&str>, Vec<&[f64]>) = names
         .iter()

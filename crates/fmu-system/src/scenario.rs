@@ -87,7 +87,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
                     }
                 }
                 None => {
-                    let names = all.components.iter().map(|component| component.name.get_ref().as_str());
+                    let names = all.components.iter().map(|component| component.name.as_str());
                     unknown("component", name.get_ref(), name.span(), names, problems);
                 }
             }

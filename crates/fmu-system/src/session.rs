@@ -28,7 +28,7 @@
 
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
-use crate::parameter::{self, ParameterError};
+use crate::parameter;
 use crate::run::{InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
@@ -101,7 +101,6 @@ enum Reached {
     End,
 }
 
-/// An instance with its wires.
 struct Component {
     instance: Instance,
     inputs: Port,
@@ -217,7 +216,6 @@ fn set_exactly(instance: &mut Instance, integers: &Group<i32>, bus: &[f64]) -> R
 /// Slack of the times of a held series, in steps: a sample at t_k counts although t_k is rounded.
 const SLACK: f64 = 1e-9;
 
-/// Signals from a file and the row each is at.
 struct Feeder {
     series: Vec<(InputSeries, usize)>,
     /// Communication step, s.
@@ -362,9 +360,9 @@ impl Session {
     ///
     /// # Errors
     /// The run has no such component, or the variable is not a scalar Real, Integer or Boolean input.
-    pub fn overwrite(&mut self, component: &str, variable: &Variable) -> Result<Overwrite, ParameterError> {
+    pub fn overwrite(&mut self, component: &str, variable: &Variable) -> Result<Overwrite, String> {
         let Some(member) = self.members.iter().position(|member| member.instance.name() == component) else {
-            return Err(ParameterError::Component(component.to_owned()));
+            return Err(parameter::no_component(component));
         };
         let name = &variable.name;
         let reason = if variable.causality != Causality::Input {
@@ -378,7 +376,7 @@ impl Session {
             self.overwritten.push(Overwritten { member, name: name.clone(), reference, base_type, value: None });
             return Ok(Overwrite(self.overwritten.len() - 1));
         };
-        Err(ParameterError::Rejected { component: component.to_owned(), reason })
+        Err(format!("`{component}`: {reason}"))
     }
 
     /// Sets the value of an input from the next step on. As on the bus, a Boolean is true above 0.5, and an Integer is rounded
@@ -393,10 +391,10 @@ impl Session {
     ///
     /// # Errors
     /// The run has no such component, the variable is not a tunable parameter, or the FMU returns an error.
-    pub fn tune(&mut self, component: &str, variable: &Variable, value: Value) -> Result<(), ParameterError> {
-        let rejected = |reason| ParameterError::Rejected { component: component.to_owned(), reason };
+    pub fn tune(&mut self, component: &str, variable: &Variable, value: Value) -> Result<(), String> {
+        let rejected = |reason: String| format!("`{component}`: {reason}");
         let Some(member) = self.members.iter_mut().find(|member| member.instance.name() == component) else {
-            return Err(ParameterError::Component(component.to_owned()));
+            return Err(parameter::no_component(component));
         };
         if variable.causality != Causality::Parameter || variable.variability != Variability::Tunable {
             return Err(rejected(format!("`{}` is not a tunable parameter", variable.name)));
@@ -456,9 +454,6 @@ impl Session {
     }
 
     /// Saves the FMU states of all components, the signals and the overwritten inputs.
-    ///
-    /// # Errors
-    /// An FMU returns an error or cannot save its state.
     pub fn save(&mut self) -> Result<Saved, Failure> {
         let states: Result<_, CallError> = self.members.iter_mut().map(|member| member.instance.save_state()).collect();
         Ok(Saved {
@@ -494,9 +489,6 @@ impl Session {
     }
 
     /// Frees a state.
-    ///
-    /// # Errors
-    /// The state is of another session, or an FMU returns an error.
     pub fn free(&mut self, saved: Saved) -> Result<(), Failure> {
         let freed: Result<(), CallError> =
             self.members.iter_mut().zip(saved.states).try_for_each(|(member, state)| member.instance.free_state(state));

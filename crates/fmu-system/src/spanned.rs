@@ -3,7 +3,7 @@
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use std::borrow::{Borrow, Cow};
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 /// A value and its place in the file. In JSON and in schemas it is the value alone.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
@@ -33,6 +33,14 @@ impl<T> Spanned<T> {
     #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.0.span()
+    }
+}
+
+impl<T> Deref for Spanned<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.get_ref()
     }
 }
 

@@ -15,9 +15,6 @@ use fmu_linear::trim::{self, Request};
 const ROUNDS: usize = 20;
 
 /// Checks that a component can start in a steady state, as far as its description shows.
-///
-/// # Errors
-/// It has no states with directional derivatives for co-simulation.
 pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
     if description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative) {
         return trim::check(description);

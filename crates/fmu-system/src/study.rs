@@ -312,9 +312,6 @@ impl StudyError {
 }
 
 /// Reads the text of a study.
-///
-/// # Errors
-/// The file cannot be read.
 pub fn text(path: &Path) -> Result<String, StudyError> {
     let read = fmu_import::limits::read_text(path, fmu_import::limits::TEXT_FILE);
     read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })

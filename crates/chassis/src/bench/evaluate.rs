@@ -65,7 +65,6 @@ fn parser() -> impl clap::builder::TypedValueParser<Value = &'static Evaluator> 
         .try_map(|name| evaluators::find(&name).ok_or_else(|| format!("there is no evaluator {name}")))
 }
 
-/// Reads the value of `--resample`.
 fn resample(text: &str) -> std::result::Result<Resample, String> {
     if text == "median" {
         return Ok(Resample::Median);
@@ -75,9 +74,6 @@ fn resample(text: &str) -> std::result::Result<Resample, String> {
 }
 
 /// Prints the metrics as JSON. Reasons go to the standard error.
-///
-/// # Errors
-/// The file cannot be read or is not a recording, or the options are not allowed.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if arguments.list {
         match arguments.evaluator {

@@ -23,7 +23,6 @@ use cargo_fmu::files::{try_to_write, write_whole};
 use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
 
-/// Arguments of `chassis bench run`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Plant: name of an FMU in the folder, or path of an .fmu file
@@ -205,7 +204,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
 }
 
-/// Folder of the results.
 fn out(arguments: &Arguments) -> PathBuf {
     let plant = named(&arguments.plant, &mut Vec::new());
     arguments.out.clone().unwrap_or_else(|| Path::new("results").join(format!("assess_{plant}")))
@@ -327,7 +325,6 @@ fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Argumen
     Ok(())
 }
 
-/// Name of a maneuver.
 fn maneuver_title(name: &str) -> String {
     match name {
         "iso3888_1" => "ISO 3888-1".to_owned(),
@@ -341,7 +338,6 @@ fn maneuver_title(name: &str) -> String {
     }
 }
 
-/// Names of FMUs.
 fn names(units: &[serde_json::Value]) -> String {
     let names: Vec<&str> = units.iter().filter_map(|unit| unit["fmu"].as_str()).collect();
     names.join(", ")
@@ -369,7 +365,6 @@ fn print_systems(assessment: &Assessment) {
     }
 }
 
-/// The limit of a metric, where it applies.
 fn limit_text(row: &Row) -> String {
     match ["min", "max"].map(|end| row.limit[end].as_f64()) {
         [_, Some(limit)] => format!(", at most {}", shown(limit)),

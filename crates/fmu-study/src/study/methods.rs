@@ -52,7 +52,7 @@ pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
     let mut methods: Vec<Method> = Vec::new();
     for entry in &file.methods {
         let mut settings = Settings { entry, known: Vec::new(), problems };
-        let (title, search) = match entry.kind.get_ref().as_str() {
+        let (title, search) = match entry.kind.as_str() {
             "pacsa" => ("PACSA", Search::Pacsa(settings.pacsa())),
             "ga" => ("GA", Search::Ga(settings.ga())),
             "cmaes" => ("CMA-ES", Search::Cmaes(settings.cmaes())),
@@ -69,7 +69,7 @@ pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
         settings.finish();
         let name = entry.name.as_ref().unwrap_or(&entry.kind);
         let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
-        if name.get_ref().is_empty() || !name.get_ref().chars().all(plain) {
+        if name.is_empty() || !name.chars().all(plain) {
             problems.add(name.span(), "the name of a method must consist of a-z, 0-9 and _");
         }
         let group = entry.title.clone().unwrap_or_else(|| title.to_string());
@@ -80,10 +80,10 @@ pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
                 continue;
             }
             (_, Some(seeds)) => {
-                if seeds.get_ref().is_empty() {
+                if seeds.is_empty() {
                     problems.add(seeds.span(), "seeds is empty");
                 }
-                let seeds = seeds.get_ref().iter().map(|seed| seed_of(seed, problems));
+                let seeds = seeds.iter().map(|seed| seed_of(seed, problems));
                 seeds
                     .map(|seed| one(seed, format!("{}_{seed}", name.get_ref()), format!("{group}, seed {seed}")))
                     .collect()
@@ -101,7 +101,6 @@ pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
     methods
 }
 
-/// Reads the settings of a method.
 struct Settings<'a> {
     entry: &'a MethodEntry,
     known: Vec<&'static str>,
@@ -202,7 +201,7 @@ impl Settings<'_> {
 
     /// Reports settings the method does not have.
     fn finish(self) {
-        for key in self.entry.settings.keys().filter(|key| !self.known.contains(&key.get_ref().as_str())) {
+        for key in self.entry.settings.keys().filter(|key| !self.known.contains(&key.as_str())) {
             let help = suggestion(key.get_ref(), self.known.iter().copied());
             let message = format!(
                 "{} has no setting `{}`, expected one of: {}",

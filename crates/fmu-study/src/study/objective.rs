@@ -23,7 +23,7 @@ pub(super) fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weig
         match (&term.weight, &objective.judgments) {
             (None, None) => problems.add(term.signal.span(), "this term needs a weight, or the objective judgments"),
             (Some(weight), Some(_)) => problems.add(weight.span(), "the judgments determine the weights"),
-            (Some(weight), None) if !(weight.get_ref().is_finite() && *weight.get_ref() >= 0.0) => {
+            (Some(weight), None) if !(weight.is_finite() && *weight.get_ref() >= 0.0) => {
                 problems.add(weight.span(), format!("weight is {:?}, expected 0 or more", weight.get_ref()));
             }
             _ => (),
@@ -78,7 +78,6 @@ pub(super) struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// The component that writes a column.
     fn writer(&self, index: usize) -> Option<&str> {
         self.plan.runs.iter().find_map(|run| {
             let slot = run.columns.get(index).copied().flatten()?;
@@ -128,8 +127,8 @@ pub(super) fn terms(
 ) -> Vec<Term> {
     let simulation = &columns.plan.simulation;
     let mut terms = Vec::new();
-    for (index, entry) in file.objective.get_ref().terms.iter().enumerate() {
-        if !entry.kind.get_ref().needs_only_values() {
+    for (index, entry) in file.objective.terms.iter().enumerate() {
+        if !entry.kind.needs_only_values() {
             problems.add(
                 entry.kind.span(),
                 "a term has a kind without a threshold or times, and one that is always defined",

@@ -30,7 +30,7 @@ pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> 
     }
     let mut seen = BTreeSet::new();
     for parameter in &file.parameters {
-        let name = parameter.name.get_ref().as_str();
+        let name = parameter.name.as_str();
         if !name.contains(':') {
             problems.add(parameter.name.span(), "expected \"component:parameter\"");
         }
@@ -49,7 +49,7 @@ pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> 
     let symbols = file.parameters.iter().filter_map(|p| p.symbol.as_ref());
     let mut names: Vec<&str> = Vec::new();
     for symbol in symbols.chain(file.constants.keys()) {
-        let text = symbol.get_ref().as_str();
+        let text = symbol.as_str();
         let is_letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
         if text.starts_with(|c: char| c.is_ascii_digit()) || text.is_empty() || !text.chars().all(is_letter) {
             problems.add(
@@ -63,7 +63,7 @@ pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> 
         }
         names.push(text);
     }
-    for value in file.constants.values().filter(|v| !v.get_ref().is_finite()) {
+    for value in file.constants.values().filter(|v| !v.is_finite()) {
         problems.add(value.span(), "expected a finite number");
     }
     names
@@ -91,7 +91,7 @@ pub(super) fn constraints(file: &File, symbols: &[&str], problems: &mut Collecto
 pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut Collector) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for entry in &file.parameters {
-        let Some((component, name)) = entry.name.get_ref().split_once(':') else { continue };
+        let Some((component, name)) = entry.name.split_once(':') else { continue };
         for run in runs {
             for bound in [&entry.min, &entry.max] {
                 if let Err(error) = run.clone().set_parameter(fmus, component, name, Value::Real(*bound.get_ref())) {
@@ -153,7 +153,7 @@ pub(super) fn comparisons(
             let is = |p: &ParameterEntry| p.name == *key || p.symbol.as_ref().is_some_and(|symbol| symbol == key);
             let Some(index) = file.parameters.iter().position(is) else {
                 let names = file.parameters.iter().flat_map(|p| [Some(&p.name), p.symbol.as_ref()]).flatten();
-                let help = suggestion(key.get_ref(), names.map(|n| n.get_ref().as_str()));
+                let help = suggestion(key.get_ref(), names.map(|n| n.as_str()));
                 problems.add_with_help(
                     key.span(),
                     format!("`{}` is not a parameter of this study", key.get_ref()),
@@ -161,11 +161,11 @@ pub(super) fn comparisons(
                 );
                 continue;
             };
-            if let Some((component, name)) = file.parameters[index].name.get_ref().split_once(':') {
+            if let Some((component, name)) = file.parameters[index].name.split_once(':') {
                 for run in &runs {
                     if let Err(error) = run.clone().set_parameter(fmus, component, name, Value::Real(*value.get_ref()))
                     {
-                        problems.add(value.span(), error.to_string());
+                        problems.add(value.span(), error);
                     }
                 }
             }

@@ -123,7 +123,6 @@ impl<'t> Rows<'t> {
     }
 }
 
-/// A cell of a column of numbers.
 pub(super) enum Cell {
     Number(f64),
     Missing,
@@ -133,7 +132,6 @@ pub(super) enum Cell {
 /// Texts of missing cells, besides the empty one.
 const MISSING: [&str; 8] = ["nan", "na", "n/a", "null", "none", "-", "--", "#n/a"];
 
-/// Reads a cell.
 pub(super) fn cell(text: &str, decimal: char) -> Cell {
     if is_number(text, decimal) {
         let value = if decimal == ',' { text.replacen(',', ".", 1).parse() } else { text.parse() };

@@ -8,7 +8,6 @@ use std::io;
 
 const NAMESPACE: &str = "http://opensimulationplatform.com/MSMI/OSPSystemStructure";
 
-/// The text of the file.
 pub(super) fn structure(system: &System) -> io::Result<String> {
     document("OspSystemStructure", &[("xmlns", NAMESPACE), ("version", "0.1")], |xml| {
         let (start, step) = (number(system.start), number(system.step));

@@ -17,7 +17,6 @@ const DESCRIPTION: &str = "http://ssp-standard.org/SSP1/SystemStructureDescripti
 const OMS: &str = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
 const OSP: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
 
-/// Writes the file.
 pub(super) fn write(system: &System, fmus: &BTreeMap<&str, &Path>, path: &Path) -> io::Result<()> {
     let copy = |file: &str, output: &mut dyn Write| {
         let source = fmus.get(file).ok_or(io::ErrorKind::NotFound)?;
@@ -55,7 +54,6 @@ fn parameter_file(component: &Component) -> String {
     format!("resources/{}.ssv", component.name)
 }
 
-/// The text of the structure.
 pub(super) fn structure(system: &System) -> io::Result<String> {
     let (start, stop, step) = (number(system.start), number(system.stop), number(system.step));
     let attributes = [

@@ -18,7 +18,6 @@ pub(super) fn document(
     Ok(String::from_utf8(xml.into_inner()).map_err(io::Error::other)? + "\n")
 }
 
-/// An element with content.
 pub(super) fn element(
     xml: &mut Xml,
     name: &str,

@@ -4,7 +4,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::ops::Range;
 
-/// Maximum nesting depth.
 const DEPTH: usize = 50;
 
 /// An expression. It is written with `+`, `-`, `*`, `/`, `^`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
@@ -12,7 +11,6 @@ const DEPTH: usize = 50;
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Expression {
-    /// As it was written.
     text: String,
     /// In postfix order: operands, then what is done with them.
     #[serde(skip)]

@@ -1,14 +1,14 @@
 //! Kinds of metrics: how the rows of a signal become a number.
 
 use super::spectrum::spectrum;
-use super::{MetricError, Summation, interval, sum};
+use super::{Summation, interval, sum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Computation of a metric from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
 ///
 /// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not finite give no number, but
-/// an error ([`MetricError::NotFinite`]). Sums are rounded once ([`Summation::Exact`]).
+/// an error. Sums are rounded once ([`Summation::Exact`]).
 ///
 /// The unit of the number is that of the signal unless an entry says otherwise, see [`Kind::unit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -113,19 +113,7 @@ impl Kind {
     /// Returns true if the number follows from the values alone, without times or settings, and is always defined.
     #[must_use]
     pub fn needs_only_values(self) -> bool {
-        matches!(
-            self,
-            Self::MeanSquare
-                | Self::Rms
-                | Self::Peak
-                | Self::Max
-                | Self::Min
-                | Self::Mean
-                | Self::Final
-                | Self::PeakToPeak
-                | Self::Deviation
-                | Self::Changes
-        )
+        self.of_values(&[0.0], Summation::InOrder).is_some()
     }
 
     /// Returns true if there is a value for each row of a window: that of the window that ends there.
@@ -185,15 +173,15 @@ impl Kind {
         values: &[f64],
         threshold: Option<f64>,
         band: Option<[f64; 2]>,
-    ) -> Result<Option<f64>, MetricError> {
+    ) -> Result<Option<f64>, String> {
         if values.is_empty() {
-            return Err(MetricError::NoRows);
+            return Err("the window contains no recorded row".to_owned());
         }
         if let Some(number) = self.of_values(values, Summation::Exact) {
             return Ok(Some(number));
         }
         let threshold = match threshold {
-            None if self.has_threshold() => return Err(MetricError::NoThreshold),
+            None if self.has_threshold() => return Err("this kind needs a threshold".to_owned()),
             given => given.unwrap_or_default(),
         };
         let share = |is_inside: &dyn Fn(f64) -> bool| {
@@ -205,7 +193,7 @@ impl Kind {
         let last = values.last().copied().filter(|last| *last != 0.0);
         Ok(match self {
             Self::Integral => Some(sum::exact(values.iter().copied()) * interval(times)?),
-            Self::BandPower => Some(spectrum(times, values)?.power(band.ok_or(MetricError::NoBand)?)),
+            Self::BandPower => Some(spectrum(times, values)?.power(band.ok_or("this kind needs a band")?)),
             Self::Crossing => first(&|x| x > threshold),
             Self::MagnitudeCrossing => first(&|x| x.abs() > threshold),
             Self::Share => share(&|x| x > threshold),
@@ -222,7 +210,7 @@ impl Kind {
     }
 
     /// Computes the numbers of the windows that end at each row, summed in order; `None` for kinds without running values.
-    pub(super) fn running(self, times: &[f64], values: &[f64]) -> Result<Option<Vec<f64>>, MetricError> {
+    pub(super) fn running(self, times: &[f64], values: &[f64]) -> Result<Option<Vec<f64>>, String> {
         let sums = |of: &dyn Fn(f64) -> f64, shown: &dyn Fn(f64, usize) -> f64| {
             let mut sum = 0.0;
             let running = values.iter().enumerate().map(|(row, x)| {

@@ -26,45 +26,6 @@ use std::ops::Range;
 /// rounded.
 const WINDOW_SLACK: f64 = 1e-6;
 
-/// Error while computing a metric.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum MetricError {
-    /// The window, or what is left of it, is empty.
-    #[error("the window contains no recorded row")]
-    NoRows,
-    /// The kind needs a threshold.
-    #[error("this kind needs a threshold")]
-    NoThreshold,
-    /// The kind needs a band.
-    #[error("this kind needs a band")]
-    NoBand,
-    /// The kind needs the distance of the rows.
-    #[error("a single row has no extent in time")]
-    SingleRow,
-    /// Too few rows for a spectrum.
-    #[error("{0} rows are too few for a spectrum, which takes 18")]
-    TooShort(usize),
-    /// The kind has no running values.
-    #[error("this kind has no running values")]
-    NotRunning,
-    /// A row in the window has a value that is not finite.
-    #[error("a signal is {value} at {time} s")]
-    NotFinite {
-        /// The value.
-        value: f64,
-        /// Time of the row, s.
-        time: f64,
-    },
-    /// A column and the times have different numbers of rows.
-    #[error("a column has {column} rows, the times have {times}")]
-    Lengths {
-        /// Rows of the column.
-        column: usize,
-        /// Rows of the times.
-        times: usize,
-    },
-}
-
 /// Columns of a recording by their index. A run need not have all of them.
 pub type Columns<'a> = BTreeMap<usize, &'a [f64]>;
 
@@ -155,7 +116,7 @@ impl Definition {
         columns: &Columns<'_>,
         baseline: Option<&Columns<'_>>,
         step: f64,
-    ) -> Result<Option<f64>, MetricError> {
+    ) -> Result<Option<f64>, String> {
         let needed = self.columns.iter().chain(&self.minus).chain(self.until.as_ref().map(|until| &until.column));
         let is_present = needed.clone().all(|index| columns.contains_key(index));
         let others = if self.from_baseline { baseline } else { None };
@@ -198,9 +159,9 @@ impl Definition {
     /// # Errors
     /// The kind has no running values, the window contains a value that is not finite, or a column has another number of rows
     /// than the times.
-    pub fn running(&self, times: &[f64], columns: &Columns<'_>, step: f64) -> Result<Option<Running>, MetricError> {
+    pub fn running(&self, times: &[f64], columns: &Columns<'_>, step: f64) -> Result<Option<Running>, String> {
         if !self.kind.has_running_values() {
-            return Err(MetricError::NotRunning);
+            return Err("this kind has no running values".to_owned());
         }
         let rows = window(times, self.window, step);
         if rows.len() < 2 || !self.columns.iter().all(|index| columns.contains_key(index)) {
@@ -216,12 +177,10 @@ impl Definition {
         Ok(running.map(|values| Running { rows, values }))
     }
 
-    /// Checks that the signals are finite in these rows.
-    fn finite(&self, columns: &Columns<'_>, times: &[f64], rows: &Range<usize>) -> Result<(), MetricError> {
+    fn finite(&self, columns: &Columns<'_>, times: &[f64], rows: &Range<usize>) -> Result<(), String> {
         self.columns.iter().try_for_each(|index| all_finite(columns[index], times, rows))
     }
 
-    /// The signal in some rows.
     fn combined(&self, columns: &Columns<'_>, rows: &Range<usize>) -> Vec<f64> {
         let of = |index: &usize| &columns[index][rows.clone()];
         let mut signals = self.columns.iter().map(of);
@@ -264,25 +223,25 @@ fn subtract(values: &mut [f64], others: &[f64]) {
     values.iter_mut().zip(others).for_each(|(x, other)| *x -= other);
 }
 
-fn same_length(column: &[f64], times: &[f64]) -> Result<(), MetricError> {
+fn same_length(column: &[f64], times: &[f64]) -> Result<(), String> {
     if column.len() == times.len() {
         return Ok(());
     }
-    Err(MetricError::Lengths { column: column.len(), times: times.len() })
+    Err(format!("a column has {} rows, the times have {}", column.len(), times.len()))
 }
 
-fn all_finite(column: &[f64], times: &[f64], rows: &Range<usize>) -> Result<(), MetricError> {
+fn all_finite(column: &[f64], times: &[f64], rows: &Range<usize>) -> Result<(), String> {
     match rows.clone().find(|row| !column[*row].is_finite()) {
-        Some(row) => Err(MetricError::NotFinite { value: column[row], time: times[row] }),
+        Some(row) => Err(format!("a signal is {} at {} s", column[row], times[row])),
         None => Ok(()),
     }
 }
 
 /// Distance of evenly spaced rows, s.
-fn interval(times: &[f64]) -> Result<f64, MetricError> {
+fn interval(times: &[f64]) -> Result<f64, String> {
     match times {
         [first, .., last] => Ok((last - first) / (times.len() - 1) as f64),
-        _ => Err(MetricError::SingleRow),
+        _ => Err("a single row has no extent in time".to_owned()),
     }
 }
 
@@ -366,7 +325,7 @@ mod tests {
             let columns = Columns::from([(0, broken.as_slice()), (1, &fine), (2, &broken)]);
             let is_error = |metric: &Definition| {
                 let found = metric.value(&times, &columns, Some(&columns), 1.0);
-                matches!(found, Err(MetricError::NotFinite { value, time: 20.0 }) if value.to_bits() == bad.to_bits())
+                found == Err(format!("a signal is {bad} at 20 s"))
             };
             for kind in ALL_KINDS {
                 let base = || Definition { threshold: Some(0.5), band: Some([0.0, 0.4]), ..definition(kind) };
@@ -441,10 +400,10 @@ mod tests {
     fn columns_have_the_length_of_the_times() {
         let metric = Definition { from_baseline: true, ..definition(Kind::Mean) };
         let (long, short) = (Columns::from([(0, [1.0, 2.0].as_slice())]), Columns::from([(0, [1.0].as_slice())]));
-        let expected = Err(MetricError::Lengths { column: 1, times: 2 });
+        let expected = Err("a column has 1 rows, the times have 2".to_owned());
         assert_eq!(metric.value(&[0.0, 1.0], &long, Some(&short), 1.0), expected);
         assert_eq!(metric.value(&[0.0, 1.0], &short, Some(&long), 1.0), expected);
-        assert_eq!(metric.running(&[0.0, 1.0], &short, 1.0), Err(MetricError::Lengths { column: 1, times: 2 }));
+        assert_eq!(metric.running(&[0.0, 1.0], &short, 1.0).unwrap_err(), "a column has 1 rows, the times have 2");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Power spectral densities.
 
-use super::{MetricError, interval, sum};
+use super::{interval, sum};
 use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
@@ -41,7 +41,7 @@ impl Spectrum {
 ///
 /// # Errors
 /// A segment would have fewer than 4 rows (18 rows are needed).
-pub fn spectrum(times: &[f64], values: &[f64]) -> Result<Spectrum, MetricError> {
+pub fn spectrum(times: &[f64], values: &[f64]) -> Result<Spectrum, String> {
     let segments = Segments::of(times, [values])?;
     let densities = segments.mean(|[bin]| bin.norm_sqr());
     Ok(Spectrum { frequencies: segments.frequencies, densities })
@@ -78,7 +78,7 @@ pub struct Transfer {
 ///
 /// # Errors
 /// A segment would have fewer than 4 rows (18 rows are needed).
-pub fn cross(times: &[f64], input: &[f64], output: &[f64]) -> Result<Cross, MetricError> {
+pub fn cross(times: &[f64], input: &[f64], output: &[f64]) -> Result<Cross, String> {
     let segments = Segments::of(times, [input, output])?;
     Ok(Cross {
         input: segments.mean(|[x, _]| x.norm_sqr()),
@@ -122,10 +122,10 @@ struct Segments<const N: usize> {
 }
 
 impl<const N: usize> Segments<N> {
-    fn of(times: &[f64], signals: [&[f64]; N]) -> Result<Self, MetricError> {
+    fn of(times: &[f64], signals: [&[f64]; N]) -> Result<Self, String> {
         let size = (times.len() as f64 * SEGMENT) as usize;
         if size < MIN_ROWS {
-            return Err(MetricError::TooShort(times.len()));
+            return Err(format!("{} rows are too few for a spectrum, which takes 18", times.len()));
         }
         for signal in signals {
             super::same_length(signal, times)?;

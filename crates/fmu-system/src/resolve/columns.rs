@@ -86,7 +86,7 @@ impl Resolver<'_> {
     /// Finds the patterns of recorded signals that no output matches in any case.
     pub(super) fn find_patterns_of_inputs(&mut self, systems: &[System<'_>]) {
         let all = outputs(systems, None);
-        let patterns = self.scenario.record.signals.iter().map(|pattern| pattern.get_ref().as_str());
+        let patterns = self.scenario.record.signals.iter().map(|pattern| pattern.as_str());
         self.of_inputs =
             patterns.filter(|pattern| !all.iter().any(|(owner, name)| is_match(pattern, owner, name))).collect();
     }
@@ -118,7 +118,7 @@ impl Resolver<'_> {
         component: Option<&str>,
         text: &str,
     ) {
-        if self.of_inputs.contains(&pattern.get_ref().as_str()) && self.is_input(systems, pattern) {
+        if self.of_inputs.contains(&pattern.as_str()) && self.is_input(systems, pattern) {
             return;
         }
         let all = outputs(systems, component);

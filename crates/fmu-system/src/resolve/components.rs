@@ -26,9 +26,9 @@ impl<'a> Resolver<'a> {
                 let found = match other {
                     Some(other) => {
                         let before = missing.len();
-                        let found = self.find(&other.get_ref().fmu, other.span(), source, &mut missing);
+                        let found = self.find(&other.fmu, other.span(), source, &mut missing);
                         if missing.len() > before {
-                            of_cases.push((other.get_ref().fmu.as_str(), case.name.get_ref().as_str()));
+                            of_cases.push((other.fmu.as_str(), case.name.as_str()));
                         }
                         found
                     }
@@ -42,7 +42,7 @@ impl<'a> Resolver<'a> {
                     self.problems.add_with_help(place, message, Some(help));
                 }
                 let replaced = other.map(|other| {
-                    let keep_parameters = other.get_ref().keep_parameters;
+                    let keep_parameters = other.keep_parameters;
                     let original = if keep_parameters {
                         self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing)
                     } else {

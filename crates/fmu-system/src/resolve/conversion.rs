@@ -4,7 +4,6 @@ use super::system::CaseComponent;
 use crate::plan::TypeChange;
 use fmu_import::description::{BaseType, BaseUnit, Variable};
 
-/// The unit of a plain number.
 const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 };
 
 /// An end of a wire: a component and a variable of it.

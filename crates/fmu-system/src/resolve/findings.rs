@@ -63,7 +63,7 @@ impl Resolver<'_> {
         for check in written.checks.get_ref() {
             self.check(check, written.own, &mut checks);
         }
-        if written.checks.get_ref().is_empty() {
+        if written.checks.is_empty() {
             self.problems.add(written.checks.span(), "a finding needs at least one check");
         }
         Finding {
@@ -81,7 +81,7 @@ impl Resolver<'_> {
             Some(level) if !needs_level => {
                 self.problems.add(level.span(), "only \"below\" and \"above\" have a `level`");
             }
-            Some(level) if !level.get_ref().is_finite() => {
+            Some(level) if !level.is_finite() => {
                 self.problems.add(level.span(), "expected a finite number");
             }
             None if needs_level => {
@@ -89,12 +89,10 @@ impl Resolver<'_> {
             }
             _ => (),
         }
-        if let (true, Some(span)) =
-            (own, written.expect.as_ref().filter(|e| e.get_ref().is_of_paper()).map(|e| e.span()))
-        {
+        if let (true, Some(span)) = (own, written.expect.as_ref().filter(|e| e.is_of_paper()).map(|e| e.span())) {
             self.problems.add(span, "a finding with `own = true` has no number in the paper");
         }
-        if written.cells.get_ref().is_empty() {
+        if written.cells.is_empty() {
             self.problems.add(written.cells.span(), "expected at least one cell, \"metric.case\"");
         }
         for cell in written.cells.get_ref() {
@@ -204,7 +202,7 @@ impl Resolver<'_> {
         let metrics = &self.scenario.metrics;
         let found = metrics.iter().position(|m| m.name.get_ref() == name);
         if found.is_none() {
-            let names = metrics.iter().map(|m| m.name.get_ref().as_str());
+            let names = metrics.iter().map(|m| m.name.as_str());
             unknown("metric", name, span.clone(), names, self.problems);
         }
         found
@@ -217,12 +215,12 @@ impl Resolver<'_> {
             Some((case, point)) => (case, Some(point)),
             None => (rest, here),
         };
-        let cases = || scenario.cases.iter().map(|c| c.name.get_ref().as_str());
+        let cases = || scenario.cases.iter().map(|c| c.name.as_str());
         if !cases().any(|name| name == case) {
             unknown("case", case, span.clone(), cases(), self.problems);
             return None;
         }
-        let points: Vec<&str> = scenario.points.iter().map(|p| p.name.get_ref().as_str()).collect();
+        let points: Vec<&str> = scenario.points.iter().map(|p| p.name.as_str()).collect();
         let cell = |point: Option<&str>| Cell { metric, case: case.to_string(), point: point.map(str::to_string) };
         match point {
             Some(point) if !points.contains(&point) => {
@@ -237,7 +235,7 @@ impl Resolver<'_> {
 
     fn text(&mut self, written: &Spanned<String>) -> Text {
         let mut parts = Vec::new();
-        let mut rest = written.get_ref().as_str();
+        let mut rest = written.as_str();
         let mut from = written.span().start;
         while let Some((words, behind)) = rest.split_once('{') {
             if !words.is_empty() {

@@ -39,10 +39,8 @@ pub(super) struct Inputs {
 
 /// A column as a signal.
 pub(super) struct Feed {
-    /// Index of the column.
     pub(super) column: usize,
     pub(super) interpolation: Interpolation,
-    /// Unit of the values.
     pub(super) unit: Option<String>,
     pub(super) signal: Signal,
 }
@@ -99,7 +97,6 @@ impl Inputs {
         found.filter(|column| *column != self.clock.column)
     }
 
-    /// Name of a column.
     pub(super) fn name(&self, column: usize) -> &str {
         &self.table.columns()[column].name
     }
@@ -128,23 +125,25 @@ impl Inputs {
                 Some(self.feeds.len() - 1)
             }
             Err(error) => {
-                error.mistakes.into_iter().for_each(|mistake| self.note(mistake));
+                error.mistakes.into_iter().for_each(|mistake| self.add(mistake));
                 None
             }
         }
     }
 
-    /// Unit of a column.
     fn unit(&self, column: usize) -> Option<&str> {
         self.table.columns()[column].unit.as_deref()
     }
 
-    /// Returns true if the column has a unit of measure.
     pub(super) fn has_unit(&self, column: usize) -> bool {
         self.unit(column).is_some()
     }
 
-    fn note(&mut self, mistake: Mistake) {
+    fn note(&mut self, message: String, help: Option<String>) {
+        self.add(Mistake { line: None, message, help });
+    }
+
+    fn add(&mut self, mistake: Mistake) {
         if !self.mistakes.contains(&mistake) {
             self.mistakes.push(mistake);
         }
@@ -170,7 +169,7 @@ impl Inputs {
                 "set `start` of [simulation] to {first}, or subtract {} from the times of the file",
                 plain(first - start)
             ));
-            self.note(Mistake { line: None, message, help });
+            self.note(message, help);
         }
         let last = match interpolation {
             Interpolation::Linear => signal.times.last(),
@@ -188,8 +187,7 @@ impl Inputs {
                 let hold = "`--after-end hold` keeps the last value";
                 let help =
                     if steps > 0.0 { format!("`--stop {end}` ends the run before, {hold}") } else { hold.to_owned() };
-                let help = Some(help);
-                self.note(Mistake { line: None, message, help });
+                self.note(message, Some(help));
             }
         }
     }
@@ -278,7 +276,7 @@ impl Inputs {
                 "correct the value, or name the column `COMPONENT:{}` of another component",
                 variable.name
             ));
-            self.note(Mistake { line: None, message, help });
+            self.note(message, help);
         } else if let Some(outside) = outside {
             self.warn(outside);
         }
@@ -310,7 +308,7 @@ impl Inputs {
             };
             let is_of_component = name.split_once(':').is_some_and(|(component, _)| components.contains(&component));
             if help.is_some() || is_of_component {
-                self.note(Mistake { line: None, message: format!("no input takes the signal `{name}`"), help });
+                self.note(format!("no input takes the signal `{name}`"), help);
             } else {
                 ignored.push(format!("`{name}`"));
             }
@@ -318,7 +316,7 @@ impl Inputs {
         if self.used.is_empty() && self.mistakes.is_empty() {
             let message = format!("no input takes any of the signals {}", ignored.join(", "));
             let help = Some("name columns like signals, or component:signal".to_owned());
-            self.note(Mistake { line: None, message, help });
+            self.note(message, help);
         }
         if !self.mistakes.is_empty() {
             return Err(DataError { file: self.table.file().to_owned(), mistakes: self.mistakes });

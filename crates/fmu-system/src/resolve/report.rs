@@ -101,7 +101,6 @@ impl Resolver<'_> {
         metrics
     }
 
-    /// Resolves a metric of signals to its definition and unit.
     fn of_signals(
         &mut self,
         metric: &scenario::Metric,
@@ -194,7 +193,7 @@ impl Resolver<'_> {
         // After the quote, if the file contains the string unescaped.
         let inside = written.span().start + 1;
         let rest = self.problems.text_from(inside);
-        let is_plain = rest.is_some_and(|rest| rest.starts_with(written.get_ref().as_str()));
+        let is_plain = rest.is_some_and(|rest| rest.starts_with(written.as_str()));
         let place = if is_plain { inside + error.place.start..inside + error.place.end } else { written.span() };
         let (message, help) = match &error.problem {
             Problem::Unknown(name) if metrics[index].name.get_ref() == name => {
@@ -204,7 +203,7 @@ impl Resolver<'_> {
                 (format!("`{name}` is defined below; a `value` can only use metrics above it"), None)
             }
             Problem::Unknown(name) => {
-                let above = metrics[..index].iter().map(|metric| metric.name.get_ref().as_str());
+                let above = metrics[..index].iter().map(|metric| metric.name.as_str());
                 (error.problem.to_string(), suggestion(name, above))
             }
             _ => (error.problem.to_string(), None),
@@ -213,7 +212,6 @@ impl Resolver<'_> {
         None
     }
 
-    /// Returns the limits of a metric, and the cases that must keep them.
     fn requirement(&self, metric: &scenario::Metric) -> Option<report::Requirement> {
         let [min, max] = [&metric.min, &metric.max].map(|limit| limit.as_ref().map(|limit| *limit.get_ref()));
         let cases = self.scenario.cases.iter().map(|case| &case.name);
@@ -291,7 +289,7 @@ impl Resolver<'_> {
                 title: figure.title.clone(),
                 kind: figure.kind,
                 cases: match &figure.cases {
-                    Some(cases) => cases.get_ref().iter().map(|name| name.get_ref().clone()).collect(),
+                    Some(cases) => cases.iter().map(|name| name.get_ref().clone()).collect(),
                     None => self.scenario.cases.iter().map(|case| case.name.get_ref().clone()).collect(),
                 },
                 separate: is_on(&figure.separate),

@@ -15,7 +15,6 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::path::Path;
 
-/// A component of a case with its FMU.
 pub(super) struct CaseComponent<'a> {
     pub(super) component: &'a Component,
     pub(super) found: Found,
@@ -61,18 +60,15 @@ pub(super) struct Replaced {
     pub(super) keep_parameters: bool,
 }
 
-/// Source of an input.
 #[derive(Clone)]
 pub(super) enum Source {
     /// An output: component and variable.
     Output(usize, usize),
     /// A signal of the input file.
     Series(usize),
-    /// A value.
     Constant(Value),
 }
 
-/// A case with its components.
 pub(super) struct System<'a> {
     pub(super) case: &'a Case,
     pub(super) members: Vec<CaseComponent<'a>>,
@@ -86,7 +82,6 @@ impl System<'_> {
     }
 }
 
-/// A recorded signal.
 pub(super) struct Column {
     pub(super) component: String,
     pub(super) variable: String,
@@ -99,7 +94,6 @@ pub(super) struct Resolver<'a> {
     pub(super) inputs: Option<Inputs>,
     /// Patterns of recorded signals that match no output and are therefore for inputs.
     pub(super) of_inputs: Vec<&'a str>,
-    /// Folder of the scenario, to which paths are relative.
     pub(super) folder: &'a Path,
     /// Parameter sets by path as written.
     pub(super) sets: HashMap<String, ParameterSet>,
@@ -111,12 +105,12 @@ impl Resolver<'_> {
         &mut self,
         written: &'s Spanned<String>,
     ) -> Option<(&'s str, &'s str, Range<usize>)> {
-        let text = written.get_ref().as_str();
+        let text = written.as_str();
         let Some((component, name)) = text.split_once(':') else {
             self.problems.add(written.span(), "expected \"component:variable\"");
             return None;
         };
-        let components = self.scenario.components.iter().map(|u| u.name.get_ref().as_str());
+        let components = self.scenario.components.iter().map(|u| u.name.as_str());
         if !components.clone().any(|u| u == component) {
             unknown("component", component, written.span(), components, &mut self.problems);
             return None;
@@ -131,18 +125,17 @@ impl Resolver<'_> {
 
 /// The FMU that a case names instead of the component's own.
 pub(super) fn replacement<'c>(case: &'c Case, component: &Component) -> Option<&'c Spanned<Replacement>> {
-    let other = case.fmu.get(component.name.get_ref().as_str())?;
-    (other.get_ref().fmu != *component.fmu.get_ref()).then_some(other)
+    let other = case.fmu.get(component.name.as_str())?;
+    (other.fmu != *component.fmu.get_ref()).then_some(other)
 }
 
 /// Returns the name of a case in messages, with the FMU that it sets for a component.
 pub(super) fn context(case: &Case, component: Option<&Component>) -> Context {
     let name = case.name.get_ref();
     match component.and_then(|component| Some((component.name.get_ref(), replacement(case, component)?))) {
-        Some((component, other)) => Context {
-            label: format!("case `{name}` (fmu.{component} = \"{}\")", other.get_ref().fmu),
-            is_special: true,
-        },
+        Some((component, other)) => {
+            Context { label: format!("case `{name}` (fmu.{component} = \"{}\")", other.fmu), is_special: true }
+        }
         None => Context { label: format!("case `{name}`"), is_special: false },
     }
 }

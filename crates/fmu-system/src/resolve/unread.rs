@@ -29,7 +29,7 @@ impl Resolver<'_> {
         let scenario = self.scenario;
         let mut trials = Vec::new();
         for component in &scenario.components {
-            let name = component.name.get_ref().as_str();
+            let name = component.name.as_str();
             let mut places = Vec::new();
             for (system, wiring) in systems.iter().zip(wirings) {
                 let Some(member) = system.member(name).map(|m| &system.members[m]).filter(|m| !m.dropped) else {
@@ -88,7 +88,7 @@ impl Resolver<'_> {
 
     /// Parameters that the tables of the scenario set for a component, with their places.
     fn set_parameters(&self, component: &Component) -> Vec<(String, Range<usize>)> {
-        let name = component.name.get_ref().as_str();
+        let name = component.name.as_str();
         let of_cases = self.scenario.cases.iter().filter_map(|case| case.parameters.get(name));
         let of_points = self.scenario.points.iter().filter_map(|point| point.parameters.get(name));
         let mut seen = BTreeSet::new();

@@ -44,7 +44,7 @@ impl Resolver<'_> {
             let Some(set) = self.sets.get(path.get_ref()) else { continue };
             for parameter in &set.parameters {
                 let of = split_component(&parameter.name).map(|(component, _)| component);
-                let names = || scenario.components.iter().map(|u| u.name.get_ref().as_str());
+                let names = || scenario.components.iter().map(|u| u.name.as_str());
                 match of {
                     None => self.problems.add(
                         path.span(),
@@ -234,7 +234,7 @@ impl Resolver<'_> {
         for is_plain in [false, true] {
             let mut by_pattern: BTreeMap<usize, &str> = BTreeMap::new();
             for (pattern, written) in level {
-                let text = pattern.get_ref().as_str();
+                let text = pattern.as_str();
                 if text.contains('*') == is_plain {
                     continue;
                 }
@@ -274,7 +274,7 @@ impl Resolver<'_> {
         variable: &Variable,
         written: &Spanned<Given>,
     ) -> Option<Value> {
-        let result = convert(description, variable, &written.get_ref().0).and_then(|value| {
+        let result = convert(description, variable, &written.0).and_then(|value| {
             parameter::check(variable, &value).map_err(|message| (message, None))?;
             Ok(match value {
                 Value::String(text) => self.string(&text),
@@ -284,7 +284,7 @@ impl Resolver<'_> {
         match result {
             Ok(value) => {
                 // A value with an explicit unit is intended.
-                if !written.get_ref().0.is_table() {
+                if !written.0.is_table() {
                     self.check_angle(variable, &value, written.span(), None);
                 }
                 Some(value)
@@ -371,7 +371,6 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
     }
 }
 
-/// A value as messages show it.
 fn shown(value: &toml::Value) -> String {
     match value {
         toml::Value::String(text) => format!("the string {text:?}"),
@@ -381,7 +380,6 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// Finds the value of a name.
 fn named(variable: &Variable, name: &str) -> Result<Value, Mistake> {
     let values = variable.named_values();
     if let Some((value, _)) = values.iter().find(|(_, n)| *n == name) {

@@ -17,7 +17,6 @@ use std::sync::Arc;
 
 /// An end of a connection: component and variable; `None` if the case has none. `Err`: a mistake was reported.
 type End = Result<Option<(usize, usize)>, ()>;
-/// Outputs by name.
 type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
 /// Outputs that connections name, by the input that they write. `Err`: a mistake was reported.
 type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
@@ -56,7 +55,7 @@ fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -
 fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
     let component = system.members[m].component;
     let (own, written) = (component.fmu.get_ref(), replacement(system.case, component));
-    let other = written.map_or(own, |other| &other.get_ref().fmu);
+    let other = written.map_or(own, |other| &other.fmu);
     let s = if inputs.len() == 1 { "" } else { "s" };
     let names = quoted(inputs);
     let words = match change {
@@ -188,7 +187,6 @@ impl<'a> Resolver<'a> {
         self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
-    /// Reports an input that several components write.
     fn report_writers(&mut self, system: &System<'_>, (m, v): (usize, usize), writers: &[(usize, usize)]) {
         let member = &system.members[m];
         let input = member.variable(v).name.as_str();
@@ -299,7 +297,6 @@ impl<'a> Resolver<'a> {
         inputs.map_or(String::new(), |inputs| inputs.name(inputs.feeds[feed].column).to_owned())
     }
 
-    /// The wires of a case by name, and the outputs that nothing reads.
     pub(super) fn wiring(&self, system: &System<'_>) -> plan::Wiring {
         let signal = |member: &CaseComponent<'_>, v: usize| Signal {
             component: member.name().to_string(),
@@ -338,7 +335,6 @@ impl<'a> Resolver<'a> {
         plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread }
     }
 
-    /// Explicit connections of a case.
     fn connections(&mut self, system: &System<'_>) -> Connections {
         let mut connections = Connections::new();
         for connection in self.expanded(system) {
@@ -405,14 +401,13 @@ impl<'a> Resolver<'a> {
                 self.problems.set_context(None);
             }
             all.extend(texts.into_iter().map(|text| {
-                let with = |end: &Spanned<String>| Spanned::new(end.span(), end.get_ref().replace('*', text));
+                let with = |end: &Spanned<String>| Spanned::new(end.span(), end.replace('*', text));
                 Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to) })
             }));
         }
         all
     }
 
-    /// One end of a connection.
     fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
         let (component, name, name_span) = self.component_and_name(written).ok_or(())?;
         // The case leaves the component out.

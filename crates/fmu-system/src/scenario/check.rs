@@ -33,7 +33,6 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
 }
 
 impl Scenario {
-    /// Checks everything that needs no FMU.
     pub(crate) fn check(&self, problems: &mut Collector) {
         self.check_times(problems);
         let components = names("component", self.components.iter().map(|u| &u.name), problems);
@@ -90,7 +89,7 @@ impl Scenario {
                 problems.add(seeds.values.span(), "expected at least one seed");
             }
         }
-        let seeds = self.seeds.as_ref().map_or(1, |seeds| seeds.values.get_ref().len().max(1));
+        let seeds = self.seeds.as_ref().map_or(1, |seeds| seeds.values.len().max(1));
         let runs = self.cases.len().saturating_mul(self.points.len().max(1)).saturating_mul(seeds);
         if runs > RUNS {
             let message = format!(
@@ -136,7 +135,7 @@ impl Scenario {
             None => (),
         }
         if let Some(until) = &metric.until {
-            match (until.get_ref().above, until.get_ref().below) {
+            match (until.above, until.below) {
                 (Some(level), None) | (None, Some(level)) if level.is_finite() => (),
                 (Some(_), None) | (None, Some(_)) => problems.add(until.span(), "expected a finite number"),
                 _ => problems.add(until.span(), "expected either `above` or `below`"),
@@ -147,7 +146,7 @@ impl Scenario {
                 self.check_paper_key(key, cases, problems);
             }
             let numbers = paper.values.keys().chain(paper.changes.keys());
-            let numbers: BTreeSet<&str> = numbers.map(|key| key.get_ref().as_str()).collect();
+            let numbers: BTreeSet<&str> = numbers.map(|key| key.as_str()).collect();
             for key in paper.calibrated.iter().flatten() {
                 known("value of the paper", key, &numbers, problems);
             }
@@ -171,7 +170,7 @@ impl Scenario {
             for name in shown.get_ref() {
                 known("case", name, cases, problems);
             }
-            if shown.get_ref().is_empty() {
+            if shown.is_empty() {
                 problems.add(shown.span(), "expected at least one case");
             }
         }
@@ -192,7 +191,7 @@ impl Scenario {
         only("band", figure.band.as_ref().map(Spanned::span), &[Spectrum, Transfer]);
         only("unit", figure.unit.as_ref().map(Spanned::span), &[Time, Spectrum, Xy, Transfer]);
         for level in &figure.levels {
-            if !level.get_ref().value.is_finite() {
+            if !level.value.is_finite() {
                 problems.add(level.span(), "expected a finite number");
             }
         }
@@ -215,9 +214,9 @@ impl Scenario {
             problems.add(at, format!("a figure of kind \"{name}\" has `metrics`, no `signals`"));
         } else if matches!(kind, Sweep | HeatMap) && self.points.is_empty() {
             problems.add(at, format!("a figure of kind \"{name}\" needs a [sweep]"));
-        } else if kind == HeatMap && self.sweep.as_ref().is_some_and(|sweep| sweep.get_ref().second.is_none()) {
+        } else if kind == HeatMap && self.sweep.as_ref().is_some_and(|sweep| sweep.second.is_none()) {
             problems.add(at, "a figure of kind \"heat_map\" needs a [sweep] with a `second` axis");
-        } else if kind == Sweep && self.sweep.as_ref().is_some_and(|sweep| sweep.get_ref().second.is_some()) {
+        } else if kind == Sweep && self.sweep.as_ref().is_some_and(|sweep| sweep.second.is_some()) {
             problems.add(at, "a [sweep] of two axes is shown by a figure of kind \"heat_map\"");
         } else if !kind.is_of_signals() && figure.window.is_some() {
             problems.add(at, "the `window` of a figure of metrics is that of the metrics");
@@ -266,14 +265,14 @@ impl Scenario {
     }
 
     fn check_paper_key(&self, key: &Spanned<String>, cases: &BTreeSet<&str>, problems: &mut Collector) {
-        let (case, point) = match key.get_ref().split_once('@') {
+        let (case, point) = match key.split_once('@') {
             Some((case, point)) => (case, Some(point)),
-            None => (key.get_ref().as_str(), None),
+            None => (key.as_str(), None),
         };
         if !cases.contains(case) {
             unknown("case", case, key.span(), cases.iter().copied(), problems);
         }
-        let points = || self.points.iter().map(|p| p.name.get_ref().as_str());
+        let points = || self.points.iter().map(|p| p.name.as_str());
         match point {
             Some(point) if !points().any(|p| p == point) => {
                 unknown("point", point, key.span(), points(), problems);
@@ -320,7 +319,6 @@ impl Metric {
         self.check_signals(problems);
     }
 
-    /// Checks its limits.
     fn check_requirement(&self, cases: &BTreeSet<&str>, problems: &mut Collector) {
         let mut are_finite = true;
         for limit in self.min.iter().chain(&self.max) {
@@ -339,7 +337,7 @@ impl Metric {
             known("case", name, cases, problems);
         }
         if let Some(names) = &self.required_of
-            && names.get_ref().is_empty()
+            && names.is_empty()
         {
             problems.add(names.span(), "expected at least one case");
         }
@@ -353,7 +351,6 @@ impl Metric {
         }
     }
 
-    /// Checks its signals and their combination.
     fn check_signals(&self, problems: &mut Collector) {
         let at = self.name.span();
         match (&self.signal, self.signals.len(), &self.combine) {
@@ -369,10 +366,10 @@ impl Metric {
         let is_squares = self.combine.as_ref().is_some_and(|combine| *combine.get_ref() == Combine::Squares);
         match &self.weights {
             Some(weights) if !is_squares => problems.add(weights.span(), "only `combine = \"squares\"` has `weights`"),
-            Some(weights) if weights.get_ref().len() != self.signals.len() => {
+            Some(weights) if weights.len() != self.signals.len() => {
                 problems.add(weights.span(), format!("expected {} weights, one per signal", self.signals.len()));
             }
-            Some(weights) if weights.get_ref().iter().any(|w| !w.is_finite()) => {
+            Some(weights) if weights.iter().any(|w| !w.is_finite()) => {
                 problems.add(weights.span(), "expected finite numbers");
             }
             None if is_squares => problems.add(at.clone(), "`combine = \"squares\"` needs `weights`"),
@@ -413,7 +410,7 @@ fn names<'a>(
 ) -> BTreeSet<&'a str> {
     let mut seen = BTreeSet::new();
     for name in all {
-        let text = name.get_ref().as_str();
+        let text = name.as_str();
         let plain = text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
         if !plain || !text.starts_with(|c: char| c.is_ascii_lowercase()) {
             problems.add(
@@ -429,7 +426,7 @@ fn names<'a>(
 }
 
 fn known(what: &str, name: &Spanned<String>, all: &BTreeSet<&str>, problems: &mut Collector) -> bool {
-    let found = all.contains(name.get_ref().as_str());
+    let found = all.contains(name.as_str());
     if !found {
         unknown(what, name.get_ref(), name.span(), all.iter().copied(), problems);
     }
@@ -448,7 +445,7 @@ pub(crate) fn unknown<'a>(
 }
 
 fn finite(value: &Spanned<f64>, problems: &mut Collector) -> bool {
-    let fine = value.get_ref().is_finite();
+    let fine = value.is_finite();
     if !fine {
         problems.add(value.span(), "expected a finite number");
     }

@@ -466,9 +466,9 @@ pub(crate) struct WrittenCheck {
 impl Scenario {
     /// Names of all FMUs of all cases, with their places.
     pub(crate) fn fmus(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
-        let of_components = self.components.iter().map(|u| (u.fmu.get_ref().as_str(), u.fmu.span()));
+        let of_components = self.components.iter().map(|u| (u.fmu.as_str(), u.fmu.span()));
         let of_cases = self.cases.iter().flat_map(|c| c.fmu.values());
-        of_components.chain(of_cases.map(|r| (r.get_ref().fmu.as_str(), r.span())))
+        of_components.chain(of_cases.map(|r| (r.fmu.as_str(), r.span())))
     }
 
     /// Start, 0 unless given.

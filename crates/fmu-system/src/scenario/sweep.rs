@@ -1,51 +1,37 @@
 //! Sweeps: the points of the values of one or two parameters, and the checks of points.
 
-use super::layout::{Given, Point, Scenario, SecondSweep, Sweep, Values, ValuesByComponent};
+use super::layout::{Given, Point, Scenario, Sweep, Values, ValuesByComponent};
 use crate::problem::Collector;
 use crate::spanned::Spanned;
 
-/// An axis of a sweep.
-struct Axis<'a> {
+/// The axis of a sweep with these keys; `None` if points are written one by one.
+fn generated<'a>(
     title: &'a str,
     unit: &'a str,
-    parameter: Option<&'a Spanned<String>>,
-    values: Option<&'a Spanned<Vec<f64>>>,
-}
-
-impl<'a> Axis<'a> {
-    fn first(sweep: &'a Sweep) -> Self {
-        let Sweep { title, unit, parameter, values, .. } = sweep;
-        Self { title, unit, parameter: parameter.as_ref(), values: values.as_ref() }
-    }
-
-    fn second(sweep: &'a SecondSweep) -> Self {
-        let SecondSweep { title, unit, parameter, values } = sweep;
-        Self { title, unit, parameter: parameter.as_ref(), values: values.as_ref() }
-    }
-
-    /// Component, parameter and values; `None` if points are written one by one.
-    fn generated(&self, problems: &mut Collector) -> Option<Generated<'a>> {
-        match (self.parameter, self.values) {
-            (None, None) => None,
-            (Some(parameter), None) => {
-                problems.add(parameter.span(), "a sweep of a `parameter` needs its `values`");
-                None
+    parameter: &'a Option<Spanned<String>>,
+    values: &'a Option<Spanned<Vec<f64>>>,
+    problems: &mut Collector,
+) -> Option<Generated<'a>> {
+    match (parameter, values) {
+        (None, None) => None,
+        (Some(parameter), None) => {
+            problems.add(parameter.span(), "a sweep of a `parameter` needs its `values`");
+            None
+        }
+        (None, Some(values)) => {
+            problems.add(values.span(), "the `values` of a sweep need the `parameter` that takes them");
+            None
+        }
+        (Some(parameter), Some(values)) => {
+            let Some((component, name)) = parameter.split_once(':') else {
+                let text = format!("`{}`, expected \"component:parameter\"", parameter.get_ref());
+                problems.add(parameter.span(), text);
+                return None;
+            };
+            if values.is_empty() {
+                problems.add(values.span(), "expected at least one value");
             }
-            (None, Some(values)) => {
-                problems.add(values.span(), "the `values` of a sweep need the `parameter` that takes them");
-                None
-            }
-            (Some(parameter), Some(values)) => {
-                let Some((component, name)) = parameter.get_ref().split_once(':') else {
-                    let text = format!("`{}`, expected \"component:parameter\"", parameter.get_ref());
-                    problems.add(parameter.span(), text);
-                    return None;
-                };
-                if values.get_ref().is_empty() {
-                    problems.add(values.span(), "expected at least one value");
-                }
-                Some(Generated { title: self.title, unit: self.unit, component, name, parameter, values })
-            }
+            Some(Generated { title, unit, component, name, parameter, values })
         }
     }
 }
@@ -74,7 +60,6 @@ impl Generated<'_> {
         if self.unit == "1" { format!("{} {value}", self.title) } else { format!("{value} {}", self.unit) }
     }
 
-    /// Adds the value of the parameter to those of a point.
     fn set(&self, value: f64, parameters: &mut ValuesByComponent) {
         let spanned = |text: &str| Spanned::new(self.parameter.span(), text.to_owned());
         let written = if self.unit == "1" {
@@ -90,9 +75,9 @@ impl Generated<'_> {
 /// Generates the points of a sweep whose values are listed: for two parameters, all pairs.
 pub(super) fn points(sweep: Option<&Spanned<Sweep>>, written: &[Point], problems: &mut Collector) -> Vec<Point> {
     let Some(sweep) = sweep.map(Spanned::get_ref) else { return Vec::new() };
-    let first = Axis::first(sweep).generated(problems);
-    let second = sweep.second.as_ref().map(|second| (second.span(), Axis::second(second.get_ref())));
-    let other = second.as_ref().and_then(|(_, axis)| axis.generated(problems));
+    let first = generated(&sweep.title, &sweep.unit, &sweep.parameter, &sweep.values, problems);
+    let second = sweep.second.as_ref();
+    let other = second.and_then(|axis| generated(&axis.title, &axis.unit, &axis.parameter, &axis.values, problems));
     let Some(first) = first else {
         if let Some(other) = other {
             problems.add(other.values.span(), "the first axis of the sweep needs a `parameter` and `values`, too");
@@ -122,14 +107,14 @@ pub(super) fn points(sweep: Option<&Spanned<Sweep>>, written: &[Point], problems
         }
     };
     match (second, other) {
-        (None, _) => first.values.get_ref().iter().map(|value| point(*value, None)).collect(),
+        (None, _) => first.values.iter().map(|value| point(*value, None)).collect(),
         (Some(_), Some(other)) => {
-            let pairs = first.values.get_ref().iter();
-            let pairs = pairs.flat_map(|value| other.values.get_ref().iter().map(move |second| (*value, *second)));
+            let pairs = first.values.iter();
+            let pairs = pairs.flat_map(|value| other.values.iter().map(move |second| (*value, *second)));
             pairs.map(|(value, second)| point(value, Some((&other, second)))).collect()
         }
-        (Some((span, _)), None) => {
-            problems.add(span, "the second axis of the sweep needs a `parameter` and `values`, too");
+        (Some(second), None) => {
+            problems.add(second.span(), "the second axis of the sweep needs a `parameter` and `values`, too");
             Vec::new()
         }
     }
@@ -147,7 +132,7 @@ impl Scenario {
             }
             _ => (),
         }
-        let has_second = self.sweep.as_ref().is_some_and(|sweep| sweep.get_ref().second.is_some());
+        let has_second = self.sweep.as_ref().is_some_and(|sweep| sweep.second.is_some());
         for (i, point) in self.points.iter().enumerate() {
             match &point.second {
                 None if has_second => {

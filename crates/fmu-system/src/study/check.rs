@@ -86,7 +86,7 @@ impl Study {
         }
         for (index, factor) in factors.iter().enumerate() {
             factor.check(checks);
-            let name = factor.name.get_ref().as_str();
+            let name = factor.name.as_str();
             if factors[..index].iter().any(|other| other.name == factor.name) {
                 checks.0.add(factor.name.span(), format!("two factors are named `{name}`"));
             }
@@ -96,7 +96,7 @@ impl Study {
             }
         }
         for (key, names) in [("cases", &self.cases), ("points", &self.points)] {
-            let empty = names.as_ref().filter(|names| names.get_ref().is_empty()).cloned();
+            let empty = names.as_ref().filter(|names| names.is_empty()).cloned();
             checks.absent(&empty, format!("{key} is empty; without the key all {key} are run"));
         }
         checks.finite("stop", &self.stop);
@@ -138,12 +138,12 @@ impl Study {
             search if !searches => {
                 checks.absent(search, format!("method {name} has no [search]; only worst_case and optimize do"));
             }
-            Some(search) => search.get_ref().check(checks),
+            Some(search) => search.check(checks),
             None => checks.0.add(self.method.span(), format!("method {name} needs a table [search]")),
         }
         if method == Method::Sweep {
             checks.absent(&self.runs, "a sweep has as many samples as its values make, it takes no `runs`");
-            let mut sizes = self.vary.get_ref().iter().map(Factor::size);
+            let mut sizes = self.vary.iter().map(Factor::size);
             let first = sizes.next();
             if value(&self.design) == Some(Design::List) && sizes.any(|size| Some(size) != first) {
                 checks.absent(&self.design, "design list needs as many values of each factor as of the others");
@@ -173,7 +173,7 @@ impl Study {
         if *self.method.get_ref() != Method::Sample {
             checks.0.add(first.between.span(), "correlations belong to method sample");
         }
-        let count = self.vary.get_ref().len();
+        let count = self.vary.len();
         let mut matrix = vec![vec![0.0; count]; count];
         (0..count).for_each(|i| matrix[i][i] = 1.0);
         let mut are_valid = true;
@@ -197,7 +197,7 @@ impl Study {
         let between = &correlation.between;
         let mut found = Vec::new();
         for name in between.get_ref() {
-            let names = factors.iter().map(|factor| factor.name.get_ref().as_str());
+            let names = factors.iter().map(|factor| factor.name.as_str());
             let Some(index) = factors.iter().position(|factor| factor.name == *name) else {
                 let message = format!("no factor is named `{}`", name.get_ref());
                 checks.0.add_with_help(name.span(), message, suggestion(name.get_ref(), names));
@@ -217,7 +217,7 @@ impl Study {
             let message = format!("coefficient is {coefficient}, expected between -1 and 1");
             checks.0.add(correlation.coefficient.span(), message);
         }
-        match (between.get_ref().len(), found.as_slice()) {
+        match (between.len(), found.as_slice()) {
             (2, [i, j]) if i != j => is_valid.then_some([*i, *j]),
             (2, [_] | []) => None,
             _ => {
@@ -235,7 +235,7 @@ impl Search {
             toml::Value::Float(number) => number.is_finite(),
             value => !value.is_datetime(),
         };
-        for (name, _) in self.options.get_ref().iter().filter(|(_, value)| !is_valid(value)) {
+        for (name, _) in self.options.iter().filter(|(_, value)| !is_valid(value)) {
             let message = format!("`{name}` must be a finite number, a string, true, false, a list or a table");
             checks.0.add(self.options.span(), message);
         }
@@ -243,9 +243,8 @@ impl Search {
 }
 
 impl Factor {
-    /// Number of its values.
     fn size(&self) -> Option<usize> {
-        let values = self.values.as_ref().map(|values| values.get_ref().len());
+        let values = self.values.as_ref().map(|values| values.len());
         values.or_else(|| usize::try_from(value(&self.count)?).ok())
     }
 

@@ -18,7 +18,7 @@ fn check_names<'a>(
     known: &[&str],
     problems: &mut Collector,
 ) {
-    for name in names.into_iter().filter(|name| !known.contains(&name.get_ref().as_str())) {
+    for name in names.into_iter().filter(|name| !known.contains(&name.as_str())) {
         let expected = if known.is_empty() { "none".to_owned() } else { any_of(known) };
         let message = format!("unknown {what} `{}`, expected {expected}", name.get_ref());
         problems.add_with_help(name.span(), message, suggestion(name.get_ref(), known.iter().copied()));
@@ -32,7 +32,7 @@ fn choices(factors: &[Factor]) -> Vec<(Vec<OtherFmu>, Option<Range<usize>>)> {
     for factor in factors {
         let (Some(component), Some(values)) = (&factor.fmu, &factor.values) else { continue };
         let with = |(chosen, _): &(Vec<OtherFmu>, _)| -> Vec<(Vec<OtherFmu>, Option<Range<usize>>)> {
-            let each = values.get_ref().iter().filter_map(|level| {
+            let each = values.iter().filter_map(|level| {
                 let Level::Text(fmu) = level.get_ref() else { return None };
                 let component = component.get_ref().clone();
                 let other = OtherFmu { component, fmu: fmu.clone(), keep_parameters };
@@ -86,7 +86,6 @@ impl Study {
         Ok(())
     }
 
-    /// Checks the names of cases, points and metrics.
     fn check_against(&self, plan: &Plan, problems: &mut Collector) {
         let cases: Vec<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();
         let points: Vec<&str> = plan.points.iter().map(|point| point.name.as_str()).collect();
@@ -97,9 +96,8 @@ impl Study {
         check_names("case", self.cases.iter().flat_map(Spanned::get_ref), &cases, problems);
         check_names("point", self.points.iter().flat_map(Spanned::get_ref), &points, problems);
         check_names("metric", self.metrics.iter().flatten(), &metrics, problems);
-        let is_run = |case: &str| {
-            self.cases.as_ref().is_none_or(|chosen| chosen.get_ref().iter().any(|name| name.get_ref() == case))
-        };
+        let is_run =
+            |case: &str| self.cases.as_ref().is_none_or(|chosen| chosen.iter().any(|name| name.get_ref() == case));
         let run: Vec<&str> = cases.into_iter().filter(|case| is_run(case)).collect();
         if let Some(search) = self.search.as_ref().map(Spanned::get_ref) {
             check_names("metric", [&search.metric], &metrics, problems);
@@ -117,14 +115,13 @@ impl Study {
 }
 
 impl Requirement {
-    /// Checks that the cases have a baseline that is run.
     fn check_baselines(&self, plan: &Plan, run: &[&str], problems: &mut Collector) {
         let is_compared = |case: &str| {
             let of_plan = plan.cases.iter().find(|of_plan| of_plan.name == case);
             of_plan.and_then(|case| case.baseline.as_deref()).is_some_and(|baseline| run.contains(&baseline))
         };
         for case in self.cases.iter().flatten() {
-            let name = case.get_ref().as_str();
+            let name = case.as_str();
             if run.contains(&name) && !is_compared(name) {
                 problems.add(case.span(), format!("case `{name}` has no baseline that is run"));
             }
@@ -163,7 +160,6 @@ impl Factor {
         }
     }
 
-    /// Checks that the values fit a variable.
     fn check_variable(&self, name: &str, settable: &Settable, problems: &mut Collector) {
         let variable = &settable.variable;
         let base_type = variable.base_type;
@@ -214,7 +210,7 @@ impl Factor {
                 Level::Number(value) => Some((*value, level.span())),
                 Level::Boolean(_) | Level::Text(_) => None,
             };
-            return values.get_ref().iter().filter_map(number).collect();
+            return values.iter().filter_map(number).collect();
         }
         let Some(min) = &self.min else { return Vec::new() };
         let max = self.max.as_ref().map_or((f64::INFINITY, min.span()), |max| (*max.get_ref(), max.span()));

@@ -14,14 +14,11 @@ use std::sync::Arc;
 /// Slot of an input series, number of rows, interpolation, and true if it has the times of the one before.
 pub(super) type Series = (usize, usize, Interpolation, bool);
 
-/// Request to a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Request {
     /// The FMUs of all later runs. There is no response.
     Fmus(Vec<Binary>),
-    /// Loads all FMUs.
     Load,
-    /// Executes a run.
     Run {
         simulation: Simulation,
         /// Its series are in the body.
@@ -34,25 +31,33 @@ pub(super) enum Request {
         is_repeated: bool,
     },
     /// Finds the steady states in which the components of a run start.
-    Steady { simulation: Simulation, run: Box<Run> },
+    Steady {
+        simulation: Simulation,
+        run: Box<Run>,
+    },
     /// Finds parameters without an effect.
-    Trials { simulation: Simulation, trials: Vec<Trial> },
+    Trials {
+        simulation: Simulation,
+        trials: Vec<Trial>,
+    },
 }
 
-/// Response of a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Response {
     /// The request is done.
     Done,
     /// Start values of the components, for those that start in a steady state.
     Steady(Vec<Option<Vec<Setting>>>),
-    /// Warnings of the trials.
     Warnings(Vec<String>),
     /// The run is done. Time and columns are in the body.
-    Recorded { rows: usize, columns: Vec<bool>, messages: Vec<(String, Message)>, seconds: f64 },
+    Recorded {
+        rows: usize,
+        columns: Vec<bool>,
+        messages: Vec<(String, Message)>,
+        seconds: f64,
+    },
     /// The request failed.
     Failed {
-        /// The failure.
         failure: Failure,
         /// Number of rows before it, and which columns they have; they are in the body unless they were written to the file.
         /// `None`: there are none.
