@@ -146,7 +146,6 @@ fn main() -> Result<()> {
     result
 }
 
-/// Returns true if a file of data cannot be used and nothing was run.
 fn is_about_data(report: &miette::Report) -> bool {
     let resolved = report.downcast_ref::<ResolveError>();
     report.downcast_ref::<DataError>().is_some() || matches!(resolved, Some(ResolveError::Data(_)))

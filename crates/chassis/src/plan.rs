@@ -209,7 +209,6 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
         .collect()
 }
 
-/// Rows with aligned columns.
 fn table(rows: &[[String; 3]]) -> Vec<String> {
     let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|cell| line(cell))).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);

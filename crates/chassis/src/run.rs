@@ -118,7 +118,7 @@ impl Arguments {
         let verdicts = results
             .verdicts
             .iter()
-            .map(|verdict| serde_json::json!({ "status": verdict.outcome.status.name(), "text": verdict.text(plan) }));
+            .map(|verdict| serde_json::json!({ "status": verdict.outcome.status, "text": verdict.text(plan) }));
         let request = serde_json::json!({
             "plan": plan,
             "folder": absolute(folder)?.to_string_lossy(),
@@ -139,7 +139,6 @@ fn absolute(path: &Path) -> miette::Result<PathBuf> {
     std::path::absolute(path).into_diagnostic()
 }
 
-/// Messages of the runs that are not complete, by run.
 #[derive(Default)]
 struct Incomplete {
     /// Runs that failed.
@@ -329,7 +328,6 @@ fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
     Ok(Recording { time, columns, messages: Vec::new(), seconds: 0.0 })
 }
 
-/// Writes the outcomes of the runs beside their rows.
 fn write_statuses(statuses: Vec<RunStatus>, folder: &Path) -> miette::Result<RunStatuses> {
     let statuses = RunStatuses::new(statuses);
     let text = serde_json::to_string_pretty(&statuses).into_diagnostic()?;

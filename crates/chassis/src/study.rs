@@ -156,7 +156,6 @@ impl FromStr for Shard {
     }
 }
 
-/// Progress bar of the current method, and its start time.
 struct Bars {
     bar: ProgressBar,
     method: String,
@@ -166,7 +165,6 @@ struct Bars {
 }
 
 impl Bars {
-    /// Shows a method and its progress.
     fn show(&mut self, method: &Method, progress: &Progress) {
         if self.method != method.name {
             self.finish();

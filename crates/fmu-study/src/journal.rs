@@ -297,7 +297,6 @@ pub(crate) fn evaluations(path: &Path) -> Result<u64, ExecutionError> {
     Ok((content.iter().filter(|b| **b == b'\n').count() as u64).saturating_sub(1))
 }
 
-/// First line of a history.
 fn header(parameters: &[Parameter]) -> String {
     let mut names = vec!["evaluation", "generation"];
     names.extend(parameters.iter().map(|p| p.name.as_str()));
@@ -322,7 +321,6 @@ fn csv_line(fields: impl Iterator<Item = String>) -> io::Result<Vec<u8>> {
     writer.into_inner().map_err(|error| io::Error::other(error.to_string()))
 }
 
-/// Values of the parameters and their outcome.
 type Row = (Vec<f64>, Outcome);
 
 /// Reads the rows of a history; the error is a line number and a message.

@@ -265,7 +265,6 @@ fn without_columns(mut run: Run, needed: &BTreeSet<usize>) -> Run {
     run
 }
 
-/// Returns the runs of the named cases, or all runs if no cases are named.
 fn chosen_runs(file: &File, plan: &Plan, problems: &mut Collector) -> Vec<Run> {
     let Some(cases) = &file.cases else { return plan.runs.clone() };
     let known = || plan.cases.iter().map(|c| c.name.as_str());

@@ -345,7 +345,6 @@ fn differ(a: &str, b: &str) -> bool {
     a != b && (unit::find(a).is_none() || unit::find(a) != unit::find(b))
 }
 
-/// Detects the decimal mark in the first rows.
 fn decimal(mut rows: Rows<'_>) -> char {
     let mut cells = Vec::new();
     for _ in 0..LOOKED_AT {

@@ -222,15 +222,6 @@ impl System {
         })
     }
 
-    /// Writes the SSP file; `copy` writes an FMU by its file name.
-    pub fn write_ssp<W: io::Write + io::Seek>(
-        &self,
-        output: W,
-        copy: &dyn Fn(&str, &mut dyn io::Write) -> io::Result<()>,
-    ) -> io::Result<W> {
-        ssp::write_to(output, self, copy)
-    }
-
     /// Returns true if a component is of FMI 3.0.
     fn has_fmi_3(&self) -> bool {
         self.components.iter().any(|component| component.fmi == FmiVersion::V3)
@@ -364,7 +355,6 @@ fn connector(
     })
 }
 
-/// Name of the type in FMI and SSP.
 fn type_name(variable: &Variable, fmi: FmiVersion) -> String {
     match fmi {
         FmiVersion::V2 => variable.base_type.to_string(),
@@ -372,7 +362,6 @@ fn type_name(variable: &Variable, fmi: FmiVersion) -> String {
     }
 }
 
-/// Rejects variables that other masters do not support.
 fn reject(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
     let why = match variable {
         Some(variable) if variable.element.is_some() => {
@@ -409,7 +398,6 @@ fn text(plan: &Plan, run: &Run) -> String {
     text
 }
 
-/// Rejects a folder that must not be replaced.
 fn reject_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
     let error = |cause| ExportError::Write { path: folder.to_path_buf(), cause };
     let entries = match std::fs::read_dir(folder) {

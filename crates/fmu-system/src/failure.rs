@@ -1,7 +1,7 @@
 //! Failures of runs, in this process or in a worker.
 
 use crate::fmus::FmusError;
-use crate::recording::Recording;
+use crate::run::Recording;
 use fmu_import::fmu::FmuError;
 use fmu_import::loader::{CallProblem, Status};
 use serde::{Deserialize, Serialize};

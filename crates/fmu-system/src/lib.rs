@@ -44,7 +44,6 @@ pub mod metrics;
 pub mod parameter;
 pub mod plan;
 pub mod problem;
-mod recording;
 pub mod report;
 pub mod requirements;
 pub mod resolve;

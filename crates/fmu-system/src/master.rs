@@ -3,7 +3,7 @@
 
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Instances;
-pub use crate::recording::Recording;
+pub use crate::run::Recording;
 use crate::run::{Run, Simulation};
 use crate::session::Session;
 use fmu_import::limits;

@@ -81,7 +81,6 @@ pub(crate) struct Context {
     pub(crate) is_special: bool,
 }
 
-/// A problem and the contexts in which it was found.
 #[derive(Debug)]
 struct Noted {
     problem: Problem,

@@ -8,12 +8,14 @@ use crate::report::{Metric, Requirement, Source};
 use crate::run::Run;
 use crate::typography;
 use fmu_import::terminal::escaped;
+use serde::Serialize;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 /// Status of a requirement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Enough runs keep the limits.
     Passed,
@@ -31,16 +33,6 @@ impl Status {
             Self::Passed => "Passed",
             Self::Failed => "Failed",
             Self::Open => "Not evaluated",
-        }
-    }
-
-    /// Name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Passed => "passed",
-            Self::Failed => "failed",
-            Self::Open => "open",
         }
     }
 }

@@ -113,7 +113,7 @@ impl ResolveError {
 /// # Errors
 /// A file cannot be read, the scenario or the CSV file has mistakes, an option does not fit.
 pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Result<Plan, ResolveError> {
-    resolve_text(file, &read(file, limits::TEXT_FILE)?, source, options)
+    resolve_text(file, &read(file)?, source, options)
 }
 
 /// Names of the FMUs of a scenario, of all its components and cases, each once.
@@ -121,7 +121,7 @@ pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Res
 /// # Errors
 /// The file cannot be read or does not have the layout of a scenario.
 pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
-    let text = read(file, limits::TEXT_FILE)?;
+    let text = read(file)?;
     let mut problems = Collector::new(file, &text, "toml");
     match scenario::parse(&text, folder(file), &mut problems) {
         Some(scenario) => Ok(scenario.fmus().map(|(name, _)| name.to_string()).collect()),
@@ -159,8 +159,8 @@ fn folder(file: &Path) -> &Path {
     file.parent().unwrap_or(Path::new(""))
 }
 
-fn read(path: &Path, limit: u64) -> Result<String, ResolveError> {
-    limits::read_text(path, limit).map_err(|cause| ResolveError::Read { path: path.to_path_buf(), cause })
+pub(crate) fn read(path: &Path) -> Result<String, ResolveError> {
+    limits::read_text(path, limits::TEXT_FILE).map_err(|cause| ResolveError::Read { path: path.to_path_buf(), cause })
 }
 
 /// Resolves the text of a scenario; `file` names it in messages and in the plan.

@@ -5,8 +5,7 @@ mod status;
 
 pub use status::{RunStatus, RunStatuses, STATUS_FILE};
 
-use crate::recording::Recording;
-use crate::run::Run;
+use crate::run::{Recording, Run};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{self, Write};
@@ -67,7 +66,6 @@ impl Part {
         self.or_remove(stored.and_then(|()| std::fs::rename(&self.hidden, &self.path)))
     }
 
-    /// Removes what an unfinished process has left of it.
     pub(crate) fn remove(&self) {
         // A remaining file is hidden and small.
         let _ = std::fs::remove_file(&self.hidden);

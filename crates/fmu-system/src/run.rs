@@ -5,6 +5,7 @@
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, FmiVersion, Value, Variable};
+use fmu_import::loader::Message;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
@@ -189,6 +190,27 @@ fn as_sequence<S: Serializer>(values: &Arc<[f64]>, serializer: S) -> Result<S::O
 
 fn from_sequence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f64]>, D::Error> {
     Ok(Vec::deserialize(deserializer)?.into())
+}
+
+/// Recorded signals of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    /// Time of each row, s.
+    pub time: Vec<f64>,
+    /// Values of each of the columns of the run; `None` where the case leaves the component out.
+    pub columns: Vec<Option<Vec<f64>>>,
+    /// Warnings that components logged during a successful run, with the name of the component.
+    pub messages: Vec<(String, Message)>,
+    /// Time the run took, instantiation included, s.
+    pub seconds: f64,
+}
+
+impl Recording {
+    /// Values of a column of the plan.
+    #[must_use]
+    pub fn column(&self, index: usize) -> Option<&[f64]> {
+        self.columns.get(index)?.as_deref()
+    }
 }
 
 /// Parameters that a scenario sets for a component without inputs, if no case reads all its outputs.

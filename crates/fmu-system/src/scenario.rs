@@ -26,7 +26,6 @@ pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Opti
     assembled(own, files, problems)
 }
 
-/// Reads an included file.
 fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> Option<Written> {
     let file = folder.join(path.get_ref());
     let text = match limits::read_text(&file, limits::TEXT_FILE) {

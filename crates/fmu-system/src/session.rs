@@ -163,7 +163,6 @@ impl Component {
         Ok(())
     }
 
-    /// Makes a step, unless the FMU ends the simulation.
     fn do_step(&mut self, time: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         match self.instance.do_step(time, step) {
             Ok(()) => Ok(None),
@@ -426,7 +425,6 @@ impl Session {
         Err(self.failed(Some(self.time()), error))
     }
 
-    /// Returns an error if a signal is not finite.
     fn check_bus(&self, time: f64) -> Result<(), Failure> {
         // No early exit, so that the loop is vectorized.
         let is_finite = self.bus.iter().fold(true, |all, value| all & value.is_finite());

@@ -7,12 +7,12 @@ mod scenario;
 
 use crate::fmus::FmusError;
 use crate::problem::{Collector, Problems};
-use crate::resolve::{Descriptions, ResolveError};
+use crate::resolve::{self, Descriptions, ResolveError};
 use crate::spanned::Spanned;
 use miette::Diagnostic;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A study: a scenario with values that vary.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
@@ -278,19 +278,11 @@ enum Direction {
 /// Error while reading a study.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum StudyError {
-    /// The study cannot be read.
-    #[error("cannot read {}: {cause}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        cause: std::io::Error,
-    },
     /// The study has mistakes.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Problems(#[from] Problems),
-    /// The scenario cannot be resolved.
+    /// The study cannot be read, or the scenario cannot be resolved.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scenario(#[from] ResolveError),
@@ -306,15 +298,14 @@ impl StudyError {
         match self {
             Self::Problems(problems) => problems.lines(),
             Self::Scenario(error) => error.lines(),
-            Self::Read { .. } | Self::Fmu(_) => vec![self.to_string()],
+            Self::Fmu(_) => vec![self.to_string()],
         }
     }
 }
 
 /// Reads the text of a study.
 pub fn text(path: &Path) -> Result<String, StudyError> {
-    let read = fmu_import::limits::read_text(path, fmu_import::limits::TEXT_FILE);
-    read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })
+    Ok(resolve::read(path)?)
 }
 
 /// Reads a study and checks it against its scenario. `runs` replaces its number of samples.

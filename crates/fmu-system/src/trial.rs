@@ -96,7 +96,6 @@ impl Variant {
     }
 }
 
-/// Outputs that can be recorded.
 fn outputs(description: &ModelDescription) -> impl Iterator<Item = &Variable> {
     let can_be_recorded =
         |v: &&Variable| v.causality == Causality::Output && v.base_type != BaseType::String && !v.is_array();
@@ -120,7 +119,6 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
     master::execute(&simulation, &run, fmus).ok()
 }
 
-/// Other values of a parameter, each within its limits.
 fn other_values(variable: &Variable, value: &Value) -> Vec<Value> {
     let candidates = match value {
         Value::Real(v) => [v * 1.25, v * 0.75, v + 1.0].map(Value::Real).to_vec(),

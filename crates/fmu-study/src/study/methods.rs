@@ -169,7 +169,6 @@ impl Settings<'_> {
         settings
     }
 
-    /// Reports a lower end that is above the upper one.
     fn ordered(&mut self, names: [&str; 2], [min, max]: [f64; 2]) {
         let written = names.iter().find_map(|name| self.entry.settings.iter().find(|(key, _)| key.get_ref() == name));
         if let Some((_, value)) = written.filter(|_| min > max) {
@@ -199,7 +198,6 @@ impl Settings<'_> {
         }
     }
 
-    /// Reports settings the method does not have.
     fn finish(self) {
         for key in self.entry.settings.keys().filter(|key| !self.known.contains(&key.as_str())) {
             let help = suggestion(key.get_ref(), self.known.iter().copied());

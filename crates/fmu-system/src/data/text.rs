@@ -62,7 +62,6 @@ impl<'t> Rows<'t> {
         self.line += 1;
     }
 
-    /// Skips to the next row and returns its line.
     fn skip_to_row(&mut self) -> Option<&'t str> {
         while !self.rest.is_empty() {
             let line = &self.rest[..self.rest.find(['\n', '\r']).unwrap_or(self.rest.len())];

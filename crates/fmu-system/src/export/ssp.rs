@@ -22,32 +22,34 @@ pub(super) fn write(system: &System, fmus: &BTreeMap<&str, &Path>, path: &Path) 
         let source = fmus.get(file).ok_or(io::ErrorKind::NotFound)?;
         io::copy(&mut BufReader::new(File::open(source)?), output).map(drop)
     };
-    write_to(BufWriter::new(File::create(path)?), system, &copy)?.into_inner()?.sync_all()
+    system.write_ssp(BufWriter::new(File::create(path)?), &copy)?.into_inner()?.sync_all()
 }
 
-/// Writes the content of the file. `copy` writes an FMU by its file name.
-pub(super) fn write_to<W: Write + Seek>(
-    output: W,
-    system: &System,
-    copy: &dyn Fn(&str, &mut dyn Write) -> io::Result<()>,
-) -> io::Result<W> {
-    let options = SimpleFileOptions::default().last_modified_time(DateTime::default()).unix_permissions(0o644);
-    let packed = options.compression_method(CompressionMethod::Deflated);
-    // FMUs are compressed already.
-    let stored = options.compression_method(CompressionMethod::Stored);
-    let mut zip = ZipWriter::new(output);
-    zip.start_file(STRUCTURE, packed)?;
-    zip.write_all(structure(system)?.as_bytes())?;
-    for component in system.components.iter().filter(|component| !component.values.is_empty()) {
-        zip.start_file(parameter_file(component), packed)?;
-        zip.write_all(system.parameter_set(component)?.as_bytes())?;
+impl System {
+    /// Writes the SSP file; `copy` writes an FMU by its file name.
+    pub fn write_ssp<W: Write + Seek>(
+        &self,
+        output: W,
+        copy: &dyn Fn(&str, &mut dyn Write) -> io::Result<()>,
+    ) -> io::Result<W> {
+        let options = SimpleFileOptions::default().last_modified_time(DateTime::default()).unix_permissions(0o644);
+        let packed = options.compression_method(CompressionMethod::Deflated);
+        // FMUs are compressed already.
+        let stored = options.compression_method(CompressionMethod::Stored);
+        let mut zip = ZipWriter::new(output);
+        zip.start_file(STRUCTURE, packed)?;
+        zip.write_all(structure(self)?.as_bytes())?;
+        for component in self.components.iter().filter(|component| !component.values.is_empty()) {
+            zip.start_file(parameter_file(component), packed)?;
+            zip.write_all(self.parameter_set(component)?.as_bytes())?;
+        }
+        let files: BTreeSet<&str> = self.components.iter().map(|component| component.file.as_str()).collect();
+        for file in files {
+            zip.start_file(format!("resources/{file}"), stored)?;
+            copy(file, &mut zip)?;
+        }
+        Ok(zip.finish()?)
     }
-    let files: BTreeSet<&str> = system.components.iter().map(|component| component.file.as_str()).collect();
-    for file in files {
-        zip.start_file(format!("resources/{file}"), stored)?;
-        copy(file, &mut zip)?;
-    }
-    Ok(zip.finish()?)
 }
 
 fn parameter_file(component: &Component) -> String {

@@ -6,7 +6,6 @@ use std::io;
 
 pub(super) type Xml = Writer<Vec<u8>>;
 
-/// A document with an element at its top.
 pub(super) fn document(
     name: &str,
     attributes: &[(&str, &str)],

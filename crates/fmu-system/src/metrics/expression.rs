@@ -162,7 +162,6 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
         self.at = self.text.len() - self.text[self.at..].trim_start().len();
     }
 
-    /// Takes a character if it is the next one.
     fn takes(&mut self, wanted: char) -> bool {
         self.skip_blanks();
         let is_there = self.text[self.at..].starts_with(wanted);

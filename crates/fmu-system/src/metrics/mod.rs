@@ -117,15 +117,14 @@ impl Definition {
         baseline: Option<&Columns<'_>>,
         step: f64,
     ) -> Result<Option<f64>, String> {
-        let needed = self.columns.iter().chain(&self.minus).chain(self.until.as_ref().map(|until| &until.column));
-        let is_present = needed.clone().all(|index| columns.contains_key(index));
+        let is_present = self.needed_columns().all(|index| columns.contains_key(&index));
         let others = if self.from_baseline { baseline } else { None };
         let has_baseline = others.is_some_and(|others| self.columns.iter().all(|index| others.contains_key(index)));
         if !is_present || (self.from_baseline && !has_baseline) {
             return Ok(None);
         }
         let of_baseline = others.iter().flat_map(|others| others.values());
-        for column in needed.map(|index| &columns[index]).chain(of_baseline) {
+        for column in self.needed_columns().map(|index| &columns[&index]).chain(of_baseline) {
             same_length(column, times)?;
         }
         let mut rows = window(times, self.window, step);

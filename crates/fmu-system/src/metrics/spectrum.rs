@@ -8,7 +8,6 @@ use std::f64::consts::TAU;
 /// Length of a segment as a share of the whole: eight segments that overlap by half fit in.
 const SEGMENT: f64 = 2.0 / 9.0;
 
-/// Minimum number of rows of a segment.
 const MIN_ROWS: usize = 4;
 
 /// A one-sided power spectral density, without the frequency 0.

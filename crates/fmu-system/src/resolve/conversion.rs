@@ -40,7 +40,6 @@ pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange>
     }
 }
 
-/// Returns true if a variable has no unit of measure, or that of a plain number.
 fn is_plain_number(member: &CaseComponent<'_>, variable: &Variable) -> bool {
     let base = |name| member.found.description.unit(name).and_then(|unit| unit.base);
     variable.unit.as_deref().is_none_or(|name| base(name) == Some(PLAIN))

@@ -13,7 +13,6 @@ use fmu_import::names::suggestion;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Resolves the findings of a scenario whose names have been checked.
 pub(super) fn findings(scenario: &Scenario, problems: &mut Collector) -> Vec<Finding> {
     let mut resolver = Resolver { scenario, problems };
     scenario.findings.iter().map(|finding| resolver.finding(finding)).collect()

@@ -219,7 +219,6 @@ impl Inputs {
         ));
     }
 
-    /// Notes that a column writes an input instead of an output.
     pub(super) fn replace(&mut self, column: usize, output: String, input: String) {
         let is_same = |known: &&mut Replacement| known.column == column && known.output == output;
         match self.replacements.iter_mut().find(is_same) {
@@ -229,7 +228,6 @@ impl Inputs {
         }
     }
 
-    /// Checks that a variable of a component can take the values.
     pub(super) fn check_values(&mut self, feed: usize, of: &str, variable: &Variable) {
         let Feed { column, signal, .. } = &self.feeds[feed];
         let role = if variable.causality == Causality::Output { "output" } else { "input" };

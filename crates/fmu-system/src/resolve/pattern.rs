@@ -1,6 +1,5 @@
 //! Patterns of signal names.
 
-/// Splits `component:pattern` or `pattern`.
 pub(super) fn split_pattern(text: &str) -> (Option<&str>, &str) {
     match text.split_once(':') {
         Some((component, pattern)) => (Some(component), pattern),
@@ -8,7 +7,6 @@ pub(super) fn split_pattern(text: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// Returns true if `component:pattern` or `pattern` matches a signal of a component.
 pub(super) fn is_match(text: &str, component: &str, signal: &str) -> bool {
     let (of, pattern) = split_pattern(text);
     of.is_none_or(|of| of == component) && matches(pattern, signal)

@@ -12,7 +12,6 @@ use fmu_import::description::{Causality, Initial, Value, Variability};
 use fmu_import::names::suggestion;
 
 impl Resolver<'_> {
-    /// Column of a signal named in a metric or a figure.
     fn column_index(&mut self, written: &Spanned<String>, systems: &[System<'_>], columns: &[Column]) -> Option<usize> {
         let (component, name) = split_pattern(written.get_ref());
         if component.is_some() {
@@ -59,7 +58,6 @@ impl Resolver<'_> {
         }
     }
 
-    /// Factor and offset of a unit to show a column in.
     fn conversion(&mut self, unit: Option<&Spanned<String>>, column: &plan::Column) -> Option<(f64, f64)> {
         let Some(unit) = unit else {
             return Some((1.0, 0.0));

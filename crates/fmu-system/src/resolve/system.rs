@@ -54,7 +54,6 @@ impl CaseComponent<'_> {
 
 /// Replacement of the FMU of a component in a case.
 pub(super) struct Replaced {
-    /// The component's own FMU, if it exists.
     pub(super) original: Option<Found>,
     /// True if the component's own parameters apply.
     pub(super) keep_parameters: bool,

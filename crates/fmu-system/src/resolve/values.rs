@@ -112,7 +112,6 @@ impl Resolver<'_> {
         settings.into_values().collect()
     }
 
-    /// Values of a table of parameters.
     fn written_values<'m>(
         &mut self,
         values: &Values,
@@ -131,7 +130,6 @@ impl Resolver<'_> {
         found
     }
 
-    /// Reports a parameter that a table sets by two of its names.
     fn is_set_twice(&mut self, found: &[(&Variable, Value)], variable: &Variable, name: &Spanned<String>) -> bool {
         let is_twice = found.iter().any(|(other, _)| other.name == variable.name);
         if is_twice {
@@ -267,7 +265,6 @@ impl Resolver<'_> {
         constants
     }
 
-    /// A value as written, converted to the unit of the variable and checked.
     fn value(
         &mut self,
         description: &ModelDescription,
@@ -320,7 +317,6 @@ fn split_component(name: &str) -> Option<(&str, &str)> {
     name.split_once([':', '.'])
 }
 
-/// Converts a value written in TOML to a value of the variable, in the unit of the variable.
 fn convert(description: &ModelDescription, variable: &Variable, written: &toml::Value) -> Result<Value, Mistake> {
     let name = &variable.name;
     if variable.is_array() {

@@ -280,7 +280,6 @@ impl<'a> Resolver<'a> {
         self.inputs.as_ref()?.column(component, signal)
     }
 
-    /// Notes that a column writes an input instead of the output that is connected with it.
     fn note_replacement(&mut self, system: &System<'_>, output: (usize, usize), input: (usize, usize), column: usize) {
         let name = |(m, v): (usize, usize)| {
             let member = &system.members[m];

@@ -433,7 +433,6 @@ fn known(what: &str, name: &Spanned<String>, all: &BTreeSet<&str>, problems: &mu
     found
 }
 
-/// Reports an unknown name and suggests the nearest known one.
 pub(crate) fn unknown<'a>(
     what: &str,
     name: &str,

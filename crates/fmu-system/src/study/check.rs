@@ -16,7 +16,6 @@ const SAMPLES: i64 = 100;
 const SMALLEST_PART: f64 = 1e-9;
 
 impl Method {
-    /// Designs that it has.
     fn designs(self) -> &'static [Design] {
         match self {
             Self::Sweep => &[Design::FullFactorial, Design::List, Design::OneAtATime],
@@ -27,7 +26,6 @@ impl Method {
 }
 
 impl Distribution {
-    /// Keys that it needs, and keys that it may have.
     fn keys(self) -> (&'static [&'static str], &'static [&'static str]) {
         match self {
             Self::Uniform | Self::LogUniform => (&["min", "max"], &[]),
@@ -44,7 +42,6 @@ fn value<T: Copy>(written: &Option<Spanned<T>>) -> Option<T> {
     written.as_ref().map(|value| *value.get_ref())
 }
 
-/// Mistakes of a study.
 struct Checks<'a>(&'a mut Collector);
 
 impl Checks<'_> {

@@ -11,7 +11,6 @@ use fmu_import::names::{any_of, suggestion};
 use std::ops::Range;
 use std::path::Path;
 
-/// Reports names that are not among the known ones.
 fn check_names<'a>(
     what: &str,
     names: impl IntoIterator<Item = &'a Spanned<String>>,

@@ -4,9 +4,8 @@ use super::JOB;
 use super::protocol::{self, Request, Response};
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Fmus;
-use crate::recording::Recording;
 use crate::results::Part;
-use crate::run::{Component, Run, Simulation};
+use crate::run::{Component, Recording, Run, Simulation};
 use fmu_import::fmu::Binary;
 use fmu_import::worker::{Ended, Incident, Process, Settings, Watch};
 use std::num::NonZeroUsize;
@@ -157,7 +156,6 @@ impl Pool {
         });
     }
 
-    /// The worker of a slot, started if there is none.
     fn worker<'a>(&self, slot: &'a mut Option<Process>) -> Result<&'a mut Process, String> {
         if slot.is_none() {
             let mut worker = Process::start(&self.settings, self.job, self.needs_python)

@@ -1,9 +1,8 @@
 //! Requests and responses about runs.
 
 use crate::failure::Failure;
-use crate::recording::Recording;
 use crate::results::Part;
-use crate::run::{InputSeries, Interpolation, Run, Setting, Simulation, Trial};
+use crate::run::{InputSeries, Interpolation, Recording, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
@@ -44,7 +43,6 @@ pub(super) enum Request {
 
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Response {
-    /// The request is done.
     Done,
     /// Start values of the components, for those that start in a steady state.
     Steady(Vec<Option<Vec<Setting>>>),
@@ -88,7 +86,6 @@ impl Request {
     }
 }
 
-/// The series of a run from its body.
 pub(super) fn series(list: &[Series], mut body: &[f64]) -> io::Result<Vec<InputSeries>> {
     let mut take = |count: usize| -> io::Result<Arc<[f64]>> {
         let (numbers, rest) = body.split_at_checked(count).ok_or_else(|| invalid("a body is too short"))?;
@@ -135,7 +132,6 @@ fn parts(recording: Recording) -> Parts {
     (rows, std::iter::once(time).chain(columns.into_iter().flatten()).collect(), messages, seconds)
 }
 
-/// A recording from its header and its body.
 pub(super) fn recording(
     rows: usize,
     columns: &[bool],
