@@ -141,7 +141,7 @@ fn damaged_scenarios_are_rejected_with_a_message() {
 fn workers() -> Workers {
     let launch = Launch { program: PathBuf::from("none"), arguments: Vec::new() };
     let settings = Settings::new(launch, Duration::from_secs(1), Arc::new(|_| ()));
-    Workers { settings, jobs: NonZeroUsize::MIN }
+    (settings, NonZeroUsize::MIN)
 }
 
 #[test]

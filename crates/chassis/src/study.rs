@@ -4,7 +4,7 @@ use clap::Args;
 use fmu_import::terminal::escaped;
 use fmu_study::execution::{End, Existing, Summary, execute};
 use fmu_study::journal::Progress;
-use fmu_study::study::{self, Method, Study, Workers};
+use fmu_study::study::{self, Method, Study};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, miette};
 use std::num::NonZeroU64;
@@ -229,7 +229,7 @@ fn optimize(arguments: &Arguments) -> Result<()> {
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = arguments.jobs.count();
-    let workers = Workers { settings: arguments.workers.settings(lines, jobs)?, jobs };
+    let workers = (arguments.workers.settings(lines, jobs)?, jobs);
     let mut study = study::read(&arguments.study, &arguments.fmus.source(), workers)?;
     if let Some(budget) = arguments.budget {
         study.evaluations = budget.get();

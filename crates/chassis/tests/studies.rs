@@ -172,7 +172,7 @@ fn workers(jobs: usize) -> Workers {
     let program = PathBuf::from(env!("CARGO_BIN_EXE_chassis"));
     let launch = Launch { program, arguments: vec!["worker".into()] };
     let settings = Settings::new(launch, patience(60.0), Arc::new(|_| ()));
-    Workers { settings, jobs: NonZeroUsize::new(jobs).unwrap() }
+    (settings, NonZeroUsize::new(jobs).unwrap())
 }
 
 /// All mistakes, one per line.

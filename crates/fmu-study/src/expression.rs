@@ -6,17 +6,10 @@ use fmu_system::metrics::{self, Expression, Problem};
 use std::ops::Range;
 
 /// Reserved names.
-pub const FUNCTIONS: [&str; 4] = ["abs", "sqrt", "min", "max"];
+pub(crate) const FUNCTIONS: [&str; 4] = ["abs", "sqrt", "min", "max"];
 
-/// A text that is not an inequality.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{message}")]
-pub struct ExpressionError {
-    /// Message: found and expected text.
-    pub message: String,
-    /// Place in the text, in bytes.
-    pub span: Range<usize>,
-}
+/// A text that is not an inequality: message, and place in the text, in bytes.
+type Mistake = (String, Range<usize>);
 
 /// A relation of two numbers; false if one is NaN.
 type Relation = fn(&f64, &f64) -> bool;
@@ -25,7 +18,7 @@ const RELATIONS: [(&str, Relation); 4] = [("<=", f64::le), (">=", f64::ge), ("<"
 
 /// `left < right` and the like.
 #[derive(Debug, Clone)]
-pub struct Inequality {
+pub(crate) struct Inequality {
     left: Expression,
     relation: Relation,
     right: Expression,
@@ -33,10 +26,7 @@ pub struct Inequality {
 
 impl Inequality {
     /// Parses an inequality. `variables` are the names in the order in which [`Self::holds`] gets their values.
-    ///
-    /// # Errors
-    /// The text is not an inequality or contains an unknown name.
-    pub fn parse(text: &str, variables: &[&str]) -> Result<Self, ExpressionError> {
+    pub(crate) fn parse(text: &str, variables: &[&str]) -> Result<Self, Mistake> {
         let described = |error| described(error, variables);
         let index = |name: &str| variables.iter().position(|variable| *variable == name);
         let (left, at) = Expression::parse_from(text, 0, index).map_err(described)?;
@@ -51,14 +41,13 @@ impl Inequality {
     }
 
     /// Returns true if it holds for these values of the variables; false if a side is NaN.
-    #[must_use]
-    pub fn holds(&self, values: &[f64]) -> bool {
+    pub(crate) fn holds(&self, values: &[f64]) -> bool {
         let side = |side: &Expression| side.evaluate(|index| values.get(index).copied());
         side(&self.left).zip(side(&self.right)).is_some_and(|(left, right)| (self.relation)(&left, &right))
     }
 }
 
-fn described(error: metrics::ExpressionError, variables: &[&str]) -> ExpressionError {
+fn described(error: metrics::ExpressionError, variables: &[&str]) -> Mistake {
     let message = match error.problem {
         Problem::Unknown(name) if FUNCTIONS.contains(&name.as_str()) => {
             format!("expected a parenthesis behind the function `{name}`")
@@ -70,7 +59,7 @@ fn described(error: metrics::ExpressionError, variables: &[&str]) -> ExpressionE
         Problem::Operand => "expected a number, a name or a parenthesis".to_owned(),
         other => other.to_string(),
     };
-    ExpressionError { message, span: error.place }
+    (message, error.place)
 }
 
 #[cfg(test)]
@@ -78,7 +67,7 @@ mod tests {
     use super::*;
 
     fn holds(text: &str, values: &[f64]) -> bool {
-        Inequality::parse(text, &["x", "y", "n_1"]).unwrap_or_else(|e| panic!("{text}: {e}")).holds(values)
+        Inequality::parse(text, &["x", "y", "n_1"]).unwrap_or_else(|e| panic!("{text}: {e:?}")).holds(values)
     }
 
     #[test]
@@ -141,8 +130,8 @@ mod tests {
             (powers.as_str(), "nested more than 50 times", 100..101),
         ] {
             let error = Inequality::parse(text, &["x", "y", "n_1"]).expect_err(text);
-            assert!(error.message.contains(message), "{text}: {error}");
-            assert_eq!(error.span, span, "{text}");
+            assert!(error.0.contains(message), "{text}: {}", error.0);
+            assert_eq!(error.1, span, "{text}");
         }
     }
 

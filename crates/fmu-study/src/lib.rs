@@ -3,7 +3,7 @@
 //! A [`study`] names a scenario, the parameters with their ranges, inequalities they must fulfill, an objective made of
 //! recorded signals, and one or more methods. From the bottom up:
 //!
-//! - [`ahp`] turns judgments into weights, [`expression`] checks inequalities, [`space`] defines the ranges,
+//! - [`ahp`] turns judgments into weights, `expression` checks inequalities, [`space`] defines the ranges,
 //! - [`pacsa`], [`genetic`] and [`cma_es`] search. They do not depend on FMUs: they only use
 //!   [`Evaluate::evaluate`](search::Evaluate::evaluate), which takes a population and returns its objectives,
 //! - [`simulation`] computes objectives by runs of the FMUs on all processors, [`journal`] keeps every evaluation on
@@ -23,7 +23,7 @@
 pub mod ahp;
 pub mod cma_es;
 pub mod execution;
-pub mod expression;
+mod expression;
 pub mod genetic;
 pub mod journal;
 pub mod pacsa;

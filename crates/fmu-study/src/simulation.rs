@@ -31,8 +31,7 @@ pub struct Term {
 
 impl Term {
     /// Factor of the number: the weight over the reference, squared for a mean square.
-    #[must_use]
-    pub fn factor(&self) -> f64 {
+    fn factor(&self) -> f64 {
         match self.kind {
             Kind::MeanSquare => self.weight / (self.reference * self.reference),
             _ => self.weight / self.reference,
@@ -42,54 +41,48 @@ impl Term {
 
 /// A signal that must stay small; beyond, the run counts as diverged.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Limit {
-    /// Signal as named in the study.
-    pub signal: String,
+pub(crate) struct Limit {
+    /// As named in the study.
+    pub(crate) signal: String,
     /// Largest magnitude, in the unit of the signal.
-    pub magnitude: f64,
+    pub(crate) magnitude: f64,
     /// Index of the recorded column.
     #[serde(skip)]
-    pub column: usize,
+    pub(crate) column: usize,
 }
 
 /// An inequality the parameters must fulfill before a run is spent on them.
 #[derive(Debug, Clone)]
-pub struct Constraint {
-    /// Name.
-    pub name: String,
+pub(crate) struct Constraint {
+    pub(crate) name: String,
     /// The inequality; its variables are the symbols of the parameters, then the constants.
-    pub inequality: Inequality,
+    pub(crate) inequality: Inequality,
 }
 
 /// Computes objectives with FMUs.
 #[derive(Debug)]
 pub struct Simulation {
-    /// Times and order.
-    pub times: run::Simulation,
-    /// The FMUs, unpacked.
-    pub fmus: Fmus,
-    /// Workers that execute them.
-    pub pool: Pool,
+    pub(crate) times: run::Simulation,
+    /// Unpacked.
+    pub(crate) fmus: Fmus,
+    pub(crate) pool: Pool,
     /// The runs whose mean is the objective.
-    pub runs: Vec<Run>,
+    pub(crate) runs: Vec<Run>,
     /// Parameters to optimize.
     pub parameters: Vec<Parameter>,
     /// Terms of the objective.
     pub terms: Vec<Term>,
-    /// Limits of signals.
-    pub limits: Vec<Limit>,
-    /// Inequalities.
-    pub constraints: Vec<Constraint>,
+    pub(crate) limits: Vec<Limit>,
+    pub(crate) constraints: Vec<Constraint>,
     /// Values of the constants, after those of the symbols.
-    pub constants: Vec<f64>,
+    pub(crate) constants: Vec<f64>,
     /// Objective of infeasible candidates.
-    pub penalty: f64,
+    pub(crate) penalty: f64,
 }
 
 impl Simulation {
     /// Computes the outcome of values of the parameters (index, value) in some runs; constraints are not checked.
-    #[must_use]
-    pub fn outcome(&self, runs: &[Run], values: &[(usize, f64)]) -> Outcome {
+    pub(crate) fn outcome(&self, runs: &[Run], values: &[(usize, f64)]) -> Outcome {
         let outcome = Mutex::new(None);
         self.outcomes(runs, &[values.to_vec()], &|_, found| *lock(&outcome) = Some(found));
         let found = lock(&outcome).take();
@@ -142,8 +135,7 @@ impl Simulation {
     }
 
     /// The value the scenario gives a parameter, or its start value; `None` if the runs differ.
-    #[must_use]
-    pub fn own_value(&self, index: usize) -> Option<f64> {
+    pub(crate) fn own_value(&self, index: usize) -> Option<f64> {
         let (component, name) = self.parameters[index].component_and_name();
         let of = |run: &Run| {
             let component = run.components.iter().find(|u| u.name == component)?;

@@ -9,13 +9,12 @@ mod objective;
 mod parameters;
 
 pub use self::methods::{Method, Search};
-pub use self::parameters::Comparison;
 pub use fmu_system::study::StudyError;
 
 use self::layout::File;
 use self::numbers::{at_least_1, positive};
 use self::objective::{Columns, terms, weights};
-use self::parameters::{check_parameters, comparisons, constraints, parameters};
+use self::parameters::{Comparison, check_parameters, comparisons, constraints, parameters};
 use crate::ahp;
 use crate::simulation::{Limit, Simulation};
 use fmu_import::names::suggestion;
@@ -39,42 +38,31 @@ const PENALTY: f64 = 1e6;
 /// Title of the scenario's own values, unless a `[[compare]]` names them.
 const BASELINE: &str = "As in the scenario";
 
-/// The processes that run the FMUs of a study.
-#[derive(Debug, Clone)]
-pub struct Workers {
-    /// Their settings.
-    pub settings: WorkerSettings,
-    /// Number of processes.
-    pub jobs: NonZeroUsize,
-}
+/// Settings of the processes that run the FMUs of a study, and their number.
+pub type Workers = (WorkerSettings, NonZeroUsize);
 
 /// A study with nothing left to look up.
 #[derive(Debug)]
 pub struct Study {
     /// File stem of the study.
     pub name: String,
-    /// Title.
-    pub title: String,
-    /// Description; a blank line separates paragraphs.
-    pub description: String,
-    /// Source.
-    pub reference: String,
-    /// Path of the scenario.
-    pub scenario: PathBuf,
+    pub(crate) title: String,
+    pub(crate) description: String,
+    pub(crate) reference: String,
+    pub(crate) scenario: PathBuf,
     /// Evaluations per method.
     pub evaluations: u64,
     /// A method ends when it has reached this objective.
-    pub target: Option<f64>,
+    pub(crate) target: Option<f64>,
     /// Methods in their order.
     pub methods: Vec<Method>,
     /// Title of the scenario's own values, which are always compared with.
-    pub baseline: String,
-    /// Other values to compare with.
-    pub comparisons: Vec<Comparison>,
+    pub(crate) baseline: String,
+    pub(crate) comparisons: Vec<Comparison>,
     /// Weights from judgments, if there are any.
     pub judged: Option<ahp::Weights>,
     /// Constraints as written: name and inequality.
-    pub constraints: Vec<(String, String)>,
+    pub(crate) constraints: Vec<(String, String)>,
     /// Computes objectives.
     pub simulation: Simulation,
 }
@@ -153,7 +141,7 @@ pub fn needs(path: &Path) -> Result<(PathBuf, BTreeSet<String>), StudyError> {
 ///
 /// # Errors
 /// A file cannot be read, the study or its scenario has mistakes, an FMU cannot be opened.
-pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<Study, StudyError> {
+pub fn read(path: &Path, source: &dyn Descriptions, (settings, jobs): Workers) -> Result<Study, StudyError> {
     let text = text(path)?;
     let mut problems = Collector::new(path, &text, "toml");
     let Some(file) = problems.parse::<File>(&text) else { return Err(problems.fail().into()) };
@@ -217,7 +205,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
         .collect();
     let mut comparisons = comparisons(&file, &plan, &runs, &fmus, &mut problems);
     problems.finish()?;
-    let pool = Pool::new(workers.settings, workers.jobs, &fmus);
+    let pool = Pool::new(settings, jobs, &fmus);
     // A comparison with the scenario's own values only names them: they are evaluated anyway.
     let own = comparisons.iter().position(|c| c.values.is_empty() && c.runs == runs);
     let baseline = own.map_or(BASELINE.to_string(), |at| comparisons.remove(at).title);

@@ -107,14 +107,11 @@ pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], r
 /// A requirement of a case at a point, and its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict<'a> {
-    /// The metric.
-    pub metric: &'a Metric,
-    /// The requirement.
-    pub requirement: &'a Requirement,
-    /// Name of the case.
-    pub case: &'a str,
-    /// Name of the point; `None` without a sweep.
-    pub point: Option<&'a str>,
+    metric: &'a Metric,
+    requirement: &'a Requirement,
+    case: &'a str,
+    /// `None` without a sweep.
+    point: Option<&'a str>,
     /// Outcome.
     pub outcome: Outcome,
 }

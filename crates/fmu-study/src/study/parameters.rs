@@ -14,13 +14,11 @@ use std::collections::BTreeSet;
 
 /// Values of the parameters that are evaluated once, for comparison.
 #[derive(Debug)]
-pub struct Comparison {
-    /// Title.
-    pub title: String,
+pub(crate) struct Comparison {
+    pub(crate) title: String,
     /// (index of the parameter, value); the others keep the scenario's values.
-    pub values: Vec<(usize, f64)>,
-    /// The runs.
-    pub runs: Vec<Run>,
+    pub(crate) values: Vec<(usize, f64)>,
+    pub(crate) runs: Vec<Run>,
 }
 
 /// Checks names and ranges; returns the symbols that constraints may use: those of the parameters, then the constants.
@@ -77,10 +75,10 @@ pub(super) fn constraints(file: &File, symbols: &[&str], problems: &mut Collecto
         }
         match Inequality::parse(entry.inequality.get_ref(), symbols) {
             Ok(inequality) => constraints.push(Constraint { name: entry.name.get_ref().clone(), inequality }),
-            Err(error) => {
+            Err((message, span)) => {
                 // Behind the opening quote; an escape before it would shift the mark a little.
                 let start = entry.inequality.span().start + 1;
-                problems.add(start + error.span.start..start + error.span.end, error.message);
+                problems.add(start + span.start..start + span.end, message);
             }
         }
     }
