@@ -461,7 +461,9 @@ fn maneuvers_that_are_left_out_are_reported() {
         assert_eq!((&row["verdict"], &row["without"]), (&"dropped".into(), &Value::Null));
         assert!(row["reason"].as_str().unwrap().contains("`drive_torque.*`"), "{row}");
         assert!(
-            found.junit.contains(&format!("classname=\"{maneuver}\" name=\"The maneuver\"><skipped message=\"there"))
+            found
+                .junit
+                .contains(&format!("classname=\"{maneuver}\" name=\"The maneuver\">\n    <skipped message=\"there"))
         );
     }
     assert!(found.junit.contains("tests=\"3\" failures=\"0\" errors=\"0\" skipped=\"3\""), "{}", found.junit);
@@ -481,7 +483,7 @@ fn a_run_that_breaks_down_is_an_error() {
     assert!(run["error"].as_str().unwrap().contains("`plant`: fmi2DoStep returned fmi2Error"), "{run}");
     // The steering begins at 1 s.
     assert_eq!(run["rows"], 1001);
-    assert!(found.junit.contains("classname=\"run\" name=\"slowly_increasing_steer.left\"><error message="));
+    assert!(found.junit.contains("classname=\"run\" name=\"slowly_increasing_steer.left\">\n    <error message="));
     assert!(found.row("slowly_increasing_steer.A")["without"].is_null());
     // A vehicle whose yaw rate grows beyond bounds.
     let found = assess(&["BicycleCar", "--suite", "handling", "--set", "bicycle_car:vehicle.yaw_inertia=1"]);

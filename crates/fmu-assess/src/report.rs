@@ -4,10 +4,11 @@ use crate::json::rounded;
 use crate::metric::Direction;
 use crate::results::{Bound, Limit, Measured, RunRecord, Series, Skipped, Suite};
 use crate::vehicle::Vehicle;
+use fmu_system::requirements::{XML, junit_suite};
+use fmu_system::typography;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 /// Name and version of the layout of the JSON file.
 pub const SCHEMA: &str = "chassis-fmu-assessment/1";
@@ -393,94 +394,58 @@ impl Assessment {
         !self.metrics.iter().any(is_bad) && !self.runs.iter().any(|run| run.system == decisive && run.error.is_some())
     }
 
-    /// The verdicts as JUnit XML: a test suite for each suite and system, a test case for each metric.
+    /// The verdicts as JUnit XML: a test suite for each suite and system, a test case for each metric and broken run.
     #[must_use]
     pub fn to_junit(&self) -> String {
-        let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
-        for suite in Suite::ALL {
-            for system in &self.systems {
-                self.junit_suite(suite, system, &mut text);
-            }
-        }
-        text.push_str("</testsuites>\n");
-        text
+        let suites = Suite::ALL.into_iter().flat_map(|suite| self.systems.iter().map(move |system| (suite, *system)));
+        let suites = suites.filter_map(|(suite, system)| self.junit_suite(suite, system));
+        format!("{XML}<testsuites>\n{}</testsuites>\n", suites.collect::<String>())
     }
 
-    fn junit_suite(&self, suite: Suite, system: &str, text: &mut String) {
+    fn junit_suite(&self, suite: Suite, system: &str) -> Option<String> {
         let is_with = system == "with";
-        let is_present = |row: &&Row| row.present[usize::from(is_with)];
-        let rows: Vec<&Row> = self.metrics.iter().filter(|row| row.suite == suite).filter(is_present).collect();
-        let broken: Vec<&RunRecord> =
-            self.runs.iter().filter(|run| run.suite == suite && run.system == system && run.error.is_some()).collect();
-        if rows.is_empty() && broken.is_empty() {
-            return;
-        }
-        let of = |row: &Row| if is_with || self.systems.len() == 1 { row.verdict } else { row.verdict_without };
-        let count = |wanted: Verdict| rows.iter().filter(|row| of(row) == wanted).count();
-        let _ = writeln!(
-            text,
-            "  <testsuite name=\"{}.{system}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\">",
-            suite.name(),
-            rows.len() + broken.len(),
-            count(Verdict::Fail),
-            count(Verdict::Error) + broken.len(),
-            count(Verdict::Dropped),
-        );
-        for row in rows {
+        let is_first = !is_with && self.systems.len() > 1;
+        let rows = self.metrics.iter().filter(|row| row.suite == suite && row.present[usize::from(is_with)]);
+        let verdicts = rows.map(|row| {
             let value = if is_with { &row.with } else { &row.without };
-            let is_first = !is_with && self.systems.len() > 1;
-            let reason = if is_first { &row.reason_without } else { &row.reason };
+            let (verdict, reason) =
+                if is_first { (row.verdict_without, &row.reason_without) } else { (row.verdict, &row.reason) };
             let reason = reason.as_deref().unwrap_or_default();
-            let mut said = if value.is_null() { format!("no number: {reason}") } else { with_unit(value, &row.unit) };
-            if let Some(words) = row.words.get(system) {
-                let _ = write!(said, " ({words})");
-            }
-            let limit = required(&row.limit, &row.unit);
-            let (class, name) = (escaped(&row.id), escaped(&row.title));
-            let _ = write!(text, "    <testcase classname=\"{class}\" name=\"{name}\">");
-            let _ = match of(row) {
-                Verdict::Fail => write!(text, "<failure message=\"{}\"/>", escaped(&(said + &limit))),
-                Verdict::Error => write!(text, "<error message=\"{}\"/>", escaped(reason)),
-                Verdict::Dropped => write!(text, "<skipped message=\"{}\"/>", escaped(reason)),
-                Verdict::Pass | Verdict::Info | Verdict::Comparison => {
-                    write!(text, "<system-out>{}</system-out>", escaped(&(said + &limit)))
-                }
+            let found = if value.is_null() { format!("no number: {reason}") } else { with_unit(value, &row.unit) };
+            let words = row.words.get(system).map_or_else(String::new, |words| format!(" ({words})"));
+            let (element, text) = match verdict {
+                Verdict::Fail => ("failure", found + &words + &required(row)),
+                Verdict::Error => ("error", reason.to_owned()),
+                Verdict::Dropped => ("skipped", reason.to_owned()),
+                _ => ("system-out", found + &words + &required(row)),
             };
-            text.push_str("</testcase>\n");
-        }
-        for run in broken {
-            let message = escaped(run.error.as_deref().unwrap_or_default());
-            let _ = writeln!(
-                text,
-                "    <testcase classname=\"run\" name=\"{}\"><error message=\"{message}\"/></testcase>",
-                escaped(&run.id)
-            );
-        }
-        text.push_str("  </testsuite>\n");
+            (row.id.clone(), row.title.clone(), element, text)
+        });
+        let runs = self.runs.iter().filter(|run| run.suite == suite && run.system == system);
+        let broken = runs.filter_map(|run| Some(("run".to_owned(), run.id.clone(), "error", run.error.clone()?)));
+        let cases: Vec<_> = verdicts.chain(broken).collect();
+        (!cases.is_empty()).then(|| junit_suite(&format!("{}.{system}", suite.name()), &cases))
     }
 }
 
 /// A value with five significant digits and its unit.
 fn with_unit(value: &Value, unit: &str) -> String {
-    let number = value.as_f64().and_then(|number| format!("{number:.4e}").parse::<f64>().ok());
-    match (number, value.as_bool()) {
-        (Some(number), _) if unit == "1" => number.to_string(),
-        (Some(number), _) => format!("{number} {unit}"),
-        (_, Some(holds)) => if holds { "yes" } else { "no" }.to_owned(),
-        _ => value.to_string(),
+    match value {
+        Value::Bool(holds) => if *holds { "yes" } else { "no" }.to_owned(),
+        number => {
+            let number = typography::significant(number.as_f64().unwrap_or(f64::NAN), 5);
+            typography::with_unit(&number, &typography::unit(unit))
+        }
     }
 }
 
 /// The limit of a row as text that follows its value.
-fn required(limit: &Value, unit: &str) -> String {
-    let source = limit["source"].as_str().unwrap_or_default();
-    let texts = [("is", ""), ("min", "at least "), ("max", "at most ")];
-    let found = texts.iter().find_map(|(key, word)| Some(format!("{word}{}", with_unit(limit.get(key)?, unit))));
-    found.map_or(String::new(), |text| format!(", required {text} ({source})"))
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\n', " ")
+fn required(row: &Row) -> String {
+    let Some(source) = row.limit["source"].as_str() else { return String::new() };
+    let limits = [row.limit["min"].as_f64(), row.limit["max"].as_f64()];
+    let limits =
+        if row.limit["is"].is_boolean() { "yes" } else { &typography::limits(limits, &typography::unit(&row.unit)) };
+    format!(", required {limits} ({source})")
 }
 
 #[cfg(test)]

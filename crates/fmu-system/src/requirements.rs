@@ -283,39 +283,51 @@ impl Verdict<'_> {
     }
 }
 
+/// A test case in JUnit XML: class, name, element of its result (`failure`, `error`, `skipped`, `system-out`), and a text whose first
+/// line is the message.
+pub type TestCase = (String, String, &'static str, String);
+
+/// First line of a JUnit file.
+pub const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+
+/// A test suite in JUnit XML.
+#[must_use]
+pub fn junit_suite(name: &str, cases: &[TestCase]) -> String {
+    let count = |wanted| cases.iter().filter(|(_, _, element, _)| *element == wanted).count();
+    let (failures, errors, skipped) = (count("failure"), count("error"), count("skipped"));
+    let (name, tests) = (attribute(name), cases.len());
+    let mut out = format!(
+        "<testsuite name=\"{name}\" tests=\"{tests}\" failures=\"{failures}\" errors=\"{errors}\" skipped=\"{skipped}\">\n"
+    );
+    for (class, name, element, text) in cases {
+        let (class, name, text) = (attribute(class), attribute(&escaped(name)), escaped(text));
+        let (message, text) = (attribute(text.lines().next().unwrap_or_default()), content(&text));
+        let inside = match *element {
+            "system-out" => format!("<system-out>{text}</system-out>"),
+            "skipped" => format!("<skipped message=\"{message}\" />"),
+            _ => format!("<{element} message=\"{message}\">{text}</{element}>"),
+        };
+        let _ = write!(out, "  <testcase classname=\"{class}\" name=\"{name}\">\n    {inside}\n  </testcase>\n");
+    }
+    out + "</testsuite>\n"
+}
+
 /// The verdicts as JUnit XML: a test case for each, and one for each run that failed, with its message.
 #[must_use]
 pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)]) -> String {
-    let count = |status: Status| verdicts.iter().filter(|verdict| verdict.outcome.status == status).count();
-    let suite = attribute(&plan.name);
-    let mut out = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"{suite}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\">\n",
-        verdicts.len() + failures.len(),
-        count(Status::Failed),
-        failures.len(),
-        count(Status::Open),
-    );
-    let mut case = |name: &str, inside: String| {
-        let name = attribute(name);
-        let _ = write!(out, "  <testcase classname=\"{suite}\" name=\"{name}\">\n    {inside}\n  </testcase>\n");
-    };
-    for (run, message) in failures {
-        let message = escaped(message);
-        let first = attribute(message.lines().next().unwrap_or_default());
-        case(&escaped(&format!("run {run}")), format!("<error message=\"{first}\">{}</error>", content(&message)));
-    }
-    for verdict in verdicts {
+    let broken = failures.iter().map(|(run, message)| (format!("run {run}"), "error", message.clone()));
+    let evaluated = verdicts.iter().map(|verdict| {
         let text = verdict.text(plan);
-        let text = escaped(&text);
-        let place = verdict.point.map_or_else(|| verdict.case.to_owned(), |point| format!("{}@{point}", verdict.case));
-        let inside = match verdict.outcome.status {
-            Status::Failed => format!("<failure message=\"{}\">{}</failure>", attribute(&text), content(&text)),
-            Status::Open => format!("<skipped message=\"Not evaluated: {}\" />", attribute(&text)),
-            Status::Passed => format!("<system-out>{}</system-out>", content(&text)),
+        let (element, text) = match verdict.outcome.status {
+            Status::Failed => ("failure", text),
+            Status::Open => ("skipped", format!("Not evaluated: {text}")),
+            Status::Passed => ("system-out", text),
         };
-        case(&format!("{}.{place}", verdict.metric.name), inside);
-    }
-    out + "</testsuite>\n"
+        let point = verdict.point.map_or_else(String::new, |point| format!("@{point}"));
+        (format!("{}.{}{point}", verdict.metric.name, verdict.case), element, text)
+    });
+    let cases = broken.chain(evaluated).map(|(name, element, text)| (plan.name.clone(), name, element, text));
+    format!("{XML}{}", junit_suite(&plan.name, &cases.collect::<Vec<_>>()))
 }
 
 fn content(text: &str) -> Cow<'_, str> {
