@@ -9,7 +9,7 @@ use crate::executor::Executor;
 use crate::maneuvers::double_lane_change::compare_at;
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
-use crate::report::{Assessment, Pair, Row, SCHEMA, row};
+use crate::report::{Assessment, Row, SCHEMA, row};
 use crate::results::{Limit, Measured, REQUIRED, Results, Suite};
 use crate::run_spec::RunSpec;
 use crate::subject::Subject;
@@ -276,14 +276,13 @@ fn assembled(
 
 /// Puts the metrics of both systems side by side; those of only the system with controllers follow their predecessor there.
 fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
-    let Some(with) = with else { return without.iter().map(|metric| row(Pair::One(metric))).collect() };
+    let Some(with) = with else { return without.iter().map(|metric| row(Some(metric), None, false)).collect() };
     let of = |metrics: &[&'_ Measured], id: &str| metrics.iter().position(|metric| metric.id == id);
-    let mut rows: Vec<Row> = (without.iter())
-        .map(|metric| row(Pair::Two(Some(metric), of(with, &metric.id).map(|index| with[index]))))
-        .collect();
+    let mut rows: Vec<Row> =
+        (without.iter()).map(|metric| row(Some(metric), of(with, &metric.id).map(|index| with[index]), true)).collect();
     for (index, metric) in with.iter().enumerate().filter(|(_, metric)| of(without, &metric.id).is_none()) {
         let before = index.checked_sub(1).and_then(|before| rows.iter().position(|row| row.id == with[before].id));
-        rows.insert(before.map_or(rows.len(), |before| before + 1), row(Pair::Two(None, Some(metric))));
+        rows.insert(before.map_or(rows.len(), |before| before + 1), row(None, Some(metric), true));
     }
     rows
 }

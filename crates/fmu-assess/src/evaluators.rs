@@ -6,7 +6,7 @@ mod brake_in_turn;
 mod braking;
 pub(crate) mod cones;
 mod constant_radius;
-mod frequency_response;
+pub(crate) mod frequency_response;
 mod reference;
 mod ride;
 mod rollover;
@@ -87,7 +87,7 @@ impl Evaluator {
         let options = Options::new(self.name, self.options, options)?;
         let mut results = Results::new(self.metrics);
         let computed = Rows::new(trace).and_then(|rows| (self.compute)(&rows, &options, &mut results));
-        let reason = computed.err().unwrap_or_else(|| Reason::new("the recording does not have it"));
+        let reason = computed.err().unwrap_or_else(|| "the recording does not have it".to_owned());
         let notes = std::mem::take(&mut results.notes);
         Ok(Evaluation { metrics: results.finish(&reason), notes })
     }
@@ -111,7 +111,7 @@ impl Evaluation {
 
 /// The largest magnitude of a column.
 fn peak(rows: &Rows<'_>, column: &str) -> Result<f64, Reason> {
-    largest_magnitude(rows.column(column)?).ok_or_else(|| Reason::new("the recording has no row"))
+    largest_magnitude(rows.column(column)?).ok_or_else(|| "the recording has no row".to_owned())
 }
 
 #[cfg(test)]

@@ -13,12 +13,13 @@ pub(crate) mod step_steer;
 #[cfg(not(target_family = "wasm"))]
 pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, drive};
 use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
 use crate::metric;
 use crate::results::{Results, Suite};
 use crate::run_result::RunResult;
+use crate::run_spec::RunSpec;
 use crate::systems::Speed;
 use serde_json::Value;
 
@@ -221,29 +222,49 @@ pub(crate) fn evaluated(name: &str, result: &RunResult, options: &Value) -> Eval
     evaluator.evaluate(&result.trace, options).expect("the bench gives the options of the evaluator")
 }
 
-/// A number of an evaluator.
-pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
-    match metrics.value(name) {
-        Some(metric::Value::Number(number)) => Some(*number),
-        _ => None,
-    }
+/// Executes runs, evaluates each and adds it to the results.
+fn executed(
+    bench: &Bench<'_>,
+    specs: impl Into<Vec<RunSpec>>,
+    evaluator: &str,
+    options: &Value,
+    results: &mut Results,
+) -> Vec<(RunResult, Evaluation)> {
+    let evaluated = drive(bench, specs.into()).into_iter().map(|run| {
+        let metrics = evaluated(evaluator, &run, options);
+        results.note(&run, &metrics);
+        (run, metrics)
+    });
+    evaluated.collect()
 }
 
-/// Returns the reason that a metric of an evaluator has no value.
-pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
-    let found = metrics.metrics.iter().find(|metric| metric.definition.name == name);
-    found.and_then(|metric| match &metric.value {
-        metric::Value::Null(reason) => Some(reason.to_string()),
-        _ => None,
-    })
+/// Executes one run, evaluates it, and keeps its signals for figures.
+fn shown(
+    bench: &Bench<'_>,
+    spec: RunSpec,
+    evaluator: &str,
+    options: &Value,
+    results: &mut Results,
+) -> Option<(RunResult, Evaluation)> {
+    let found = executed(bench, vec![spec], evaluator, options, results).pop()?;
+    results.show(&found.0);
+    Some(found)
+}
+
+/// A number of an evaluator.
+pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
+    if let metric::Value::Number(number) = metrics.value(name)? { Some(*number) } else { None }
 }
 
 /// A Boolean of an evaluator.
 pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
-    match metrics.value(name) {
-        Some(metric::Value::Boolean(value)) => Some(*value),
-        _ => None,
-    }
+    if let metric::Value::Boolean(value) = metrics.value(name)? { Some(*value) } else { None }
+}
+
+/// Returns the reason that a metric of an evaluator has no value.
+pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
+    let found = metrics.metrics.iter().find(|metric| metric.definition.name == name)?;
+    if let metric::Value::Null(reason) = &found.value { Some(reason.clone()) } else { None }
 }
 
 /// Both directions of a maneuver: name and sign.

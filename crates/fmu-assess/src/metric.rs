@@ -1,6 +1,6 @@
 //! Metrics: definitions and values.
 
-use std::fmt;
+use serde::Serialize;
 
 /// Definition of a metric. It is in one place, the table of its evaluator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +47,8 @@ impl Definition {
 }
 
 /// The better direction of a metric.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Direction {
     /// Higher values.
     Up,
@@ -58,7 +59,8 @@ pub enum Direction {
 }
 
 /// Value of a metric.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Value {
     /// A finite number, in the unit of the definition.
     Number(f64),
@@ -67,24 +69,16 @@ pub enum Value {
     /// Several numbers. `None` has no value, as the definition describes.
     Numbers(Vec<Option<f64>>),
     /// The value cannot be computed.
+    #[serde(serialize_with = "null")]
     Null(Reason),
 }
 
+fn null<S: serde::Serializer>(_: &Reason, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_none()
+}
+
 /// Reason that a value cannot be computed.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reason(String);
-
-impl Reason {
-    pub(crate) fn new(text: impl Into<String>) -> Self {
-        Self(text.into())
-    }
-}
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
+pub type Reason = String;
 
 /// A metric of a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,7 +96,7 @@ impl From<f64> for Value {
         if number.is_finite() {
             Self::Number(number)
         } else {
-            Self::Null(Reason::new("the result is not a finite number"))
+            Self::Null("the result is not a finite number".to_owned())
         }
     }
 }
@@ -195,12 +189,12 @@ mod tests {
         results.set("c", true);
         results.set_at("b", "fr", 2.0);
         results.set_at("b", "fl", f64::NAN);
-        let metrics = results.finish(&Reason::new("not set"));
+        let metrics = results.finish(&"not set".to_owned());
         let names: Vec<&str> = metrics.iter().map(|metric| &*metric.name).collect();
         assert_eq!(names, ["a", "b.fr", "b.fl", "c"]);
-        assert_eq!(metrics[0].value, Value::Null(Reason::new("not set")));
+        assert_eq!(metrics[0].value, Value::Null("not set".to_owned()));
         assert_eq!(metrics[1].value, Value::Number(2.0));
-        assert_eq!(metrics[2].value, Value::Null(Reason::new("the result is not a finite number")));
+        assert_eq!(metrics[2].value, Value::Null("the result is not a finite number".to_owned()));
         assert_eq!(metrics[3].value, Value::Boolean(true));
         assert_eq!(metrics[2].definition.direction, Direction::Down);
     }

@@ -1,8 +1,8 @@
 //! Report on an assessment: metrics of both systems side by side with their verdicts, as JSON and JUnit XML.
 
-use crate::json::rounded;
+use crate::json::all_rounded;
 use crate::metric::Direction;
-use crate::results::{Bound, Limit, Measured, RunRecord, Series, Skipped, Suite};
+use crate::results::{Bound, Measured, RunRecord, Series, Skipped, Suite};
 use crate::vehicle::Vehicle;
 use fmu_system::requirements::{XML, junit_suite};
 use fmu_system::typography;
@@ -66,9 +66,9 @@ pub struct Row {
     /// Title.
     pub title: String,
     /// Computation, in words.
-    pub definition: String,
+    pub definition: &'static str,
     /// Unit of measure.
-    pub unit: String,
+    pub unit: &'static str,
     /// Group of maneuvers.
     pub suite: Suite,
     /// Without the controllers.
@@ -86,7 +86,6 @@ pub struct Row {
     /// Change of the numbers that can be compared, percent; null if a number is missing or the first one is small.
     pub change: Value,
     /// Direction that is better.
-    #[serde(serialize_with = "direction")]
     pub direction: Direction,
     /// Judgment of the change.
     pub judgment: Option<Judgment>,
@@ -103,14 +102,6 @@ pub struct Row {
     /// True for each system that has the metric. Some metrics exist only after a passed maneuver, others only after a failed one.
     #[serde(skip)]
     present: [bool; 2],
-}
-
-fn direction<S: serde::Serializer>(direction: &Direction, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(match direction {
-        Direction::Up => "up",
-        Direction::Down => "down",
-        Direction::None => "none",
-    })
 }
 
 /// An assessment.
@@ -153,88 +144,59 @@ pub struct Assessment {
 /// Minimum relevant change, percent.
 const COUNTS: f64 = 1.0;
 
-/// All numbers with nine significant digits.
-fn all_rounded(value: &Value) -> Value {
-    match value {
-        Value::Number(number) if number.is_f64() => json!(number.as_f64().and_then(rounded)),
-        Value::Array(values) => values.iter().map(all_rounded).collect(),
-        Value::Object(table) => table.iter().map(|(name, value)| (name.clone(), all_rounded(value))).collect(),
-        other => other.clone(),
-    }
-}
-
-/// A metric of the only system, or of two of which one may lack it.
-pub(crate) fn row(of: Pair<'_>) -> Row {
-    let (without, with) = match of {
-        Pair::One(without) => (Some(without), None),
-        Pair::Two(without, with) => (without, with),
-    };
+/// A metric of the only system, or of two (`is_pair`), of which one may lack it.
+pub(crate) fn row(without: Option<&Measured>, with: Option<&Measured>, is_pair: bool) -> Row {
     let decisive = with.or(without).expect("a metric is of a system");
-    let value = |metric: Option<&Measured>| metric.map_or(Value::Null, |metric| metric.value.clone());
-    let (old, new) = (value(without), value(with));
-    let comparison = match of {
-        Pair::Two(Some(without), Some(with)) => comparison(without, with),
-        Pair::Two(Some(_), None) => Comparison::None(ONLY_WITHOUT.to_owned()),
-        Pair::Two(None, _) => Comparison::None(ONLY_WITH.to_owned()),
-        Pair::One(_) => Comparison::None(String::new()),
+    let both = [("without", without), ("with", with)];
+    let [old, new] = [without, with].map(|metric| metric.map_or(Value::Null, |metric| metric.value.clone()));
+    let comparison = match (without, with) {
+        (Some(without), Some(with)) => comparison(without, with),
+        (_, None) => Comparison::None(ONLY_WITHOUT.to_owned()),
+        (None, _) => Comparison::None(ONLY_WITH.to_owned()),
     };
     let (change, compared) = match &comparison {
         Comparison::Numbers(old, new, compared) => (percent(*old, *new, decisive.unit), compared.clone()),
         _ => (None, None),
     };
-    let judgment = match of {
-        Pair::Two(..) if decisive.direction != Direction::None => judgment(&old, &new, &comparison, decisive),
-        _ => None,
-    };
+    let is_judged = is_pair && decisive.direction != Direction::None;
+    let judgment = if is_judged { judgment(&old, &new, &comparison, decisive) } else { None };
     let incomparable = match comparison {
-        Comparison::None(reason) if matches!(of, Pair::Two(..)) && !(old.is_null() && new.is_null()) => Some(reason),
+        Comparison::None(reason) if is_pair && !(old.is_null() && new.is_null()) => Some(reason),
         _ => None,
     };
     let reason = |metric: &Measured| {
-        metric.reason.clone().or_else(|| metric.limit.as_ref().and_then(|limit| limit.not_applicable.clone()))
+        let not_applicable = metric.limit.and_then(|limit| limit.not_applicable).map(str::to_owned);
+        metric.reason.clone().or(not_applicable)
     };
     let mut row = Row {
         id: decisive.id.clone(),
         title: decisive.title.clone(),
-        definition: decisive.definition.clone(),
-        unit: decisive.unit.to_owned(),
+        definition: decisive.definition,
+        unit: decisive.unit,
         suite: decisive.suite,
-        words: [("without", without), ("with", with)]
-            .into_iter()
-            .filter_map(|(system, metric)| Some((system, metric?.label?)))
-            .collect(),
+        words: both.into_iter().filter_map(|(system, metric)| Some((system, metric?.label?))).collect(),
         without: old,
         with: new,
-        bounds: [("without", without), ("with", with)]
-            .into_iter()
-            .filter_map(|(system, metric)| Some((system, metric?.bound?.text())))
-            .collect(),
+        bounds: both.into_iter().filter_map(|(system, metric)| Some((system, metric?.bound?.text()))).collect(),
         compared,
         incomparable,
-        change: change.map_or(Value::Null, |change| json!(change)),
+        change: json!(change),
         direction: decisive.direction,
         judgment,
         verdict: verdict(decisive),
         verdict_without: without.map_or(Verdict::Info, verdict),
-        limit: decisive.limit.as_ref().map_or(Value::Null, Limit::to_json),
+        limit: json!(decisive.limit),
         reason: reason(decisive),
         reason_without: without.map_or_else(|| Some(ONLY_WITH.to_owned()), reason),
         present: [without.is_some(), with.is_some()],
     };
-    if let Pair::Two(Some(without), None) = of {
+    if is_pair && with.is_none() {
         // A metric that the system with the controllers lacks neither keeps nor misses the limit of a regulation.
-        let is_required = without.limit.as_ref().is_some_and(Limit::is_required);
+        let is_required = decisive.limit.is_some_and(|limit| limit.is_required());
         row.verdict = if is_required { Verdict::Fail } else { Verdict::Info };
         row.reason = Some(ONLY_WITHOUT.to_owned());
     }
     row
-}
-
-/// A metric of the only system, or of those without and with controllers.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Pair<'a> {
-    One(&'a Measured),
-    Two(Option<&'a Measured>, Option<&'a Measured>),
 }
 
 /// Reason that a system lacks a number that the other one has.
@@ -268,26 +230,20 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
             return of(system, reason);
         }
     }
-    match (&without.value, &with.value) {
+    let no_value = |metric: &Measured| metric.reason.clone().unwrap_or_else(|| "no value was computed".to_owned());
+    let (old, new) = match (&without.value, &with.value) {
         (Value::Bool(old), Value::Bool(new)) => return Comparison::Booleans(*old, *new),
         (Value::Null, Value::Null) => return Comparison::None("neither has a value".to_owned()),
         (Value::Null, new) => {
-            if let Some(rises) = beyond(without.bound, new) {
-                return Comparison::Rises(rises);
-            }
-            return of("without", without.reason.as_deref().unwrap_or("no value was computed"));
+            return beyond(without.bound, new).map_or_else(|| of("without", &no_value(without)), Comparison::Rises);
         }
         (old, Value::Null) => {
-            if let Some(falls) = beyond(with.bound, old) {
-                return Comparison::Rises(!falls);
-            }
-            return of("with", with.reason.as_deref().unwrap_or("no value was computed"));
+            let rises = beyond(with.bound, old).map(|falls| !falls);
+            return rises.map_or_else(|| of("with", &no_value(with)), Comparison::Rises);
         }
-        _ => (),
-    }
-    let (Some(old), Some(new)) = (without.value.as_f64(), with.value.as_f64()) else {
-        return Comparison::None("it is not a number".to_owned());
+        (old, new) => (old.as_f64(), new.as_f64()),
     };
+    let Some((old, new)) = old.zip(new) else { return Comparison::None("it is not a number".to_owned()) };
     let (Some(first), Some(second)) = (&without.series, &with.series) else {
         return Comparison::Numbers(old, new, None);
     };
@@ -303,12 +259,11 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
         Some((at, without, with)) => {
             Comparison::Numbers(without, with, Some(Compared { at, at_unit: first.unit, without, with }))
         }
-        None => Comparison::None(format!("there is no {} that both can drive", condition_name(first.unit))),
+        None => {
+            let condition = if first.unit == "A" { "amplitude" } else { "speed" };
+            Comparison::None(format!("there is no {condition} that both can drive"))
+        }
     }
-}
-
-fn condition_name(unit: &str) -> &'static str {
-    if unit == "A" { "amplitude" } else { "speed" }
 }
 
 /// `true` if the number is above every value that the bound allows, `false` if it is below every one.
@@ -411,7 +366,7 @@ impl Assessment {
             let (verdict, reason) =
                 if is_first { (row.verdict_without, &row.reason_without) } else { (row.verdict, &row.reason) };
             let reason = reason.as_deref().unwrap_or_default();
-            let found = if value.is_null() { format!("no number: {reason}") } else { with_unit(value, &row.unit) };
+            let found = if value.is_null() { format!("no number: {reason}") } else { with_unit(value, row.unit) };
             let words = row.words.get(system).map_or_else(String::new, |words| format!(" ({words})"));
             let (element, text) = match verdict {
                 Verdict::Fail => ("failure", found + &words + &required(row)),
@@ -444,25 +399,27 @@ fn required(row: &Row) -> String {
     let Some(source) = row.limit["source"].as_str() else { return String::new() };
     let limits = [row.limit["min"].as_f64(), row.limit["max"].as_f64()];
     let limits =
-        if row.limit["is"].is_boolean() { "yes" } else { &typography::limits(limits, &typography::unit(&row.unit)) };
+        if row.limit["is"].is_boolean() { "yes" } else { &typography::limits(limits, &typography::unit(row.unit)) };
     format!(", required {limits} ({source})")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::REQUIRED;
+    use crate::metric::Definition;
+    use crate::results::{Limit, REQUIRED, Results};
 
     fn measured(value: Value, direction: Direction, limit: Option<Limit>) -> Measured {
-        let metric = Measured::new(Suite::Braking, "Deceleration", "m/s2", direction, value);
-        Measured { id: "braking.mfdd".to_owned(), limit, ..metric }
+        let of = Definition { direction, ..Definition::new("mfdd", "Deceleration", "m/s2", "") };
+        let mut results = Results::new("braking", Suite::Braking, "without");
+        Measured { limit, ..results.metric(&of, value).clone() }
     }
 
     #[test]
     fn changes_are_judged_by_the_direction() {
         let of = |old: f64, new: f64, direction| {
             let (old, new) = (measured(json!(old), direction, None), measured(json!(new), direction, None));
-            row(Pair::Two(Some(&old), Some(&new))).judgment
+            row(Some(&old), Some(&new), true).judgment
         };
         assert_eq!(of(5.0, 6.0, Direction::Up), Some(Judgment::Better));
         assert_eq!(of(5.0, 6.0, Direction::Down), Some(Judgment::Worse));
@@ -482,7 +439,7 @@ mod tests {
                 let bound = if value.is_null() { bound } else { None };
                 Measured { bound, ..measured(value, direction, None) }
             };
-            row(Pair::Two(Some(&of(old)), Some(&of(new)))).judgment
+            row(Some(&of(old)), Some(&of(new)), true).judgment
         };
         for direction in [Direction::Up, Direction::Down] {
             assert_eq!(of(json!(5.0), Value::Null, direction, None), Some(Judgment::NotComparable));
@@ -513,21 +470,21 @@ mod tests {
         };
         let fast = of(20.0, &[(25.0, 4.0), (30.0, 9.0), (40.0, 20.0)], true);
         let slow = of(10.0, &[(25.0, 5.0), (30.0, 10.0)], true);
-        let found = row(Pair::Two(Some(&slow), Some(&fast)));
+        let found = row(Some(&slow), Some(&fast), true);
         assert_eq!((found.without, found.with, found.judgment), (json!(10.0), json!(20.0), Some(Judgment::Better)));
         assert_eq!(found.change, json!(-10.0));
         assert_eq!(found.compared, Some(Compared { at: 30.0, at_unit: "km/h", without: 10.0, with: 9.0 }));
         // The same speeds: the metrics themselves.
-        let found = row(Pair::Two(Some(&slow), Some(&of(11.0, &[(25.0, 1.0), (30.0, 11.0)], true))));
+        let found = row(Some(&slow), Some(&of(11.0, &[(25.0, 1.0), (30.0, 11.0)], true)), true);
         assert_eq!((found.compared, found.change), (None, json!(10.0)));
         // A metric that also comes from runs that the vehicle cannot drive.
-        let found = row(Pair::Two(Some(&slow), Some(&of(50.0, &[(25.0, 1.0), (30.0, 11.0)], false))));
+        let found = row(Some(&slow), Some(&of(50.0, &[(25.0, 1.0), (30.0, 11.0)], false)), true);
         assert_eq!(found.compared.map(|compared| compared.with), Some(11.0));
-        let none = row(Pair::Two(Some(&slow), Some(&of(1.0, &[], false))));
+        let none = row(Some(&slow), Some(&of(1.0, &[], false)), true);
         assert_eq!((none.judgment, none.change), (Some(Judgment::NotComparable), Value::Null));
         assert_eq!(none.incomparable.as_deref(), Some("there is no speed that both can drive"));
         let lost = Measured { incomparable: Some("the driver lost the path".to_owned()), ..fast };
-        let found = row(Pair::Two(Some(&slow), Some(&lost)));
+        let found = row(Some(&slow), Some(&lost), true);
         assert_eq!(found.incomparable.as_deref(), Some("with controllers: the driver lost the path"));
         assert_eq!(found.judgment, Some(Judgment::NotComparable));
     }
@@ -546,17 +503,17 @@ mod tests {
     #[test]
     fn a_metric_of_one_system_has_its_verdict() {
         let failed = measured(json!(false), Direction::Up, Some(Limit::holds("R140")));
-        let only_with = row(Pair::Two(None, Some(&failed)));
+        let only_with = row(None, Some(&failed), true);
         assert_eq!((only_with.verdict, only_with.verdict_without), (Verdict::Fail, Verdict::Info));
         assert_eq!((&only_with.without, &only_with.with), (&Value::Null, &json!(false)));
-        let only_without = row(Pair::Two(Some(&failed), None));
+        let only_without = row(Some(&failed), None, true);
         assert_eq!((only_without.verdict, only_without.verdict_without), (Verdict::Info, Verdict::Fail));
         assert_eq!((&only_without.without, &only_without.with), (&json!(false), &Value::Null));
         assert_eq!(only_without.reason.as_deref(), Some(ONLY_WITHOUT));
-        assert_eq!(row(Pair::One(&failed)).verdict, Verdict::Fail);
+        assert_eq!(row(Some(&failed), None, false).verdict, Verdict::Fail);
         // The caller asked for it.
         let required = measured(json!(7.0), Direction::Up, Some(Limit::at_least(6.0, REQUIRED)));
-        assert_eq!(row(Pair::Two(Some(&required), None)).verdict, Verdict::Fail);
+        assert_eq!(row(Some(&required), None, true).verdict, Verdict::Fail);
     }
 
     #[test]
@@ -577,13 +534,5 @@ mod tests {
         let mut failed = measured(json!(false), Direction::Up, None);
         failed.set_limit(Limit::holds("R140"), Some("a truck"));
         assert_eq!(verdict(&failed), Verdict::Comparison);
-    }
-
-    #[test]
-    fn numbers_have_nine_digits() {
-        assert_eq!(
-            all_rounded(&json!({ "b": [1.0 / 3.0, true, null], "a": 3 })),
-            json!({ "a": 3, "b": [0.333333333, true, null] })
-        );
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::Trace;
 use crate::evaluators::{self, Evaluation};
-use crate::json::{document, rounded};
-use crate::metric::{self, Direction};
+use crate::json::document;
+use crate::metric::{self, Definition, Direction};
 use crate::run_result::RunResult;
 use fmu_system::requirements::holds;
 use serde::Serialize;
@@ -68,10 +68,8 @@ impl Results {
 
     /// Skips the maneuver. A metric with the name of the maneuver has the verdict.
     pub(crate) fn skip(&mut self, missing: Vec<String>, reason: String) {
-        let mut metric = Measured::new(self.suite, "The maneuver", "", Direction::None, Value::Null);
-        self.maneuver.clone_into(&mut metric.id);
-        metric.set_dropped(&reason).set_definition("A maneuver that is left out has no metrics.");
-        self.metrics.push(metric);
+        let of = Definition::new("", "The maneuver", "", "A maneuver that is left out has no metrics.");
+        self.maneuver.clone_into(&mut self.metric(&of, Value::Null).set_dropped(&reason).id);
         self.skipped = Some(Skipped { run: self.maneuver.to_owned(), missing, reason });
     }
 
@@ -96,16 +94,24 @@ impl Results {
     }
 
     /// Adds a metric of the maneuver.
-    pub(crate) fn metric(
-        &mut self,
-        name: &str,
-        title: &str,
-        unit: &'static str,
-        direction: Direction,
-        value: Value,
-    ) -> &mut Measured {
-        let id = format!("{}.{name}", self.maneuver);
-        self.metrics.push(Measured { id, ..Measured::new(self.suite, title, unit, direction, value) });
+    pub(crate) fn metric(&mut self, of: &Definition, value: impl Into<Value>) -> &mut Measured {
+        self.metrics.push(Measured {
+            id: format!("{}.{}", self.maneuver, of.name),
+            title: of.title.to_owned(),
+            definition: of.definition,
+            unit: of.unit,
+            suite: self.suite,
+            value: value.into(),
+            direction: of.direction,
+            reason: None,
+            limit: None,
+            is_dropped: false,
+            is_best_without: false,
+            bound: None,
+            series: None,
+            incomparable: None,
+            label: None,
+        });
         self.last()
     }
 
@@ -114,39 +120,22 @@ impl Results {
         self.metrics.last_mut().expect("a metric was added")
     }
 
-    /// Adds a metric without a number, with the reason.
-    pub(crate) fn without(
-        &mut self,
-        name: &str,
-        title: &str,
-        unit: &'static str,
-        direction: Direction,
-        reason: &str,
-    ) -> &mut Measured {
-        self.metric(name, title, unit, direction, Value::Null).set_reason(reason)
-    }
-
     /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
     pub(crate) fn take(&mut self, run: &RunResult, metrics: &Evaluation, wanted: &[&str]) {
-        for name in wanted {
-            let Some(found) = metrics.metrics.iter().find(|metric| metric.name == *name) else { continue };
-            let metric::Definition { title, unit, direction, definition, .. } = *found.definition;
-            let metric = match &found.value {
-                metric::Value::Number(number) => self.metric(name, title, unit, direction, json!(number)),
-                metric::Value::Boolean(value) => self.metric(name, title, unit, direction, json!(value)),
-                metric::Value::Numbers(_) => continue,
-                metric::Value::Null(reason) => self.without(name, title, unit, direction, &reason.to_string()),
-            };
-            metric.set_definition(definition).incomparable = run.cut_short();
+        for found in wanted.iter().filter_map(|name| metrics.metrics.iter().find(|metric| metric.name == *name)) {
+            let metric = self.metric(found.definition, json!(found.value));
+            if let metric::Value::Null(reason) = &found.value {
+                metric.set_reason(&reason.to_string());
+            }
+            metric.incomparable = run.cut_short();
         }
     }
 
     /// Adds metrics of an evaluator that have no number, all for the same reason.
     pub(crate) fn take_none(&mut self, evaluator: &str, wanted: &[&str], reason: &str) {
         let table = evaluators::find(evaluator).map_or(&[][..], |evaluator| evaluator.metrics);
-        for name in wanted {
-            let Some(found) = table.iter().find(|definition| definition.name == *name) else { continue };
-            self.without(name, found.title, found.unit, found.direction, reason).set_definition(found.definition);
+        for of in wanted.iter().filter_map(|name| table.iter().find(|definition| definition.name == *name)) {
+            self.metric(of, Value::Null).set_reason(reason);
         }
     }
 }
@@ -157,7 +146,7 @@ pub(crate) struct Measured {
     pub(crate) id: String,
     pub(crate) title: String,
     /// Computation, in words.
-    pub(crate) definition: String,
+    pub(crate) definition: &'static str,
     pub(crate) unit: &'static str,
     pub(crate) suite: Suite,
     pub(crate) value: Value,
@@ -208,36 +197,9 @@ pub(crate) struct Series {
 }
 
 impl Measured {
-    /// A metric without a name.
-    pub(crate) fn new(suite: Suite, title: &str, unit: &'static str, direction: Direction, value: Value) -> Self {
-        Self {
-            id: String::new(),
-            title: title.to_owned(),
-            definition: String::new(),
-            unit,
-            suite,
-            value,
-            direction,
-            reason: None,
-            limit: None,
-            is_dropped: false,
-            is_best_without: false,
-            bound: None,
-            series: None,
-            incomparable: None,
-            label: None,
-        }
-    }
-
     /// Sets the limit; `not_applicable` is the reason that it does not apply, if it does not.
-    pub(crate) fn set_limit(&mut self, limit: Limit, not_applicable: Option<&str>) -> &mut Self {
-        self.limit = Some(Limit { not_applicable: not_applicable.map(str::to_owned), ..limit });
-        self
-    }
-
-    /// Sets the definition.
-    pub(crate) fn set_definition(&mut self, definition: &str) -> &mut Self {
-        definition.clone_into(&mut self.definition);
+    pub(crate) fn set_limit(&mut self, limit: Limit, not_applicable: Option<&'static str>) -> &mut Self {
+        self.limit = Some(Limit { not_applicable, ..limit });
         self
     }
 
@@ -258,49 +220,39 @@ impl Measured {
         self.is_best_without = true;
         self.set_reason(reason)
     }
-
-    /// Sets the values of the runs from which the metric is computed.
-    pub(crate) fn set_series(&mut self, series: Series) -> &mut Self {
-        self.series = Some(series);
-        self
-    }
 }
 
 /// Source of the limits of the caller.
 pub(crate) const REQUIRED: &str = "--require";
 
 /// A limit of a regulation or of the caller.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub(crate) struct Limit {
-    kind: Kind,
-    source: String,
+    /// True: the value is a Boolean that must be true.
+    #[serde(rename = "is", skip_serializing_if = "Option::is_none")]
+    holds: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    min: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max: Option<f64>,
+    source: &'static str,
     /// Reason that it does not apply.
-    pub(crate) not_applicable: Option<String>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
-    Holds,
-    AtLeast(f64),
-    AtMost(f64),
+    #[serde(skip)]
+    pub(crate) not_applicable: Option<&'static str>,
 }
 
 impl Limit {
-    fn new(kind: Kind, source: &str) -> Self {
-        Self { kind, source: source.to_owned(), not_applicable: None }
-    }
-
     /// A Boolean that must be true.
-    pub(crate) fn holds(source: &str) -> Self {
-        Self::new(Kind::Holds, source)
+    pub(crate) fn holds(source: &'static str) -> Self {
+        Self { holds: Some(true), source, ..Self::default() }
     }
 
-    pub(crate) fn at_least(limit: f64, source: &str) -> Self {
-        Self::new(Kind::AtLeast(limit), source)
+    pub(crate) fn at_least(limit: f64, source: &'static str) -> Self {
+        Self { min: Some(limit), source, ..Self::default() }
     }
 
-    pub(crate) fn at_most(limit: f64, source: &str) -> Self {
-        Self::new(Kind::AtMost(limit), source)
+    pub(crate) fn at_most(limit: f64, source: &'static str) -> Self {
+        Self { max: Some(limit), source, ..Self::default() }
     }
 
     /// True if the caller has set it. It then gives a verdict even without a number.
@@ -309,21 +261,8 @@ impl Limit {
     }
 
     pub(crate) fn is_kept(&self, value: &Value) -> Option<bool> {
-        match (self.kind, value) {
-            (_, Value::Null) if self.is_required() => Some(false),
-            (Kind::Holds, Value::Bool(value)) => Some(*value),
-            (Kind::AtLeast(limit), value) => value.as_f64().map(|value| holds([Some(limit), None], Some(value))),
-            (Kind::AtMost(limit), value) => value.as_f64().map(|value| holds([None, Some(limit)], Some(value))),
-            (Kind::Holds, _) => None,
-        }
-    }
-
-    pub(crate) fn to_json(&self) -> Value {
-        match self.kind {
-            Kind::Holds => json!({ "is": true, "source": self.source }),
-            Kind::AtLeast(limit) => json!({ "min": rounded(limit), "source": self.source }),
-            Kind::AtMost(limit) => json!({ "max": rounded(limit), "source": self.source }),
-        }
+        let is_within = |value| holds([self.min, self.max], Some(value));
+        if self.holds.is_some() { value.as_bool() } else { value.as_f64().map(is_within) }
     }
 }
 

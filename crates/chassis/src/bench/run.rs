@@ -450,7 +450,7 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
                 maneuver = of_row;
                 outln!("{}", maneuver_title(maneuver));
             }
-            let unit = if row.unit == "1" { "" } else { row.unit.as_str() };
+            let unit = if row.unit == "1" { "" } else { row.unit };
             let value = |value: &serde_json::Value| match value {
                 serde_json::Value::Bool(true) => "yes".to_owned(),
                 serde_json::Value::Bool(false) => "no".to_owned(),

@@ -83,25 +83,24 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
 fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Reason> {
     let first = before_braking(rows)?;
     let Some(begin) = first.checked_sub(rows.count(INITIAL)) else {
-        return Err(Reason::new(format!("the recording begins less than {INITIAL} s before braking")));
+        return Err(format!("the recording begins less than {INITIAL} s before braking"));
     };
     let initial = |column| {
         let values: &[f64] = rows.column(column)?;
-        mean(&values[begin..=first]).ok_or_else(|| Reason::new("the recording has no row"))
+        mean(&values[begin..=first]).ok_or_else(|| "the recording has no row".to_owned())
     };
     results.set("lateral_acceleration", initial("vehicle.lateral_acceleration"));
     let (speed, yaw_rate) = (initial("vehicle.speed")?, initial("vehicle.yaw_rate")?);
     results.set("initial_speed", speed);
     if yaw_rate == 0.0 || speed <= 0.0 {
-        return Err(Reason::new("the vehicle does not drive in a turn before it brakes"));
+        return Err("the vehicle does not drive in a turn before it brakes".to_owned());
     }
     let circle = Circle { radius: speed / yaw_rate.abs(), direction: sign(yaw_rate) };
     results.set("radius", circle.radius);
 
     let time = rows.times[first] + AFTER;
     let after = |values: &[f64]| {
-        at(rows.times, values, time)
-            .ok_or_else(|| Reason::new(format!("the recording ends before {AFTER} s after braking begins")))
+        at(rows.times, values, time).ok_or_else(|| format!("the recording ends before {AFTER} s after braking begins"))
     };
     let [speeds, yaw_rates] = ["vehicle.speed", "vehicle.yaw_rate"].map(|column| rows.column(column));
     let (speeds, yaw_rates) = (speeds?, yaw_rates?);
@@ -114,13 +113,13 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     let ratios =
         end.clone().map(|end| (first..end).map(|row| circle.ratio(yaw_rates[row], speeds[row])).collect::<Vec<_>>());
     let extreme = |of: fn(&[f64]) -> Option<f64>| {
-        of(ratios.as_ref().map_err(Clone::clone)?).ok_or_else(|| Reason::new("the vehicle is slow at once"))
+        of(ratios.as_ref().map_err(Clone::clone)?).ok_or_else(|| "the vehicle is slow at once".to_owned())
     };
     results.set("yaw_rate_ratio_max", extreme(largest));
     results.set("yaw_rate_ratio_min", extreme(smallest));
     let change = initial("vehicle.sideslip").and_then(|initial| {
         let changes = rows.column("vehicle.sideslip")?[first..end?].iter().map(|angle| (angle - initial).abs());
-        changes.reduce(f64::max).ok_or_else(|| Reason::new("the vehicle is slow at once"))
+        changes.reduce(f64::max).ok_or_else(|| "the vehicle is slow at once".to_owned())
     });
     results.set("sideslip_change", change);
     Ok(())

@@ -88,9 +88,9 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     {
         let ratio = of_speed / of_positions;
         if let Some((factor, meant)) = FACTORS.into_iter().find(|(factor, _)| (ratio / factor - 1.0).abs() < ALIKE) {
-            return Err(Reason::new(format!(
+            return Err(format!(
                 "`vehicle.speed` is {factor:.3} times the speed of the positions, as if {meant}: give the columns their units"
-            )));
+            ));
         }
         results.notes.push(format!(
             "the positions give a speed of {of_positions:.3} m/s when braking begins, `vehicle.speed` is {of_speed:.3} m/s: the speed and its \
@@ -109,12 +109,12 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     }
     results.set("initial_speed", initial);
     if initial <= STOP {
-        return Err(Reason::new(format!("the vehicle is not faster than {STOP} m/s when it begins to brake")));
+        return Err(format!("the vehicle is not faster than {STOP} m/s when it begins to brake"));
     }
     let fall = |level: f64| {
-        ground.falls_to(rows, level, first).ok_or_else(|| {
-            Reason::new(format!("the speed over ground does not fall to {level:.3} m/s after braking begins"))
-        })
+        ground
+            .falls_to(rows, level, first)
+            .ok_or_else(|| format!("the speed over ground does not fall to {level:.3} m/s after braking begins"))
     };
     let mfdd = fall(FROM * initial).and_then(|begin| {
         let (high, low) = (FROM * initial, TO * initial);
@@ -127,7 +127,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
 
     let until_stop = |x: Result<Vec<f64>, Reason>| {
         let (x, stop) = (x?, stop.clone()?);
-        largest_magnitude(&x[first..stop.row]).ok_or_else(|| Reason::new("the vehicle stops at once"))
+        largest_magnitude(&x[first..stop.row]).ok_or_else(|| "the vehicle stops at once".to_owned())
     };
     let yaw = rows.column("vehicle.yaw");
     let offset = yaw.clone().and_then(|yaw| {
@@ -143,7 +143,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let has_stopped = stop.is_ok();
     let peak_within = |x: &[f64], span: f64| {
         let end = end_of_span(rows, first, span, has_stopped)?;
-        largest_magnitude(&x[first..end]).ok_or_else(|| Reason::new("the recording has no row"))
+        largest_magnitude(&x[first..end]).ok_or_else(|| "the recording has no row".to_owned())
     };
     results.set("yaw_rate_peak_1s", rows.column("vehicle.yaw_rate").and_then(|rate| peak_within(rate, 1.0)));
     results.set("steering_wheel_peak_2s", wheel.and_then(|angle| peak_within(&angle, 2.0)));
@@ -153,9 +153,9 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
 /// The row before the first with a brake pedal above 0.
 pub(super) fn before_braking(rows: &Rows<'_>) -> Result<usize, Reason> {
     match rows.column("driver.brake")?.iter().position(|pedal| *pedal > 0.0) {
-        None => Err(Reason::new("`driver.brake` is never above 0")),
+        None => Err("`driver.brake` is never above 0".to_owned()),
         Some(0) => {
-            Err(Reason::new("`driver.brake` is above 0 in the first row, so the start of braking is not recorded"))
+            Err("`driver.brake` is above 0 in the first row, so the start of braking is not recorded".to_owned())
         }
         Some(row) => Ok(row - 1),
     }
@@ -167,7 +167,7 @@ pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: boo
     let end = rows.times.partition_point(|time| rows.is_until(*time, limit));
     let ends_early = end == rows.times.len() && !rows.is_until(limit, rows.times[end - 1]);
     if ends_early && !is_over {
-        return Err(Reason::new(format!("the recording ends before {span} s after braking begins")));
+        return Err(format!("the recording ends before {span} s after braking begins"));
     }
     Ok(end)
 }

@@ -148,24 +148,24 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         results.set(name, peak(rows, column));
     }
     let wheel = steering_wheel(rows, options)
-        .and_then(|angle| largest_magnitude(&angle).ok_or_else(|| Reason::new("the recording has no row")));
+        .and_then(|angle| largest_magnitude(&angle).ok_or_else(|| "the recording has no row".to_owned()));
     results.set("steering_wheel_peak", wheel);
 
     let [x, y, yaw] = ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"].map(|column| rows.column(column));
     let (x, y, yaw) = (x?, y?, yaw?);
     let lanes = lanes(options);
     let (Some(first), Some(last)) = (lanes.first(), lanes.last()) else {
-        return Err(Reason::new("the track has no section"));
+        return Err("the track has no section".to_owned());
     };
     let passes = |level: f64, what: &str| {
         let crossing = up(rows.times, x, level, 0).map(|crossing| crossing.time);
-        crossing.ok_or_else(|| Reason::new(format!("the reference point does not pass {what} at {level} m")))
+        crossing.ok_or_else(|| format!("the reference point does not pass {what} at {level} m"))
     };
     let (entry, exit) =
         (passes(first.begin, "the start of the first section"), passes(last.end, "the end of the last section"));
     let speed = |time: &Result<f64, Reason>| {
         let (time, speed) = (time.clone()?, rows.column("vehicle.speed")?);
-        at(rows.times, speed, time).ok_or_else(|| Reason::new("the recording ends before"))
+        at(rows.times, speed, time).ok_or_else(|| "the recording ends before".to_owned())
     };
     results.set("entry_speed", speed(&entry));
     results.set("exit_speed", speed(&exit));
@@ -197,15 +197,15 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let passed = if !is_finished || hit.is_some() {
         Ok(false)
     } else if margins.contains(&None) {
-        Err(Reason::new("no row is inside of one of the sections"))
+        Err("no row is inside of one of the sections".to_owned())
     } else {
         Ok(true)
     };
     results.set("passed", passed);
     let hit = hit.map(|(time, section)| vec![time, section as f64]);
-    results.set("first_hit", hit.ok_or_else(|| Reason::new("no margin is negative")));
+    results.set("first_hit", hit.ok_or_else(|| "no margin is negative".to_owned()));
     let tightest = tightest.map(|(_, time, section)| vec![time, section as f64]);
-    results.set("tightest", tightest.ok_or_else(|| Reason::new("no row is inside of a section")));
+    results.set("tightest", tightest.ok_or_else(|| "no row is inside of a section".to_owned()));
     results.set("margins", margins);
     Ok(())
 }

@@ -87,7 +87,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let begin = options.number("begin");
     let distance = rows.column("path.distance")?;
     let chosen: Vec<usize> = (0..distance.len()).filter(|row| distance[*row] >= begin).collect();
-    let too_short = || Reason::new(format!("`path.distance` does not reach {begin} m"));
+    let too_short = || format!("`path.distance` does not reach {begin} m");
     let deviation = rows.column("path.lateral_deviation").and_then(|deviation| {
         let magnitudes: Vec<f64> = chosen.iter().map(|row| deviation[*row].abs()).collect();
         largest(&magnitudes).ok_or_else(too_short)
@@ -97,7 +97,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let yaw_rates: Vec<f64> = chosen.iter().map(|row| yaw_rate[*row]).collect();
     let sign = sign(mean(&yaw_rates).ok_or_else(too_short)?);
     if sign == 0.0 {
-        return Err(Reason::new("the mean of `vehicle.yaw_rate` is 0, so the turn has no direction"));
+        return Err("the mean of `vehicle.yaw_rate` is 0, so the turn has no direction".to_owned());
     }
     let cornering = Cornering::new(rows, chosen, sign, [CUTOFF; 2])?;
     let lateral_acceleration = &cornering.lateral_acceleration;
@@ -106,7 +106,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let window: Vec<usize> =
         (0..lateral_acceleration.len()).filter(|row| (FROM..=to).contains(&lateral_acceleration[*row])).collect();
     let window = if window.is_empty() {
-        Err(Reason::new(format!("the lateral acceleration is never between {FROM} and {to} m/s2")))
+        Err(format!("the lateral acceleration is never between {FROM} and {to} m/s2"))
     } else {
         Ok(window)
     };

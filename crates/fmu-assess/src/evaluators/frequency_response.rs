@@ -9,7 +9,7 @@ use rustfft::num_complex::Complex;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, TAU};
 
 /// Lines of the multisine, Hz.
-const FREQUENCIES: [f64; 20] =
+pub(crate) const FREQUENCIES: [f64; 20] =
     [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.3, 2.6, 3.0, 3.5, 4.0];
 /// The lines of the reference gain, 0.2 Hz, and of the delay, 1 Hz.
 const REFERENCE: usize = 1;
@@ -106,12 +106,12 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
 fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let values = rows.column(column)?;
     let Some(begin) = values.len().checked_sub(rows.count(SPAN)) else {
-        return Err(Reason::new(format!("the recording is shorter than {SPAN} s")));
+        return Err(format!("the recording is shorter than {SPAN} s"));
     };
     let values = &values[begin..];
     let highest = FREQUENCIES[FREQUENCIES.len() - 1];
     if rows.rate < 2.0 * highest {
-        return Err(Reason::new(format!("a sampling rate of {} Hz is too low for a line at {highest} Hz", rows.rate)));
+        return Err(format!("a sampling rate of {} Hz is too low for a line at {highest} Hz", rows.rate));
     }
     let lines = FREQUENCIES.map(|frequency| {
         let mut sum = Complex::new(0.0, 0.0);
@@ -126,7 +126,7 @@ fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let has_no_share = |line: &Complex<f64>| hypot(line.re, line.im) <= MIN_SHARE * total;
     match lines.iter().position(has_no_share) {
         Some(line) if column == "driver.steer" => {
-            Err(Reason::new(format!("`driver.steer` does not excite {} Hz", FREQUENCIES[line])))
+            Err(format!("`driver.steer` does not excite {} Hz", FREQUENCIES[line]))
         }
         _ => Ok(lines),
     }
@@ -165,12 +165,12 @@ impl Response {
 
     fn bandwidth(&self) -> Result<f64, Reason> {
         falls_below(&self.gain, FRAC_1_SQRT_2 * self.gain[REFERENCE])
-            .ok_or_else(|| Reason::new("the gain does not fall below the reference gain over sqrt(2) up to 4 Hz"))
+            .ok_or_else(|| "the gain does not fall below the reference gain over sqrt(2) up to 4 Hz".to_owned())
     }
 
     fn phase_frequency(&self) -> Result<f64, Reason> {
         falls_below(&self.phase, -FRAC_PI_4)
-            .ok_or_else(|| Reason::new("the phase does not fall below -45 deg between 0.2 and 4 Hz"))
+            .ok_or_else(|| "the phase does not fall below -45 deg between 0.2 and 4 Hz".to_owned())
     }
 }
 

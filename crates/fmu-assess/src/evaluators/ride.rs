@@ -75,7 +75,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
 fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<(), Reason> {
     let begin = options.number("begin");
     let first = rows.first_from(begin);
-    let late = || Reason::new(format!("the recording ends before {begin} s, where the evaluation begins"));
+    let late = || format!("the recording ends before {begin} s, where the evaluation begins");
     let column = |name: &str| rows.column(name).map(|values| &values[first..]);
     let mut total = Ok(0.0);
     for (name, signal, weighting, factor) in VIBRATIONS {
@@ -121,7 +121,7 @@ fn each(
         results.set_at(metric, place, value(name));
     }
     if places.is_empty() {
-        results.set(metric, Err::<f64, _>(Reason::new(format!("the recording has no column `{group}.*`"))));
+        results.set(metric, Err::<f64, _>(format!("the recording has no column `{group}.*`")));
     }
 }
 

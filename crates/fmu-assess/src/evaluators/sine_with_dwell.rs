@@ -122,7 +122,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     results.set(
         "sideslip_peak",
         rows.column("vehicle.sideslip").and_then(|sideslip| {
-            largest_magnitude(&sideslip[zeroing.row..]).ok_or_else(|| Reason::new("the recording has no row"))
+            largest_magnitude(&sideslip[zeroing.row..]).ok_or_else(|| "the recording has no row".to_owned())
         }),
     );
     let angle = zeroing.apply(angle);
@@ -139,10 +139,10 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
 
     let yaw_rate = motion("vehicle.yaw_rate");
     let negative = (begin.row..angle.len()).find(|row| angle[*row] < 0.0);
-    let negative = negative.ok_or_else(|| Reason::new("the steering wheel angle does not become negative"));
+    let negative = negative.ok_or_else(|| "the steering wheel angle does not become negative".to_owned());
     let both = yaw_rate.clone().and_then(|yaw_rate| Ok((yaw_rate, negative?)));
     let first = both.clone().and_then(|(yaw_rate, negative)| {
-        largest(&yaw_rate[begin.row..negative]).ok_or_else(|| Reason::new("the steering wheel angle is never positive"))
+        largest(&yaw_rate[begin.row..negative]).ok_or_else(|| "the steering wheel angle is never positive".to_owned())
     });
     results.set("first_peak_yaw_rate", first);
     let second = both.and_then(|(yaw_rate, negative)| second_peak(&yaw_rate, negative).map(|row| (row, yaw_rate[row])));
@@ -152,8 +152,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let ratio = |after: f64| {
         let (yaw_rate, (_, peak), completion) = (yaw_rate.clone()?, second.clone()?, completion.clone()?);
         let value = at(rows.times, &yaw_rate, completion + after);
-        let value = value
-            .ok_or_else(|| Reason::new(format!("the recording ends before {after} s after the completion of steer")));
+        let value = value.ok_or_else(|| format!("the recording ends before {after} s after the completion of steer"));
         Ok(value? / peak)
     };
     let ratios = RATIOS.map(|(after, limit)| (ratio(after), limit));
@@ -192,9 +191,9 @@ impl Zeroing {
             fast == lasting
         });
         let Some(end) = end else {
-            return Err(Reason::new(format!(
+            return Err(format!(
                 "the steering wheel is never faster than {RATE} deg/s for {RATE_TIME} s: the maneuver does not begin"
-            )));
+            ));
         };
         let row = end + 1 - lasting;
         Ok(Self { row, count: rows.count(ZEROING).min(row), direction: sign(rate[row]) })
@@ -226,10 +225,9 @@ struct Beginning {
 
 fn beginning(rows: &Rows<'_>, angle: &[f64], from: usize) -> Result<Beginning, Reason> {
     let reached = (from..angle.len()).find(|row| angle[*row] >= BEGINNING);
-    let reached = reached.ok_or_else(|| Reason::new(format!("the steering wheel does not reach {BEGINNING} deg")))?;
+    let reached = reached.ok_or_else(|| format!("the steering wheel does not reach {BEGINNING} deg"))?;
     let before = (0..reached).rev().find(|row| angle[*row] < BEGINNING);
-    let before = before
-        .ok_or_else(|| Reason::new(format!("the steering wheel is beyond {BEGINNING} deg from the first row on")))?;
+    let before = before.ok_or_else(|| format!("the steering wheel is beyond {BEGINNING} deg from the first row on"))?;
     let share = (BEGINNING - angle[before]) / (angle[before + 1] - angle[before]);
     let time = rows.times[before] + share * (rows.times[before + 1] - rows.times[before]);
     Ok(Beginning { time, row: before + 1 })
@@ -238,12 +236,12 @@ fn beginning(rows: &Rows<'_>, angle: &[f64], from: usize) -> Result<Beginning, R
 /// Time of the completion of steer.
 fn completion(rows: &Rows<'_>, angle: &[f64], begin: usize) -> Result<f64, Reason> {
     let minimum = smallest(&angle[begin..]).filter(|minimum| *minimum < 0.0);
-    let minimum = minimum.ok_or_else(|| Reason::new("the steering wheel angle does not become negative"))?;
+    let minimum = minimum.ok_or_else(|| "the steering wheel angle does not become negative".to_owned())?;
     let dwell = (begin..angle.len()).rev().find(|row| angle[*row] <= 0.5 * minimum).unwrap_or(begin);
     let limit = dwell.saturating_add(rows.count(COMPLETION_TIME));
     let back = up(rows.times, angle, 0.0, dwell).filter(|crossing| crossing.row <= limit);
     let back = back.or_else(|| up(rows.times, angle, COMPLETION_SHARE * minimum, dwell));
-    Ok(back.ok_or_else(|| Reason::new("the steering wheel does not come back to 0"))?.time)
+    Ok(back.ok_or_else(|| "the steering wheel does not come back to 0".to_owned())?.time)
 }
 
 /// The row of the second peak, after the row where the angle has become negative.
@@ -251,16 +249,15 @@ fn second_peak(yaw_rate: &[f64], negative: usize) -> Result<usize, Reason> {
     let is_peak =
         |row: &usize| yaw_rate[*row] < 0.0 && yaw_rate[*row] <= yaw_rate[row - 1] && yaw_rate[*row] < yaw_rate[row + 1];
     let mut later = negative + 1..yaw_rate.len().saturating_sub(1);
-    later.find(is_peak).ok_or_else(|| Reason::new("the yaw rate has no second peak"))
+    later.find(is_peak).ok_or_else(|| "the yaw rate has no second peak".to_owned())
 }
 
 /// Lateral displacement 1.07 s after the beginning of steer, m.
 fn displacement(rows: &Rows<'_>, acceleration: &[f64], begin: Beginning) -> Result<f64, Reason> {
     let end = begin.time + DISPLACEMENT_TIME;
     let value = |time| {
-        at(rows.times, acceleration, time).ok_or_else(|| {
-            Reason::new(format!("the recording ends before {DISPLACEMENT_TIME} s after the beginning of steer"))
-        })
+        at(rows.times, acceleration, time)
+            .ok_or_else(|| format!("the recording ends before {DISPLACEMENT_TIME} s after the beginning of steer"))
     };
     let inner = (begin.row..rows.times.len()).map(|row| (rows.times[row], acceleration[row]));
     let inner = inner.filter(|(time, _)| *time > begin.time && *time < end);
@@ -353,7 +350,7 @@ mod tests {
 
     #[test]
     fn one_ratio_beyond_its_limit_is_enough() {
-        let missing = || Err(Reason::new("the recording ends"));
+        let missing = || Err("the recording ends".to_owned());
         assert_eq!(is_stable([(Ok(0.36), 0.35), (missing(), 0.2)]), Ok(false));
         assert!(is_stable([(Ok(0.35), 0.35), (missing(), 0.2)]).is_err());
         assert_eq!(is_stable([(Ok(0.35), 0.35), (Ok(-0.2), 0.2)]), Ok(true));

@@ -68,7 +68,7 @@ fn overshoot(rows: &Rows<'_>) -> Result<f64, Reason> {
     let (deviation, finished) = (rows.column("path.lateral_deviation")?, rows.column("path.finished")?);
     let after = deviation.iter().zip(finished).filter(|(_, finished)| **finished > 0.5);
     let largest = after.map(|(deviation, _)| deviation.abs()).reduce(f64::max);
-    largest.ok_or_else(|| Reason::new("the path is not finished: `path.finished` is never 1"))
+    largest.ok_or_else(|| "the path is not finished: `path.finished` is never 1".to_owned())
 }
 
 #[cfg(test)]

@@ -97,7 +97,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let last = rows.column("driver.steer")?.last().copied().unwrap_or(0.0);
     let sign = sign(last);
     if sign == 0.0 {
-        return Err(Reason::new("`driver.steer` is 0 in the last row, so the turn has no direction"));
+        return Err("`driver.steer` is 0 in the last row, so the turn has no direction".to_owned());
     }
     let cornering = Cornering::new(rows, (0..rows.times.len()).collect(), sign, CUTOFFS)?;
     let angle = angle(&cornering, options.number("steer.ratio"));
@@ -106,7 +106,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let window = window(&cornering.lateral_acceleration, GRADIENT_WINDOW);
     cornering.set_gradients(&window, options.number("geometry.wheelbase"), results);
     let largest = largest(&cornering.lateral_acceleration);
-    results.set("lateral_acceleration_max", largest.ok_or_else(|| Reason::new("the recording has no row")));
+    results.set("lateral_acceleration_max", largest.ok_or_else(|| "the recording has no row".to_owned()));
     Ok(())
 }
 
@@ -115,8 +115,7 @@ fn angle(cornering: &Cornering<'_>, ratio: f64) -> Result<f64, Reason> {
     let window = window(&cornering.lateral_acceleration, ANGLE_WINDOW)?;
     let x: Vec<f64> = window.iter().map(|row| cornering.lateral_acceleration[*row]).collect();
     let y: Vec<f64> = window.iter().map(|row| (cornering.steer[*row] * ratio).to_degrees()).collect();
-    let line =
-        Line::fit(&x, &y).ok_or_else(|| Reason::new("the lateral acceleration does not change in the window"))?;
+    let line = Line::fit(&x, &y).ok_or_else(|| "the lateral acceleration does not change in the window".to_owned())?;
     Ok(line.at(ANGLE_AT))
 }
 
@@ -125,12 +124,12 @@ fn window(lateral_acceleration: &[f64], [low, high]: [f64; 2]) -> Result<Vec<usi
     let begin = lateral_acceleration.iter().position(|value| *value >= low);
     let end = begin.and_then(|begin| lateral_acceleration[begin..].iter().position(|value| *value > high));
     let (Some(begin), Some(length)) = (begin, end) else {
-        return Err(Reason::new(format!("the filtered lateral acceleration does not exceed {high:.3} m/s2")));
+        return Err(format!("the filtered lateral acceleration does not exceed {high:.3} m/s2"));
     };
     if length < MIN_ROWS {
-        return Err(Reason::new(format!(
+        return Err(format!(
             "the lateral acceleration is between {low:.3} and {high:.3} m/s2 in {length} rows, at least {MIN_ROWS} are needed"
-        )));
+        ));
     }
     Ok((begin..begin + length).collect())
 }

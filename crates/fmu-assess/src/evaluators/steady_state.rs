@@ -46,7 +46,7 @@ impl<'a> Cornering<'a> {
             let y: Vec<f64> = window.iter().map(|index| signal[*index]).collect();
             let line = Line::fit(&x, &y);
             line.map(|line| line.slope)
-                .ok_or_else(|| Reason::new("the lateral acceleration does not change in the window"))
+                .ok_or_else(|| "the lateral acceleration does not change in the window".to_owned())
         };
         let unfiltered = |name| turned(self.rows, &self.chosen, self.sign, name);
         results.set("understeer_gradient", gradient(self.dynamic_steer(wheelbase)));

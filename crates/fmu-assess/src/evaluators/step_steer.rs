@@ -94,16 +94,16 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     let steady = steady(rows, steer)?;
     let sign = sign(steady);
     if sign == 0.0 {
-        return Err(Reason::new("the mean of `driver.steer` in the last second is 0: there is no step"));
+        return Err("the mean of `driver.steer` in the last second is 0: there is no step".to_owned());
     }
     let magnitude = sign * steady;
     results.set("steer", magnitude);
     let turned = |column| -> Result<Vec<f64>, Reason> { Ok(rows.column(column)?.iter().map(|x| sign * x).collect()) };
     let step = up(rows.times, &turned("driver.steer")?, 0.5 * magnitude, 0)
-        .ok_or_else(|| Reason::new("`driver.steer` does not rise to half of its steady value"));
+        .ok_or_else(|| "`driver.steer` does not rise to half of its steady value".to_owned());
     let step = step.map(|crossing| (crossing.time, crossing.row));
     results.set("t0", step.clone().map(|(time, _)| time));
-    let mut peak_time = Err(Reason::new("the yaw rate has no peak response time"));
+    let mut peak_time = Err("the yaw rate has no peak response time".to_owned());
     for (group, column) in RESPONSES {
         let response = turned(column).and_then(|x| Response::new(rows, &x, magnitude, &step));
         let mut set = |name: &str, value: Result<f64, Reason>| results.set(&format!("{group}.{name}"), value);
@@ -156,7 +156,7 @@ impl Response {
             if steady > 0.0 {
                 Ok(step)
             } else {
-                Err(Reason::new("the steady value is not in the direction of the steering angle"))
+                Err("the steady value is not in the direction of the steering angle".to_owned())
             }
         });
         let peak = after.clone().map(|(begin, row)| {
@@ -166,8 +166,8 @@ impl Response {
         });
         let time = after.and_then(|(begin, row)| {
             let reached = up(rows.times, x, RESPONSE * steady, row.saturating_sub(2));
-            let reached = reached
-                .ok_or_else(|| Reason::new("the signal does not rise to 90 % of its steady value after the step"));
+            let reached =
+                reached.ok_or_else(|| "the signal does not rise to 90 % of its steady value after the step".to_owned());
             Ok(reached?.time - begin)
         });
         Ok(Self { steady, gain: steady / steer, peak, time })
@@ -178,5 +178,5 @@ impl Response {
 fn steady(rows: &Rows<'_>, x: &[f64]) -> Result<f64, Reason> {
     let begin = x.len().checked_sub(rows.count(STEADY));
     let last = begin.and_then(|begin| mean(&x[begin..]));
-    last.ok_or_else(|| Reason::new("the recording is shorter than the second of the steady values"))
+    last.ok_or_else(|| "the recording is shorter than the second of the steady values".to_owned())
 }

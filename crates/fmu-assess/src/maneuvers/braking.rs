@@ -1,17 +1,60 @@
 //! Braking: straight ahead and on split friction (UN R13-H), and in a turn (ISO 7975).
 
-use super::{evaluated, number, reason};
-use crate::bench::{Bench, drive};
-use crate::metric::Direction;
+use super::{executed, number, reason, shown};
+use crate::bench::Bench;
+use crate::metric::Definition;
 use crate::results::{Limit, Results};
 use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// Least mean fully developed deceleration of UN R13-H, m/s2.
 const MFDD: f64 = 6.43;
-/// Largest steering wheel angles on split friction, deg: in the first two seconds, and in all.
-const STEERING: (f64, f64) = (120.0, 240.0);
+/// Source of the limits on split friction.
+const ANNEX: &str = "UN R13-H, annex on antilock braking";
+/// Metrics of the evaluator on split friction, of which the larger one of both sides counts, and largest steering wheel angles, deg.
+const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
+    (
+        Definition::new(
+            "steering_wheel_peak_2s",
+            "Largest steering wheel angle in the first 2 s",
+            "deg",
+            "Largest magnitude of the steering wheel angle in the first 2 s of braking, of both sides.",
+        )
+        .down(),
+        Some(120.0),
+    ),
+    (
+        Definition::new(
+            "steering_wheel_peak",
+            "Largest steering wheel angle",
+            "deg",
+            "Largest magnitude of the steering wheel angle until the car stops, of both sides.",
+        )
+        .down(),
+        Some(240.0),
+    ),
+    (
+        Definition::new(
+            "lateral_peak",
+            "Largest lateral offset",
+            "m",
+            "Largest distance from the line on which braking begins, of both sides.",
+        )
+        .down(),
+        None,
+    ),
+    (
+        Definition::new(
+            "yaw_peak",
+            "Largest change of the yaw angle",
+            "rad",
+            "Largest change of the yaw angle from the start of braking, of both sides.",
+        )
+        .down(),
+        None,
+    ),
+];
 /// Friction of the slippery side.
 const SLIPPERY: f64 = 0.5;
 
@@ -31,10 +74,8 @@ pub(crate) fn spec(id: String, speed: f64) -> RunSpec {
 }
 
 pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
-    let Some(run) = drive(bench, vec![spec("braking".to_owned(), 100.0 / 3.6)]).pop() else { return };
-    let metrics = evaluated("braking", &run, &json!({}));
-    results.note(&run, &metrics);
-    results.show(&run);
+    let spec = spec("braking".to_owned(), 100.0 / 3.6);
+    let Some((run, metrics)) = shown(bench, spec, "braking", &json!({}), results) else { return };
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
     results.take(&run, &metrics, &["mfdd"]);
     results.last().set_limit(Limit::at_least(MFDD, "UN R13-H, type 0"), applies);
@@ -57,23 +98,17 @@ pub(crate) fn split_spec(bench: &Bench<'_>, id: String, speed: f64, slippery_lef
 pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
     let specs = [("left", true), ("right", false)]
         .map(|(side, slippery_left)| split_spec(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left));
-    let mut spun = false;
-    let mut is_finished = true;
-    let mut worst: [Result<f64, String>; 4] = [const { Ok(0.0) }; 4];
+    let mut held = true;
     let mut cut = None;
-    const NAMES: [&str; 4] = ["steering_wheel_peak_2s", "steering_wheel_peak", "lateral_peak", "yaw_peak"];
-    for run in drive(bench, specs.into()) {
-        let metrics = evaluated("braking", &run, &json!({}));
-        results.note(&run, &metrics);
+    let mut worst = [const { Ok(0.0_f64) }; 4];
+    for (run, metrics) in executed(bench, specs, "braking", &json!({}), results) {
         results.show(&run);
-        spun |= run.has("spun");
-        is_finished &= run.stop_reason == "stopped";
+        held &= !run.has("spun") && run.stop_reason == "stopped";
         cut = cut.or_else(|| run.cut_short());
         // If the number of one side is missing, the larger one is unknown.
-        for (worst, name) in worst.iter_mut().zip(NAMES) {
-            let value = number(&metrics, name);
-            let missing = || format!("{}: {}", run.spec.id, reason(&metrics, name).unwrap_or_default());
-            match (worst.as_mut(), value) {
+        for (worst, (of, _)) in worst.iter_mut().zip(&OF_BOTH_SIDES) {
+            let missing = || format!("{}: {}", run.spec.id, reason(&metrics, of.name).unwrap_or_default());
+            match (worst.as_mut(), number(&metrics, of.name)) {
                 (Ok(worst), Some(value)) => *worst = worst.max(value),
                 (Ok(_), None) => *worst = Err(missing()),
                 (Err(_), _) => (),
@@ -81,56 +116,18 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         }
     }
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
-    let held = Value::Bool(!spun && is_finished);
-    results
-        .metric("held", "Stops without spinning", "", Direction::Up, held)
-        .set_definition("Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.")
-        .set_limit(Limit::holds("UN R13-H, annex on antilock braking"), applies);
-    let [first_wheel, wheel, lateral, yaw] = worst;
-    let degrees = |angle: Result<f64, String>| angle.map(f64::to_degrees);
-    let mut add = |name: &str, title: &str, unit: &'static str, value: Result<f64, String>, definition: &str| {
-        let metric = match value {
-            Ok(value) => results.metric(name, title, unit, Direction::Down, json!(value)),
-            Err(reason) => results.without(name, title, unit, Direction::Down, &reason),
-        };
-        metric.set_definition(definition).incomparable.clone_from(&cut);
-        let steering = match name {
-            "steering_wheel_peak_2s" => Some(STEERING.0),
-            "steering_wheel_peak" => Some(STEERING.1),
-            _ => None,
-        };
-        if let Some(limit) = steering {
-            metric.set_limit(Limit::at_most(limit, "UN R13-H, annex on antilock braking"), applies);
+    let definition = "Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.";
+    let of = Definition::new("held", "Stops without spinning", "", definition).up();
+    results.metric(&of, held).set_limit(Limit::holds(ANNEX), applies);
+    for (worst, (of, limit)) in worst.into_iter().zip(&OF_BOTH_SIDES) {
+        let worst = worst.map(|value| if of.unit == "deg" { value.to_degrees() } else { value });
+        let metric = results.metric(of, worst.as_ref().ok().copied());
+        metric.reason = worst.err();
+        metric.incomparable.clone_from(&cut);
+        if let Some(limit) = limit {
+            metric.set_limit(Limit::at_most(*limit, ANNEX), applies);
         }
-    };
-    add(
-        NAMES[0],
-        "Largest steering wheel angle in the first 2 s",
-        "deg",
-        degrees(first_wheel),
-        "Largest magnitude of the steering wheel angle in the first 2 s of braking, of both sides.",
-    );
-    add(
-        NAMES[1],
-        "Largest steering wheel angle",
-        "deg",
-        degrees(wheel),
-        "Largest magnitude of the steering wheel angle until the car stops, of both sides.",
-    );
-    add(
-        NAMES[2],
-        "Largest lateral offset",
-        "m",
-        lateral,
-        "Largest distance from the line on which braking begins, of both sides.",
-    );
-    add(
-        NAMES[3],
-        "Largest change of the yaw angle",
-        "rad",
-        yaw,
-        "Largest change of the yaw angle from the start of braking, of both sides.",
-    );
+    }
 }
 
 /// Braking on a circle.
@@ -154,13 +151,8 @@ pub(crate) fn turn_spec() -> RunSpec {
 }
 
 pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
-    let Some(run) = drive(bench, vec![turn_spec()]).pop() else { return };
-    let metrics = evaluated("brake_in_turn", &run, &json!({}));
-    results.note(&run, &metrics);
-    results.show(&run);
-    results.take(
-        &run,
-        &metrics,
-        &["deceleration_1s", "yaw_rate_ratio_1s", "yaw_rate_ratio_max", "sideslip_change", "radius_deviation_1s"],
-    );
+    let Some((run, metrics)) = shown(bench, turn_spec(), "brake_in_turn", &json!({}), results) else { return };
+    let wanted =
+        ["deceleration_1s", "yaw_rate_ratio_1s", "yaw_rate_ratio_max", "sideslip_change", "radius_deviation_1s"];
+    results.take(&run, &metrics, &wanted);
 }

@@ -1,10 +1,10 @@
 //! Double lane changes of ISO 3888-1 and ISO 3888-2: the largest speed at which no cone is touched.
 
-use super::{evaluated, number, truth};
-use crate::bench::{Bench, drive};
+use super::{executed, number, truth};
+use crate::bench::Bench;
 use crate::evaluators::Evaluation;
 use crate::evaluators::cones::{self, Part};
-use crate::metric::Direction;
+use crate::metric::Definition;
 use crate::results::{Bound, Results, Series};
 use crate::run_result::RunResult;
 use crate::run_spec::{EndAt, RunSpec};
@@ -31,7 +31,7 @@ pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<
         .drivers(&[
             ("path.start", START),
             ("path.overlap", if part == Part::One { 6.0 } else { 2.5 }),
-            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+            ("speed.control", f64::from(bench.has_pedals())),
         ])
         .end(EndAt::Position(end))
         .end(EndAt::Lost)
@@ -56,18 +56,14 @@ pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
     bench.vehicle.width.as_ref().map(|width| {
         let track = cones::track(part, START, width.value);
         // Mirrored, the left edge becomes the right one.
-        track.map(
-            |[begin, end, right, left]| {
-                if bench.is_mirrored { [begin, end, -left, -right] } else { [begin, end, right, left] }
-            },
-        )
+        let mirrored = |[begin, end, right, left]: [f64; 4]| [begin, end, -left, -right];
+        if bench.is_mirrored { track.map(mirrored) } else { track }
     })
 }
 
-fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(RunResult, Evaluation, bool)> {
+fn attempt(bench: &Bench<'_>, part: Part, speed: f64, results: &mut Results) -> Option<(RunResult, Evaluation, bool)> {
     let (spec, options) = spec(bench, part, format!("{}.{speed:.4}", part.name()), speed / 3.6)?;
-    let run = drive(bench, vec![spec]).pop()?;
-    let metrics = evaluated("cones", &run, &options);
+    let (run, metrics) = executed(bench, vec![spec], "cones", &options, results).pop()?;
     let passed =
         truth(&metrics, "passed") == Some(true) && !run.has("lost") && !run.has("rolled_over") && run.error.is_none();
     Some((run, metrics, passed))
@@ -80,8 +76,7 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
     let mut passed: Vec<(f64, RunResult, Evaluation)> = Vec::new();
     let mut failed: Option<(f64, RunResult)> = None;
     let mut attempts = |speed: f64, results: &mut Results| {
-        let (run, metrics, has_passed) = attempt(bench, part, speed)?;
-        results.note(&run, &metrics);
+        let (run, metrics, has_passed) = attempt(bench, part, speed, results)?;
         if has_passed {
             passed.push((speed, run, metrics));
         } else {
@@ -91,34 +86,28 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
     };
     let mut last_passed = None;
     let mut first_failed = None;
-    while speed <= limit {
+    while speed <= limit && first_failed.is_none() {
         match attempts(speed, results) {
             Some(true) => last_passed = Some(speed),
-            Some(false) => {
-                first_failed = Some(speed);
-                break;
-            }
+            Some(false) => first_failed = Some(speed),
             None => return,
         }
         speed += STEP;
     }
-    if let (Some(mut low), Some(mut high)) = (last_passed, first_failed) {
-        while high - low > NEAR {
-            let middle = 0.5 * (low + high);
-            match attempts(middle, results) {
-                Some(true) => low = middle,
-                Some(false) => high = middle,
-                None => return,
-            }
+    while let (Some(low), Some(high)) = (last_passed, first_failed)
+        && high - low > NEAR
+    {
+        let middle = 0.5 * (low + high);
+        match attempts(middle, results) {
+            Some(true) => last_passed = Some(middle),
+            Some(false) => first_failed = Some(middle),
+            None => return,
         }
-        last_passed = Some(low);
-        first_failed = Some(high);
     }
-    let value = json!(last_passed.filter(|_| first_failed.is_some()));
-    let metric = results.metric("max_entry_speed", "Largest entry speed", "km/h", Direction::Up, value);
-    metric.set_definition(
-        "Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.",
-    );
+    let definition =
+        "Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.";
+    let of = Definition::new("max_entry_speed", "Largest entry speed", "km/h", definition).up();
+    let metric = results.metric(&of, last_passed.filter(|_| first_failed.is_some()));
     match (last_passed, first_failed) {
         (Some(_), Some(_)) => (),
         (None, _) => {
@@ -136,7 +125,7 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
             results.take(run, metrics, &[name]);
             let values =
                 passed.iter().filter_map(|(speed, _, metrics)| Some((*speed, number(metrics, name)?))).collect();
-            results.last().set_series(Series { unit: "km/h", values, is_whole: true });
+            results.last().series = Some(Series { unit: "km/h", values, is_whole: true });
         }
     }
     if let Some((_, run)) = &failed {
@@ -149,15 +138,11 @@ const OF_FASTEST: [&str; 4] = ["exit_speed", "sideslip_peak", "roll_peak", "load
 
 /// Drives at the largest entry speed, km/h, of the other system, which is slower, so that both can be compared there.
 pub(crate) fn compare_at(bench: &Bench<'_>, part: Part, speed: f64, results: &mut Results) {
-    let Some((run, metrics, has_passed)) = attempt(bench, part, speed) else { return };
-    results.note(&run, &metrics);
-    if !has_passed {
-        return;
-    }
+    let Some((_, metrics, true)) = attempt(bench, part, speed, results) else { return };
     for name in OF_FASTEST {
         let id = format!("{}.{name}", part.name());
-        let series =
-            results.metrics.iter_mut().find(|metric| metric.id == id).and_then(|metric| metric.series.as_mut());
+        let metric = results.metrics.iter_mut().find(|metric| metric.id == id);
+        let series = metric.and_then(|metric| metric.series.as_mut());
         if let Some((series, value)) = series.zip(number(&metrics, name)) {
             series.values.push((speed, value));
         }

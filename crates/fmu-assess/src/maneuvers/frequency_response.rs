@@ -1,7 +1,8 @@
 //! Frequency response (random input of ISO 7401) with a sum of sines that repeats after ten seconds.
 
-use super::evaluated;
-use crate::bench::{Bench, drive};
+use super::shown;
+use crate::bench::Bench;
+use crate::evaluators::frequency_response::FREQUENCIES;
 use crate::results::Results;
 use crate::run_spec::RunSpec;
 use crate::wiring::{Driving, STEP};
@@ -10,9 +11,6 @@ use serde_json::json;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 
-/// Frequencies, Hz.
-const LINES: [f64; 20] =
-    [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.3, 2.6, 3.0, 3.5, 4.0];
 /// Period, s, start of the steering, s, and end of the run, s.
 const PERIOD: f64 = 10.0;
 const START: f64 = 1.0;
@@ -22,9 +20,9 @@ const STOP: f64 = 32.0;
 fn sum(time: f64) -> f64 {
     let line = |(index, frequency): (usize, &f64)| {
         let i = (index + 1) as f64;
-        sin(2.0 * PI * frequency * time - PI * i * (i - 1.0) / LINES.len() as f64)
+        sin(2.0 * PI * frequency * time - PI * i * (i - 1.0) / FREQUENCIES.len() as f64)
     };
-    LINES.iter().enumerate().map(line).sum()
+    FREQUENCIES.iter().enumerate().map(line).sum()
 }
 
 /// The steering as a table for the driver.
@@ -51,11 +49,10 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
         "lateral_acceleration.bandwidth",
         "lateral_acceleration.delay_1hz",
     ];
-    let maneuver = results.maneuver;
+    // The step steer has all its metrics.
     results.maneuver = "frequency_response";
     let Some(steer) = steer else {
         results.take_none("frequency_response", &wanted, "the amplitude is that of the step steer, which found none");
-        results.maneuver = maneuver;
         return;
     };
     let path = bench.folder.join(format!("frequency_response_{}.csv", bench.system.name));
@@ -64,13 +61,9 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
         .maneuver("table")
         .text("table.file", &path.to_string_lossy())
         .show("steer", 0.5 * steer);
-    if let (Ok(()), Some(run)) = (written, drive(bench, vec![spec]).pop()) {
-        let metrics = evaluated("frequency_response", &run, &json!({}));
-        results.note(&run, &metrics);
-        results.show(&run);
+    if let (Ok(()), Some((run, metrics))) = (written, shown(bench, spec, "frequency_response", &json!({}), results)) {
         results.take(&run, &metrics, &wanted);
     }
-    results.maneuver = maneuver;
 }
 
 #[cfg(test)]

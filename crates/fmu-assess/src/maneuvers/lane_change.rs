@@ -1,7 +1,7 @@
 //! Single lane change (ISO 14791, SAE J2179): one period of a sine of lateral acceleration.
 
-use super::evaluated;
-use crate::bench::{Bench, drive};
+use super::shown;
+use crate::bench::Bench;
 use crate::results::Results;
 use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
@@ -25,7 +25,7 @@ pub(crate) fn spec(bench: &Bench<'_>, speed: f64) -> RunSpec {
             ("path.offset", OFFSET),
             ("path.change_distance", distance),
             ("path.run_out", 100.0),
-            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+            ("speed.control", f64::from(bench.has_pedals())),
         ])
         .end(EndAt::Position(end))
         .end(EndAt::Lost)
@@ -34,10 +34,8 @@ pub(crate) fn spec(bench: &Bench<'_>, speed: f64) -> RunSpec {
 
 pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let speed = bench.other_speed.unwrap_or(if bench.is_car() { 88.0 } else { 80.0 } / 3.6);
-    let Some(run) = drive(bench, vec![spec(bench, speed)]).pop() else { return };
-    let metrics = evaluated("single_lane_change", &run, &json!({}));
-    results.note(&run, &metrics);
-    results.show(&run);
+    let spec = spec(bench, speed);
+    let Some((run, metrics)) = shown(bench, spec, "single_lane_change", &json!({}), results) else { return };
     let wanted = [
         "lateral_acceleration_peak",
         "deviation_peak",

@@ -1,9 +1,9 @@
 //! Ride on random roads of ISO 8608, weighted by ISO 2631-1.
 
-use super::{evaluated, number, reason};
-use crate::bench::{Bench, drive};
+use super::{executed, number, reason};
+use crate::bench::Bench;
 use crate::evaluators::{Evaluation, comfort};
-use crate::metric::{Direction, Value};
+use crate::metric::Definition;
 use crate::results::Results;
 use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
@@ -21,7 +21,7 @@ pub(crate) fn spec(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) ->
     let id = format!("ride.{class}.{seed}");
     let spec = RunSpec::new(id, Driving::Ride, bench.speed(), STOP)
         .maneuver("straight")
-        .drivers(&[("path.start", 2000.0), ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 })])
+        .drivers(&[("path.start", 2000.0), ("speed.control", f64::from(bench.has_pedals()))])
         .show("seed", seed)
         .show("class", roughness);
     on_road(bench, spec, roughness, seed)
@@ -45,19 +45,44 @@ pub(crate) fn on_road(bench: &Bench<'_>, spec: RunSpec, roughness: f64, seed: f6
     spec
 }
 
-/// Mean of a metric over the seeds.
-fn mean(found: &[Evaluation], name: &str) -> Option<f64> {
-    let values: Vec<f64> = found.iter().map(|metrics| number(metrics, name)).collect::<Option<_>>()?;
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
+/// Metrics of a class: those of the evaluator, the largest one of all wheels or struts, in the mean over the seeds.
+const METRICS: [Definition; 4] = [
+    Definition::new(
+        "vibration_total",
+        "Weighted acceleration",
+        "m/s2",
+        "Root of the sum of the squares of the weighted heave, roll and pitch accelerations, mean of three roads. The label is its comfort \
+         class in ISO 2631-1; where the ranges of the standard overlap, that of the lower end.",
+    )
+    .down(),
+    Definition::new(
+        "heave_weighted",
+        "Weighted heave acceleration",
+        "m/s2",
+        "RMS of the heave acceleration weighted by W_k (ISO 2631-1), mean of three roads.",
+    )
+    .down(),
+    Definition::new(
+        "dynamic_load_coefficient",
+        "Largest dynamic load coefficient",
+        "1",
+        "Standard deviation of the tire load over its mean, of the wheel where it is largest, mean of three roads.",
+    )
+    .down(),
+    Definition::new(
+        "suspension_travel_rms",
+        "Largest suspension travel, RMS",
+        "m",
+        "RMS of the suspension deflection about its mean, of the strut where it is largest, mean of three roads.",
+    )
+    .down(),
+];
 
-/// The metric of the wheel or strut where it is largest, in the mean over the seeds.
-fn largest(found: &[Evaluation], name: &str) -> Option<f64> {
+/// Mean of the metric over the seeds, of the place where it is largest.
+fn mean(found: &[Evaluation], name: &str) -> Option<f64> {
     let of_run = |metrics: &Evaluation| {
         let values = metrics.metrics.iter().filter(|metric| metric.definition.name == name);
-        values
-            .filter_map(|metric| if let Value::Number(number) = metric.value { Some(number) } else { None })
-            .reduce(f64::max)
+        values.filter_map(|metric| number(metrics, &metric.name)).reduce(f64::max)
     };
     let values: Vec<f64> = found.iter().map(of_run).collect::<Option<_>>()?;
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
@@ -66,47 +91,25 @@ fn largest(found: &[Evaluation], name: &str) -> Option<f64> {
 pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     for (class, roughness) in CLASSES {
         let specs = SEEDS.map(|seed| spec(bench, class, roughness, seed));
-        let mut found = Vec::new();
-        let mut broken = None;
-        for (index, run) in drive(bench, specs.into()).into_iter().enumerate() {
-            let metrics = evaluated("ride", &run, &json!({ "begin": BEGIN }));
-            results.note(&run, &metrics);
-            if index == 0 && class == "c" {
-                results.show(&run);
-            }
-            broken = broken.or_else(|| run.cut_short().map(|reason| format!("{}: {reason}", run.spec.id)));
-            found.push(metrics);
+        let (runs, mut found): (Vec<_>, Vec<_>) =
+            executed(bench, specs, "ride", &json!({ "begin": BEGIN }), results).into_iter().unzip();
+        if let (Some(first), "c") = (runs.first(), class) {
+            results.show(first);
         }
-        let of_class = class.to_uppercase();
+        let broken = runs.iter().find_map(|run| run.cut_short().map(|reason| format!("{}: {reason}", run.spec.id)));
         // A mean over fewer roads is another number.
         if broken.is_some() {
             found.clear();
         }
-        let why = |name: &str| broken.clone().or_else(|| found.iter().find_map(|of| reason(of, name)));
-        let mut add = |name: &str, title: &str, unit: &'static str, definition: &str, value: Option<f64>| {
-            let (id, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
-            let metric = results.metric(&id, &title, unit, Direction::Down, json!(value));
-            metric.set_definition(definition);
-            if let Some(total) = value.filter(|_| name == "vibration_total") {
-                metric.label = Some(comfort(total));
+        for of in &METRICS {
+            let value = mean(&found, of.name);
+            let metric = results.metric(of, value);
+            metric.id = format!("ride.{class}.{}", of.name);
+            metric.title = format!("{}, class {}", of.title, class.to_uppercase());
+            metric.label = value.filter(|_| of.name == "vibration_total").map(comfort);
+            if value.is_none() {
+                metric.reason = broken.clone().or_else(|| found.iter().find_map(|metrics| reason(metrics, of.name)));
             }
-            if let (None, Some(reason)) = (value, why(name)) {
-                metric.set_reason(&reason);
-            }
-        };
-        let of_all = "Root of the sum of the squares of the weighted heave, roll and pitch accelerations, mean of three roads. \
-             The label is its comfort class in ISO 2631-1; where the ranges of the standard overlap, that of the lower end.";
-        let total = mean(&found, "vibration_total");
-        add("vibration_total", "Weighted acceleration", "m/s2", of_all, total);
-        let of_heave = "RMS of the heave acceleration weighted by W_k (ISO 2631-1), mean of three roads.";
-        add("heave_weighted", "Weighted heave acceleration", "m/s2", of_heave, mean(&found, "heave_weighted"));
-        let of_load =
-            "Standard deviation of the tire load over its mean, of the wheel where it is largest, mean of three roads.";
-        let load = largest(&found, "dynamic_load_coefficient");
-        add("dynamic_load_coefficient", "Largest dynamic load coefficient", "1", of_load, load);
-        let of_travel =
-            "RMS of the suspension deflection about its mean, of the strut where it is largest, mean of three roads.";
-        let travel = largest(&found, "suspension_travel_rms");
-        add("suspension_travel_rms", "Largest suspension travel, RMS", "m", of_travel, travel);
+        }
     }
 }

@@ -1,13 +1,13 @@
 //! Fishhook with roll-rate feedback and J-turn (NHTSA): lowest speed at which two wheels lift.
 
-use super::{SIDES, evaluated, number, truth};
-use crate::bench::{Bench, drive};
+use super::{SIDES, executed, number, truth};
+use crate::bench::Bench;
 use crate::evaluators::Evaluation;
-use crate::metric::Direction;
+use crate::metric::Definition;
 use crate::results::{Bound, Limit, Results, Series};
 use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// One mile per hour, m/s.
 const MPH: f64 = 0.447_04;
@@ -17,15 +17,12 @@ type MakeSpec<'a> = &'a dyn Fn(&str, f64, f64, f64) -> RunSpec;
 
 fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut Results) {
     let mut lifted = None;
-    let mut load_transfer = Peaks::new("load_transfer_peak");
-    let mut roll = Peaks::new("roll_peak");
+    let mut peaks = PEAKS.map(|(of, _)| Peaks::new(of.name));
     let mut is_known = false;
     for mph in speeds {
         let specs = SIDES.map(|(side, sign)| spec(side, sign, *mph, mph * MPH));
         let mut found = Vec::new();
-        for run in drive(bench, specs.into()) {
-            let metrics = evaluated("rollover", &run, &json!({}));
-            results.note(&run, &metrics);
+        for (run, metrics) in executed(bench, specs, "rollover", &json!({}), results) {
             results.show(&run);
             let lift = truth(&metrics, "two_wheel_lift");
             is_known |= lift.is_some() || run.has("rolled_over");
@@ -34,44 +31,55 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
             }
             found.push((metrics, run.cut_short().is_some()));
         }
-        for peaks in [&mut load_transfer, &mut roll] {
-            peaks.add(*mph, &found, lifted.is_none());
-        }
+        peaks.iter_mut().for_each(|peaks| peaks.add(*mph, &found, lifted.is_none()));
         if lifted.is_some() {
             break;
         }
     }
-    let applies = bench.not_applicable();
     let title = "No two-wheel lift up to the highest speed";
-    let no_lift = if is_known { json!(lifted.is_none()) } else { Value::Null };
-    let metric = results.metric("no_lift", title, "", Direction::Up, no_lift);
-    metric
-        .set_limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies)
-        .set_definition("Whether the tires of one side never lose the road for 20 ms, at any speed of the series.");
+    let definition = "Whether the tires of one side never lose the road for 20 ms, at any speed of the series.";
+    let of = Definition::new("no_lift", title, "", definition).up();
+    let metric = results.metric(&of, is_known.then_some(lifted.is_none()));
+    metric.set_limit(Limit::holds("NHTSA, 49 CFR 575.106"), bench.not_applicable());
     if !is_known {
         metric.set_reason("no run has tire loads");
     }
-    let metric = results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, json!(lifted));
-    metric.set_definition("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
+    let definition = "First speed of the series at which two wheels of a side lift, or the vehicle rolls over.";
+    let of = Definition::new("lift_speed", "Speed of the first two-wheel lift", "mph", definition).up();
+    let metric = results.metric(&of, lifted);
     if lifted.is_none() {
         metric.set_best("no wheels lift");
         metric.bound = speeds.last().filter(|_| is_known).map(|highest| Bound::Above(*highest));
     }
-    results
-        .metric("load_transfer_peak", "Largest load transfer ratio", "1", Direction::Down, json!(load_transfer.largest))
-        .set_series(load_transfer.series);
-    if load_transfer.largest.is_none() {
-        unknown(bench, "vehicle.load_transfer_ratio", results);
+    for (peaks, (of, signal)) in peaks.into_iter().zip(&PEAKS) {
+        let metric = results.metric(of, peaks.largest);
+        metric.series = Some(peaks.series);
+        if peaks.largest.is_none() && bench.has_output(signal) {
+            metric.set_reason("no run has it");
+        } else if peaks.largest.is_none() {
+            metric.set_dropped(&format!("the plant has no output `{signal}`"));
+        }
     }
-    results.last().set_definition("Largest magnitude of the load transfer ratio, of all runs.");
-    results
-        .metric("roll_peak", "Largest roll angle", "rad", Direction::Down, json!(roll.largest))
-        .set_series(roll.series);
-    if roll.largest.is_none() {
-        unknown(bench, "body.roll", results);
-    }
-    results.last().set_definition("Largest magnitude of the roll angle, of all runs.");
 }
+
+/// Metrics that are the largest of all runs, and the signal of each.
+const PEAKS: [(Definition, &str); 2] = [
+    (
+        Definition::new(
+            "load_transfer_peak",
+            "Largest load transfer ratio",
+            "1",
+            "Largest magnitude of the load transfer ratio, of all runs.",
+        )
+        .down(),
+        "vehicle.load_transfer_ratio",
+    ),
+    (
+        Definition::new("roll_peak", "Largest roll angle", "rad", "Largest magnitude of the roll angle, of all runs.")
+            .down(),
+        "body.roll",
+    ),
+];
 
 /// The largest peak of all runs, and those of the speeds that the vehicle can drive.
 struct Peaks {
@@ -116,15 +124,6 @@ pub(crate) fn j_turn_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64)
         ("steer.start", 1.0),
         ("steer.rise_time", wheel.abs() / 1000.0),
     ])
-}
-
-/// Sets the reason that the last metric, which needs a signal, has no value.
-fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
-    if bench.has_output(signal) {
-        results.last().set_reason("no run has it");
-    } else {
-        results.last().set_dropped(&format!("the plant has no output `{signal}`"));
-    }
 }
 
 /// Steers to one side, waits until the roll rate is back at zero, and steers to the other side.

@@ -1,13 +1,13 @@
 //! Sine with dwell (FMVSS 126, UN R140): a series of rising amplitudes to both sides, coasting.
 
-use super::{NotApplicable, SIDES, evaluated, number, reason, truth};
-use crate::bench::{Bench, drive};
+use super::{NotApplicable, SIDES, executed, number, reason, truth};
+use crate::bench::Bench;
 use crate::evaluators::Evaluation;
-use crate::metric::Direction;
+use crate::metric::Definition;
 use crate::results::{Limit, Results, Series};
 use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// Speed, m/s.
 pub(crate) const SPEED: f64 = 80.0 / 3.6;
@@ -88,9 +88,8 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             spec(format!("sine_with_dwell.{side}.{amplitude:.1}"), SPEED, steer).show("amplitude", amplitude)
         });
         let mut is_pair_stable = true;
-        for run in drive(bench, specs.into()) {
-            let metrics = evaluated("sine_with_dwell", &run, &json!({ "steer.ratio": bench.ratio() }));
-            results.note(&run, &metrics);
+        let options = json!({ "steer.ratio": bench.ratio() });
+        for (run, metrics) in executed(bench, specs, "sine_with_dwell", &options, results) {
             results.show(&run);
             let is_whole = run.cut_short().is_none();
             worst.iter_mut().for_each(|worst| worst.add(amplitude / a, &metrics, is_whole));
@@ -98,11 +97,8 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
                 least.add(amplitude / a, &metrics, is_whole);
             }
             match truth(&metrics, "stable") {
-                Some(stable) if !run.has("spun") && !run.has("rolled_over") && run.error.is_none() => {
-                    is_pair_stable &= stable;
-                }
-                Some(_) => is_pair_stable = false,
-                None if run.has("spun") || run.has("rolled_over") || run.error.is_some() => is_pair_stable = false,
+                _ if run.has("spun") || run.has("rolled_over") || run.error.is_some() => is_pair_stable = false,
+                Some(stable) => is_pair_stable &= stable,
                 None => {
                     let why = reason(&metrics, "stable").unwrap_or_default();
                     unknown = unknown.or(Some(format!("{}: {why}", run.spec.id)));
@@ -117,64 +113,44 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             }
         }
     }
-    let wanted = if bench.vehicle.mass.as_ref().is_none_or(|mass| mass.value <= 3500.0) {
-        DISPLACEMENT.0
-    } else {
-        DISPLACEMENT.1
-    };
+    let is_light = bench.vehicle.mass.as_ref().is_none_or(|mass| mass.value <= 3500.0);
+    let wanted = if is_light { DISPLACEMENT.0 } else { DISPLACEMENT.1 };
     let applies = bench.not_applicable();
-    let stable = if unknown.is_none() || !is_stable { Value::Bool(is_stable) } else { Value::Null };
-    results.metric("stable", "Stable at all amplitudes", "", Direction::Up, stable);
-    if let Some(reason) = unknown.as_ref().filter(|_| is_stable) {
-        results.last().set_reason(reason);
-    }
-    results.last().set_limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
-    results.last().set_definition("Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.");
-    results
-        .metric("unstable_from", "Unstable from an amplitude of", "A", Direction::None, json!(unstable_from))
-        .set_definition("Smallest amplitude at which a run is not stable.");
+    let stable = (unknown.is_none() || !is_stable).then_some(is_stable);
+    let definition = "Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.";
+    let of = Definition::new("stable", "Stable at all amplitudes", "", definition).up();
+    let metric = results.metric(&of, stable).set_limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
+    metric.reason = unknown.clone().filter(|_| is_stable);
+    let definition = "Smallest amplitude at which a run is not stable.";
+    let of = Definition::new("unstable_from", "Unstable from an amplitude of", "A", definition);
+    let metric = results.metric(&of, unstable_from);
     if unstable_from.is_none() {
-        results.last().set_best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
+        metric.set_best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
     }
-    let [first, second] = worst;
-    let has_displacement = least.value.is_some();
-    results
-        .metric(
-            "yaw_rate_ratio_1s",
-            "Largest yaw rate 1 s after the steering",
-            "1",
-            Direction::Down,
-            json!(first.value),
-        )
-        .set_definition(
-            "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
-        )
-        .set_series(first.series());
-    results
-        .metric(
-            "yaw_rate_ratio_1_75s",
-            "Largest yaw rate 1.75 s after the steering",
-            "1",
-            Direction::Down,
-            json!(second.value),
-        )
-        .set_definition("The same 1.75 s after the completion of steer.")
-        .set_series(second.series());
-    results
-        .metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, json!(least.value))
-        .set_definition(
-            "Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.",
-        )
-        .set_limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies)
-        .set_series(least.series());
-    if !has_displacement {
+    let titles = ["Largest yaw rate 1 s after the steering", "Largest yaw rate 1.75 s after the steering"];
+    let definitions = [
+        "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
+        "The same 1.75 s after the completion of steer.",
+    ];
+    for (worst, (title, definition)) in worst.into_iter().zip(titles.into_iter().zip(definitions)) {
+        let of = Definition::new(worst.name, title, "1", definition).down();
+        let value = worst.value;
+        results.metric(&of, value).series = Some(worst.series());
+    }
+    let definition =
+        "Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.";
+    let of = Definition::new(least.name, "Least displacement from 5 A on", "m", definition).up();
+    let metric = results.metric(&of, least.value);
+    metric.set_limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies);
+    if least.value.is_none() {
         let largest = amplitudes(a).into_iter().fold(0.0, f64::max);
         if largest < COUNTS_FROM * a {
-            results.last().set_reason(&format!("the largest amplitude, {largest:.0} deg, is below 5 A"));
+            metric.set_reason(&format!("the largest amplitude, {largest:.0} deg, is below 5 A"));
         } else {
-            results.last().set_reason("no run of at least 5 A has a displacement");
+            metric.set_reason("no run of at least 5 A has a displacement");
         }
     }
+    metric.series = Some(least.series());
 }
 
 #[cfg(test)]

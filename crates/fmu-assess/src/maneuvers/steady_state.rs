@@ -1,12 +1,10 @@
 //! Slowly increasing steer (FMVSS 126 S7.6, ISO 4138 at constant speed) and constant radius (ISO 4138).
 
-use super::{G, SIDES, evaluated, number, reason};
+use super::{G, SIDES, evaluated, number, reason, shown};
 use crate::bench::{Bench, drive};
-use crate::metric::{self, Direction};
+use crate::metric::{self, Definition};
 use crate::results::{Results, Suite};
-use crate::run_result::RunResult;
 use crate::run_spec::{EndAt, RunSpec};
-use crate::systems::Speed;
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -25,12 +23,11 @@ pub(crate) struct Increasing {
 /// Steers slowly to both sides.
 pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Results, Increasing) {
     let mut results = Results::new("slowly_increasing_steer", suite, bench.system.name);
-    let holds_speed = if bench.system.speed == Speed::Pedals { 1.0 } else { 0.0 };
     let specs = SIDES.map(|(side, sign)| {
         RunSpec::new(format!("slowly_increasing_steer.{side}"), Driving::Path, bench.speed(), 40.0)
             .maneuver("slowly_increasing_steer")
             .drivers(&[
-                ("speed.control", holds_speed),
+                ("speed.control", f64::from(bench.has_pedals())),
                 ("steer.wheel_rate", 13.5_f64.to_radians()),
                 ("steer.wheel_amplitude", sign * 400.0_f64.to_radians()),
             ])
@@ -45,7 +42,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
     if let Err(reason) = &wheelbase {
         let gradients = found.iter_mut().flat_map(|metrics| &mut metrics.metrics);
         for gradient in gradients.filter(|metric| metric.name == "understeer_gradient") {
-            gradient.value = metric::Value::Null(metric::Reason::new(reason.clone()));
+            gradient.value = metric::Value::Null(reason.clone());
         }
     }
     for (run, metrics) in runs.iter().zip(&found) {
@@ -57,27 +54,21 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
         let values: Option<Vec<f64>> = found.iter().map(|metrics| number(metrics, name)).collect();
         values.map(|values| values.iter().sum::<f64>() / values.len() as f64)
     };
-    let why = |name: &str| found.iter().find_map(|metrics| reason(metrics, name));
+    let mut add = |name, title, unit, definition, value: Option<f64>| {
+        let metric = results.metric(&Definition::new(name, title, unit, definition), value);
+        metric.reason = found.iter().find_map(|metrics| reason(metrics, name));
+    };
     let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
-    results.metric("A", "Steering wheel angle at 0.3 g", "deg", Direction::None, json!(amplitude));
-    if let Some(reason) = why("A") {
-        results.last().set_reason(&reason);
-    }
-    results.last().set_definition("A: mean of the magnitudes that both directions give, rounded to 0.1 deg.");
+    let definition = "A: mean of the magnitudes that both directions give, rounded to 0.1 deg.";
+    add("A", "Steering wheel angle at 0.3 g", "deg", definition, amplitude);
+    let definition = "Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.";
     for (name, title, unit) in [
         ("understeer_gradient", "Understeer gradient", "rad/(m/s2)"),
         ("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)"),
         ("roll_gradient", "Roll gradient", "rad/(m/s2)"),
         ("load_transfer_gradient", "Load transfer gradient", "1/(m/s2)"),
     ] {
-        let value = mean(name);
-        results.metric(name, title, unit, Direction::None, json!(value));
-        if let Some(reason) = why(name) {
-            results.last().set_reason(&reason);
-        }
-        results
-            .last()
-            .set_definition("Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.");
+        add(name, title, unit, definition, mean(name));
     }
     (results, Increasing { amplitude, understeer_gradient: mean("understeer_gradient") })
 }
@@ -94,7 +85,7 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
             ("path.start", 20.0),
             ("path.arc", 2000.0),
             ("lateral.integral_gain", 0.3),
-            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+            ("speed.control", f64::from(bench.has_pedals())),
             ("speed.final", (highest * RADIUS).sqrt()),
             ("speed.start", 12.0),
             ("speed.rise_time", 60.0),
@@ -109,15 +100,10 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
 /// Drives on a circle with rising speed.
 pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     let Some((spec, options)) = circle(bench) else { return };
-    let result: Vec<RunResult> = drive(bench, vec![spec]);
-    let Some(run) = result.first() else { return };
-    let metrics = evaluated("constant_radius", run, &options);
-    results.note(run, &metrics);
-    results.show(run);
-    results.take(run, &metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
+    let Some((run, metrics)) = shown(bench, spec, "constant_radius", &options, results) else { return };
+    results.take(&run, &metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
     if run.error.is_some() {
-        results
-            .metric("completed", "Circle driven to the end", "", Direction::None, Value::Bool(false))
-            .set_definition("Whether the run gets to its end, 72 s, without breaking down.");
+        let definition = "Whether the run gets to its end, 72 s, without breaking down.";
+        results.metric(&Definition::new("completed", "Circle driven to the end", "", definition), false);
     }
 }

@@ -14,9 +14,7 @@ const SECTIONS: usize = 3;
 /// cutoff frequency, as far as there are rows. Each pass starts in the steady state of its first sample.
 pub(crate) fn lowpass(x: &[f64], cutoff: f64, rate: f64) -> Result<Vec<f64>, Reason> {
     if cutoff >= 0.5 * rate {
-        return Err(Reason::new(format!(
-            "a sampling rate of {rate} Hz is too low for a low-pass filter at {cutoff} Hz"
-        )));
+        return Err(format!("a sampling rate of {rate} Hz is too low for a low-pass filter at {cutoff} Hz"));
     }
     let Some(added) = x.len().checked_sub(1) else { return Ok(Vec::new()) };
     let added = added.min((3.0 * rate / cutoff + 0.5).floor() as usize);

@@ -26,31 +26,31 @@ impl<'a> Rows<'a> {
         let times = trace.times();
         let &[first, .., last] = times else {
             let count = if times.is_empty() { "no row" } else { "one row" };
-            return Err(Reason::new(format!("the recording has {count}, at least two are needed")));
+            return Err(format!("the recording has {count}, at least two are needed"));
         };
         if let Some(row) = times.iter().position(|time| !time.is_finite()) {
-            return Err(Reason::new(format!("the time of row {} is not a finite number", row + 1)));
+            return Err(format!("the time of row {} is not a finite number", row + 1));
         }
         if let Some(row) = times.windows(2).position(|pair| pair[0] >= pair[1]) {
             let (before, after) = (times[row], times[row + 1]);
-            return Err(Reason::new(format!(
+            return Err(format!(
                 "the times do not rise: row {} is at {after} s, the row before at {before} s",
                 row + 2
-            )));
+            ));
         }
         let step = (last - first) / (times.len() - 1) as f64;
         let grid = |row: usize| first + row as f64 * step;
         if let Some(row) = (0..times.len()).find(|row| (times[*row] - grid(*row)).abs() > UNEVENNESS * step) {
-            return Err(Reason::new(format!(
+            return Err(format!(
                 "the rows are not evenly spaced: row {} is at {} s, but would be at {:.6} s",
                 row + 1,
                 times[row],
                 grid(row)
-            )));
+            ));
         }
         let rate = (1000.0 / step + 0.5).floor() / 1000.0;
         if rate <= 0.0 || !rate.is_finite() {
-            return Err(Reason::new(format!("a distance of {step} s between the rows has no sampling rate")));
+            return Err(format!("a distance of {step} s between the rows has no sampling rate"));
         }
         Ok(Self { trace, times, step, rate })
     }
@@ -58,9 +58,9 @@ impl<'a> Rows<'a> {
     /// A column of finite numbers.
     pub(crate) fn column(&self, name: &str) -> Result<&'a [f64], Reason> {
         let column = self.trace.column(name);
-        let column = column.ok_or_else(|| Reason::new(format!("the recording has no column `{name}`")))?;
+        let column = column.ok_or_else(|| format!("the recording has no column `{name}`"))?;
         match column.iter().position(|value| !value.is_finite()) {
-            Some(row) => Err(Reason::new(format!("`{name}` is not a finite number at {} s", self.times[row]))),
+            Some(row) => Err(format!("`{name}` is not a finite number at {} s", self.times[row])),
             None => Ok(column),
         }
     }
