@@ -9,6 +9,7 @@ use crate::executor::Executor;
 use crate::maneuvers::double_lane_change::compare_at;
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
+use crate::numerics::GRAVITY;
 use crate::report::{Assessment, Row, SCHEMA, row};
 use crate::results::{Limit, Measured, REQUIRED, Results, Suite};
 use crate::run_spec::RunSpec;
@@ -205,7 +206,7 @@ impl Bench<'_> {
         let run = drive(self, vec![spec]).pop()?;
         let names = run.trace.names().filter(|name| name.starts_with("tire_load."));
         let loads: Vec<f64> = names.filter_map(|name| run.trace.column(name)?.first().copied()).collect();
-        (!loads.is_empty()).then(|| loads.iter().sum::<f64>() / maneuvers::G)
+        (!loads.is_empty()).then(|| loads.iter().sum::<f64>() / GRAVITY)
     }
 }
 

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// Name of the times of a recording in the file of a vehicle.
 pub(crate) const TIME: &str = "time";
 
-/// Error while setting up the bench.
+/// FMUs, values, options or recordings that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct SetupError {

@@ -10,7 +10,7 @@ pub(crate) mod frequency_response;
 mod reference;
 mod ride;
 mod rollover;
-mod sine_with_dwell;
+pub(crate) mod sine_with_dwell;
 mod single_lane_change;
 mod slowly_increasing_steer;
 mod steady_state;
@@ -20,12 +20,12 @@ pub(crate) mod weighting;
 
 pub use reference::reference;
 pub(crate) use ride::comfort;
-pub use sine_with_dwell::is_responsive;
 
+use crate::components::SetupError;
 use crate::json;
 use crate::metric::{Definition, Metric, Reason, Results, Value};
 use crate::numerics::{Rows, largest_magnitude};
-use crate::options::{OptionError, OptionRule, Options};
+use crate::options::{OptionRule, Options};
 use crate::trace::Trace;
 
 pub use crate::trace::Column;
@@ -83,7 +83,7 @@ impl Evaluator {
     ///
     /// # Errors
     /// The options are not an object, an option is unknown or missing, or a value is not allowed.
-    pub fn evaluate(&self, trace: &Trace<'_>, options: &serde_json::Value) -> Result<Evaluation, OptionError> {
+    pub fn evaluate(&self, trace: &Trace<'_>, options: &serde_json::Value) -> Result<Evaluation, SetupError> {
         let options = Options::new(self.name, self.options, options)?;
         let mut results = Results::new(self.metrics);
         let computed = Rows::new(trace).and_then(|rows| (self.compute)(&rows, &options, &mut results));

@@ -23,9 +23,6 @@ use crate::run_spec::RunSpec;
 use crate::systems::Speed;
 use serde_json::Value;
 
-/// Standard acceleration of gravity, m/s2.
-pub(crate) const G: f64 = 9.81;
-
 /// A maneuver of the bench.
 pub(crate) struct Maneuver {
     /// Id, also the first part of the ids of its metrics.

@@ -1,5 +1,7 @@
 //! Options of evaluators.
 
+use crate::components::SetupError;
+use serde::Deserialize as _;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
@@ -52,70 +54,8 @@ pub enum Fallback {
     Word(&'static str),
 }
 
-/// Options that an evaluator does not accept.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum OptionError {
-    /// The text is not a JSON object.
-    #[error("the options must be an object such as {{\"steer.ratio\": 16}}, got {0}")]
-    NotAnObject(String),
-    /// The evaluator has no such option.
-    #[error("`{evaluator}` has no option `{name}`")]
-    Unknown {
-        /// Name of the evaluator.
-        evaluator: &'static str,
-        /// The given text.
-        name: String,
-        /// The options that it has.
-        known: Vec<&'static str>,
-    },
-    /// A required option is missing.
-    #[error("`{evaluator}` needs the option `{name}`: {meaning}")]
-    Missing {
-        /// Name of the evaluator.
-        evaluator: &'static str,
-        /// Name of the option.
-        name: &'static str,
-        /// Its meaning.
-        meaning: &'static str,
-    },
-    /// A value is not allowed.
-    #[error("the option `{name}` of `{evaluator}` must be {rule}, got {given}")]
-    Invalid {
-        /// Name of the evaluator.
-        evaluator: &'static str,
-        /// Name of the option.
-        name: &'static str,
-        /// The allowed values.
-        rule: String,
-        /// The given text.
-        given: String,
-    },
-}
-
-impl OptionError {
-    /// Advice for the user.
-    #[must_use]
-    pub fn help(&self) -> String {
-        match self {
-            Self::NotAnObject(_) => "Write the options as JSON: names in double quotes, in braces.".to_owned(),
-            Self::Unknown { known, .. } if known.is_empty() => "It has no options: leave it out.".to_owned(),
-            Self::Unknown { known, .. } => format!("Use one of `{}`, or leave it out.", known.join("`, `")),
-            Self::Missing { name, .. } => format!("Add it to the options: {{\"{name}\": VALUE}}."),
-            Self::Invalid { .. } => "Change the value, or leave the option out if it has a default.".to_owned(),
-        }
-    }
-}
-
-/// A coned section of a track.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Lane {
-    /// Begin and end, m.
-    pub(crate) begin: f64,
-    pub(crate) end: f64,
-    /// Edges, m, the left one the larger.
-    pub(crate) right: f64,
-    pub(crate) left: f64,
-}
+/// A coned section of a track, m: begin, end, right edge, left edge.
+pub(crate) type Lane = [f64; 4];
 
 #[derive(Debug, Clone, PartialEq)]
 enum Given {
@@ -134,13 +74,22 @@ impl Options {
         evaluator: &'static str,
         rules: &'static [OptionRule],
         given: &Value,
-    ) -> Result<Self, OptionError> {
-        let Value::Object(given) = given else { return Err(OptionError::NotAnObject(given.to_string())) };
+    ) -> Result<Self, SetupError> {
+        let Value::Object(given) = given else {
+            return Err(SetupError::with_help(
+                format!("the options must be an object such as {{\"steer.ratio\": 16}}, got {given}"),
+                "Write the options as JSON: names in double quotes, in braces.",
+            ));
+        };
         let is_known =
             |name: &String| rules.iter().any(|rule| rule.name == name) || DESCRIPTIVE.contains(&name.as_str());
         if let Some(name) = given.keys().find(|name| !is_known(name)) {
-            let known = rules.iter().map(|rule| rule.name).collect();
-            return Err(OptionError::Unknown { evaluator, name: name.clone(), known });
+            let known: Vec<&str> = rules.iter().map(|rule| rule.name).collect();
+            let help = match known[..] {
+                [] => "It has no options: leave it out.".to_owned(),
+                _ => format!("Use one of `{}`, or leave it out.", known.join("`, `")),
+            };
+            return Err(SetupError::with_help(format!("`{evaluator}` has no option `{name}`"), help));
         }
         let mut options = BTreeMap::new();
         for rule in rules {
@@ -183,10 +132,13 @@ impl Options {
 }
 
 impl OptionRule {
-    fn value(&self, evaluator: &'static str, given: &Map<String, Value>) -> Result<Option<Given>, OptionError> {
+    fn value(&self, evaluator: &'static str, given: &Map<String, Value>) -> Result<Option<Given>, SetupError> {
         let Some(value) = given.get(self.name) else {
             return match self.default {
-                Fallback::Required => Err(OptionError::Missing { evaluator, name: self.name, meaning: self.meaning }),
+                Fallback::Required => Err(SetupError::with_help(
+                    format!("`{evaluator}` needs the option `{}`: {}", self.name, self.meaning),
+                    format!("Add it to the options: {{\"{}\": VALUE}}.", self.name),
+                )),
                 Fallback::Absent => Ok(None),
                 Fallback::Number(number) => Ok(Some(Given::Number(number))),
                 Fallback::Word(word) => Ok(Some(Given::Word(word.to_owned()))),
@@ -205,19 +157,18 @@ impl OptionRule {
             }
             Form::Lanes => lanes(value).map(Given::Lanes),
         };
-        read.map(Some).ok_or_else(|| OptionError::Invalid {
-            evaluator,
-            name: self.name,
-            rule: self.form.rule(),
-            given: value.to_string(),
+        read.map(Some).ok_or_else(|| {
+            SetupError::with_help(
+                format!("the option `{}` of `{evaluator}` must be {}, got {value}", self.name, self.form.rule()),
+                "Change the value, or leave the option out if it has a default.",
+            )
         })
     }
 }
 
 impl Form {
     /// The allowed values, as the end of "must be".
-    #[must_use]
-    pub fn rule(self) -> String {
+    fn rule(self) -> String {
         match self {
             Self::Positive => "a positive number".to_owned(),
             Self::NotNegative => "a number of at least 0".to_owned(),
@@ -233,13 +184,9 @@ impl Form {
 }
 
 fn lanes(value: &Value) -> Option<Vec<Lane>> {
-    let sections = value.as_array().filter(|sections| !sections.is_empty())?;
-    let lane = |section: &Value| {
-        let numbers: Vec<f64> = section.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?;
-        let &[begin, end, right, left] = &numbers[..] else { return None };
-        (begin < end && right < left).then_some(Lane { begin, end, right, left })
-    };
-    sections.iter().map(lane).collect()
+    let lanes: Vec<Lane> = Vec::deserialize(value).ok()?;
+    let is_section = |[begin, end, right, left]: &Lane| begin < end && right < left;
+    (!lanes.is_empty() && lanes.iter().all(is_section)).then_some(lanes)
 }
 
 #[cfg(test)]
@@ -273,7 +220,7 @@ mod tests {
         assert_eq!(options.word("class"), "car");
         assert_eq!(options.lanes("lanes"), None);
         let options = Options::new("e", &RULES, &json!({"ratio": 1, "lanes": [[0, 1, -1.5, 2]]})).unwrap();
-        assert_eq!(options.lanes("lanes"), Some(&[Lane { begin: 0.0, end: 1.0, right: -1.5, left: 2.0 }][..]));
+        assert_eq!(options.lanes("lanes"), Some(&[[0.0, 1.0, -1.5, 2.0]][..]));
     }
 
     #[test]
@@ -293,7 +240,7 @@ mod tests {
         ] {
             let error = Options::new("e", &RULES, &given).unwrap_err();
             assert!(error.to_string().contains(expected), "{error}");
-            assert!(!error.help().is_empty());
+            assert!(error.help.is_some());
         }
     }
 }

@@ -4,6 +4,7 @@ mod read;
 
 pub use read::{Reading, Resample};
 
+use crate::components::SetupError;
 use std::borrow::Cow;
 
 /// A column that an evaluator reads.
@@ -37,24 +38,6 @@ pub struct Trace<'a> {
     columns: Vec<(Cow<'a, str>, Cow<'a, [f64]>)>,
 }
 
-/// A column that does not fit a trace.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum TraceError {
-    /// It has another number of rows.
-    #[error("the column `{name}` has {rows} rows, the times have {times}; give every column a value for each time")]
-    Length {
-        /// Name of the column.
-        name: String,
-        /// Rows of the column.
-        rows: usize,
-        /// Rows of the times.
-        times: usize,
-    },
-    /// Its name is taken.
-    #[error("the trace has two columns `{0}`; remove or rename one")]
-    Twice(String),
-}
-
 impl<'a> Trace<'a> {
     /// A trace without columns, from its times, s.
     #[must_use]
@@ -70,13 +53,16 @@ impl<'a> Trace<'a> {
         mut self,
         name: impl Into<Cow<'a, str>>,
         values: impl Into<Cow<'a, [f64]>>,
-    ) -> Result<Self, TraceError> {
+    ) -> Result<Self, SetupError> {
         let (name, values) = (name.into(), values.into());
         if values.len() != self.times.len() {
-            return Err(TraceError::Length { name: name.into(), rows: values.len(), times: self.times.len() });
+            let (rows, times) = (values.len(), self.times.len());
+            return Err(SetupError::new(format!(
+                "the column `{name}` has {rows} rows, the times have {times}; give every column a value for each time"
+            )));
         }
         if self.column(&name).is_some() {
-            return Err(TraceError::Twice(name.into()));
+            return Err(SetupError::new(format!("the trace has two columns `{name}`; remove or rename one")));
         }
         self.columns.push((name, values));
         Ok(self)
@@ -111,7 +97,8 @@ mod tests {
         assert_eq!(trace.column("a"), Some(&values[..]));
         assert_eq!(trace.column("b"), None);
         assert_eq!(trace.names().collect::<Vec<_>>(), ["a"]);
-        assert_eq!(trace.clone().with("a", vec![0.0; 2]).unwrap_err(), TraceError::Twice("a".into()));
+        let error = trace.clone().with("a", vec![0.0; 2]).unwrap_err();
+        assert_eq!(error.to_string(), "the trace has two columns `a`; remove or rename one");
         let error = trace.with("b", vec![0.0; 3]).unwrap_err();
         assert!(error.to_string().starts_with("the column `b` has 3 rows, the times have 2"), "{error}");
     }

@@ -105,7 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let (trace, notes) = Trace::read(&file, &bytes, evaluator.columns, &reading)?;
     let evaluation = evaluator.evaluate(&trace, &options).map_err(|error| {
         let list = format!("`chassis bench evaluate {} --list` shows all options.", evaluator.name);
-        miette!(help = format!("{} {list}", error.help()), "--options: {error}")
+        miette!(help = format!("{} {list}", error.help.as_deref().unwrap_or_default()), "--options: {error}")
     })?;
     for note in notes.iter().chain(&evaluation.notes) {
         errln!("note: {note}");

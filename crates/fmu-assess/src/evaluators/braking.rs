@@ -1,6 +1,6 @@
 //! Braking straight ahead: deceleration, distance, and what happens to the direction.
 
-use super::steering_wheel::{RATIO, steering_wheel};
+use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, at, largest_magnitude};
@@ -40,7 +40,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Column::optional("driver.steering_wheel", "rad"),
         Column::optional("driver.steer", "rad"),
     ],
-    options: &[RATIO],
+    options: &[OPTIONAL_RATIO],
     metrics: &[
         Definition::new(
             "initial_speed",

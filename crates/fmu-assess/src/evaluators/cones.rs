@@ -1,6 +1,6 @@
 //! Coned tracks: margins to the edges of the sections.
 
-use super::steering_wheel::{RATIO, steering_wheel};
+use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
 use super::{Column, Evaluator, peak};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, at, largest_magnitude, up};
@@ -74,7 +74,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             default: Fallback::Absent,
             meaning: "another track, as a list of sections [x begin, x end, right edge, left edge]; `maneuver`, `path.start` and `path.mirror` then have no effect",
         },
-        RATIO,
+        OPTIONAL_RATIO,
     ],
     metrics: &[
         Definition::new(
@@ -162,7 +162,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         crossing.ok_or_else(|| format!("the reference point does not pass {what} at {level} m"))
     };
     let (entry, exit) =
-        (passes(first.begin, "the start of the first section"), passes(last.end, "the end of the last section"));
+        (passes(first[0], "the start of the first section"), passes(last[1], "the end of the last section"));
     let speed = |time: &Result<f64, Reason>| {
         let (time, speed) = (time.clone()?, rows.column("vehicle.speed")?);
         at(rows.times, speed, time).ok_or_else(|| "the recording ends before".to_owned())
@@ -193,7 +193,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
             *smallest = Some(smallest.map_or(margin, |smallest| smallest.min(margin)));
         }
     }
-    let is_finished = x.iter().any(|x| *x >= last.end);
+    let is_finished = x.iter().any(|x| *x >= last[1]);
     let passed = if !is_finished || hit.is_some() {
         Ok(false)
     } else if margins.contains(&None) {
@@ -216,12 +216,8 @@ fn lanes(options: &Options) -> Vec<Lane> {
         return lanes.to_vec();
     }
     let is_mirrored = options.number("path.mirror") == 1.0;
-    let lane = |[begin, end, right, left]: [f64; 4]| {
-        let (right, left) = if is_mirrored { (-left, -right) } else { (right, left) };
-        Lane { begin, end, right, left }
-    };
     let part = if options.number("maneuver") == f64::from(Part::Two.option()) { Part::Two } else { Part::One };
-    track(part, options.number("path.start"), options.number("vehicle.width")).map(lane).to_vec()
+    track(part, options.number("path.start"), options.number("vehicle.width"), is_mirrored).to_vec()
 }
 
 /// Parts of ISO 3888.
@@ -258,13 +254,17 @@ impl Part {
     }
 }
 
-/// The sections of a track, m: begin, end, right and left edge of each.
-pub(crate) fn track(part: Part, start: f64, width: f64) -> [[f64; 4]; 3] {
+/// The sections of a track for a vehicle of a width, m.
+pub(crate) fn track(part: Part, start: f64, width: f64, is_mirrored: bool) -> [Lane; 3] {
     let sections = match part {
         Part::One => moderate(width),
         Part::Two => severe(width),
     };
-    sections.map(|[begin, end, right, left]| [start + begin, start + end, right, left])
+    sections.map(|[begin, end, right, left]| {
+        // Mirrored, the left edge becomes the right one.
+        let (right, left) = if is_mirrored { (-left, -right) } else { (right, left) };
+        [start + begin, start + end, right, left]
+    })
 }
 
 /// ISO 3888-1 for a vehicle of a width, m: begin and end of each section after the start, right and left edge. The right edges of the
@@ -306,16 +306,16 @@ impl Footprint {
 }
 
 /// Smallest distance of the part of a rectangle inside a section from its edges; `None` if no part is inside.
-fn margin(corners: &[[f64; 2]; 4], lane: &Lane) -> Option<f64> {
-    let inside = corners.iter().filter(|[x, _]| (lane.begin..=lane.end).contains(x)).map(|[_, y]| *y);
+fn margin(corners: &[[f64; 2]; 4], [begin, end, right, left]: &Lane) -> Option<f64> {
+    let inside = corners.iter().filter(|[x, _]| (begin..=end).contains(&x)).map(|[_, y]| *y);
     let cut = (0..corners.len()).flat_map(|index| {
         let ([ax, ay], [bx, by]) = (corners[index], corners[(index + 1) % corners.len()]);
-        [lane.begin, lane.end].map(|x| {
+        [*begin, *end].map(|x| {
             let crosses = (ax < x && x < bx) || (bx < x && x < ax);
             crosses.then(|| ay + (x - ax) / (bx - ax) * (by - ay))
         })
     });
-    let distances = inside.chain(cut.flatten()).map(|y| (lane.left - y).min(y - lane.right));
+    let distances = inside.chain(cut.flatten()).map(|y| (left - y).min(y - right));
     distances.reduce(f64::min)
 }
 
@@ -340,7 +340,7 @@ mod tests {
     /// By hand: a rectangle of 4 m by 2 m in a lane 3 m wide.
     #[test]
     fn margins_of_a_rectangle() {
-        let lane = Lane { begin: 0.0, end: 10.0, right: -1.5, left: 1.5 };
+        let lane = [0.0, 10.0, -1.5, 1.5];
         let footprint = Footprint { half_width: 1.0, front: 2.0, rear: 2.0 };
         let margin = |x, y, yaw| margin(&footprint.corners(x, y, yaw), &lane);
         assert_eq!(margin(5.0, 0.0, 0.0), Some(0.5));
@@ -354,7 +354,7 @@ mod tests {
         let across = margin(5.0, 0.0, std::f64::consts::FRAC_PI_2).unwrap();
         assert!((across + 0.5).abs() < 1e-15);
         // Around the whole section.
-        let short = Lane { begin: 4.9, end: 5.1, ..lane };
+        let short = [4.9, 5.1, -1.5, 1.5];
         assert_eq!(super::margin(&footprint.corners(5.0, 0.25, 0.0), &short), Some(0.25));
     }
 }

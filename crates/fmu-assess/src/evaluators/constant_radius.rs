@@ -1,6 +1,6 @@
 //! Constant radius: gradients while the speed rises on a circle.
 
-use super::steady_state::Cornering;
+use super::steady_state::{Cornering, WHEELBASE};
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, largest, mean, sign};
@@ -29,13 +29,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Column::optional("vehicle.load_transfer_ratio", "1"),
     ],
     options: &[
-        OptionRule {
-            name: "geometry.wheelbase",
-            unit: "m",
-            form: Form::Positive,
-            default: Fallback::Required,
-            meaning: "wheelbase; of more than two axles the equivalent one",
-        },
+        WHEELBASE,
         OptionRule {
             name: "begin",
             unit: "m",

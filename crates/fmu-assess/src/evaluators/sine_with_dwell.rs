@@ -1,9 +1,10 @@
 //! Sine with dwell: stability and responsiveness.
 
+use super::steering_wheel::RATIO;
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, at, derivative, largest, largest_magnitude, lowpass, mean, sign, smallest, up};
-use crate::options::{Fallback, Form, OptionRule, Options};
+use crate::options::Options;
 
 /// Cutoff frequencies of steering angle and motion, Hz.
 const STEER_CUTOFF: f64 = 10.0;
@@ -39,13 +40,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Column::optional("vehicle.lateral_acceleration", "m/s2"),
         Column::optional("vehicle.sideslip", "rad"),
     ],
-    options: &[OptionRule {
-        name: "steer.ratio",
-        unit: "1",
-        form: Form::Positive,
-        default: Fallback::Required,
-        meaning: "angle of the steering wheel over that of the road wheel",
-    }],
+    options: &[RATIO],
     metrics: &[
         Definition::new(
             "bos",
@@ -105,12 +100,9 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     compute,
 };
 
-/// Responsiveness of a vehicle of a mass, kg, by its lateral displacement, m: at least 1.83 m up to 3500 kg, 1.52 m above. The limit is for
-/// amplitudes of at least five times A.
-#[must_use]
-pub fn is_responsive(displacement: f64, mass: f64) -> bool {
-    let [light, heavy] = DISPLACEMENTS;
-    displacement >= if mass <= LIGHT { light } else { heavy }
+/// Least lateral displacement, m, of a vehicle of a mass, kg. The limit is for amplitudes of at least five times A.
+pub(crate) fn least_displacement(mass: f64) -> f64 {
+    if mass <= LIGHT { DISPLACEMENTS[0] } else { DISPLACEMENTS[1] }
 }
 
 fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<(), Reason> {
@@ -366,9 +358,9 @@ mod tests {
                 let acceleration = 2.0 * share * limit / (1.07 * 1.07);
                 let displacement = number(&evaluate(-1.0, yaw_rate(0.0, 0.0), acceleration), "lateral_displacement");
                 assert!((displacement - share * limit).abs() < 0.02 * limit, "{displacement}");
-                assert_eq!(is_responsive(displacement, mass), expected, "{displacement}");
+                assert_eq!(displacement >= least_displacement(mass), expected, "{displacement}");
             }
-            assert!(is_responsive(limit, mass) && !is_responsive(limit - 1e-12, mass));
+            assert_eq!(least_displacement(mass), limit);
         }
     }
 

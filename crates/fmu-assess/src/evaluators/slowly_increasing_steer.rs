@@ -1,10 +1,11 @@
 //! Slowly increasing steer: understeer gradient and the steering angle of 0.3 g.
 
-use super::steady_state::Cornering;
+use super::steady_state::{Cornering, WHEELBASE};
+use super::steering_wheel::RATIO;
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{GRAVITY, Line, Rows, largest, sign};
-use crate::options::{Fallback, Form, OptionRule, Options};
+use crate::options::Options;
 
 /// Cutoff frequencies of steering angle and motion, Hz.
 const CUTOFFS: [f64; 2] = [10.0, 6.0];
@@ -29,22 +30,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Column::optional("body.roll", "rad"),
         Column::optional("vehicle.load_transfer_ratio", "1"),
     ],
-    options: &[
-        OptionRule {
-            name: "steer.ratio",
-            unit: "1",
-            form: Form::Positive,
-            default: Fallback::Required,
-            meaning: "angle of the steering wheel over that of the road wheel",
-        },
-        OptionRule {
-            name: "geometry.wheelbase",
-            unit: "m",
-            form: Form::Positive,
-            default: Fallback::Required,
-            meaning: "wheelbase; of more than two axles the equivalent one",
-        },
-    ],
+    options: &[RATIO, WHEELBASE],
     metrics: &[
         Definition::new(
             "A_raw",

@@ -2,6 +2,15 @@
 
 use crate::metric::{Reason, Results};
 use crate::numerics::{Line, Rows, lowpass};
+use crate::options::{Fallback, Form, OptionRule};
+
+pub(super) const WHEELBASE: OptionRule = OptionRule {
+    name: "geometry.wheelbase",
+    unit: "m",
+    form: Form::Positive,
+    default: Fallback::Required,
+    meaning: "wheelbase; of more than two axles the equivalent one",
+};
 
 /// Steady-state cornering in some rows. Signals are positive in the direction of the turn.
 pub(super) struct Cornering<'a> {

@@ -5,13 +5,20 @@ use crate::numerics::Rows;
 use crate::options::{Fallback, Form, OptionRule, Options};
 use std::borrow::Cow;
 
-/// The option for recordings without the column.
+/// The option of evaluators that need the angle of the steering wheel.
 pub(super) const RATIO: OptionRule = OptionRule {
     name: "steer.ratio",
     unit: "1",
     form: Form::Positive,
+    default: Fallback::Required,
+    meaning: "angle of the steering wheel over that of the road wheel",
+};
+
+/// The option for recordings without the column.
+pub(super) const OPTIONAL_RATIO: OptionRule = OptionRule {
     default: Fallback::Absent,
     meaning: "angle of the steering wheel over that of the road wheel; makes the steering wheel angle from `driver.steer` if the recording has no column `driver.steering_wheel`",
+    ..RATIO
 };
 
 /// Angle at the steering wheel, rad: the column, or the road-wheel angle times the ratio if that is given.

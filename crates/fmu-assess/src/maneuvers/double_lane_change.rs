@@ -53,12 +53,8 @@ pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<
 
 /// Cones of a track for a vehicle.
 pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
-    bench.vehicle.width.as_ref().map(|width| {
-        let track = cones::track(part, START, width.value);
-        // Mirrored, the left edge becomes the right one.
-        let mirrored = |[begin, end, right, left]: [f64; 4]| [begin, end, -left, -right];
-        if bench.is_mirrored { track.map(mirrored) } else { track }
-    })
+    let width = bench.vehicle.width.as_ref()?.value;
+    Some(cones::track(part, START, width, bench.is_mirrored))
 }
 
 fn attempt(bench: &Bench<'_>, part: Part, speed: f64, results: &mut Results) -> Option<(RunResult, Evaluation, bool)> {

@@ -3,6 +3,7 @@
 use super::{NotApplicable, SIDES, executed, number, reason, truth};
 use crate::bench::Bench;
 use crate::evaluators::Evaluation;
+use crate::evaluators::sine_with_dwell::least_displacement;
 use crate::metric::Definition;
 use crate::results::{Limit, Results, Series};
 use crate::run_spec::RunSpec;
@@ -11,8 +12,7 @@ use serde_json::json;
 
 /// Speed, m/s.
 pub(crate) const SPEED: f64 = 80.0 / 3.6;
-/// Least displacement of a vehicle up to 3,500 kg and above, m, and the amplitude from which it counts, in A.
-const DISPLACEMENT: (f64, f64) = (1.83, 1.52);
+/// Amplitude from which the displacement counts, in A.
 const COUNTS_FROM: f64 = 5.0;
 
 /// The amplitudes, deg at the steering wheel.
@@ -113,8 +113,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             }
         }
     }
-    let is_light = bench.vehicle.mass.as_ref().is_none_or(|mass| mass.value <= 3500.0);
-    let wanted = if is_light { DISPLACEMENT.0 } else { DISPLACEMENT.1 };
+    let wanted = least_displacement(bench.vehicle.mass.as_ref().map_or(0.0, |mass| mass.value));
     let applies = bench.not_applicable();
     let stable = (unknown.is_none() || !is_stable).then_some(is_stable);
     let definition = "Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.";

@@ -1,15 +1,16 @@
 //! Slowly increasing steer (FMVSS 126 S7.6, ISO 4138 at constant speed) and constant radius (ISO 4138).
 
-use super::{G, SIDES, evaluated, number, reason, shown};
+use super::{SIDES, evaluated, number, reason, shown};
 use crate::bench::{Bench, drive};
 use crate::metric::{self, Definition};
+use crate::numerics::GRAVITY;
 use crate::results::{Results, Suite};
 use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
 /// Largest lateral acceleration of the slowly increasing steer, m/s2.
-const HIGHEST: f64 = 0.55 * G;
+const HIGHEST: f64 = 0.55 * GRAVITY;
 
 /// Results of the slowly increasing steer for the other maneuvers.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

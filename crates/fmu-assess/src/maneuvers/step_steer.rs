@@ -3,6 +3,7 @@
 use super::{evaluated, frequency_response, number, reason};
 use crate::bench::{Bench, drive};
 use crate::evaluators::Evaluation;
+use crate::numerics::GRAVITY;
 use crate::results::Results;
 use crate::run_result::RunResult;
 use crate::run_spec::RunSpec;
@@ -16,7 +17,7 @@ const NEAR: f64 = 0.01;
 /// Relative distance of two angles below which the bisection ends.
 const NEAREST: f64 = 1e-4;
 /// Lateral acceleration at which A is measured, m/s2.
-const OF_AMPLITUDE: f64 = 0.3 * super::G;
+const OF_AMPLITUDE: f64 = 0.3 * GRAVITY;
 /// Largest range in the last second of a signal that has settled, over its mean.
 const SETTLED: f64 = 0.2;
 
