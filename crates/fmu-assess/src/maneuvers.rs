@@ -55,7 +55,7 @@ impl NotApplicable {
     }
 }
 
-const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
+pub(crate) const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
 
 /// All maneuvers but the slowly increasing steer, which the others need.
 pub(crate) const MANEUVERS: [Maneuver; 12] = [

@@ -236,19 +236,10 @@ fn wired_unit(component: &Component, variable: &Variable, found: &str, needed: &
 }
 
 fn check_plant(plant: &Plant) -> Result<(), SetupError> {
-    let mut missing = Vec::new();
-    if !plant.has_input("steer.front") {
-        missing.push("input `steer.front`");
-    }
-    for (name, text) in [
-        ("vehicle.yaw_rate", "output `vehicle.yaw_rate`"),
-        ("vehicle.speed", "output `vehicle.speed`"),
-        ("vehicle.lateral_acceleration", "output `vehicle.lateral_acceleration`"),
-    ] {
-        if !plant.has_output(name) {
-            missing.push(text);
-        }
-    }
+    let outputs = ["vehicle.yaw_rate", "vehicle.speed", "vehicle.lateral_acceleration"];
+    let input = (!plant.has_input("steer.front")).then(|| "input `steer.front`".to_owned());
+    let outputs = outputs.into_iter().filter(|name| !plant.has_output(name)).map(|name| format!("output `{name}`"));
+    let missing: Vec<String> = input.into_iter().chain(outputs).collect();
     if missing.is_empty() {
         return Ok(());
     }

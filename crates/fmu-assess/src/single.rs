@@ -8,7 +8,7 @@ use crate::components::SetupError;
 use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
 use crate::maneuvers::{
-    braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
+    POSITION, braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
 };
 use crate::run_spec::RunSpec;
 use crate::subject::Subject;
@@ -88,8 +88,6 @@ pub struct Maneuver {
     evaluator: &'static str,
     make: fn(&Bench<'_>, &Chosen<'_>) -> Option<(RunSpec, Value)>,
 }
-
-const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
 
 /// A maneuver along a path, to be completed.
 const PATH: Maneuver = Maneuver {
@@ -334,9 +332,7 @@ pub const PLANT: &str = "plant";
 pub const ROLLED_OVER: f64 = crate::run_result::ROLLED_OVER;
 
 /// Executes no runs.
-struct Nobody;
-
-impl Runs for Nobody {
+impl Runs for () {
     fn execute(&self, _: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
         Vec::new()
     }
@@ -422,7 +418,7 @@ pub fn single(
 impl Single {
     fn bench(&self) -> Bench<'_> {
         Bench {
-            executor: &Nobody,
+            executor: &(),
             fmus: &self.descriptions,
             plant: &self.systems.plant,
             system: &self.systems.systems[0],

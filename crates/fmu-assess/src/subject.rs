@@ -43,53 +43,18 @@ const GIVEN: [(&str, &str, &str); 6] = [
     ("plant", "vehicle.initial_speed", "Use --speed."),
 ];
 
-/// Parameters of drivers and road that the procedures of the maneuvers prescribe.
-const PRESCRIBED: [(&str, &[&str]); 2] = [
+/// Parameters of drivers and road that the procedures of the maneuvers prescribe, separated by white space.
+const PRESCRIBED: [(&str, &str); 2] = [
     (
         "driver",
-        &[
-            "maneuver",
-            "table.file",
-            "path.start",
-            "path.radius",
-            "path.turn_in",
-            "path.arc",
-            "path.overlap",
-            "path.offset",
-            "path.change_distance",
-            "path.run_out",
-            "path.lost_distance",
-            "steer.amplitude",
-            "steer.start",
-            "steer.rise_time",
-            "steer.frequency",
-            "steer.dwell_time",
-            "steer.wheel_amplitude",
-            "steer.wheel_rate",
-            "steer.maximum_dwell",
-            "steer.hold_start",
-            "roll_rate.threshold",
-            "speed.control",
-            "speed.final",
-            "speed.start",
-            "speed.rise_time",
-            "release.distance",
-            "brake.amplitude",
-            "brake.start",
-            "brake.rise_time",
-        ],
+        "maneuver table.file path.start path.radius path.turn_in path.arc path.overlap path.offset path.change_distance \
+         path.run_out path.lost_distance steer.amplitude steer.start steer.rise_time steer.frequency steer.dwell_time \
+         steer.wheel_amplitude steer.wheel_rate steer.maximum_dwell steer.hold_start roll_rate.threshold speed.control \
+         speed.final speed.start speed.rise_time release.distance brake.amplitude brake.start brake.rise_time",
     ),
     (
         "road",
-        &[
-            "profile",
-            "tracks",
-            "roughness.start",
-            "roughness.class",
-            "seed",
-            "geometry.axle_offset.middle",
-            "geometry.axle_offset.rear",
-        ],
+        "profile tracks roughness.start roughness.class seed geometry.axle_offset.middle geometry.axle_offset.rear",
     ),
 ];
 
@@ -113,7 +78,8 @@ pub(crate) fn settings(
         }
         let own = if *owner == plant.component.name { "plant" } else { owner.as_str() };
         let given = GIVEN.iter().find(|(of, parameter, _)| *of == own && parameter == name).map(|(_, _, help)| *help);
-        let is_prescribed = PRESCRIBED.iter().any(|(of, names)| *of == own && names.contains(&name.as_str()));
+        let is_prescribed =
+            PRESCRIBED.iter().any(|(of, names)| *of == own && names.split_whitespace().any(|known| known == name));
         if given.is_some() || is_prescribed {
             return Err(SetupError::with_help(
                 format!("`{owner}:{name}` cannot be set: the bench gives it a value"),

@@ -27,27 +27,26 @@ pub(crate) struct System {
     /// `without` or `with`.
     pub(crate) name: &'static str,
     pub(crate) speed: Speed,
-    plans: Vec<(Driving, Plan)>,
+    /// Plans, and their recorded signals: names of the bench, in the order of the columns.
+    plans: Vec<(Driving, Plan, Vec<String>)>,
     /// Inputs that nothing writes, and the values that they get instead, of all kinds of driving.
     pub(crate) unwritten: Vec<(String, String)>,
     /// Components without an effect.
     pub(crate) idle: Vec<String>,
-    /// Recorded signals: names of the bench, in the order of the columns.
-    columns: Vec<(Driving, Vec<String>)>,
 }
 
 impl System {
     pub(crate) fn plan(&self, driving: Driving) -> Option<&Plan> {
-        self.plans.iter().find(|(of, _)| *of == driving).map(|(_, plan)| plan)
+        self.plans.iter().find(|(of, ..)| *of == driving).map(|(_, plan, _)| plan)
     }
 
     pub(crate) fn columns(&self, driving: Driving) -> &[String] {
-        self.columns.iter().find(|(of, _)| *of == driving).map_or(&[], |(_, columns)| columns)
+        self.plans.iter().find(|(of, ..)| *of == driving).map_or(&[], |(_, _, columns)| columns)
     }
 
     /// All its plans.
     pub(crate) fn plans(&self) -> impl Iterator<Item = &Plan> {
-        self.plans.iter().map(|(_, plan)| plan)
+        self.plans.iter().map(|(_, plan, _)| plan)
     }
 }
 
@@ -139,20 +138,14 @@ impl Systems {
         let acts = |component: &&Component| component.signals(Causality::Output).any(reads);
         let idle =
             components.iter().filter(|component| !acts(component)).map(|component| component.fmu.clone()).collect();
-        let has_pedals = components.iter().any(|component| {
-            component
-                .signals(Causality::Output)
-                .any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
-        });
-        let speed = if plant.has_input("driver.speed") {
-            Speed::Prescribed
-        } else if has_pedals {
-            Speed::Pedals
-        } else {
-            Speed::Own
+        let is_torque = |signal: &str| signal.starts_with("drive_torque.") || signal.starts_with("brake_torque.");
+        let has_pedals = components.iter().any(|component| component.signals(Causality::Output).any(is_torque));
+        let speed = match has_pedals {
+            _ if plant.has_input("driver.speed") => Speed::Prescribed,
+            true => Speed::Pedals,
+            false => Speed::Own,
         };
         let mut plans = Vec::new();
-        let mut columns = Vec::new();
         let mut unwritten: Vec<(String, String)> = Vec::new();
         for &(driving, road) in drivings {
             let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
@@ -169,15 +162,15 @@ impl Systems {
             let options = Options::default();
             let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
                 .map_err(|error| SetupError::new(explained(&error)))?;
-            columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
-            plans.push((driving, plan));
+            let columns = plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect();
+            plans.push((driving, plan, columns));
             for entry in wiring.unwritten {
                 if !unwritten.iter().any(|(signal, _)| *signal == entry.0) {
                     unwritten.push(entry);
                 }
             }
         }
-        Ok(System { name, speed, plans, unwritten, idle, columns })
+        Ok(System { name, speed, plans, unwritten, idle })
     }
 
     /// Finds the FMUs.

@@ -162,14 +162,8 @@ impl VehicleFile {
             }
         }
         let Given { mass, width, front, rear, wheelbase, steer_ratio, .. } = &file.vehicle;
-        for (name, value) in [
-            ("mass", mass),
-            ("width", width),
-            ("front", front),
-            ("rear", rear),
-            ("wheelbase", wheelbase),
-            ("steer_ratio", steer_ratio),
-        ] {
+        let names = ["mass", "width", "front", "rear", "wheelbase", "steer_ratio"];
+        for (name, value) in names.into_iter().zip([mass, width, front, rear, wheelbase, steer_ratio]) {
             if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
                 return Err(format!("vehicle.{name} is {value}, expected a number above 0"));
             }
@@ -187,11 +181,11 @@ impl VehicleFile {
         text.map_or_else(Self::default, |text| Self::parse(text).expect("the file is tested"))
     }
 
-    /// Returns these data, with those of another file where they are absent.
+    /// Returns these data, with those of the library, which has no signals, where they are absent.
     #[must_use]
-    pub fn over(self, other: Self) -> Self {
-        let (own, rest) = (self.vehicle, other.vehicle);
-        let vehicle = Given {
+    pub fn over(mut self, library: Self) -> Self {
+        let (own, rest) = (self.vehicle, library.vehicle);
+        self.vehicle = Given {
             class: own.class.or(rest.class),
             mass: own.mass.or(rest.mass),
             width: own.width.or(rest.width),
@@ -201,13 +195,7 @@ impl VehicleFile {
             steer_ratio: own.steer_ratio.or(rest.steer_ratio),
             understeer_gradient: own.understeer_gradient.or(rest.understeer_gradient),
         };
-        let mut signals = other.signals;
-        signals.extend(self.signals);
-        let mut units = other.units;
-        units.extend(self.units);
-        let mut controllers = other.controllers;
-        controllers.extend(self.controllers);
-        Self { vehicle, signals, units, controllers }
+        self
     }
 }
 
@@ -216,19 +204,15 @@ impl Vehicle {
     #[must_use]
     pub(crate) fn new(given: &Given, plant: &Plant, mass: Option<f64>) -> Self {
         let datum = |written: Option<f64>, computed: Option<(f64, String)>| {
-            let written = written.map(|value| Datum { value, source: "vehicle data".to_owned() });
-            written.or_else(|| computed.map(|(value, source)| Datum { value, source }))
+            let found = written.map(|value| (value, "vehicle data".to_owned())).or(computed);
+            found.map(|(value, source)| Datum { value, source })
         };
         let parameter = |name: &str| plant.parameter(name);
         let axles = axles(&parameter);
         let track = parameter("geometry.track")
             .or_else(|| Some(parameter("geometry.half_track.left")? + parameter("geometry.half_track.right")?));
-        let mass = datum(
-            given.mass,
-            parameter("vehicle.mass")
-                .map(|mass| (mass, "vehicle.mass".to_owned()))
-                .or_else(|| mass.map(|mass| (mass, "tire loads".to_owned()))),
-        );
+        let known = parameter("vehicle.mass").map(|mass| (mass, "vehicle.mass".to_owned()));
+        let mass = datum(given.mass, known.or(mass.map(|mass| (mass, "tire loads".to_owned()))));
         let is_car = mass.as_ref().is_none_or(|mass| mass.value <= HEAVIEST_CAR);
         let class = given.class.unwrap_or(if is_car { Class::Car } else { Class::Truck });
         let ratio = match class {
