@@ -291,7 +291,7 @@ def section(system: System, found: Assessment) -> list[str]:
         *(f"- {note(text, found)}" for text in system.notes),
     ]
     if found.dropped:
-        left = "; ".join(f"{words(dropped.run)} ({dropped.reason})" for dropped in found.dropped)
+        left = "; ".join(f"{words(dropped['run'])} ({dropped['reason']})" for dropped in found.dropped)
         lines += ["", f"Left out: {left}."]
     broken = [f"{run.system} {run.name}" for run in found.runs if run.error]
     if broken:
@@ -321,7 +321,7 @@ def compared(plant: str, is_coordinated: bool, found: Assessment) -> Iterator[st
 def turning(found: Assessment, controllers: Sequence[str]) -> str:
     """Explain how far the yaw rate ratio of braking in a turn depends on details of its run."""
     run = next(run for run in found.runs_of("brake_in_turn", "with"))
-    recording = Folder(ROOT / "target" / "assessments" / found.plant.fmu).recording("with", run.name)
+    recording = Folder(ROOT / "target" / "assessments" / found.plant["fmu"]).recording("with", run.name)
     if recording is None:
         raise SystemExit("error: braking in a turn is not recorded")
     v, times = recording.values, recording.times
@@ -329,7 +329,7 @@ def turning(found: Assessment, controllers: Sequence[str]) -> str:
     ratio = np.abs(v["vehicle.yaw_rate"]) * run.metrics["radius"] / v["vehicle.speed"]
     before, after = (float(np.interp(17.0 + step, times, ratio)) for step in (-0.01, 0.01))
     base = ["--suite", "braking", "--base", "BrakeAndDriveActuators"]
-    other = assessed(found.plant.fmu, controllers, base).by_name["brake_in_turn.yaw_rate_ratio_1s"]
+    other = assessed(found.plant["fmu"], controllers, base).by_name["brake_in_turn.yaw_rate_ratio_1s"]
     return (
         "The yaw rate ratio of braking in a turn is that of one instant, 1 s after the pedal, while the antilock "
         "brakes let the pressures rise and fall: with yaw control and antilock brakes it goes "

@@ -76,7 +76,11 @@ def report(scenario: Plan, request: Request) -> str:
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
     recordings = _recordings(scenario, runs, set(request.numbers))
     panels = [(figure, figures.panels(scenario, figure, recordings, numbers)) for figure in scenario.figures]
-    drawings = [plots.draw(scenario, figure, found) for figure, found in panels if found]
+    drawings = [
+        plots.draw(scenario.cases, figure, found, is_swept=len(scenario.points) > 1)
+        for figure, found in panels
+        if found
+    ]
     for drawing in drawings:
         drawing.write(folder / "figures")
     files = sorted(p for r in scenario.runs for p in runs.glob(f"{r.stem}.*") if r.id in request.numbers)

@@ -25,8 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import shell
-from .evaluation import metrics
+from . import _native, shell
 from .files import results
 from .files.describe import sha256
 from .files.plan import Case, Conversion, Level
@@ -385,7 +384,7 @@ def definitions(raw: dict[str, Any]) -> list[str]:
     found = []
     for term, rows in zip(raw["terms"], raw.get("rows") or [None] * len(raw["terms"]), strict=True):
         squared = "²" if term["kind"] == "mean_square" else ""
-        formula = metrics.formula_of(term["kind"])
+        formula = _native.formula(term["kind"])
         text = f"{_short(term['weight'])} times the magnitude of: {formula} of x: {term['signal']}"
         text += f", over {_short(term['reference'])}{squared}"
         window = term["window"]

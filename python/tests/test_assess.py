@@ -15,7 +15,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from chassis_fmu.assess import app, charts, report
+from chassis_fmu.assess import __main__ as app
+from chassis_fmu.assess import charts, report
 from chassis_fmu.assess.assessment import AssessmentError, Folder, Row
 from chassis_fmu.files.describe import sha256
 from chassis_fmu.files.plan import Case
@@ -80,7 +81,7 @@ def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> N
     assert table.count("<tr>") == 1 + len(judged)
     # Above the figures: what was assessed.
     head = html.unescape(page[: page.index('<table class="verdicts">')])
-    assert head.index(found.plant.guid or "-") < head.index("<th>wheelbase</th>") < head.index("road_height.fl")
+    assert head.index(found.plant["guid"] or "-") < head.index("<th>wheelbase</th>") < head.index("road_height.fl")
     for name, _ in found.data:
         assert report.DATA[name] in head
     assert set(report.DATA) >= {name for name, _ in found.data}

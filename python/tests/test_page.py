@@ -32,7 +32,7 @@ def text(scenario: Plan) -> str:
     wanted = [*scenario.figures, replace(scenario.figures[0], name="again")]
     found = [(f, panels) for f in wanted if (panels := figures.panels(scenario, f, recordings, numbers))]
     assert len(found) == 2
-    drawings = [plots.draw(scenario, figure, panels) for figure, panels in found]
+    drawings = [plots.draw(scenario.cases, figure, panels) for figure, panels in found]
     return page.render(
         numbers, drawings, page_data.of_plan(scenario, found), {"active#2": "component <plant>: fmi2DoStep"}, CONTEXT
     )

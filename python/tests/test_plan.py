@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import plan_types
-from chassis_fmu.files import plan, plan_rules
+from chassis_fmu.files import plan
+from chassis_fmu.report import page
 from tests.commands import chassis
 
 HERE = Path(__file__).parent
@@ -24,10 +25,7 @@ def test_fields_arrive(scenario: plan.Plan) -> None:
 
 
 def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
-    assert scenario.unread == (
-        plan_rules.Unread("source", ("idle", "spare"), ("passive",)),
-        plan_rules.Unread("source", ("idle",), ("active",)),
-    )
+    assert page.unread(scenario) == {("source", ("idle", "spare")): ["passive"], ("source", ("idle",)): ["active"]}
 
 
 @pytest.mark.parametrize(

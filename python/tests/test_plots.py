@@ -56,7 +56,7 @@ def panels(plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Num
 
 
 def draw(plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None) -> plots.Drawing:
-    return plots.draw(plan, figure, panels(plan, figure, found, numbers))
+    return plots.draw(plan.cases, figure, panels(plan, figure, found, numbers))
 
 
 def test_a_figure_is_a_function_of_the_data(scenario: Plan) -> None:
@@ -169,7 +169,10 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     still.add(noisy.runs[2], Recording(times, {"body.roll": np.zeros(900)}))
     assert figures.panels(noisy, figure, still, Numbers(noisy, {})) == []
     shown.add(noisy.runs[2], recording)
-    assert plots.PALETTE[1] in plots.draw(noisy, figure, figures.panels(noisy, figure, shown, Numbers(noisy, {}))).svg
+    assert (
+        plots.PALETTE[1]
+        in plots.draw(noisy.cases, figure, figures.panels(noisy, figure, shown, Numbers(noisy, {}))).svg
+    )
 
 
 def test_units_of_densities() -> None:
@@ -208,7 +211,7 @@ def test_signals_over_another_signal(scenario: Plan) -> None:
     np.testing.assert_array_equal(line.y, np.arange(4) * 0.1)
     (panel,) = panels(scenario, replace(figure, equal_axes=True), recordings())
     assert panel.kind == "map"
-    assert plots.PALETTE[0] in plots.draw(scenario, figure, [panel]).svg
+    assert plots.PALETTE[0] in plots.draw(scenario.cases, figure, [panel]).svg
 
 
 def test_a_curve_keeps_its_extremes_in_both_directions() -> None:
@@ -238,7 +241,7 @@ def test_transfer_functions_have_gain_phase_and_coherence(scenario: Plan) -> Non
         np.testing.assert_allclose(line.y, expected, rtol=1e-9, atol=1e-9)
         assert line.x.min() >= 0.5
         assert line.x.max() <= 4.0
-    assert plots.PALETTE[0] in plots.draw(plan, figure, found).svg
+    assert plots.PALETTE[0] in plots.draw(plan.cases, figure, found).svg
 
 
 def metric_values(plan: Plan) -> Numbers:
@@ -255,7 +258,7 @@ def test_distributions_are_cumulative(scenario: Plan) -> None:
     (panel,) = panels(scenario, figure, {}, metric_values(scenario))
     for line in panel.lines:
         assert (line.x.tolist(), line.y.tolist(), line.steps, line.marks) == ([2.0, 4.0], [0.5, 1.0], True, True)
-    assert plots.PALETTE[1] in plots.draw(scenario, figure, [panel]).svg
+    assert plots.PALETTE[1] in plots.draw(scenario.cases, figure, [panel]).svg
     assert panels(scenario, figure, {}) == []
 
 
@@ -264,7 +267,7 @@ def test_scatter_plots_have_a_point_for_each_run(scenario: Plan) -> None:
     (panel,) = panels(scenario, figure, {}, metric_values(scenario))
     for line in panel.lines:
         assert (line.x.tolist(), line.y.tolist(), line.apart) == ([8.0, 9.0], [4.0, 2.0], True)
-    assert plots.PALETTE[1] in plots.draw(scenario, figure, [panel]).svg
+    assert plots.PALETTE[1] in plots.draw(scenario.cases, figure, [panel]).svg
 
 
 def test_a_second_axis_and_equal_scales(scenario: Plan) -> None:
@@ -277,4 +280,4 @@ def test_a_second_axis_and_equal_scales(scenario: Plan) -> None:
     assert 0.3 < high * 0.017453292519943295 < 0.35
     beside = [line for line in found[0].lines if line.right]
     assert [line.title for line in beside] == [found[0].right.title if found[0].right else ""]
-    assert plots.draw(scenario, figure, found).png
+    assert plots.draw(scenario.cases, figure, found).png

@@ -164,7 +164,7 @@ def test_a_heat_map_has_the_means_over_the_other_factors() -> None:
     swept = study(SWEPT[0], factor("c", values=[0.0, 1.0, 2.0]), factor("b", values=[10.0, 20.0]), method="sweep")
     a, c, b = design.values(swept, design.shares(swept))
     made = numbers(swept, [a, c, b], [u + 10.0 * v + 0.1 * w for u, v, w in zip(a, c, b, strict=True)])
-    metric = SimpleNamespace(title="Roll", conversion=SimpleNamespace(unit="deg"))
+    metric = SimpleNamespace(title="Roll", unit="deg")
     case = SimpleNamespace(name="case 0", title="Plain")
     plan = SimpleNamespace(metrics=[metric], cases=[case], points=[], point_titles={None: ""})
     made.job.plan = plan  # type: ignore[assignment]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -22,20 +21,8 @@ class AssessmentError(Exception):
     """The folder has no assessment that this version understands."""
 
 
-class Unit(msgspec.Struct, frozen=True):
-    """An FMU."""
-
-    fmu: str
-    guid: str | None
-    version: str | None
-    sha256: str | None
-
-
-class Datum(msgspec.Struct, frozen=True):
-    """A number of the vehicle and where it comes from."""
-
-    value: float
-    source: str
+Table: TypeAlias = dict[str, Any]
+"""What the page shows as it is in the file."""
 
 
 class _OfManeuver(msgspec.Struct, frozen=True, rename={"name": "id"}):
@@ -56,7 +43,6 @@ class Run(_OfManeuver, frozen=True):
     system: Name
     parameters: dict[str, float]
     flags: tuple[str, ...]
-    stop_reason: str
     error: str | None
     metrics: dict[str, Any]
 
@@ -68,15 +54,6 @@ class Limit(msgspec.Struct, frozen=True, rename={"holds": "is"}):
     holds: bool | None = None
     min: float | None = None
     max: float | None = None
-
-
-class Compared(msgspec.Struct, frozen=True, rename={"with_": "with"}):
-    """Numbers of both systems under the highest condition that both can drive: a speed, or an amplitude."""
-
-    at: float
-    at_unit: str
-    without: float
-    with_: float
 
 
 class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
@@ -98,38 +75,20 @@ class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
     words: dict[Name, str] = {}
     bounds: dict[Name, str] = {}
     """Bound of a missing number, such as `< 30`."""
-    compared: Compared | None = None
+    compared: Table | None = None
+    """Numbers of both systems under the highest condition that both can drive: a speed, or an amplitude."""
     incomparable: str | None = None
-
-
-class Dropped(msgspec.Struct, frozen=True):
-    """A maneuver that was left out, and the signals that it lacks."""
-
-    run: str
-    reason: str
-    missing: tuple[str, ...] = ()
-
-
-class Set(msgspec.Struct, frozen=True):
-    """A parameter with another value than that of its FMU."""
-
-    component: str
-    fmu: str
-    parameter: str
-    value: str
-    unit: str | None
-    start: float | bool | str | None
 
 
 class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=True):
     """An assessment."""
 
     schema: str
-    plant: Unit
-    base: tuple[Unit, ...]
-    with_: tuple[Unit, ...]
-    set: tuple[Set, ...]
-    vehicle: dict[str, Any]
+    plant: Table
+    base: tuple[Table, ...]
+    with_: tuple[Table, ...]
+    set: tuple[Table, ...]
+    vehicle: Table
     driver: dict[str, float | None]
     systems: tuple[Name, ...]
     unwritten: dict[str, dict[str, str]]
@@ -137,7 +96,7 @@ class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=Tru
     assumed: dict[str, str]
     runs: tuple[Run, ...]
     metrics: tuple[Row, ...]
-    dropped: tuple[Dropped, ...]
+    dropped: tuple[Table, ...]
     tracks: dict[str, tuple[tuple[float, float, float, float], ...]]
     weighting: tuple[tuple[float, ...], tuple[float, ...]] | None
 
@@ -147,15 +106,13 @@ class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=Tru
         return {row.name: row for row in self.metrics}
 
     @property
-    def data(self) -> Iterator[tuple[str, Datum]]:
-        """The numbers of the vehicle that are known."""
-        for name, value in self.vehicle.items():
-            if isinstance(value, dict):
-                yield name, msgspec.convert(value, Datum)
+    def data(self) -> list[tuple[str, Table]]:
+        """The numbers of the vehicle that are known, with their sources."""
+        return [(name, value) for name, value in self.vehicle.items() if isinstance(value, dict)]
 
     def datum(self, name: str) -> float | None:
         """Return a number of the vehicle."""
-        return next((datum.value for known, datum in self.data if known == name), None)
+        return next((datum["value"] for known, datum in self.data if known == name), None)
 
     def runs_of(self, maneuver: str, system: str) -> list[Run]:
         """Return the runs of a maneuver, in their order."""

@@ -12,8 +12,9 @@ import numpy as np
 from ..evaluation import metrics
 from ..files.plan import Case, Conversion, Level
 from ..files.results import Recording
-from ..report.charts import Chart, figure
+from ..report.charts import Chart
 from ..report.panels import Array, Axis, Line, Panel, PanelKind
+from ..report.plots import Picture
 from .assessment import Assessment, Folder, Run, Suite
 
 DEGREES = Conversion("°", 180.0 / math.pi)
@@ -69,9 +70,9 @@ class Source:
 Make = Callable[[Source], "Chart | None"]
 
 
-def _chart(source: Source, name: str, title: str, kind: str, caption: str, panels: Sequence[Panel]) -> Chart | None:
+def _chart(name: str, title: str, kind: str, caption: str, panels: Sequence[Panel]) -> Chart | None:
     shown = [panel for panel in panels if panel.lines]
-    return Chart(figure(name, title, kind, source.cases), caption, shown) if shown else None
+    return Chart(Picture(name, title, kind), caption, shown) if shown else None
 
 
 def _speed(source: Source, maneuver: str) -> str:
@@ -149,7 +150,7 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
         f"{speed} Both directions. The line of least squares gives A at 0.3 g. The slope of the handling diagram is "
         "the understeer gradient."
     )
-    return _chart(source, "slowly_increasing_steer", "Slowly increasing steer", "xy", caption, panels)
+    return _chart("slowly_increasing_steer", "Slowly increasing steer", "xy", caption, panels)
 
 
 def _regression(across: Array, wheel: Array, angle: float | None) -> tuple[Array, Array] | None:
@@ -181,7 +182,7 @@ def _signals(
 
     def make(source: Source) -> Chart | None:
         text = f"{_speed(source, maneuver)} {caption}"
-        return _chart(source, maneuver, title, "time", text, _over_time(source, maneuver, signals))
+        return _chart(maneuver, title, "time", text, _over_time(source, maneuver, signals))
 
     return make
 
@@ -224,7 +225,7 @@ def frequency_response(source: Source) -> Chart | None:
         f"{_speed(source, 'frequency_response')} Response to the angle of the front wheels, at the frequencies of the "
         "sum of sines that was steered."
     )
-    return _chart(source, "frequency_response", "Frequency response", "transfer", caption, panels)
+    return _chart("frequency_response", "Frequency response", "transfer", caption, panels)
 
 
 def _array(values: Any) -> Array | None:
@@ -266,7 +267,7 @@ def single_lane_change(source: Source) -> Chart | None:
     signals = (("vehicle.lateral_acceleration", "Lateral acceleration", ACCELERATION),)
     panels = [above, *_over_time(source, "single_lane_change", signals)]
     caption = f"{_speed(source, 'single_lane_change')} The axes have different scales."
-    return _chart(source, "single_lane_change", "Single lane change", "xy", caption, panels)
+    return _chart("single_lane_change", "Single lane change", "xy", caption, panels)
 
 
 def _mirrored(run: Run, values: Array) -> Array:
@@ -308,7 +309,7 @@ def sine_with_dwell(source: Source) -> Chart | None:
             )
         panels.append(Panel("Yaw rate", case.title, TIME, Axis("Yaw rate", RATE), tuple(lines), right=right))
     caption = f"{_speed(source, 'sine_with_dwell')} All amplitudes; runs to the right are mirrored."
-    return _chart(source, "sine_with_dwell", "Sine with dwell", "time", caption, panels)
+    return _chart("sine_with_dwell", "Sine with dwell", "time", caption, panels)
 
 
 def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
@@ -346,7 +347,7 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
         f"{_speed(source, 'sine_with_dwell')} Limits of FMVSS 126 and UN R140. To both sides. The displacement counts "
         "from five times the amplitude A on."
     )
-    return _chart(source, "sine_with_dwell_limits", "Sine with dwell over the amplitude", "sweep", caption, panels)
+    return _chart("sine_with_dwell_limits", "Sine with dwell over the amplitude", "sweep", caption, panels)
 
 
 def _corners(assessment: Assessment, x: Array, y: Array, yaw: Array) -> tuple[Array, Array]:
@@ -427,7 +428,7 @@ def double_lane_change(maneuver: str, title: str) -> Make:
             f"{_speed(source, maneuver)} The vehicle's footprint every {FOOTPRINTS} s, in ink where it is tightest; a "
             "cross at the first cone hit. To scale."
         )
-        return _chart(source, maneuver, title, "xy", caption, panels)
+        return _chart(maneuver, title, "xy", caption, panels)
 
     return make
 
@@ -453,7 +454,7 @@ def margins(source: Source) -> Chart | None:
         f"ISO 3888-1 {first} ISO 3888-2 {second} Smallest distance between footprint and cones; negative where a cone "
         "is hit."
     )
-    return _chart(source, "margins", "Margins to the cones", "sweep", caption, panels)
+    return _chart("margins", "Margins to the cones", "sweep", caption, panels)
 
 
 ROLLOVER = (
@@ -475,7 +476,7 @@ def _rollover(maneuver: str, title: str) -> Make:
         caption = f"To the left at {speed} mph, the highest speed of the series that both systems have driven."
         if len(source.cases) == 1:
             caption = f"To the left at {speed} mph, the highest speed of the series."
-        return _chart(source, maneuver, title, "time", caption, _over_time(source, run, ROLLOVER))
+        return _chart(maneuver, title, "time", caption, _over_time(source, run, ROLLOVER))
 
     return make
 
@@ -488,15 +489,9 @@ def braking(source: Source) -> Chart | None:
         begin = int(np.argmax(v["driver.brake"] > 0.0)) if "driver.brake" in v else 0
         way = v["vehicle.position_x"] - v["vehicle.position_x"][begin]
         lines.append(Line("run", case.title, way[begin:], v["vehicle.speed"][begin:], case, t=recording.times[begin:]))
+    caption = f"{_speed(source, 'braking')} From the beginning of braking."
     panel = Panel("Speed", "", Axis("Distance", METERS), Axis("Speed", KMH, zero=True), tuple(lines), kind="curve")
-    return _chart(
-        source,
-        "braking",
-        "Straight braking",
-        "xy",
-        f"{_speed(source, 'braking')} From the beginning of braking.",
-        [panel],
-    )
+    return _chart("braking", "Straight braking", "xy", caption, [panel])
 
 
 def split_friction(source: Source) -> Chart | None:
@@ -509,7 +504,7 @@ def split_friction(source: Source) -> Chart | None:
         signals = (("driver.steering_wheel", f"Steering wheel, slippery on the {side}", ANGLE),)
         panels += _over_time(source, f"split_friction.{side}", signals)
     caption = f"{_speed(source, 'split_friction')} The axes of the paths have different scales."
-    return _chart(source, "split_friction", "Braking on split friction", "xy", caption, panels)
+    return _chart("split_friction", "Braking on split friction", "xy", caption, panels)
 
 
 brake_in_turn = _signals(
@@ -564,7 +559,7 @@ def ride(source: Source) -> Chart | None:
         ),
     ]
     caption = f"{_speed(source, 'ride')} Power spectral densities on a road of class C (ISO 8608), first seed."
-    return _chart(source, "ride", "Ride", "spectrum", caption, panels)
+    return _chart("ride", "Ride", "spectrum", caption, panels)
 
 
 CHARTS: dict[Suite, tuple[Make, ...]] = {

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .. import _native, shell
 from ..files import results
 from ..files.plan import Case
 from ..report import index, lab, rendering, tables
@@ -70,14 +71,6 @@ ROAD = "c"
 
 
 @dataclass(frozen=True)
-class Context:
-    """Command, programs and files with which the assessment was made."""
-
-    command: str
-    versions: Sequence[tuple[str, str]]
-
-
-@dataclass(frozen=True)
 class Section:
     """A group of maneuvers."""
 
@@ -135,9 +128,8 @@ def notes(row: Row, cases: Sequence[Case]) -> list[str]:
         of = "with controllers: " if row.with_ is None and row.without is not None else ""
         found.append(f"{of}{row.reason}")
     if row.compared is not None:
-        unit = "A" if row.compared.at_unit == "A" else row.compared.at_unit
-        both = " and ".join(shown(v, row) for v in (row.compared.without, row.compared.with_))
-        found.append(f"compared at {tables.number(row.compared.at, None)} {unit}: {both}")
+        both = " and ".join(shown(row.compared[system], row) for system in ("without", "with"))
+        found.append(f"compared at {tables.number(row.compared['at'], None)} {row.compared['at_unit']}: {both}")
     if row.incomparable and row.without is not None and row.with_ is not None:
         found.append(f"not comparable: {row.incomparable}")
     return found
@@ -158,20 +150,20 @@ def limit(row: Row) -> str:
     if row.limit.holds is not None:
         return "yes" if row.limit.holds else "no"
     low, high = (None if value is None else factor * value for value in (row.limit.min, row.limit.max))
-    return tables.limits(low, high, unit)
+    return _native.limits(low, high, unit)
 
 
 def systems(found: Assessment) -> tuple[Case, ...]:
     """Return the systems as cases of figures."""
     if len(found.systems) == 1:
-        return (Case("without", found.plant.fmu, None),)
+        return (Case("without", found.plant["fmu"], None),)
     return Case("without", "Without controllers", None), Case("with", "With controllers", "without")
 
 
 def units(found: Assessment) -> str:
     """Write the FMUs of the assessment as a phrase."""
-    plant = " and ".join([found.plant.fmu, *(unit.fmu for unit in found.base)])
-    controllers = ", ".join(unit.fmu for unit in found.with_)
+    plant = " and ".join([found.plant["fmu"], *(unit["fmu"] for unit in found.base)])
+    controllers = ", ".join(unit["fmu"] for unit in found.with_)
     return f"{plant}, without and with {controllers}" if controllers else plant
 
 
@@ -205,7 +197,7 @@ def _troubles(found: Assessment, cases: Sequence[Case]) -> list[tuple[str, list[
     return list(by_flag.items())
 
 
-def render(found: Assessment, folder: Folder, context: Context) -> str:
+def render(found: Assessment, folder: Folder, command: str) -> str:
     """Return the page, and write its figures beside it."""
     source = Source(found, folder, systems(found))
     drawings = Drawings(source.cases, folder.path / "figures")
@@ -236,7 +228,8 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         changes=changes(found),
         troubles=_troubles(found, source.cases),
         interactive=drawings.interactive,
-        context=context,
+        command=command,
+        versions=shell.versions(),
         value=value,
         notes=lambda row: notes(row, source.cases),
         unit_of=unit_of,
@@ -261,7 +254,7 @@ def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
     The lab has the FMUs of the library, with the start values of their parameters, and one run of each maneuver.
     """
     runs = found.runs_of(maneuver, found.systems[-1])
-    units = [unit.fmu for unit in (found.plant, *found.base, *found.with_)]
+    units = [unit["fmu"] for unit in (found.plant, *found.base, *found.with_)]
     if not runs or not all(lab.has(unit) for unit in units):
         return None
     parameters = runs[-1].parameters
@@ -272,7 +265,7 @@ def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
         values["speed"] = largest / 3.6
     if "amplitude" in parameters:
         values["steering_wheel"] = math.radians(parameters["amplitude"])
-    return lab.of_system(found.plant.fmu, [unit.fmu for unit in found.with_], maneuver, values, folder)
+    return lab.of_system(found.plant["fmu"], [unit["fmu"] for unit in found.with_], maneuver, values, folder)
 
 
 def is_signal(value: str) -> bool:
@@ -293,10 +286,10 @@ def changes(found: Assessment) -> dict[str, int]:
     return {name: judgments.count(name) for name in ("better", "same", "worse", "not_comparable")}
 
 
-def write(found: Assessment, folder: Folder, context: Context) -> Path:
+def write(found: Assessment, folder: Folder, command: str) -> Path:
     """Write the page, and the list of all results; returns the page."""
     path = folder.path / "index.html"
-    results.write_text(path, render(found, folder, context))
+    results.write_text(path, render(found, folder, command))
     index.note(folder.path, index.Entry(f"Test bench: {units(found)}", "", counts(found)))
     index.write(folder.path.parent)
     return path

@@ -26,16 +26,6 @@ def columns_of(metric: Metric) -> set[int]:
     return {*metric.columns, *(c for c in others if c is not None)}
 
 
-def formula(metric: Metric) -> str:
-    """Return in words how the number is computed from the rows of its window; empty for one made of other metrics."""
-    return "" if metric.kind is None else formula_of(metric.kind)
-
-
-def formula_of(kind: str) -> str:
-    """Return in words how a kind of metric is computed from the rows of its window."""
-    return _native.formula(kind)
-
-
 def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Array] | None:
     """Compute a metric over windows that begin with its own and end at each row of it: times and values.
 

@@ -74,6 +74,11 @@ class Verdict(msgspec.Struct, frozen=True):
     text: str
 
 
+def _key(cell: Cell) -> str:
+    """Return the name that the paper's numbers have: `case` or `case@point`."""
+    return cell.case if cell.point is None else f"{cell.case}@{cell.point}"
+
+
 class Numbers:
     """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
 
@@ -152,14 +157,14 @@ class Numbers:
     def paper_value(self, cell: Cell) -> float | None:
         """Return the paper's value."""
         paper = self.metric(cell).paper
-        return None if paper is None else paper.values.get(cell.key)
+        return None if paper is None else paper.values.get(_key(cell))
 
     def paper_change(self, cell: Cell, against: Cell) -> float | None:
         """Return the paper's change in percent, as it prints it or as its values give it."""
         paper = self.metric(cell).paper
         if paper is None or cell.metric != against.metric:
             return None
-        printed = paper.changes.get(f"{cell.key}/{against.key}")
+        printed = paper.changes.get(f"{_key(cell)}/{_key(against)}")
         if printed is not None:
             return printed
         value, base = self.paper_value(cell), self.paper_value(against)
@@ -169,12 +174,12 @@ class Numbers:
         """Return whether a parameter was fitted to the paper's number."""
         paper = self.metric(cell).paper
         fitted = (paper.calibrated if paper else None) or ()
-        return cell.key in fitted or (against is not None and f"{cell.key}/{against.key}" in fitted)
+        return _key(cell) in fitted or (against is not None and f"{_key(cell)}/{_key(against)}" in fitted)
 
     def _origin(self, cell: Cell) -> str:
         """Say how our number for one of the paper came about; empty if the scenario does not say."""
         paper = self.metric(cell).paper
-        if paper is None or paper.calibrated is None or cell.key not in paper.values:
+        if paper is None or paper.calibrated is None or _key(cell) not in paper.values:
             return ""
         return "calibrated" if self.is_calibrated(cell) else "predicted"
 

@@ -112,18 +112,22 @@ class Worker:
         try:
             simulation, repeated = request.simulation, request.is_repeated
             rows = master.simulate(run, simulation, self._instance, board=self._board, is_repeated=repeated)
+            seconds = time.perf_counter() - begin
+            last = self._write(request, *rows)
         except master.RunError as error:
             kind = "Terminated" if error.is_end else "Discarded" if error.is_discarded else "Error"
             where = None if error.component == "input file" else error.component
             failure = {"time": error.time, "component": where, "message": error.described(), "kind": kind}
-            recorded = None if error.recorded is None else self._write(request, *error.recorded)
+            recorded = None
+            if error.recorded is not None:
+                # Without its rows the failure is reported nevertheless.
+                with contextlib.suppress(OSError):
+                    recorded = self._write(request, *error.recorded)
             return _failed(run.id, failure, error.fatal, recorded)
         except Exception as error:
             failure = {"time": None, "component": None, "message": f"{type(error).__name__}: {error}", "kind": "Error"}
             return _failed(run.id, failure, False, None)
         logged = [(name, {"status": "Warning", "category": "", "text": text}) for name, text in master.messages()]
-        seconds = time.perf_counter() - begin
-        last = self._write(request, *rows)
         return {"Recorded": {"rows": 1, "columns": [], "messages": logged, "seconds": seconds}}, last
 
     @staticmethod

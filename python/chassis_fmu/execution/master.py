@@ -29,7 +29,7 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
-from ..files.plan import Component, InputSeries, Run, Setting, Simulation, Wire
+from ..files.plan import Component, InputSeries, PlanError, Run, Setting, Simulation, Wire
 from . import calls, fmi3
 from .bus import Array, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
@@ -138,6 +138,15 @@ class Instance(Protocol):
         """Free the instance and unload the library."""
 
 
+def _starts(component: Component) -> tuple[Setting, ...]:
+    """Return what is set before initialization, in this order."""
+    if component.steady == ():
+        raise PlanError(
+            f"the steady state in which `{component.name}` starts has not been found; `chassis plan --json` finds it"
+        )
+    return component.parameters + (component.steady or ())
+
+
 class FmpyInstance:
     """An instance made by fmpy, of either version of FMI."""
 
@@ -165,7 +174,7 @@ class FmpyInstance:
         self.functions: Any = self._slave.dll
         if is_new:
             types = {variable.valueReference: str(variable.type) for variable in self._variables()}
-            named = [(one.name, one.reference) for one in (*component.starts, *component.constants)]
+            named = [(one.name, one.reference) for one in (*_starts(component), *component.constants)]
             named += [(one.name, one.reference) for one in (*component.inputs, *component.outputs)]
             # Elements of arrays have references that the native master alone knows.
             if elements := [name for name, reference in named if reference not in types]:
@@ -486,7 +495,7 @@ def simulate(
         for slave in slaves:
             slave.setup(simulation)
         for slave in slaves:
-            slave.apply(slave.component.starts, start)
+            slave.apply(_starts(slave.component), start)
         for slave in slaves:
             slave.enter(start)
         for player in players:
@@ -511,7 +520,8 @@ def simulate(
             board.step(time, k)
             for player in players:
                 bus[player.feed.slot] = player.of_step(time)
-            size = simulation.step_size(time)
+            # An FMU that was told the stop time may refuse to go beyond it, and the sum may do so by rounding.
+            size = simulation.stop - time if time + step > simulation.stop else step
             if sequential:
                 for slave in slaves:
                     slave.set(time)

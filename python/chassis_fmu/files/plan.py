@@ -155,7 +155,7 @@ class Wire(_Part, frozen=True):
     slot: int
 
 
-class Component(plan_rules.ComponentMixin, _Part, frozen=True):
+class Component(_Part, frozen=True):
     """An instance of an FMU and its wires."""
 
     # Name, also of the instance.
@@ -288,7 +288,7 @@ class Until(_Part, frozen=True):
     level: float
 
 
-class Metric(plan_rules.MetricMixin, _Part, frozen=True):
+class Metric(_Part, frozen=True):
     """A number of the results."""
 
     # Name.
@@ -368,7 +368,7 @@ Format: TypeAlias = Literal[
 ]
 
 
-class Cell(plan_rules.CellMixin, _Part, frozen=True):
+class Cell(_Part, frozen=True):
     """A cell of the table of metrics."""
 
     # Index into the metrics of the plan.
@@ -396,7 +396,7 @@ class Number(_Part, frozen=True):
 Part: TypeAlias = str | Number
 
 
-class Figure(plan_rules.FigureMixin, _Part, frozen=True):
+class Figure(_Part, frozen=True):
     """A figure to draw."""
 
     # File name without extension.

@@ -31,26 +31,6 @@ class Conversion(msgspec.Struct, frozen=True):
     offset: float = 0.0
 
 
-class ComponentMixin:
-    """An FMU instance of a run."""
-
-    __slots__ = ()
-    name: str
-    parameters: tuple[plan.Setting, ...]
-    steady: tuple[plan.Setting, ...] | None
-
-    @property
-    def starts(self) -> tuple[plan.Setting, ...]:
-        """What is set before initialization, in this order."""
-        if self.steady is None:
-            return self.parameters
-        if not self.steady:
-            raise PlanError(
-                f"the steady state in which `{self.name}` starts has not been found; `chassis plan --json` finds it"
-            )
-        return self.parameters + self.steady
-
-
 class RunMixin:
     """One simulation: a case at a point with a seed."""
 
@@ -64,21 +44,13 @@ class RunMixin:
 
 
 class SimulationMixin:
-    """Time grid (s), recording interval in steps, and order of execution."""
+    """Time grid (s)."""
 
     __slots__ = ()
     start: float
-    stop: float
     step: float
     steps: int
     every: int
-
-    def step_size(self, time: float) -> float:
-        """Return the size of the step from a time: the communication step, or what is left of it before the stop time.
-
-        An FMU that was told the stop time may refuse to go beyond it, and the sum of the two may do so by rounding.
-        """
-        return self.stop - time if time + self.step > self.stop else self.step
 
     @property
     def rows(self) -> int:
@@ -108,55 +80,6 @@ class ColumnMixin:
         return Conversion(self.display_unit, self.factor, self.offset)
 
 
-class CellMixin:
-    """A cell of the table of metrics."""
-
-    __slots__ = ()
-    case: str
-    point: str | None
-
-    @property
-    def key(self) -> str:
-        """Return the name that the paper's numbers have: `case` or `case@point`."""
-        return self.case if self.point is None else f"{self.case}@{self.point}"
-
-
-class MetricMixin:
-    """A number computed from signals, or from other metrics."""
-
-    __slots__ = ()
-    unit: str | None
-    factor: float
-    offset: float
-
-    @property
-    def conversion(self) -> Conversion:
-        """Unit of the number, and how the signal is converted before."""
-        return Conversion(self.unit or "", self.factor, self.offset)
-
-
-class FigureMixin:
-    """A figure to draw."""
-
-    __slots__ = ()
-    unit: str | None
-    factor: float
-    offset: float
-
-    @property
-    def conversion(self) -> Conversion | None:
-        """Unit of the signals; None: that of each column."""
-        return None if self.unit is None else Conversion(self.unit, self.factor, self.offset)
-
-
-class Unread(msgspec.Struct, frozen=True):
-    """Outputs of a component that nothing reads, and in which cases."""
-
-    component: str
-    outputs: tuple[str, ...]
-    cases: tuple[str, ...]
-
-
 P = TypeVar("P", bound="PlanMixin")
 
 
@@ -168,7 +91,6 @@ class PlanMixin:
     points: tuple[plan.Point, ...]
     seeds: tuple[int, ...]
     runs: tuple[plan.Run, ...]
-    wiring: tuple[plan.Wiring, ...]
 
     @classmethod
     def parse(cls: type[P], text: str, root: Path) -> P:
@@ -222,18 +144,6 @@ class PlanMixin:
     def seed_values(self) -> tuple[int | None, ...]:
         """Values of the seeds; a single None without seeds."""
         return self.seeds or (None,)
-
-    @property
-    def unread(self) -> tuple[Unread, ...]:
-        """Group the outputs that nothing reads by component; cases that leave the same ones are joined."""
-        cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
-        for case in self.wiring:
-            components: dict[str, list[str]] = {}
-            for signal in case.unread:
-                components.setdefault(signal.component, []).append(signal.variable)
-            for component, outputs in components.items():
-                cases.setdefault((component, tuple(outputs)), []).append(case.case)
-        return tuple(Unread(component, outputs, tuple(names)) for (component, outputs), names in cases.items())
 
 
 class _Version(msgspec.Struct):

@@ -8,53 +8,20 @@ from pathlib import Path
 
 import markupsafe
 
-from ..files.plan import Case, Figure, Point
+from ..files.plan import Case
 from . import page_data, plots, rendering
 from .panels import Panel
-
-
-@dataclass(frozen=True)
-class Cases:
-    """What figures are of: cases without points."""
-
-    cases: Sequence[Case]
-    points: Sequence[Point] = ()
 
 
 @dataclass(frozen=True)
 class Chart:
     """A figure with what one sees."""
 
-    figure: Figure
+    figure: plots.Picture
     caption: str
     panels: list[Panel]
     cases: Sequence[Case] | None = None
     """Cases of this figure alone, which has switches of its own; without them it is of the cases of the page."""
-
-
-def figure(name: str, title: str, kind: str, cases: Sequence[Case]) -> Figure:
-    """Return the plan's notion of a figure, for those who draw it."""
-    return Figure(
-        name=name,
-        title=title,
-        kind=kind,  # type: ignore[arg-type]
-        cases=tuple(c.name for c in cases),
-        separate=False,
-        columns=(),
-        against=None,
-        right=None,
-        over=None,
-        metrics=(),
-        same_scale=False,
-        equal_axes=False,
-        band=None,
-        window=None,
-        levels=(),
-        unit=None,
-        factor=1.0,
-        offset=0.0,
-        caption=None,
-    )
 
 
 class Drawings:
@@ -67,7 +34,7 @@ class Drawings:
 
     def draw(self, chart: Chart) -> tuple[Chart, markupsafe.Markup]:
         """Draw a figure and write its files; returns it with the picture for the page."""
-        made = plots.draw(Cases(chart.cases or self._cases), chart.figure, chart.panels)
+        made = plots.draw(chart.cases or self._cases, chart.figure, chart.panels)
         made.write(self._folder)
         self._drawn.append(chart)
         return chart, rendering.inline_svg(made)

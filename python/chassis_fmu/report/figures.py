@@ -165,7 +165,7 @@ def density_unit(unit: str) -> str:
 
 def _shown(column: Column, figure: Figure) -> Conversion:
     """Return the unit a column is plotted in: the figure's, the display unit of the variable, its unit."""
-    return figure.conversion or column.shown
+    return column.shown if figure.unit is None else Conversion(figure.unit, figure.factor, figure.offset)
 
 
 def _units(column: Column, figure: Figure) -> tuple[Conversion, ...]:
@@ -389,7 +389,7 @@ def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int]
 
 def metric_axis(metric: Metric, *, zero: bool = False) -> Axis:
     """Return the axis of a metric."""
-    return Axis(metric.title, (Conversion(tables.pretty_unit(metric.conversion.unit)),), zero=zero)
+    return Axis(metric.title, (Conversion(tables.pretty_unit(metric.unit)),), zero=zero)
 
 
 def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:

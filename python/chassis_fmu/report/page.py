@@ -143,7 +143,7 @@ def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
                 )
             )
         source = (metric.paper.table or "") if metric.paper else ""
-        unit = tables.pretty_unit(metric.conversion.unit)
+        unit = tables.pretty_unit(metric.unit)
         groups.append(TableGroup(metric.title, unit, source, texts.definition(metric, plan), rows))
     return groups
 
@@ -281,6 +281,18 @@ def _of(run: Run, component: str, parameter: str) -> object:
     return None
 
 
+def unread(plan: Plan) -> dict[tuple[str, tuple[str, ...]], list[str]]:
+    """Group the outputs that nothing reads by component; returns the cases that leave the same ones."""
+    cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for case in plan.wiring:
+        components: dict[str, list[str]] = {}
+        for signal in case.unread:
+            components.setdefault(signal.component, []).append(signal.variable)
+        for component, outputs in components.items():
+            cases.setdefault((component, tuple(outputs)), []).append(case.case)
+    return cases
+
+
 def counts(numbers: Numbers) -> dict[Status, int]:
     """Count the badges of findings and requirements, best first."""
     found = [numbers.finding(f) for f in numbers.plan.findings]
@@ -343,6 +355,7 @@ def render(
         legend=legend(cells, findings),
         figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), rendering.inline_svg(d)) for d in drawings],
         components=components(plan),
+        unread=unread(plan).items(),
         failures=failures,
         context=context,
         interactive=page_data.Interactive.of(data),

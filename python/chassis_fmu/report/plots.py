@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator
 
 from ..files import results
-from ..files.plan import Case, Figure, Point
+from ..files.plan import Case, Figure
 from . import tables
 from .panels import Array, Line, Panel, decimate
 
@@ -93,23 +93,22 @@ STYLE = {
 }
 
 
-class Drawn(Protocol):
-    """Source of figures, such as a plan: its cases have colors, and the panels of its points are side by side."""
+@dataclass(frozen=True)
+class Picture:
+    """A figure that no scenario declares: file name without extension, title, kind."""
 
-    @property
-    def cases(self) -> Sequence[Case]:
-        """The cases, in the order of their colors."""
-
-    @property
-    def points(self) -> Sequence[Point]:
-        """The points of a sweep."""
+    name: str
+    title: str
+    kind: str
+    separate: bool = False
+    caption: None = None
 
 
 @dataclass(frozen=True)
 class Drawing:
     """A finished figure."""
 
-    figure: Figure
+    figure: Figure | Picture
     svg: str
     png: bytes
 
@@ -125,14 +124,14 @@ def is_noisy(values: Array) -> bool:
     return bool(np.abs(np.diff(values)).sum() > NOISY * np.ptp(values))
 
 
-def color_of(plan: Drawn, case: Case) -> str:
-    """Return the color of a case, the same in all figures."""
-    return PALETTE[plan.cases.index(case) % len(PALETTE)]
+def color_of(cases: Sequence[Case], case: Case | None) -> str:
+    """Return the color of a case, the same in all figures; ink for none."""
+    return INK if case is None else PALETTE[cases.index(case) % len(PALETTE)]
 
 
-def dashes_of(plan: Drawn, case: Case) -> str:
+def dashes_of(cases: Sequence[Case], case: Case | None) -> str:
     """Return the line style of a case: solid, then others where the colors are used up."""
-    return DASHES[plan.cases.index(case) // len(PALETTE) % len(DASHES)]
+    return "solid" if case is None else DASHES[cases.index(case) // len(PALETTE) % len(DASHES)]
 
 
 def _title(ax: Axes, panel: Panel, room: int) -> None:
@@ -199,13 +198,13 @@ def _lines(panel: Panel) -> list[Line]:
 class _Key:
     """Entries of the legend, in the order of the cases."""
 
-    def __init__(self, plan: Drawn) -> None:
-        self._plan = plan
+    def __init__(self, cases: Sequence[Case]) -> None:
+        self._cases = cases
         self._entries: dict[tuple[int, str], Line2D] = {}
 
     def add(self, line: Line, title: str, **style: object) -> None:
-        place = -1 if line.case is None else self._plan.cases.index(line.case)
-        order = len(self._plan.cases) if line.kind == "reference" else place
+        place = -1 if line.case is None else self._cases.index(line.case)
+        order = len(self._cases) if line.kind == "reference" else place
         self._entries.setdefault((order, title), Line2D([], [], label=title, **style))  # type: ignore[arg-type]
 
     @property
@@ -214,10 +213,17 @@ class _Key:
 
 
 def _draw_line(
-    ax: Axes, plan: Drawn, figure: Figure, line: Line, x: Array, y: Array, *, is_widest: bool, key: _Key
+    ax: Axes,
+    cases: Sequence[Case],
+    figure: Figure | Picture,
+    line: Line,
+    x: Array,
+    y: Array,
+    is_widest: bool,
+    key: _Key,
 ) -> None:
     """Draw a line; its values are in the units shown."""
-    color = INK if line.case is None else color_of(plan, line.case)
+    color = color_of(cases, line.case)
     if line.kind == "reference":
         # In ink where a case has the panel for itself, in its color among others.
         dashed = RIGHT_DASHES if line.right else (0, (3, 2))
@@ -228,7 +234,7 @@ def _draw_line(
         return
     is_curve = figure.kind == "xy"
     x, y = decimate(x, y, is_curve=is_curve)
-    dashes = "solid" if line.case is None else dashes_of(plan, line.case)
+    dashes = dashes_of(cases, line.case)
     has_one_width = figure.kind in ("spectrum", "transfer")
     width = 1.0 if has_one_width else 0.6 if is_noisy(y) and not is_curve else 2.0 if is_widest else 1.2
     ax.plot(x, y, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
@@ -237,9 +243,9 @@ def _draw_line(
         key.add(line, title, color=color, linewidth=2.0, linestyle=dashes)
 
 
-def _draw_points(ax: Axes, plan: Drawn, line: Line, y: Array, key: _Key) -> None:
+def _draw_points(ax: Axes, cases: Sequence[Case], line: Line, y: Array, key: _Key) -> None:
     """Draw points: those of a sweep with their spread, single runs, or the steps of a distribution."""
-    color = INK if line.case is None else color_of(plan, line.case)
+    color = color_of(cases, line.case)
     if line.apart or line.steps:
         joined: dict[str, Any] = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
         style: dict[str, Any] = {"color": color, "marker": "x" if line.crosses else "o", "markersize": 4.5}
@@ -319,7 +325,9 @@ def _scale(ax: Axes, panel: Panel) -> None:
         drawn.set_major_formatter(NUMBERS)
 
 
-def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key, letters: int) -> None:
+def _draw_panel(
+    ax: Axes, cases: Sequence[Case], figure: Figure | Picture, panel: Panel, key: _Key, letters: int
+) -> None:
     """Draw a panel. Titles of vertical axes wrap after `letters` characters."""
     ax.set_ylabel(textwrap.fill(panel.y.label, letters))
     if panel.kind == "heat":
@@ -336,12 +344,12 @@ def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key, 
         own = panel.right.units[0] if line.right and panel.right is not None else unit
         x, y = line.x * across.factor + across.offset, line.y * own.factor + own.offset
         if line.marks:
-            _draw_points(ax, plan, line, y, key)
+            _draw_points(ax, cases, line, y, key)
             continue
         # The first line is the widest, so that it shows even where the others lie on it.
         is_widest = figure.kind == "time" and line is runs[0] and len(runs) > 1
         axes = beside if line.right and beside is not None else ax
-        _draw_line(axes, plan, figure, line, x, y, is_widest=is_widest, key=key)
+        _draw_line(axes, cases, figure, line, x, y, is_widest, key)
         whole = whole and (line.kind == "reference" or bool(np.all(y == np.round(y))))
     _levels(ax, panel)
     if whole and (ax.dataLim.y0 != 0.0 or ax.dataLim.y1 != 0.0):
@@ -386,11 +394,13 @@ def _shape(panel: Panel) -> float:
     return float(height / width) if width > 0.0 else 1.0
 
 
-def draw(plan: Drawn, figure: Figure, panels: Sequence[Panel]) -> Drawing:
-    """Draw a figure, which has at least one panel."""
+def draw(
+    cases: Sequence[Case], figure: Figure | Picture, panels: Sequence[Panel], *, is_swept: bool = False
+) -> Drawing:
+    """Draw a figure, which has at least one panel; those of the points of a sweep are side by side."""
     is_of_points = figure.kind in ("sweep", "heat_map", "distribution", "scatter", "xy")
     is_map = all(panel.kind == "map" for panel in panels)
-    is_wide = len(panels) > 1 and not is_map if is_of_points else len(plan.points) > 1
+    is_wide = len(panels) > 1 and not is_map if is_of_points else is_swept
     across = 2 if is_wide and figure.kind != "transfer" else 1
     height = 2.7 if is_of_points else 2.9 if len(panels) == 1 else 1.75 if figure.kind in ("time", "transfer") else 2.2
     if is_map:
@@ -400,9 +410,9 @@ def draw(plan: Drawn, figure: Figure, panels: Sequence[Panel]) -> Drawing:
         height = 4.2
     with mpl.rc_context(STYLE):
         canvas, axes = _canvas(len(panels), across, height)
-        key = _Key(plan)
+        key = _Key(cases)
         for i, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
-            _draw_panel(ax, plan, figure, panel, key, int(LETTERS * height))
+            _draw_panel(ax, cases, figure, panel, key, int(LETTERS * height))
             _title(ax, panel, 95 if across == 1 else 48)
             if is_of_points or i + across >= len(panels):
                 ax.set_xlabel(panel.x.label)

@@ -65,11 +65,6 @@ def scientific(value: float, digits: int = 6) -> str:
     return _native.scientific(float(f"{value:.{digits}g}"))
 
 
-def limits(least: float | None, most: float | None, unit: str) -> str:
-    """Write limits, of which one may be missing, in a unit as `pretty_unit` gives it."""
-    return _native.limits(least, most, unit)
-
-
 def significant(value: float, digits: int) -> str:
     """Format a number with so many significant digits, zeros at the end too, as the cells of a map are."""
     rounded = float(f"{value:.{digits}g}")
@@ -131,12 +126,12 @@ def spread_percent(statistic: Statistic | None) -> str:
     return text
 
 
-def pretty_unit(unit: str) -> str:
-    """Turn a unit name into typography: rad/s2 becomes rad/s², N.m becomes N·m, 1 becomes nothing."""
-    return _native.unit(unit)
+def pretty_unit(unit: str | None) -> str:
+    """Turn a unit name into typography: rad/s2 becomes rad/s², N.m becomes N·m, 1 and None become nothing."""
+    return _native.unit(unit or "")
 
 
-def with_unit(title: str, unit: str) -> str:
+def with_unit(title: str, unit: str | None) -> str:
     """Append a unit in parentheses, where there is one."""
     pretty = pretty_unit(unit)
     return f"{title} ({pretty})" if pretty else title
@@ -173,7 +168,7 @@ def _text_rows(plan: Plan, cells: Sequence[Row]) -> tuple[list[str], list[list[s
     """Return header and rows without empty columns, and the number of left-aligned columns."""
     rows = [
         [
-            with_unit(c.metric.title, c.metric.conversion.unit),
+            with_unit(c.metric.title, c.metric.unit),
             plan.point_titles[c.point],
             plan.case_titles[c.case],
             printed(c.paper, c.metric.digits),
@@ -232,7 +227,7 @@ def machine(cells: Sequence[Row]) -> str:
                 c.metric.name,
                 c.metric.title,
                 c.metric.kind or c.metric.value,
-                c.metric.conversion.unit,
+                c.metric.unit or "",
                 c.case,
                 c.point or "",
                 c.ours.count if c.ours else 0,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from .. import _native
 from ..evaluation import metrics
 from ..evaluation.grading import Status, paired
 from ..evaluation.results_table import Numbers, Statistic
@@ -28,7 +29,7 @@ def number(item: Number, numbers: Numbers) -> str:
     if item.format in ("from", "to"):
         return NONE if metric.window is None else f"{tables.scientific(metric.window[item.format == 'to'])} s"
     if item.format == "spread":
-        unit = tables.pretty_unit(metric.conversion.unit)
+        unit = tables.pretty_unit(metric.unit)
         parts = [tables.spread(numbers.statistic(c), metric.digits, len(numbers.plan.seeds)) for c in item.cells]
         return " and ".join(f"{p} {unit}".rstrip() for p in parts)
     against: Sequence[Cell | None] = item.against or [None] * len(item.cells)
@@ -51,7 +52,7 @@ def _unit(item: Number, numbers: Numbers) -> str:
         return "%"
     if item.format in ("number", "ratio"):
         return ""
-    return tables.pretty_unit(numbers.plan.metrics[item.metric].conversion.unit)
+    return tables.pretty_unit(numbers.plan.metrics[item.metric].unit)
 
 
 def _percent(value: float, _digits: int | None) -> str:
@@ -105,7 +106,7 @@ def _single(form: str, cell: Cell, against: Cell | None, numbers: Numbers) -> fl
 def check(item: Check, numbers: Numbers) -> str:
     """Describe a check, with the numbers that it compares."""
     metric = numbers.metric(item.cell)
-    unit = metric.conversion.unit
+    unit = metric.unit
     plan = numbers.plan
 
     def place(cell: Cell, beside: Cell | None = None) -> str:
@@ -171,11 +172,11 @@ def definition(metric: Metric, plan: Plan) -> str:
         parts.append(f"minus {plan.columns[metric.minus].name}")
     if metric.from_baseline:
         parts.append("minus the same signal of the baseline's run")
-    unit = tables.pretty_unit(metric.conversion.unit)
+    unit = tables.pretty_unit(metric.unit)
     if (metric.factor, metric.offset) != (1.0, 0.0):
         shift = f" and plus {tables.scientific(metric.offset)}" if metric.offset else ""
         parts.append(f"times {tables.scientific(metric.factor)}{shift}")
-    text = f"{metrics.formula(metric)} of {', '.join(parts)}"
+    text = f"{_native.formula(metric.kind or '')} of {', '.join(parts)}"
     if metric.threshold is not None:
         text += f"; threshold {tables.scientific(metric.threshold)}"
     if metric.band is not None:

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from .. import _native
 from ..files import results
 from ..files.describe import sha256
 from ..files.plan import Metric
 from ..report import index, rendering, tables, texts
-from ..report.charts import Chart, Drawings, figure
+from ..report.charts import Chart, Drawings
+from ..report.plots import Picture
 from . import charts, design, search, statistics
 from .charts import Recorded
 from .file import Study
@@ -177,7 +179,7 @@ def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> list[Changes]
                 rows.append((numbers.job.plan.place(run.case, run.point), of, done))
         of_metric = job.plan.metrics[metric]
         panels = charts.changes(numbers, requirement)
-        own = figure(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy", job.plan.cases)
+        own = Picture(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy")
         caption = "Change against the baseline of the case in the same sample. Dashed: the limits of the requirement."
         found.append(Changes(rows, drawings.draw(Chart(own, caption, panels)) if panels else None))
     return found
@@ -198,24 +200,23 @@ def _tornados(numbers: Numbers, metric: int) -> list[Tornado]:
 
 
 def _charts(numbers: Numbers, metric: int) -> list[Chart]:
-    cases = numbers.job.plan.cases
     name = numbers.job.plan.metrics[metric].name
     title = numbers.job.plan.metrics[metric].title
     has_means = any(f.levels for f in numbers.job.study.vary)
     is_short = numbers.job.study.method == "sweep" and numbers.count < 20
     found = [
         Chart(
-            figure(f"{name}_distribution", f"{title}: distribution", "xy", cases),
+            Picture(f"{name}_distribution", f"{title}: distribution", "xy"),
             "How large it is in how many runs. A curve that ends below 1: the other runs have no number.",
             [] if is_short else charts.distributions(numbers, metric),
         ),
         Chart(
-            figure(f"{name}_factors", f"{title} over what varies", "scatter", cases),
+            Picture(f"{name}_factors", f"{title} over what varies", "scatter"),
             f"A point for each run{'; where a factor has few values, the means over all others' if has_means else ''}.",
             charts.over_factors(numbers, metric),
         ),
         Chart(
-            figure(f"{name}_map", f"{title} over two factors", "heat_map", cases),
+            Picture(f"{name}_map", f"{title} over two factors", "heat_map"),
             "Means over all other factors. The colors of all cases mean the same.",
             charts.over_two_factors(numbers, metric),
         ),
@@ -225,7 +226,7 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
 
 def _scatter_matrix(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
     panels = charts.matrix(numbers, shown)
-    own = figure("scatter_matrix", "Scatter matrix", "scatter", numbers.job.plan.cases)
+    own = Picture("scatter_matrix", "Scatter matrix", "scatter")
     caption = (
         f"Every pair of factors and metrics; a point for each run, at most {charts.MOST_POINTS} of a case. "
         "Dashed, between metrics: the Pareto front, the runs of all cases than which none is better in both."
@@ -278,7 +279,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         columns = history_columns(numbers)
         of_runs = charts.history_cases(numbers, recorded)
         panels = list(charts.histories(numbers, columns, recorded, of_runs))
-        own = figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
+        own = Picture("histories", "Signals of the chosen runs", "time")
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
         history = Chart(
             own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels, list(of_runs.values())
@@ -450,7 +451,7 @@ def console(numbers: Numbers) -> str:
                 values = (found.mean, *(found.percentiles[i] for i in picked), found.min, found.max)
                 shown = [number(value, of) for value in values]
             count = "0" if found is None else str(found.count)
-            rows.append([tables.with_unit(of.title, of.conversion.unit), title, count, *shown])
+            rows.append([tables.with_unit(of.title, of.unit), title, count, *shown])
         at = job.metrics.index(metric)
         undefined = sum(done.status == "ok" and done.numbers[at] is None for done in numbers.rows.values())
         if undefined:
@@ -484,7 +485,7 @@ def _found(numbers: Numbers, best: Found) -> str:
     else:
         wanted = job.study.search.metric if job.study.search else ""
         metric = next(m for m in job.plan.metrics if m.name == wanted)
-        what = f"{metric.title} {best.value:g} {tables.pretty_unit(metric.conversion.unit)}".rstrip()
+        what = f"{metric.title} {best.value:g} {tables.pretty_unit(metric.unit)}".rstrip()
     return f"Found in sample {best.sample}: {what} at {at}"
 
 
@@ -517,9 +518,9 @@ def limits_text(numbers: Numbers, share: Share) -> str:
     """Write the limits of a requirement."""
     limits = share.limits
     if limits.of_change:
-        return f"change of {tables.limits(limits.min, limits.max, '%')}"
+        return f"change of {_native.limits(limits.min, limits.max, '%')}"
     metric = numbers.job.plan.metrics[limits.metric]
-    return tables.limits(limits.min, limits.max, tables.pretty_unit(metric.conversion.unit))
+    return _native.limits(limits.min, limits.max, tables.pretty_unit(metric.unit))
 
 
 def _verdict(numbers: Numbers, share: Share) -> str:
