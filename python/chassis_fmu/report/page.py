@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import msgspec
 from ..evaluation.grading import MEANINGS, TITLES, Status
 from ..evaluation.results_table import Numbers, Row
 from ..files.describe import Description, Variable, describe, sha256
-from ..files.plan import Component, Plan, Point, Run, Setting
+from ..files.plan import Component, Plan, Run, Setting
 from . import page_data, plots, rendering, tables, texts
 
 
@@ -33,123 +33,23 @@ class Context:
     """Cases, with the address at which the lab replays them."""
 
 
-@dataclass(frozen=True)
-class ParameterRow:
-    """A parameter the scenario sets, formatted; `values` pairs a label (empty: everywhere) with a value."""
-
-    name: str
-    description: str
-    default: str
-    values: tuple[tuple[str, str], ...]
-
-
-@dataclass
-class ComponentSection:
-    """A component of the scenario with its FMU. `cases` is empty if it takes part in all of them."""
-
-    name: str
-    fmu: str
-    guid: str
-    sha256: str
-    description: str
-    cases: tuple[str, ...]
-    parameters: list[ParameterRow] = field(default_factory=list)
-    constants: list[tuple[str, str]] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Bar:
-    """A bar from zero to a change: left edge and width in percent of the box, and its text."""
-
-    left: float
-    width: float
-    text: str
-
-
-@dataclass(frozen=True)
-class TableRow:
-    """A row of the headline table, formatted."""
-
-    case: str
-    point: str
-    color: int
-    paper: str
-    ours: str
-    paper_bar: Bar | None
-    ours_bar: Bar | None
-    remark: str
-    status: Status | None
-    negligible: bool
-    first_of_point: bool
-    places: tuple[str, str] | None
-    """Row and column in the matrix of a sweep over two parameters."""
-
-
-@dataclass(frozen=True)
-class Article:
-    """A finding, formatted."""
-
-    status: Status
-    claim: str
-    explanation: str
-    checks: list[tuple[Status, str]]
-
-
-@dataclass(frozen=True)
-class TableGroup:
-    """The rows of a metric."""
-
-    title: str
-    unit: str
-    source: str
-    definition: str
-    rows: list[TableRow]
-
-
-def _bar(percent: float | None, text: str, limit: float) -> Bar | None:
+def _bar(percent: float | None, limit: float) -> tuple[float, float] | None:
+    """Return left edge and width, in percent of the box, of the bar from zero to a change."""
     if percent is None:
         return None
     half = 50.0 * min(abs(percent) / limit, 1.0)
-    return Bar(round(50.0 - half if percent < 0.0 else 50.0, 2), round(half, 2), text)
+    return round(50.0 - half if percent < 0.0 else 50.0, 2), round(half, 2)
 
 
-def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
-    """Format the table of metrics, one group per metric."""
-    cases = {c.name: c for c in plan.cases}
-    points = plan.point_titles
-    changes = [abs(c.paper_change) for c in cells if c.paper_change is not None]
-    changes += [abs(c.change.mean) for c in cells if c.change is not None]
-    limit = max([*(min(v, 100.0) for v in changes), 1.0])
-    groups = []
-    for metric in plan.metrics:
-        rows: list[TableRow] = []
-        for cell in (c for c in cells if c.metric is metric):
-            point = points[cell.point]
-            place = next((p for p in plan.points if p.name == cell.point), None)
-            rows.append(
-                TableRow(
-                    case=cases[cell.case].title,
-                    point=point,
-                    color=plan.cases.index(cases[cell.case]) % len(plots.PALETTE),
-                    paper=tables.printed(cell.paper, metric.digits),
-                    ours=tables.spread(cell.ours, metric.digits, len(plan.seeds)),
-                    paper_bar=_bar(cell.paper_change, tables.signed(cell.paper_change), limit),
-                    ours_bar=_bar(cell.change.mean if cell.change else None, tables.spread_percent(cell.change), limit),
-                    remark=tables.remark(cell),
-                    status=cell.status,
-                    negligible=cell.negligible,
-                    first_of_point=not rows or rows[-1].point != point,
-                    places=_places(plan, place),
-                )
-            )
-        source = (metric.paper.table or "") if metric.paper else ""
-        unit = tables.pretty_unit(metric.unit)
-        groups.append(TableGroup(metric.title, unit, source, texts.definition(metric, plan), rows))
-    return groups
+def _limit(cells: Sequence[Row]) -> float:
+    """Return the change at the end of the box of the bars, percent."""
+    changes = [c.paper_change for c in cells] + [c.change and c.change.mean for c in cells]
+    return max([*(min(abs(v), 100.0) for v in changes if v is not None), 1.0])
 
 
-def _places(plan: Plan, point: Point | None) -> tuple[str, str] | None:
+def _places(plan: Plan, name: str | None) -> tuple[str, str] | None:
     """Return the row and the column of a point in the matrix of a sweep over two parameters."""
+    point = next((p for p in plan.points if p.name == name), None)
     if point is None or point.second is None or plan.sweep is None or plan.sweep.second is None:
         return None
     ends = ((point.second, plan.sweep.second.unit), (point.value, plan.sweep.unit))
@@ -200,8 +100,7 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
     # Of a sweep over two parameters most values depend on one of them.
     by_axis: tuple[dict[str, set[str]], dict[str, set[str]]] = ({}, {})
     for (_, name), value in values.items():
-        place = _places(plan, next((p for p in plan.points if p.name == name), None))
-        for own, at in zip(by_axis, place or (), strict=False):
+        for own, at in zip(by_axis, _places(plan, name) or (), strict=False):
             own.setdefault(at, set()).add(value)
     for own in by_axis:
         if own and all(len(v) == 1 for v in own.values()):
@@ -224,7 +123,7 @@ def order_of(runs: Sequence[Run]) -> list[str]:
     return found
 
 
-def components(plan: Plan) -> list[ComponentSection]:
+def components(plan: Plan) -> list[dict[str, Any]]:
     """Collect the components of all runs with the parameters that differ from the defaults of their FMUs."""
     runs = [r for r in plan.runs if r.seed == plan.seed_values[0]]
     found: dict[tuple[str, Path], list[tuple[Run, Component]]] = {}
@@ -237,14 +136,7 @@ def components(plan: Plan) -> list[ComponentSection]:
     for (name, fmu), places in sorted(found.items(), key=lambda item: order[item[0][0]]):
         text = descriptions.setdefault(fmu, describe(fmu))
         inside = {run.case for run, _ in places}
-        section = ComponentSection(
-            name=name,
-            fmu=fmu.stem,
-            guid=places[0][1].guid,
-            sha256=sha256(fmu),
-            description=text.text,
-            cases=() if len(inside) == len(plan.cases) else tuple(c.title for c in plan.cases if c.name in inside),
-        )
+        parameters = []
         # A run that leaves a parameter alone has the default.
         settings = {s.name: s for _, component in places for s in component.parameters}
         for setting in settings.values():
@@ -263,14 +155,24 @@ def components(plan: Plan) -> list[ComponentSection]:
                 shown = _collapse(plan, values)
             if default and shown == (("", default),):
                 continue
-            section.parameters.append(
-                ParameterRow(setting.name, variable.description if variable else "", default, shown)
-            )
+            parameters.append((setting.name, variable.description if variable else "", default, shown))
         grouped: dict[str, list[str]] = {}
         for s in places[0][1].constants:
             grouped.setdefault(_value(s, text.variables.get(s.name)), []).append(s.name)
-        section.constants = [(", ".join(names), value) for value, names in grouped.items()]
-        sections.append(section)
+        sections.append(
+            {
+                "name": name,
+                "fmu": fmu.stem,
+                "guid": places[0][1].guid,
+                "sha256": sha256(fmu),
+                "description": text.text,
+                # Empty if it takes part in all of them.
+                "cases": [c.title for c in plan.cases if c.name in inside] if len(inside) < len(plan.cases) else [],
+                # Name, description, default, and values with the places where they hold, formatted.
+                "parameters": parameters,
+                "constants": [(", ".join(names), value) for value, names in grouped.items()],
+            }
+        )
     return sections
 
 
@@ -300,12 +202,6 @@ def counts(numbers: Numbers) -> dict[Status, int]:
     return {status: found.count(status) for status in TITLES if status in found}
 
 
-def legend(cells: Sequence[Row], articles: Sequence[Article]) -> list[tuple[Status, str]]:
-    """Define the badges of the page, best first."""
-    shown = {c.status for c in cells} | {a.status for a in articles} | {s for a in articles for s, _ in a.checks}
-    return [(status, meaning) for status, meaning in MEANINGS.items() if status in shown]
-
-
 def verdict_meanings(numbers: Numbers) -> list[tuple[Status, str]]:
     """Define the badges of the requirements that the page shows."""
     shown = {verdict.status for verdict in numbers.verdicts}
@@ -329,21 +225,29 @@ def render(
     plan = numbers.plan
     cells = numbers.table()
     s = plan.simulation
-    groups = headline(plan, cells)
+    limit = _limit(cells)
+    # Badge, claim, explanation and checks.
     findings = [
-        Article(
+        (
             numbers.finding(f),
-            texts.fill(f.claim, numbers),
-            texts.fill(f.explanation, numbers),
+            *(texts.fill(t, numbers) for t in (f.claim, f.explanation)),
             texts.checks(f.checks, numbers),
         )
         for f in plan.findings
     ]
+    badges = {c.status for c in cells} | {
+        of for status, *_, checks in findings for of in (status, *(s for s, _ in checks))
+    }
     return rendering.render(
         "page.html.j2",
         plan=plan,
         paragraphs=rendering.paragraphs(plan.description),
-        groups=groups,
+        groups=[(metric, [c for c in cells if c.metric is metric]) for metric in plan.metrics],
+        tables=tables,
+        definition=texts.definition,
+        bar=lambda percent: _bar(percent, limit),
+        places=lambda point: _places(plan, point),
+        colors={case.name: index % len(plots.PALETTE) for index, case in enumerate(plan.cases)},
         has_paper=any(c.paper is not None or c.paper_change is not None for c in cells),
         has_change=any(c.change is not None or c.paper_change is not None for c in cells),
         has_status=any(c.status for c in cells),
@@ -352,7 +256,7 @@ def render(
         verdicts=[(verdict.status, verdict.text) for verdict in numbers.verdicts],
         verdict_meanings=verdict_meanings(numbers),
         findings=findings,
-        legend=legend(cells, findings),
+        legend=[(status, meaning) for status, meaning in MEANINGS.items() if status in badges],
         figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), rendering.inline_svg(d)) for d in drawings],
         components=components(plan),
         unread=unread(plan).items(),
