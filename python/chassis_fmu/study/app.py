@@ -184,7 +184,7 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
         execute.write(job, folder, result)
         numbers = Numbers(job, result.values, result.rows)
         recorded, files = _series(job, numbers, folder.path, engine)
-    context = report.Context(request.command, name, shell.versions(), files)
+    context = {"command": request.command, "engine": name, "files": files}
     report.write(numbers, recorded, context, folder.path)
     print(escaped(report.console(numbers)))
     print(f"\n{folder.path / 'index.html'}")

@@ -33,6 +33,7 @@ class Group:
     cell: int
     point: str | None
     case: Case
+    choice: tuple[str, ...]
     rows: NDArray[np.bool_]
 
     def of(self, values: Array) -> Array:
@@ -52,7 +53,7 @@ def groups(numbers: Numbers) -> Iterator[Group]:
             if choice:
                 title = ", ".join((*([case.title] if len(named) > 1 else []), *choice))
                 case = Case(" ".join((case.name, *choice)), title, None)
-            yield Group(cell, run.point, case, np.array([other == choice for other in chosen]))
+            yield Group(cell, run.point, case, choice, np.array([other == choice for other in chosen]))
 
 
 def cases(numbers: Numbers) -> list[Case]:
@@ -332,10 +333,9 @@ def history_cases(numbers: Numbers, recorded: Recorded) -> dict[tuple[int, int],
     """Return a case for each recorded run, by case and number: its title has the values of the factors."""
     found = {}
     for number, cell in sorted(recorded, key=lambda key: (key[1], key[0])):
-        run = numbers.job.cells[cell]
         shown = [at for at, factor in enumerate(numbers.job.study.vary) if factor.distribution != "seed"]
         values = ", ".join(_setting(numbers, at, number) for at in shown)
-        title = f"{numbers.job.plan.place(run.case, run.point)}, sample {number}: {values}"
+        title = f"{numbers.job.place(cell)}, sample {number}: {values}"
         found[number, cell] = Case(f"run {number} {cell}", title, None)
     return found
 

@@ -168,6 +168,10 @@ class Job:
         is_number = all(not isinstance(level, str | bool) for level in factor.levels or ())
         return known.pop() if len(known) == 1 and is_number else ""
 
+    def place(self, cell: int) -> str:
+        """Return the title of a cell: its case and point."""
+        return self.plan.place(self.cells[cell].case, self.cells[cell].point)
+
     def baseline(self, cell: int) -> int | None:
         """Return the cell of the baseline of a case, at the same point; None if it is not run."""
         run = self.cells[cell]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import _native
+from .. import _native, shell
 from ..files import results
 from ..files.describe import sha256
 from ..files.plan import Metric
@@ -21,7 +21,7 @@ from . import charts, design, search, statistics
 from .charts import Recorded
 from .file import Study
 from .job import Done
-from .statistics import Choice, Compared, Distribution, Effect, Numbers, Sensitivities, Share, Swing
+from .statistics import Distribution, Effect, Numbers, Sensitivities, Share, Swing
 
 # A study with more metrics than this shows figures of those with requirements, else of the first ones.
 MOST_METRICS = 4
@@ -32,16 +32,6 @@ STATUS = {
     "crashed": "the process that executed it ended",
     "timed_out": "a step took too long",
 }
-
-
-@dataclass(frozen=True)
-class Context:
-    """How the study was executed, for whoever repeats it."""
-
-    command: str
-    engine: str
-    versions: Sequence[tuple[str, str]]
-    files: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -76,48 +66,12 @@ class Tornado:
         return (100.0 * (first - low) / span, 100.0 * (second - low) / span) if span else (0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Changes:
-    """The change of a metric against the baseline that a requirement is about."""
-
-    rows: Sequence[tuple[str, Distribution | None, int]]
-    drawing: tuple[Chart, Any] | None
-
-
-@dataclass(frozen=True)
-class Section:
-    """What is said of a metric."""
-
-    metric: Metric
-    rows: Sequence[tuple[str, Distribution | None, int]]
-    compared: Sequence[tuple[str, str, Compared]]
-    changes: Sequence[Changes]
-    choices: Sequence[tuple[str, Sequence[Choice]]]
-    tornados: Sequence[Tornado]
-    effects: Sequence[EffectTable]
-    drawings: Sequence[tuple[Chart, Any]]
-
-    def number(self, value: float | None) -> str:
-        """Write a number of the metric."""
-        return tables.number(value, self.metric.digits)
-
-    @property
-    def has_gaps(self) -> bool:
-        """Tell whether a run has no number."""
-        return any(found is None or found.count < done for _, found, done in self.rows)
-
-
-def _groups(numbers: Numbers, metric: int) -> Iterator[tuple[str, np.ndarray[Any, np.dtype[np.float64]], int]]:
-    """Return titles, numbers of a metric and number of runs for each case, point and choice of FMUs."""
-    job = numbers.job
-    fmus = [values for factor, values in zip(job.study.vary, numbers.values, strict=True) if factor.fmu is not None]
-    choices = list(zip(*fmus, strict=True)) if fmus else [()] * numbers.count
-    for cell, run in enumerate(job.cells):
-        values = numbers.of(metric, cell)
-        for choice in dict.fromkeys(choices):
-            chosen = [number for number, other in enumerate(choices) if other == choice]
-            done = sum((number, cell) in numbers.rows for number in chosen)
-            yield ", ".join((numbers.job.plan.place(run.case, run.point), *choice)), values[chosen], done
+def _groups(numbers: Numbers, metric: int) -> Iterator[tuple[str, Distribution | None, int]]:
+    """Return titles, distributions of a metric and numbers of runs for each case, point and choice of FMUs."""
+    for group in charts.groups(numbers):
+        done = sum((number, group.cell) in numbers.rows for number in np.flatnonzero(group.rows))
+        title = ", ".join((numbers.job.place(group.cell), *group.choice))
+        yield title, Distribution.of(numbers.of(metric, group.cell)[group.rows]), done
 
 
 def _wanted(numbers: Numbers) -> list[int]:
@@ -140,8 +94,8 @@ def _effect_tables(numbers: Numbers, metric: int) -> list[EffectTable]:
     job = numbers.job
     found = []
     shares = design.shares(job.study) if job.study.method == "sensitivity" else None
-    for cell, run in enumerate(job.cells):
-        title = numbers.job.plan.place(run.case, run.point)
+    for cell in range(len(job.cells)):
+        title = job.place(cell)
         if shares is not None:
             of = statistics.sensitivities(job.study, shares, numbers.of(metric, cell))
             ends = [e.total_interval or e.interval or (0.0, 0.0) for e in of.effects]
@@ -164,10 +118,9 @@ def _left_out(study: Study, of: Sensitivities) -> str:
     return f"{text}." if of.effects else f"{text}; too few are left for indices."
 
 
-def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> list[Changes]:
-    """Return the changes that requirements of a metric are about."""
+def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> Iterator[dict[str, Any]]:
+    """Return the changes against the baseline that requirements of a metric are about."""
     job = numbers.job
-    found = []
     for requirement in job.requirements:
         if requirement.metric != metric or not requirement.of_change:
             continue
@@ -175,33 +128,17 @@ def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> list[Changes]
         for cell, run in enumerate(job.cells):
             if run.case in requirement.cases:
                 done = sum((n, cell) in numbers.rows for n in range(numbers.count))
-                of = Distribution.of(numbers.changes(requirement, cell))
-                rows.append((numbers.job.plan.place(run.case, run.point), of, done))
+                rows.append((job.place(cell), Distribution.of(numbers.changes(requirement, cell)), done))
         of_metric = job.plan.metrics[metric]
         panels = charts.changes(numbers, requirement)
         own = Picture(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy")
         caption = "Change against the baseline of the case in the same sample. Dashed: the limits of the requirement."
-        found.append(Changes(rows, drawings.draw(Chart(own, caption, panels)) if panels else None))
-    return found
-
-
-def _choices(numbers: Numbers, metric: int) -> list[tuple[str, list[Choice]]]:
-    cells = enumerate(numbers.job.cells)
-    found = [(numbers.job.plan.place(r.case, r.point), statistics.choices(numbers, metric, cell)) for cell, r in cells]
-    return [(title, rows) for title, rows in found if rows]
-
-
-def _tornados(numbers: Numbers, metric: int) -> list[Tornado]:
-    cells = enumerate(numbers.job.cells)
-    found = [
-        Tornado(numbers.job.plan.place(r.case, r.point), statistics.swings(numbers, metric, cell)) for cell, r in cells
-    ]
-    return [tornado for tornado in found if tornado.swings]
+        yield {"rows": rows, "drawing": drawings.draw(Chart(own, caption, panels)) if panels else None}
 
 
 def _charts(numbers: Numbers, metric: int) -> list[Chart]:
-    name = numbers.job.plan.metrics[metric].name
-    title = numbers.job.plan.metrics[metric].title
+    of = numbers.job.plan.metrics[metric]
+    name, title = of.name, of.title
     has_means = any(f.levels for f in numbers.job.study.vary)
     is_short = numbers.job.study.method == "sweep" and numbers.count < 20
     found = [
@@ -248,44 +185,49 @@ def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
     return [int(n) for n in known[order]]
 
 
-def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path) -> str:
+def _section(numbers: Numbers, metric: int, drawings: Drawings, is_shown: bool) -> dict[str, Any]:
+    """Return what is said of a metric; figures and effects of those that are shown."""
+    job = numbers.job
+    of = job.plan.metrics[metric]
+    rows = list(_groups(numbers, metric))
+    found = {
+        "metric": of,
+        "number": lambda value: tables.number(value, of.digits),
+        "rows": rows,
+        "has_gaps": any(found is None or found.count < done for _, found, done in rows),
+        "compared": [
+            (job.plan.place(c.case, c.point), job.plan.place(c.against, None), c)
+            for c in statistics.compared(numbers, metric)
+        ],
+        "changes": list(_changes(numbers, metric, drawings)),
+    }
+    cells = [(job.place(cell), cell) for cell in range(len(job.cells))]
+    choices = [(title, statistics.choices(numbers, metric, cell)) for title, cell in cells]
+    found["choices"] = [(title, of_cell) for title, of_cell in choices if of_cell]
+    if is_shown:
+        tornados = [Tornado(title, statistics.swings(numbers, metric, cell)) for title, cell in cells]
+        found["tornados"] = [tornado for tornado in tornados if tornado.swings]
+        found["effects"] = _effect_tables(numbers, metric)
+        found["drawings"] = [drawings.draw(chart) for chart in _charts(numbers, metric)]
+    return {"tornados": (), "effects": (), "drawings": (), **found}
+
+
+def render(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], folder: Path) -> str:
     """Return the page, and write its figures beside it."""
     job = numbers.job
     shown = shown_metrics(numbers)
     drawings = Drawings(charts.cases(numbers), folder / "figures")
-    sections = []
-    for metric in dict.fromkeys([*_wanted(numbers), *job.metrics]):
-        rows = [(title, Distribution.of(values), done) for title, values, done in _groups(numbers, metric)]
-        pairs = [
-            (numbers.job.plan.place(c.case, c.point), numbers.job.plan.place(c.against, None), c)
-            for c in statistics.compared(numbers, metric)
-        ]
-        is_shown = metric in shown
-        sections.append(
-            Section(
-                job.plan.metrics[metric],
-                rows,
-                pairs,
-                _changes(numbers, metric, drawings),
-                _choices(numbers, metric),
-                _tornados(numbers, metric) if is_shown else (),
-                _effect_tables(numbers, metric) if is_shown else (),
-                [drawings.draw(c) for c in _charts(numbers, metric)] if is_shown else (),
-            )
-        )
+    metrics = dict.fromkeys([*_wanted(numbers), *job.metrics])
+    sections = [_section(numbers, metric, drawings, metric in shown) for metric in metrics]
     matrix = _scatter_matrix(numbers, shown)
     history = None
     if recorded:
-        columns = history_columns(numbers)
         of_runs = charts.history_cases(numbers, recorded)
-        panels = list(charts.histories(numbers, columns, recorded, of_runs))
+        panels = list(charts.histories(numbers, history_columns(numbers), recorded, of_runs))
         own = Picture("histories", "Signals of the chosen runs", "time")
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
-        history = Chart(
-            own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels, list(of_runs.values())
-        )
-    matrix_drawing = None if matrix is None else drawings.draw(matrix)
-    history_drawing = None if history is None or not history.panels else drawings.draw(history)
+        caption = f"The runs whose signals were recorded: the worst ones{drawn_runs}."
+        history = Chart(own, caption, panels, list(of_runs.values())) if panels else None
     return rendering.render(
         "study.html.j2",
         study=job.study,
@@ -301,15 +243,16 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         factors=[(f, f.text(tables.pretty_unit(job.unit(f)))) for f in job.study.vary],
         units={f.name: tables.pretty_unit(job.unit(f)) for f in job.study.vary},
         sections=sections,
-        scatter_matrix=matrix_drawing,
-        history=history_drawing,
+        scatter_matrix=matrix and drawings.draw(matrix),
+        history=history and drawings.draw(history),
         best=best(numbers),
         failure_text=lambda done: failure_text(numbers, done),
         percentiles=statistics.PERCENTILES if job.study.has_probability else (),
         percentages=[f">{p:g} %" for p in statistics.PERCENTILES] if job.study.has_probability else [],
         confidence=100 * statistics.CONFIDENCE,
         interactive=drawings.interactive,
-        context=context,
+        **context,
+        versions=shell.versions(),
         hashes={path.stem: sha256(path) for path in job.fmu_files()},
         title_of=job.plan.place,
         definition=texts.definition,
@@ -333,11 +276,6 @@ EFFECTS = {
 def index_text(value: float | None) -> str:
     """Write an index of a sensitivity or a correlation."""
     return "–" if value is None else tables.scientific(value, 3)
-
-
-def number(value: float | None, metric: Metric) -> str:
-    """Write a number of a metric."""
-    return tables.number(value, metric.digits)
 
 
 def percent(share: float) -> str:
@@ -418,13 +356,12 @@ def best(numbers: Numbers) -> Found | None:
 
 def failure_text(numbers: Numbers, done: Done) -> str:
     """Say which run failed and how."""
-    run = numbers.job.cells[done.cell]
     at = "" if done.time is None else f" at {done.time:g} s"
-    return f"{numbers.job.plan.place(run.case, run.point)}: {done.status.replace('_', ' ')}{at}: {done.message}"
+    return f"{numbers.job.place(done.cell)}: {done.status.replace('_', ' ')}{at}: {done.message}"
 
 
-def write(numbers: Numbers, recorded: Recorded, context: Context, folder: Path) -> None:
-    """Write the page of a study and the list of all results."""
+def write(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], folder: Path) -> None:
+    """Write the page of a study and the list of all results; `context` has its command, engine and files."""
     results.write_text(folder / "index.html", render(numbers, recorded, context, folder))
     shares = numbers.shares()
     counts = {"passed": sum(s.holds for s in shares), "failed": sum(not s.holds for s in shares)}
@@ -444,12 +381,11 @@ def console(numbers: Numbers) -> str:
     notes = []
     for metric in job.metrics:
         of = job.plan.metrics[metric]
-        for title, of_group, _ in _groups(numbers, metric):
-            found = Distribution.of(of_group)
+        for title, found, _ in _groups(numbers, metric):
             shown = ["–"] * (3 + len(picked))
             if found is not None:
                 values = (found.mean, *(found.percentiles[i] for i in picked), found.min, found.max)
-                shown = [number(value, of) for value in values]
+                shown = [tables.number(value, of.digits) for value in values]
             count = "0" if found is None else str(found.count)
             rows.append([tables.with_unit(of.title, of.unit), title, count, *shown])
         at = job.metrics.index(metric)
