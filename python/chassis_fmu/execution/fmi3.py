@@ -191,26 +191,23 @@ class Functions:
 
     def fmi2GetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Read Booleans, which have one byte in FMI 3.0."""
-        for first in range(0, count, CHUNK):
-            part = range(first, min(first + CHUNK, count))
-            few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
-            flags = (ctypes.c_uint8 * len(part))()
-            status = self._get_boolean(component, few, len(part), flags, len(part))
-            if not OK <= status < DISCARD:
-                return status
-            for i, flag in zip(part, flags, strict=True):
-                values[i] = flag
-        return OK
+        return self._booleans(self._get_boolean, component, references, count, values)
 
     def fmi2SetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Set Booleans."""
+        return self._booleans(self._set_boolean, component, references, count, values)
+
+    @staticmethod
+    def _booleans(call: Callable[..., int], component: Any, references: Any, count: int, values: Any) -> int:
         for first in range(0, count, CHUNK):
             part = range(first, min(first + CHUNK, count))
             few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
             flags = (ctypes.c_uint8 * len(part))(*(int(values[i] != 0) for i in part))
-            status = self._set_boolean(component, few, len(part), flags, len(part))
+            status = call(component, few, len(part), flags, len(part))
             if not OK <= status < DISCARD:
                 return status
+            for i, flag in zip(part, flags, strict=True):
+                values[i] = flag
         return OK
 
     def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:

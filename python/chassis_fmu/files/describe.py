@@ -35,12 +35,11 @@ def describe(path: Path) -> Description:
         model = fmpy.read_model_description(str(path), validate=False)
     except Exception:  # fmpy raises bare Exceptions
         return Description("", {})
-    shown: dict[tuple[str, str], Conversion] = {}
-    for unit in model.unitDefinitions:
-        for display in unit.displayUnits:
-            shown[unit.name, display.name] = Conversion(
-                display.name, _number(display.factor, 1.0), _number(display.offset, 0.0)
-            )
+    shown = {
+        (unit.name, display.name): Conversion(display.name, float(display.factor or 1.0), float(display.offset or 0.0))
+        for unit in model.unitDefinitions
+        for display in unit.displayUnits
+    }
     variables = {}
     for v in model.modelVariables:
         unit = str(_first(v, "unit") or "")
@@ -60,7 +59,3 @@ def sha256(path: Path) -> str:
 def _first(variable: Any, attribute: str) -> object:
     """Return an attribute of a variable, or else of its declared type."""
     return getattr(variable, attribute, None) or getattr(variable.declaredType, attribute, None)
-
-
-def _number(value: object, default: float) -> float:
-    return default if value is None else float(str(value))

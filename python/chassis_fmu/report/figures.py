@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,8 +33,8 @@ ROOM = 0.08
 Key = tuple[str, "str | None"]
 """Case and point."""
 
-# Frequencies (Hz) and densities by figure, column, case and point.
-Spectra = dict[tuple[str, int, str, "str | None"], tuple[Array, Array]]
+Place = tuple[str, int, str, "str | None"]
+"""Figure, column, case and point."""
 
 
 @dataclass
@@ -51,16 +51,11 @@ class Recordings:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._columns = {plan.columns[c].name for f in plan.figures for c in columns_of(plan, f)}
+        self.columns = {plan.columns[c].name for f in plan.figures for c in columns_of(plan, f)}
         self.first: dict[Key, Recording] = {}
-        self._seeds: dict[tuple[str, int, str, str | None], _Seeds] = {}
-        self._spectra: dict[tuple[str, int, str, str | None], list[tuple[Array, Array]]] = {}
-        self._cross: dict[tuple[str, int, str, str | None], list[Array]] = {}
-
-    @property
-    def columns(self) -> set[str]:
-        """Names of the signals that the figures need."""
-        return self._columns
+        self._seeds: dict[Place, _Seeds] = {}
+        self._spectra: dict[Place, list[tuple[Array, Array]]] = {}
+        self._cross: dict[Place, list[Array]] = {}
 
     def add(self, run: Run, recording: Recording) -> None:
         """Take what the figures show of a run.
@@ -68,7 +63,7 @@ class Recordings:
         Raises MetricError for a recording too short for a spectrum.
         """
         if run.seed == self._plan.seed_values[0]:
-            kept = {n: v for n, v in recording.values.items() if n in self._columns}
+            kept = {n: v for n, v in recording.values.items() if n in self.columns}
             self.first[run.case, run.point] = Recording(recording.times, kept)
         for (name, column), spectrum in spectra_of(self._plan, run, recording).items():
             self._spectra.setdefault((name, column, run.case, run.point), []).append(spectrum)
@@ -91,11 +86,11 @@ class Recordings:
                 seeds.samples.append(values[of_window][::every])
 
     @property
-    def spectra(self) -> Spectra:
-        """Mean spectra over the seeds."""
+    def spectra(self) -> dict[Place, tuple[Array, Array]]:
+        """Mean spectra over the seeds: frequencies (Hz) and densities."""
         return {key: (own[0][0], np.mean([d for _, d in own], axis=0)) for key, own in self._spectra.items()}
 
-    def transfer(self, key: tuple[str, int, str, str | None]) -> tuple[Array, Array, Array, Array] | None:
+    def transfer(self, key: Place) -> tuple[Array, Array, Array, Array] | None:
         """Frequencies, gain, phase (rad) and coherence of a figure, column, case and point, averaged over the seeds."""
         own = self._cross.get(key)
         if own is None:
@@ -168,16 +163,9 @@ def _shown(column: Column, figure: Figure) -> Conversion:
     return column.shown if figure.unit is None else Conversion(figure.unit, figure.factor, figure.offset)
 
 
-def _units(column: Column, figure: Figure) -> tuple[Conversion, ...]:
-    return _with_base(column, _shown(column, figure))
-
-
-def _own_units(column: Column) -> tuple[Conversion, ...]:
-    """Return the units of a column in a figure whose unit is that of others."""
-    return _with_base(column, column.shown)
-
-
-def _with_base(column: Column, shown: Conversion) -> tuple[Conversion, ...]:
+def _units(column: Column, figure: Figure | None) -> tuple[Conversion, ...]:
+    """Return the units of a column in a figure; None: in one whose unit is that of others."""
+    shown = column.shown if figure is None else _shown(column, figure)
     base = Conversion(column.unit or "")
     units = (shown,) if (shown.factor, shown.offset) == (1.0, 0.0) else (shown, base)
     return tuple(Conversion(tables.pretty_unit(u.unit), u.factor, u.offset) for u in units)
@@ -206,7 +194,7 @@ class _Shown:
 def _shown_runs(
     plan: Plan,
     figure: Figure,
-    recordings: Mapping[Key, Recording],
+    recordings: Recordings,
     cases: Sequence[Case],
     point: str | None,
     *names: str,
@@ -214,7 +202,7 @@ def _shown_runs(
     """Return the runs of the first seed that have some signals and a row in the window of a figure."""
     found = []
     for case in cases:
-        recording = recordings.get((case.name, point))
+        recording = recordings.first.get((case.name, point))
         if recording is None or not all(name in recording.values for name in names):
             continue
         rows = metrics.window(recording.times, figure.window, plan.simulation.step)
@@ -245,7 +233,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
     right = None
     if figure.right is not None:
         column = plan.columns[figure.right]
-        right = Axis(brief(column), _own_units(column))
+        right = Axis(brief(column), _units(column, None))
     x = Axis("Time", (Conversion("s"),), range=figure.window or (plan.simulation.start, plan.simulation.stop))
     for index in figure.columns:
         column = plan.columns[index]
@@ -256,7 +244,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
         for together in [[c] for c in cases] if figure.separate else [cases]:
             for point in plan.point_names:
                 lines: list[Line] = []
-                for shown in _shown_runs(plan, figure, recordings.first, together, point, column.name):
+                for shown in _shown_runs(plan, figure, recordings, together, point, column.name):
                     lines.append(shown.line("run", _title_of(plan, shown.case), column))
                     for other, is_right in beside:
                         if other.name in shown.recording.values:
@@ -274,12 +262,12 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                     yield Panel(label(column), note, x, y, tuple(lines), levels, right=right)
 
 
-def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
+def _xy(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     if figure.over is None:
         return
     over = plan.columns[figure.over]
     # On equal axes both are in the same unit.
-    x = Axis(brief(over), _units(over, figure) if figure.equal_axes else _own_units(over))
+    x = Axis(brief(over), _units(over, figure if figure.equal_axes else None))
     kind: PanelKind = "map" if figure.equal_axes else "curve"
     for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
@@ -332,7 +320,8 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
             yield Panel(f"{name}: {word}", note, x, y, tuple(lines))
 
 
-def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Iterator[Panel]:
+def _spectrum(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
+    spectra = recordings.spectra
     x = Axis("Frequency", (Conversion("Hz"),), log=True, range=figure.band)
     for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
@@ -474,12 +463,12 @@ def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
         yield from heat_maps(metric.title, (first, second, metric_axis(metric)), found)
 
 
-def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
+def _running(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     for index, point, note in _at_points(plan, figure.metrics):
         metric = plan.metrics[index]
         lines = []
         for case in _cases(plan, figure):
-            recording = recordings.get((case.name, point))
+            recording = recordings.first.get((case.name, point))
             line = None if recording is None else metrics.running(metric, plan, recording)
             if line is not None:
                 lines.append(Line("run", case.title, *line, case))
@@ -535,15 +524,10 @@ def _scaled(figure: Figure, found: list[Panel]) -> list[Panel]:
 
 def panels(plan: Plan, figure: Figure, recordings: Recordings, numbers: Numbers) -> list[Panel]:
     """Return the panels of a figure of the plan; none if there is nothing to draw."""
-    of_recordings = {"time": _time, "transfer": _transfer}
-    of_first = {"running": _running, "xy": _xy}
+    of_recordings = {"time": _time, "transfer": _transfer, "spectrum": _spectrum, "running": _running, "xy": _xy}
     of_numbers = {"distribution": _distribution, "scatter": _scatter, "heat_map": _heat_map, "sweep": _sweep}
     if figure.kind in of_recordings:
         found = of_recordings[figure.kind](plan, figure, recordings)
-    elif figure.kind in of_first:
-        found = of_first[figure.kind](plan, figure, recordings.first)
-    elif figure.kind in of_numbers:
-        found = of_numbers[figure.kind](plan, figure, numbers)
     else:
-        found = _spectrum(plan, figure, recordings.spectra)
+        found = of_numbers[figure.kind](plan, figure, numbers)
     return _scaled(figure, list(found))

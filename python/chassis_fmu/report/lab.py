@@ -17,24 +17,8 @@ from ..program import ROOT
 VARIABLE = "CHASSIS_FMU_LAB"
 SITE = ROOT / "target" / "lab" / "index.html"
 
-
-# The maneuvers that the lab replays. The frequency response is read from a table that only the test bench writes.
-MANEUVERS = frozenset(
-    {
-        "iso3888_1",
-        "iso3888_2",
-        "single_lane_change",
-        "sine_with_dwell",
-        "step_steer",
-        "fishhook",
-        "j_turn",
-        "constant_radius",
-        "braking",
-        "split_friction",
-        "brake_in_turn",
-        "ride",
-    }
-)
+# The lab replays all other maneuvers: the frequency response is read from a table that only the test bench writes.
+NOT_REPLAYED = ("slowly_increasing_steer", "frequency_response")
 
 
 def address(folder: Path) -> str | None:
@@ -76,7 +60,7 @@ def of_system(
     None if there is no lab, or if it does not have the maneuver.
     """
     site = address(folder)
-    if site is None or maneuver not in MANEUVERS:
+    if site is None or maneuver in NOT_REPLAYED:
         return None
     system = {
         "kind": "free",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from tabulate import tabulate
 
@@ -137,25 +137,26 @@ def with_unit(title: str, unit: str | None) -> str:
     return f"{title} ({pretty})" if pretty else title
 
 
-MACHINE_HEADER = (
-    "metric",
-    "title",
-    "kind",
-    "unit",
-    "case",
-    "point",
-    "seeds",
-    "ours",
-    "ours_deviation",
-    "change_percent",
-    "change_percent_deviation",
-    "paper",
-    "paper_change_percent",
-    "difference_percent",
-    "paper_table",
-    "origin",
-    "badge",
-)
+# Columns of `table.csv`.
+MACHINE: dict[str, Callable[[Row], object]] = {
+    "metric": lambda row: row.metric.name,
+    "title": lambda row: row.metric.title,
+    "kind": lambda row: row.metric.kind or row.metric.value,
+    "unit": lambda row: row.metric.unit or "",
+    "case": lambda row: row.case,
+    "point": lambda row: row.point,
+    "seeds": lambda row: row.ours.count if row.ours else 0,
+    "ours": lambda row: row.ours and row.ours.mean,
+    "ours_deviation": lambda row: row.ours and row.ours.deviation,
+    "change_percent": lambda row: row.change and row.change.mean,
+    "change_percent_deviation": lambda row: row.change and row.change.deviation,
+    "paper": lambda row: row.paper,
+    "paper_change_percent": lambda row: row.paper_change,
+    "difference_percent": lambda row: row.difference,
+    "paper_table": lambda row: row.metric.paper and row.metric.paper.table,
+    "origin": lambda row: row.origin,
+    "badge": lambda row: row.status and row.status.value,
+}
 HEADER = ("Metric", "Point", "Case", "Paper", "Ours", "Change, paper", "Change, ours", "Badge")
 # The columns from here on are aligned to the right.
 FIRST_NUMBER = HEADER.index("Paper")
@@ -217,24 +218,6 @@ def machine(cells: Sequence[Row]) -> str:
     """Return the table as CSV with all digits, empty where there is no value."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(MACHINE_HEADER)
-    for c in cells:
-        ours = (c.ours.mean, c.ours.deviation) if c.ours else (None, None)
-        changes = (c.change.mean, c.change.deviation) if c.change else (None, None)
-        numbers = (*ours, *changes, c.paper, c.paper_change, c.difference)
-        writer.writerow(
-            [
-                c.metric.name,
-                c.metric.title,
-                c.metric.kind or c.metric.value,
-                c.metric.unit or "",
-                c.case,
-                c.point or "",
-                c.ours.count if c.ours else 0,
-                *("" if v is None else repr(v) for v in numbers),
-                (c.metric.paper.table or "") if c.metric.paper else "",
-                c.origin,
-                c.status.value if c.status else "",
-            ]
-        )
+    writer.writerow(MACHINE)
+    writer.writerows([of(row) for of in MACHINE.values()] for row in cells)
     return out.getvalue()

@@ -83,19 +83,13 @@ class Nothing(Local):
             raise StudyError(f"{len(tasks)} samples are missing: --resume runs them")
 
 
-class _End:
-    """What ends a stream, with the error if there was one."""
-
-    def __init__(self, error: BaseException | None = None) -> None:
-        self.error = error
-
-
 def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Outcome]:
     """Give the outcomes of `execute` as they come, in this thread, which an interrupt can end at any time.
 
     `execute` works in a thread of its own and is told to stop when this one ends early.
     """
-    outcomes: queue.SimpleQueue[Outcome | _End] = queue.SimpleQueue()
+    # At the end None, or the error.
+    outcomes: queue.SimpleQueue[Outcome | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()
 
     def put(outcome: Outcome) -> bool:
@@ -105,13 +99,11 @@ def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Out
     def work() -> None:
         try:
             execute(put)
+            outcomes.put(None)
         except BaseException as error:  # The other thread raises it.
-            outcomes.put(_End(error))
-        else:
-            outcomes.put(_End())
+            outcomes.put(error)
 
-    worker = threading.Thread(target=work, daemon=True)
-    worker.start()
+    threading.Thread(target=work, daemon=True).start()
     try:
         while True:
             # With a limit, so that an interrupt is noticed on all systems.
@@ -119,10 +111,10 @@ def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Out
                 found = outcomes.get(timeout=0.5)
             except queue.Empty:
                 continue
-            if isinstance(found, _End):
-                if found.error is not None:
-                    raise found.error
+            if found is None:
                 return
+            if isinstance(found, BaseException):
+                raise found
             yield found
     finally:
         stopped.set()

@@ -190,7 +190,7 @@ def _section(numbers: Numbers, metric: int, drawings: Drawings, is_shown: bool) 
     job = numbers.job
     of = job.plan.metrics[metric]
     rows = list(_groups(numbers, metric))
-    found = {
+    found: dict[str, Any] = {
         "metric": of,
         "number": lambda value: tables.number(value, of.digits),
         "rows": rows,
