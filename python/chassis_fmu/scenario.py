@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from . import _native, libpython, names, program
+from . import _native, libpython, program
 from .files import plan
 from .program import PACKAGE, ROOT
 
@@ -263,8 +263,7 @@ class Scenario:
 
         if workers is None:
             for number, sample in enumerate(samples):
-                with self._named(sample):
-                    rows = self._native.execute_here(self._changes(sample), list(sample.runs))
+                rows = self._native.execute_here(self._changes(sample), list(sample.runs))
                 take(self._outcome((number, *rows[0][1:])))
         else:
             self.start(workers, timeout)
@@ -278,8 +277,7 @@ class Scenario:
     def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
         """Execute samples in the processes of `start`. `take` gets outcomes in any order; the first False ends that."""
         changes = [(self._changes(s), list(s.runs)) for s in samples]
-        with self._named(*samples):
-            self._native.execute(changes, lambda row: take(self._outcome(row)))
+        self._native.execute(changes, lambda row: take(self._outcome(row)))
 
     def record_many(self, runs: Sequence[tuple[tuple[tuple[str, Value], ...], int]]) -> list[Recorded | str]:
         """Execute runs with other values in the processes of `start`; returns the signals of each, or its failure."""
@@ -288,10 +286,7 @@ class Scenario:
         def take(index: int, times: Column | None, columns: list[Column | None], message: str | None) -> None:
             found[index] = (times, columns) if times is not None else message or ""
 
-        samples = [Sample(values, (run,)) for values, run in runs]
-        changes = [(self._changes(s), s.runs[0]) for s in samples]
-        with self._named(*samples):
-            self._native.record(changes, take)
+        self._native.record([(self._changes(Sample(values, (run,))), run) for values, run in runs], take)
         return [found[index] for index in range(len(runs))]
 
     def _outcome(self, row: _native.Row) -> Outcome:
@@ -326,13 +321,10 @@ class Scenario:
         fields = [pa.field(n, pa.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
         return pa.table(arrays, schema=pa.schema(fields))
 
-    def record(
-        self, values: tuple[tuple[str, Value], ...], run: int
-    ) -> tuple[NDArray[np.float64], list[NDArray[np.float64] | None]]:
+    def record(self, values: tuple[tuple[str, Value], ...], run: int) -> Recorded:
         """Return times and the columns of the plan of a run with other values, executed in this process."""
-        sample = Sample(values, (run,))
-        with run_error(), self._named(sample):
-            return self._native.simulate(self._changes(sample), run)
+        with run_error():
+            return self._native.simulate(self._changes(Sample(values, (run,))), run)
 
     def session(
         self, values: Values | None = None, *, run: int = 0, inputs: Sequence[str] = (), columns: Sequence[int] = ()
@@ -342,9 +334,8 @@ class Scenario:
         `inputs` are overwritten by its `step`, each as `component:input`; `columns` are the indices of the columns of
         the plan that its `read` returns. Raises `RunError` if the run cannot be initialized.
         """
-        sample = Sample(tuple((values or {}).items()), (run,))
-        changes = self._changes(sample)
-        with run_error(), self._named(sample):
+        changes = self._changes(Sample(tuple((values or {}).items()), (run,)))
+        with run_error():
             return _native.Session(self._native, run, changes, [_split(name) for name in inputs], columns)
 
     def _changes(self, sample: Sample) -> list[tuple[str, str, Value]]:
@@ -361,21 +352,6 @@ class Scenario:
                     f'`variable("{name}").from_unit(number, "unit")` converts a number of another unit'
                 ) from None
         return [(*_split(name), value) for name, value in sample.values]
-
-    @contextmanager
-    def _named(self, *samples: Sample) -> Iterator[None]:
-        """Suggest names similar to a component or variable that does not exist."""
-        try:
-            yield
-        except ScenarioError as error:
-            for name in dict.fromkeys(name for sample in samples for name, _ in sample.values):
-                component, variable = _split(name)
-                if str(error) == f"no component `{component}` has a variable `{variable}`":
-                    known = dict.fromkeys(c.name for run in self.plan.runs for c in run.components)
-                    if component not in known:
-                        raise ScenarioError(names.unknown("component", component, known)) from None
-                    self.variable(name)
-            raise
 
 
 def default_folders() -> list[Path]:

@@ -1,6 +1,6 @@
 //! Runs of a scenario with other values: in this process, or in worker processes.
 
-use fmu_import::description::{BaseType, Value, Variable};
+use fmu_import::description::{BaseType, ModelDescription, Value, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::worker::{Launch, Settings, memory_share};
 use fmu_system::batch::{Batch, Change, Row, Sample};
@@ -153,9 +153,8 @@ impl System {
     /// Properties of a settable variable, in the first run that has it: base type, unit, units with factor and offset, limits,
     /// value, description.
     fn variable<'py>(&self, py: Python<'py>, component: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let describe = |fmu: &str| self.batch.fmus().get(fmu).map(Fmu::description).map_err(|error| error.to_string());
         let Settable { variable, value, units } =
-            parameter::settable_of(&self.plan, describe, component, name).map_err(error)?;
+            parameter::settable_of(&self.plan, self.describe(), component, name).map_err(error)?;
         let units: Vec<(String, f64, f64)> =
             units.into_iter().map(|unit| (unit.name, unit.factor, unit.offset)).collect();
         let base = variable.base_type.to_string();
@@ -183,8 +182,7 @@ impl System {
     /// done and returns true to continue.
     fn execute(&self, py: Python<'_>, samples: Vec<(Vec<Changed>, Vec<usize>)>, take: Py<PyAny>) -> PyResult<()> {
         let samples = self.samples(samples)?;
-        let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let Some(pool) = pool else { return Err(error("no worker processes were prepared")) };
+        let pool = self.pool()?;
         let failed = Mutex::new(None);
         py.detach(|| {
             self.batch.execute(&pool, &samples, &|row| {
@@ -211,8 +209,7 @@ impl System {
         let samples = self.samples(runs.into_iter().map(|(changes, run)| (changes, vec![run])).collect())?;
         let runs: Vec<(Vec<Change>, usize)> =
             samples.into_iter().map(|sample| (sample.changes, sample.runs[0])).collect();
-        let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let Some(pool) = pool else { return Err(error("no worker processes were prepared")) };
+        let pool = self.pool()?;
         let columns: Vec<_> = self.plan.runs.iter().map(|run| run.columns.clone()).collect();
         let failed = Mutex::new(None);
         py.detach(|| {
@@ -260,6 +257,15 @@ impl System {
         Ok(self.here()?.fmus())
     }
 
+    fn describe(&self) -> impl Fn(&str) -> Result<&ModelDescription, String> {
+        |fmu| self.batch.fmus().get(fmu).map(Fmu::description).map_err(|error| error.to_string())
+    }
+
+    fn pool(&self) -> PyResult<Arc<Pool>> {
+        let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        pool.ok_or_else(|| error("no worker processes were prepared"))
+    }
+
     /// A run of the plan with other values, which records the signals of the scenario.
     pub(crate) fn changed(&self, changes: Vec<Changed>, run: usize) -> PyResult<Run> {
         let samples = self.samples(vec![(changes, vec![run])])?;
@@ -304,6 +310,19 @@ impl System {
                 return Ok(Change { component, variable: name, value });
             }
         }
-        Err(error(format!("no component `{component}` has a variable `{name}`")))
+        let mut known: Vec<&str> = Vec::new();
+        for found in self.plan.runs.iter().flat_map(|run| &run.components) {
+            if !known.contains(&found.name.as_str()) {
+                known.push(&found.name);
+            }
+        }
+        if !known.contains(&component.as_str()) {
+            let hint = fmu_import::names::suggestion(&component, known.iter().copied());
+            let hint = hint.map_or(String::new(), |hint| format!("; {hint}"));
+            let known = known.join("`, `");
+            return Err(error(format!("unknown component `{component}`, expected one of `{known}`{hint}")));
+        }
+        let unknown = parameter::settable_of(&self.plan, self.describe(), &component, &name).err();
+        Err(error(unknown.unwrap_or_else(|| format!("`{component}` has no variable `{name}`"))))
     }
 }

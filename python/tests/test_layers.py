@@ -7,7 +7,7 @@ PACKAGE = Path(__file__).parents[1] / "chassis_fmu"
 
 # From the bottom to the top. A module in the folder of the package is a layer of its own.
 LAYERS = (
-    ("_native", "libpython", "names", "program", "terminal"),
+    ("_native", "libpython", "program", "terminal"),
     ("command",),
     ("__main__",),
     ("files", "shell"),

@@ -7,12 +7,12 @@ study alone, not on engine or number of processes.
 from __future__ import annotations
 
 import contextlib
+import difflib
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..names import suggestion
 from ..scenario import Value
 from . import packages
 from .factors import Factor
@@ -46,9 +46,10 @@ def _sampler(search: Search, seed: int) -> Any:
     if name in EXHAUSTIVE:
         raise StudyError(f'search: {name} tries all combinations of values; method = "sweep" does that')
     if name not in SAMPLERS:
-        raise StudyError(
-            f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}{suggestion(name, SAMPLERS)}"
-        )
+        known = {sampler.lower(): sampler for sampler in SAMPLERS}
+        close = difflib.get_close_matches(name.lower(), known, 1)
+        hint = f"; did you mean `{known[close[0]]}`?" if close else ""
+        raise StudyError(f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}{hint}")
     packages.needed(f"search: {name}", *SAMPLERS[name], otherwise=", or choose another sampler")
     with _explained(f"{name} cannot be made with the options {dict(search.options)}"):
         return getattr(optuna.samplers, name)(**{"seed": seed, **search.options})
