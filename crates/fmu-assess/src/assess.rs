@@ -11,7 +11,7 @@ use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
 use crate::numerics::GRAVITY;
 use crate::report::{Assessment, Row, SCHEMA, row};
-use crate::results::{Limit, Measured, REQUIRED, Results, Suite};
+use crate::results::{Limit, Measured, REQUIRED, Results, Skipped, Suite};
 use crate::run_spec::RunSpec;
 use crate::subject::Subject;
 use crate::systems::{System, Systems};
@@ -70,25 +70,26 @@ pub fn assess(
     let chosen: Vec<&Maneuver> = MANEUVERS.iter().filter(|maneuver| options.wants(maneuver.suite)).collect();
     let total = (chosen.len() + 1) * systems.systems.len();
     let tell = || progress(finished.load(Ordering::Relaxed), total, done.load(Ordering::Relaxed));
-    let count = || {
-        done.fetch_add(1, Ordering::Relaxed);
+    let add = |count: &AtomicUsize| {
+        count.fetch_add(1, Ordering::Relaxed);
         tell();
     };
+    let count = || add(&done);
+    let steering = options.steering();
     let (vehicle, driver, found) = Executor::scope(settings, options.jobs, &fmus, &count, |executor| {
         let place = Place { executor, fmus: &fmus, systems: &systems, folder: folder.path(), options };
         let mut vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
         if vehicle.mass.is_none() {
-            let mass = place.bench(&systems.systems[0], &vehicle, None, None).weighed();
+            let mass = place.bench(0, &vehicle, &[]).weighed();
             vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, mass);
         }
         // Braking and ride need its results only for a vehicle whose understeer gradient is unknown.
-        let is_known = vehicle.understeer_gradient.is_some() && !options.wants_steering();
-        let steered = if is_known { Vec::new() } else { systems.systems.iter().collect() };
-        let increasing = in_threads(steered, |system| {
-            let bench = place.bench(system, &vehicle, None, None);
-            let result = maneuvers::slowly_increasing_steer(&bench, options.suite_of_steering());
-            finished.fetch_add(1, Ordering::Relaxed);
-            tell();
+        let is_known = vehicle.understeer_gradient.is_some() && steering.is_none();
+        let steered = if is_known { 0 } else { systems.systems.len() };
+        let increasing = in_threads((0..steered).collect(), |index| {
+            let bench = place.bench(index, &vehicle, &[]);
+            let result = maneuvers::slowly_increasing_steer(&bench, steering.unwrap_or(Suite::Handling));
+            add(&finished);
             result
         });
         if vehicle.understeer_gradient.is_none() {
@@ -98,16 +99,13 @@ pub fn assess(
         }
         // Both systems have the same amplitude, so that the difference comes from the controllers. They also have the same understeer
         // gradient of the driver, unless it adapts.
-        let of_first = increasing.first().map(|(_, known)| *known);
+        let known: Vec<Increasing> = increasing.iter().map(|(_, known)| *known).collect();
         let tasks: Vec<(usize, &Maneuver)> = (0..systems.systems.len())
             .flat_map(|index| chosen.iter().map(move |maneuver| (index, *maneuver)))
             .collect();
         let mut found: Vec<Results> = in_threads(tasks, |(index, maneuver)| {
-            let own = increasing.get(index).map(|(_, known)| *known);
-            let bench = place.bench(&systems.systems[index], &vehicle, of_first, own);
-            let result = maneuvers::run(maneuver, &bench);
-            finished.fetch_add(1, Ordering::Relaxed);
-            tell();
+            let result = maneuvers::run(maneuver, &place.bench(index, &vehicle, &known));
+            add(&finished);
             result
         });
         // Metrics at different entry speeds are not comparable: the faster system is also driven at the speed of the other one.
@@ -120,17 +118,14 @@ pub fn assess(
             let Some((first, second)) = found[pair.0].entry_speed.zip(found[pair.1].entry_speed) else { continue };
             if first != second {
                 let (faster, at) = if first > second { (0, pair.0) } else { (1, pair.1) };
-                let own = increasing.get(faster).map(|(_, known)| *known);
-                let bench = place.bench(&systems.systems[faster], &vehicle, of_first, own);
-                compare_at(&bench, part, first.min(second), &mut found[at]);
+                compare_at(&place.bench(faster, &vehicle, &known), part, first.min(second), &mut found[at]);
             }
         }
-        let amplitude = increasing.first().and_then(|(_, known)| known.amplitude);
         let driver = json!({
-            "amplitude": amplitude,
+            "amplitude": known.first().and_then(|known| known.amplitude),
             "understeer_gradient": vehicle.understeer_gradient.as_ref().map(|datum| datum.value),
         });
-        if options.wants_steering() {
+        if steering.is_some() {
             found.splice(0..0, increasing.into_iter().map(|(results, _)| results));
         }
         (vehicle, driver, found)
@@ -148,16 +143,7 @@ impl Options {
         self.suites.is_empty() || self.suites.contains(&suite)
     }
 
-    /// Returns true if a maneuver takes its amplitude from the slowly increasing steer.
-    fn wants_steering(&self) -> bool {
-        self.steering().is_some()
-    }
-
-    /// The suite that reports the numbers of the slowly increasing steer: the first that needs it.
-    fn suite_of_steering(&self) -> Suite {
-        self.steering().unwrap_or(Suite::Handling)
-    }
-
+    /// The suite that reports the numbers of the slowly increasing steer: the first that takes its amplitude from them.
     fn steering(&self) -> Option<Suite> {
         [Suite::Handling, Suite::Stability, Suite::Rollover].into_iter().find(|suite| self.wants(*suite))
     }
@@ -173,24 +159,18 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// `first` is the result of the slowly increasing steer of the system without controllers, `own` that of this one.
-    fn bench(
-        &self,
-        system: &'a System,
-        vehicle: &'a Vehicle,
-        first: Option<Increasing>,
-        own: Option<Increasing>,
-    ) -> Bench<'a> {
+    /// `known` are the results of the slowly increasing steer of all systems, once they are there.
+    fn bench(&self, index: usize, vehicle: &'a Vehicle, known: &[Increasing]) -> Bench<'a> {
         let given = vehicle.understeer_gradient.as_ref().map(|datum| datum.value);
-        let own = own.filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
+        let own = known.get(index).filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
         Bench {
             executor: self.executor,
             fmus: self.fmus,
             plant: &self.systems.plant,
-            system,
+            system: &self.systems.systems[index],
             vehicle,
             understeer_gradient: own.or(given).unwrap_or(0.0),
-            amplitude: first.and_then(|known| known.amplitude),
+            amplitude: known.first().and_then(|known| known.amplitude),
             is_mirrored: self.systems.is_mirrored,
             other_speed: self.options.speed,
             is_quick: self.options.is_quick,
@@ -229,10 +209,9 @@ fn assembled(
     systems: &Systems,
     vehicle: Vehicle,
     driver: Value,
-    found: Vec<Results>,
+    mut found: Vec<Results>,
     options: &Options,
 ) -> Result<Assessment, SetupError> {
-    let mut found = found;
     for (name, limit) in &options.required {
         require(&mut found, name, *limit)?;
     }
@@ -240,7 +219,12 @@ fn assembled(
         found.iter().filter(|results| results.system == system).flat_map(|results| &results.metrics).collect()
     };
     let rows = rows(&of("without"), (systems.systems.len() > 1).then(|| of("with")).as_deref());
-    let skipped = found.iter().filter_map(|results| results.skipped.clone()).collect();
+    let mut dropped: Vec<Skipped> = Vec::new();
+    for skipped in found.iter().filter_map(|results| results.skipped.as_ref()) {
+        if !dropped.contains(skipped) {
+            dropped.push(skipped.clone());
+        }
+    }
     let described = |component: &Component| {
         let description = &component.found.description;
         let sha256 = std::fs::read(&component.found.path).ok().map(|bytes| format!("{:x}", Sha256::digest(bytes)));
@@ -269,7 +253,7 @@ fn assembled(
         assumed: systems.plant.assumed.clone(),
         runs,
         metrics: rows,
-        dropped: unique(skipped),
+        dropped,
         tracks: found.iter().filter_map(|results| Some((results.maneuver, results.track?))).collect(),
         weighting: options.wants(Suite::Ride).then(weighting),
     })
@@ -293,16 +277,6 @@ fn weighting() -> [Vec<f64>; 2] {
     let frequencies: Vec<f64> = (0..=72).map(|index| fmu_math::exp((f64::from(index) / 24.0 - 1.0) * LN_10)).collect();
     let gains = frequencies.iter().map(|frequency| Weighting::Vertical.gain(*frequency)).collect();
     [frequencies, gains]
-}
-
-/// Removes duplicates; the order is that of the first occurrences.
-fn unique<T: PartialEq>(items: Vec<T>) -> Vec<T> {
-    items.into_iter().fold(Vec::new(), |mut found, item| {
-        if !found.contains(&item) {
-            found.push(item);
-        }
-        found
-    })
 }
 
 /// Sets a limit of the caller.

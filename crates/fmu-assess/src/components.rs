@@ -4,6 +4,7 @@ use crate::signals::{self, conversion};
 use fmu_import::description::{Causality, ModelDescription, Variable};
 use fmu_import::names::suggestion;
 use fmu_system::resolve::{Descriptions, Found};
+use heck::ToSnakeCase as _;
 use std::collections::BTreeMap;
 
 /// Name of the times of a recording in the file of a vehicle.
@@ -32,7 +33,7 @@ impl SetupError {
 /// A component of a system: an FMU that was found.
 #[derive(Debug, Clone)]
 pub(crate) struct Component {
-    /// Name of the component.
+    /// Name of the component: `antilock_braking` of `AntilockBraking`.
     pub(crate) name: String,
     /// Name of the FMU.
     pub(crate) fmu: String,
@@ -84,25 +85,6 @@ impl Component {
     }
 }
 
-/// Name of the component of an FMU: `AntilockBraking` -> `antilock_braking`.
-pub(crate) fn component_name(fmu: &str) -> String {
-    let mut name = String::new();
-    let letters: Vec<char> = fmu.chars().collect();
-    for (i, letter) in letters.iter().enumerate() {
-        let follows_small = i > 0 && !letters[i - 1].is_uppercase();
-        let begins_word = letters.get(i + 1).is_some_and(|next| next.is_lowercase());
-        if letter.is_uppercase() && i > 0 && (follows_small || begins_word) && !name.ends_with('_') {
-            name.push('_');
-        }
-        match letter {
-            letter if letter.is_alphanumeric() => name.extend(letter.to_lowercase()),
-            _ if name.ends_with('_') => (),
-            _ => name.push('_'),
-        }
-    }
-    name
-}
-
 /// Finds an FMU. `names` has the FMU's names of signals, where they differ from those of the bench.
 pub(crate) fn find(
     source: &dyn Descriptions,
@@ -133,7 +115,7 @@ pub(crate) fn find(
         }
         renamed.insert(variable.clone(), signal.clone());
     }
-    Ok(Component { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed, given: BTreeMap::new() })
+    Ok(Component { name: fmu.to_snake_case(), fmu: fmu.to_owned(), found, renamed, given: BTreeMap::new() })
 }
 
 #[cfg(test)]
@@ -149,7 +131,7 @@ mod tests {
             ("my-plant", "my_plant"),
             ("Stranger2", "stranger2"),
         ] {
-            assert_eq!(component_name(fmu), name);
+            assert_eq!(fmu.to_snake_case(), name);
         }
     }
 }

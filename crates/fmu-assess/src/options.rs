@@ -57,16 +57,9 @@ pub enum Fallback {
 /// A coned section of a track, m: begin, end, right edge, left edge.
 pub(crate) type Lane = [f64; 4];
 
-#[derive(Debug, Clone, PartialEq)]
-enum Given {
-    Number(f64),
-    Word(String),
-    Lanes(Vec<Lane>),
-}
-
 /// Options that have been checked.
 #[derive(Debug)]
-pub(crate) struct Options(BTreeMap<&'static str, Given>);
+pub(crate) struct Options(BTreeMap<&'static str, Value>);
 
 impl Options {
     /// Checks options by the rules of an evaluator.
@@ -102,10 +95,7 @@ impl Options {
 
     /// A number; `None` if the option was left out and has no default.
     pub(crate) fn given(&self, name: &str) -> Option<f64> {
-        match self.0.get(name) {
-            Some(Given::Number(number)) => Some(*number),
-            _ => None,
-        }
+        self.0.get(name)?.as_f64()
     }
 
     /// A number that is required or has a default.
@@ -116,23 +106,17 @@ impl Options {
 
     /// A word that is required or has a default.
     pub(crate) fn word(&self, name: &str) -> &str {
-        match self.0.get(name) {
-            Some(Given::Word(word)) => word,
-            _ => "",
-        }
+        self.0.get(name).and_then(Value::as_str).unwrap_or_default()
     }
 
     /// Coned sections.
-    pub(crate) fn lanes(&self, name: &str) -> Option<&[Lane]> {
-        match self.0.get(name) {
-            Some(Given::Lanes(lanes)) => Some(lanes),
-            _ => None,
-        }
+    pub(crate) fn lanes(&self, name: &str) -> Option<Vec<Lane>> {
+        lanes(self.0.get(name)?)
     }
 }
 
 impl OptionRule {
-    fn value(&self, evaluator: &'static str, given: &Map<String, Value>) -> Result<Option<Given>, SetupError> {
+    fn value(&self, evaluator: &'static str, given: &Map<String, Value>) -> Result<Option<Value>, SetupError> {
         let Some(value) = given.get(self.name) else {
             return match self.default {
                 Fallback::Required => Err(SetupError::with_help(
@@ -140,24 +124,20 @@ impl OptionRule {
                     format!("Add it to the options: {{\"{}\": VALUE}}.", self.name),
                 )),
                 Fallback::Absent => Ok(None),
-                Fallback::Number(number) => Ok(Some(Given::Number(number))),
-                Fallback::Word(word) => Ok(Some(Given::Word(word.to_owned()))),
+                Fallback::Number(number) => Ok(Some(number.into())),
+                Fallback::Word(word) => Ok(Some(word.into())),
             };
         };
         let number = value.as_f64().filter(|number| number.is_finite());
-        let read = match self.form {
-            Form::Positive => number.filter(|number| *number > 0.0).map(Given::Number),
-            Form::NotNegative => number.filter(|number| *number >= 0.0).map(Given::Number),
-            Form::Number => number.map(Given::Number),
-            Form::Integer(allowed) => {
-                number.filter(|number| allowed.iter().any(|one| f64::from(*one) == *number)).map(Given::Number)
-            }
-            Form::Word(allowed) => {
-                value.as_str().filter(|word| allowed.contains(word)).map(|word| Given::Word(word.to_owned()))
-            }
-            Form::Lanes => lanes(value).map(Given::Lanes),
+        let is_allowed = match self.form {
+            Form::Positive => number.is_some_and(|number| number > 0.0),
+            Form::NotNegative => number.is_some_and(|number| number >= 0.0),
+            Form::Number => number.is_some(),
+            Form::Integer(allowed) => number.is_some_and(|number| allowed.iter().any(|one| f64::from(*one) == number)),
+            Form::Word(allowed) => value.as_str().is_some_and(|word| allowed.contains(&word)),
+            Form::Lanes => lanes(value).is_some(),
         };
-        read.map(Some).ok_or_else(|| {
+        is_allowed.then(|| Some(value.clone())).ok_or_else(|| {
             SetupError::with_help(
                 format!("the option `{}` of `{evaluator}` must be {}, got {value}", self.name, self.form.rule()),
                 "Change the value, or leave the option out if it has a default.",
@@ -220,7 +200,7 @@ mod tests {
         assert_eq!(options.word("class"), "car");
         assert_eq!(options.lanes("lanes"), None);
         let options = Options::new("e", &RULES, &json!({"ratio": 1, "lanes": [[0, 1, -1.5, 2]]})).unwrap();
-        assert_eq!(options.lanes("lanes"), Some(&[[0.0, 1.0, -1.5, 2.0]][..]));
+        assert_eq!(options.lanes("lanes"), Some(vec![[0.0, 1.0, -1.5, 2.0]]));
     }
 
     #[test]

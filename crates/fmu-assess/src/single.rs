@@ -113,7 +113,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(60.0)],
         make: |_, chosen| {
             let spec = RunSpec::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
-            Some((spec.maneuver("ramp_step").drivers(&[("steer.amplitude", 0.0)]), json!({})))
+            alone(spec.maneuver("ramp_step").drivers(&[("steer.amplitude", 0.0)]))
         },
         ..OPEN_LOOP
     },
@@ -138,7 +138,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         title: "Single lane change, ISO 14791",
         values: &[speed(80.0)],
         evaluator: "single_lane_change",
-        make: |bench, chosen| Some((lane_change::spec(bench, chosen.value("speed")), json!({}))),
+        make: |bench, chosen| alone(lane_change::spec(bench, chosen.value("speed"))),
         ..PATH
     },
     Maneuver {
@@ -160,7 +160,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "step_steer",
         make: |bench, chosen| {
             let steer = chosen.value("steering_wheel") / bench.ratio();
-            Some((step_steer::spec("step_steer".to_owned(), chosen.value("speed"), steer), json!({})))
+            alone(step_steer::spec("step_steer".to_owned(), chosen.value("speed"), steer))
         },
         ..OPEN_LOOP
     },
@@ -171,8 +171,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "rollover",
         make: |bench, chosen| {
             let wheel = chosen.value("steering_wheel").to_degrees();
-            let id = "fishhook".to_owned();
-            Some((rollover::fishhook_spec(bench, id, chosen.value("speed"), wheel), json!({})))
+            alone(rollover::fishhook_spec(bench, "fishhook".to_owned(), chosen.value("speed"), wheel))
         },
         ..PATH
     },
@@ -183,8 +182,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         evaluator: "rollover",
         make: |bench, chosen| {
             let wheel = chosen.value("steering_wheel").to_degrees();
-            let id = "j_turn".to_owned();
-            Some((rollover::j_turn_spec(bench, id, chosen.value("speed"), wheel), json!({})))
+            alone(rollover::j_turn_spec(bench, "j_turn".to_owned(), chosen.value("speed"), wheel))
         },
         ..OPEN_LOOP
     },
@@ -201,7 +199,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(100.0)],
         needs_pedals: true,
         evaluator: "braking",
-        make: |_, chosen| Some((braking::spec("braking".to_owned(), chosen.value("speed")), json!({}))),
+        make: |_, chosen| alone(braking::spec("braking".to_owned(), chosen.value("speed"))),
         ..PATH
     },
     Maneuver {
@@ -211,8 +209,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         needs_pedals: true,
         evaluator: "braking",
         make: |bench, chosen| {
-            let id = "split_friction".to_owned();
-            Some((braking::split_spec(bench, id, chosen.value("speed"), true), json!({})))
+            alone(braking::split_spec(bench, "split_friction".to_owned(), chosen.value("speed"), true))
         },
         ..PATH
     },
@@ -222,7 +219,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
         needs_pedals: true,
         evaluator: "brake_in_turn",
-        make: |_, _| Some((braking::turn_spec(), json!({}))),
+        make: |_, _| alone(braking::turn_spec()),
         ..PATH
     },
     Maneuver {
@@ -233,12 +230,17 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
         evaluator: "ride",
         make: |bench, chosen| {
-            let spec = ride::spec(bench, "road", f64::from(chosen.class.unwrap_or(3)), f64::from(chosen.seed));
+            let spec = ride::spec(bench, "road", f64::from(chosen.class), f64::from(chosen.seed));
             Some((RunSpec { speed: chosen.value("speed"), ..spec }, json!({ "begin": ride::BEGIN })))
         },
         ..PATH
     },
 ];
+
+/// A run whose evaluator needs no options.
+fn alone(spec: RunSpec) -> Option<(RunSpec, Value)> {
+    Some((spec, json!({})))
+}
 
 fn double_lane_change(bench: &Bench<'_>, part: Part, chosen: &Chosen<'_>) -> Option<(RunSpec, Value)> {
     double_lane_change::spec(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
@@ -248,7 +250,8 @@ fn double_lane_change(bench: &Bench<'_>, part: Part, chosen: &Chosen<'_>) -> Opt
 struct Chosen<'a> {
     maneuver: &'a Maneuver,
     values: &'a BTreeMap<String, f64>,
-    class: Option<i32>,
+    /// Class of roughness of the road; of no meaning on a flat one.
+    class: i32,
     seed: i32,
 }
 
@@ -374,7 +377,7 @@ pub fn single(
             descriptions.insert(component.fmu.clone(), found.description);
         }
     }
-    let chosen = Chosen { maneuver, values, class: road.class, seed: road.seed.max(1) };
+    let chosen = Chosen { maneuver, values, class: road.class.unwrap_or(3), seed: road.seed.max(1) };
     let mut made = Single {
         simulation: plan.simulation,
         run: plan.runs.first().cloned().ok_or_else(|| SetupError::new("the system has no run"))?,
@@ -394,7 +397,7 @@ pub fn single(
     let (mut spec, options) =
         made_spec.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
     if is_rough && maneuver.driving != Driving::Ride {
-        spec = ride::on_road(&bench, spec, f64::from(road.class.unwrap_or(3)), f64::from(chosen.seed));
+        spec = ride::on_road(&bench, spec, f64::from(chosen.class), f64::from(chosen.seed));
     }
     let (simulation, run) = bench.run(&spec, spec.stop).map_err(SetupError::new)?;
     let part = match maneuver.id {

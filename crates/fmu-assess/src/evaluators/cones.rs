@@ -213,7 +213,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
 /// The coned sections.
 fn lanes(options: &Options) -> Vec<Lane> {
     if let Some(lanes) = options.lanes("lanes") {
-        return lanes.to_vec();
+        return lanes;
     }
     let is_mirrored = options.number("path.mirror") == 1.0;
     let part = if options.number("maneuver") == f64::from(Part::Two.option()) { Part::Two } else { Part::One };
