@@ -71,7 +71,7 @@ def test_only_maneuvers_of_the_lab_have_links(tmp_path: Path) -> None:
     source = (ROOT / "crates" / "fmu-assess" / "src" / "single.rs").read_text(encoding="utf-8")
     of_lab = set(re.findall(r'Maneuver \{\s+id: "(\w+)"', source))
     bench = (ROOT / "crates" / "fmu-assess" / "src" / "maneuvers.rs").read_text(encoding="utf-8")
-    of_bench = set(re.findall(r'id: "(\w+)"', bench))
+    of_bench = set(re.findall(r'Maneuver::new\(\s*"(\w+)"', bench))
     assert of_lab == of_bench | {"free"}
     for name in (*of_bench, *lab.NOT_REPLAYED):
         link = lab.of_system("EspCar", [], name, {}, tmp_path)

@@ -194,20 +194,17 @@ pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
             Err(message) => RunResult::failed(spec, message),
             Ok(_) => match outcomes.next() {
                 Some(Ok(recording)) => result(bench, spec, &recording, None),
-                Some(Err(failure)) => shortened(bench, spec, &failure),
+                Some(Err(failure)) => match &failure.recorded {
+                    // The rows before the failure, if there are any after the start.
+                    Some(recording) if recording.time.len() > 1 => {
+                        result(bench, spec, recording, Some(failure.to_string()))
+                    }
+                    _ => RunResult::failed(spec, failure.to_string()),
+                },
                 None => RunResult::failed(spec, "the run returned no result".to_owned()),
             },
         })
         .collect()
-}
-
-/// The rows before a failure, if there are any after the start.
-fn shortened(bench: &Bench<'_>, spec: RunSpec, failure: &Failure) -> RunResult {
-    let message = failure.to_string();
-    match &failure.recorded {
-        Some(recording) if recording.time.len() > 1 => result(bench, spec, recording, Some(message)),
-        _ => RunResult::failed(spec, message),
-    }
 }
 
 /// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.

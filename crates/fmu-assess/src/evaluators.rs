@@ -109,6 +109,11 @@ impl Evaluation {
     }
 }
 
+/// A metric that is the largest magnitude of a signal.
+const fn peak_of_run(name: &'static str, title: &'static str, unit: &'static str) -> Definition {
+    Definition::new(name, title, unit, "Largest magnitude of the run.")
+}
+
 /// The largest magnitude of a column.
 fn peak(rows: &Rows<'_>, column: &str) -> Result<f64, Reason> {
     largest_magnitude(rows.column(column)?).ok_or_else(|| "the recording has no row".to_owned())

@@ -43,6 +43,18 @@ pub(crate) struct NotApplicable {
     reason: String,
 }
 
+impl Maneuver {
+    const fn new(
+        id: &'static str,
+        suite: Suite,
+        outputs: &'static [&'static str],
+        not_applicable: fn(&Bench<'_>) -> Option<NotApplicable>,
+        run: fn(&Bench<'_>, &mut Results),
+    ) -> Self {
+        Self { id, suite, outputs, not_applicable, run }
+    }
+}
+
 impl NotApplicable {
     fn new(reason: impl Into<String>) -> Self {
         Self { missing: Vec::new(), reason: reason.into() }
@@ -59,84 +71,46 @@ pub(crate) const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y
 
 /// All maneuvers but the slowly increasing steer, which the others need.
 pub(crate) const MANEUVERS: [Maneuver; 12] = [
-    Maneuver {
-        id: "constant_radius",
-        suite: Suite::Handling,
-        outputs: POSITION,
-        not_applicable: needs_path,
-        run: steady_state::constant_radius,
-    },
-    Maneuver { id: "step_steer", suite: Suite::Handling, outputs: &[], not_applicable: |_| None, run: step_steer::run },
-    Maneuver {
-        id: "single_lane_change",
-        suite: Suite::Handling,
-        outputs: POSITION,
-        not_applicable: needs_path,
-        run: lane_change::run,
-    },
-    Maneuver {
-        id: "sine_with_dwell",
-        suite: Suite::Stability,
-        outputs: &[],
-        not_applicable: |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::not_applicable(bench)),
-        run: sine_with_dwell::run,
-    },
-    Maneuver {
-        id: "iso3888_1",
-        suite: Suite::Stability,
-        outputs: POSITION,
-        not_applicable: needs_footprint,
-        run: |bench, results| double_lane_change::run(bench, Part::One, results),
-    },
-    Maneuver {
-        id: "iso3888_2",
-        suite: Suite::Stability,
-        outputs: POSITION,
-        not_applicable: needs_footprint,
-        run: |bench, results| double_lane_change::run(bench, Part::Two, results),
-    },
-    Maneuver {
-        id: "fishhook",
-        suite: Suite::Rollover,
-        outputs: ROLLOVER,
-        not_applicable: needs_both_sides,
-        run: rollover::fishhook,
-    },
-    Maneuver {
-        id: "j_turn",
-        suite: Suite::Rollover,
-        outputs: ROLLOVER,
-        not_applicable: needs_both_sides,
-        run: rollover::j_turn,
-    },
-    Maneuver {
-        id: "braking",
-        suite: Suite::Braking,
-        outputs: POSITION,
-        not_applicable: needs_pedals,
-        run: braking::straight,
-    },
-    Maneuver {
-        id: "split_friction",
-        suite: Suite::Braking,
-        outputs: POSITION,
-        not_applicable: |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
-        run: braking::split_friction,
-    },
-    Maneuver {
-        id: "brake_in_turn",
-        suite: Suite::Braking,
-        outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
-        not_applicable: needs_pedals,
-        run: braking::in_a_turn,
-    },
-    Maneuver {
-        id: "ride",
-        suite: Suite::Ride,
-        outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
-        not_applicable: |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
-        run: ride::run,
-    },
+    Maneuver::new("constant_radius", Suite::Handling, POSITION, needs_path, steady_state::constant_radius),
+    Maneuver::new("step_steer", Suite::Handling, &[], |_| None, step_steer::run),
+    Maneuver::new("single_lane_change", Suite::Handling, POSITION, needs_path, lane_change::run),
+    Maneuver::new(
+        "sine_with_dwell",
+        Suite::Stability,
+        &[],
+        |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::not_applicable(bench)),
+        sine_with_dwell::run,
+    ),
+    Maneuver::new("iso3888_1", Suite::Stability, POSITION, needs_footprint, |bench, results| {
+        double_lane_change::run(bench, Part::One, results)
+    }),
+    Maneuver::new("iso3888_2", Suite::Stability, POSITION, needs_footprint, |bench, results| {
+        double_lane_change::run(bench, Part::Two, results)
+    }),
+    Maneuver::new("fishhook", Suite::Rollover, ROLLOVER, needs_both_sides, rollover::fishhook),
+    Maneuver::new("j_turn", Suite::Rollover, ROLLOVER, needs_both_sides, rollover::j_turn),
+    Maneuver::new("braking", Suite::Braking, POSITION, needs_pedals, braking::straight),
+    Maneuver::new(
+        "split_friction",
+        Suite::Braking,
+        POSITION,
+        |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
+        braking::split_friction,
+    ),
+    Maneuver::new(
+        "brake_in_turn",
+        Suite::Braking,
+        &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
+        needs_pedals,
+        braking::in_a_turn,
+    ),
+    Maneuver::new(
+        "ride",
+        Suite::Ride,
+        &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
+        |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
+        ride::run,
+    ),
 ];
 
 const ROLLOVER: &[&str] = &["tire_load."];

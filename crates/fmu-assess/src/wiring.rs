@@ -77,28 +77,25 @@ impl Wiring<'_> {
         if !is_plant && self.plant.has_output(signal) {
             return Ok(Source::Signal("plant".to_owned(), self.plant.variable(signal).to_owned()));
         }
-        let begins = |starts: &[&str]| starts.iter().any(|start| signal.starts_with(start));
-        let fallback = if signal == "steer.front" {
+        let starts_with = |start: &&str| signal.starts_with(start);
+        let begins = |starts: &[&str]| starts.iter().any(starts_with);
+        if signal == "steer.front" {
             self.unwritten.push((signal.to_owned(), "driver.steer".to_owned()));
             return Ok(Source::Signal("driver".to_owned(), "driver.steer".to_owned()));
-        } else if begins(&["brake_pressure_command."]) {
-            match self.components.iter().find(|component| component.has(Causality::Output, "brake.master_pressure")) {
-                Some(component) => {
-                    self.unwritten.push((signal.to_owned(), "brake.master_pressure".to_owned()));
-                    let variable = component.variable("brake.master_pressure").to_owned();
-                    return Ok(Source::Signal(component.name.clone(), variable));
-                }
-                None => None,
-            }
-        } else if begins(&["steer.middle", "steer.rear", "suspension_force.", "road_height.", "yaw_control_pressure."])
+        }
+        let master = "brake.master_pressure";
+        if begins(&["brake_pressure_command."])
+            && let Some(component) = self.components.iter().find(|component| component.has(Causality::Output, master))
         {
-            Some(0.0)
-        } else if begins(&["road_friction.", "enable."]) {
-            Some(1.0)
-        } else if begins(&["target_slip."]) {
-            Some(0.2)
-        } else {
-            None
+            self.unwritten.push((signal.to_owned(), master.to_owned()));
+            return Ok(Source::Signal(component.name.clone(), component.variable(master).to_owned()));
+        }
+        let zero = ["steer.middle", "steer.rear", "suspension_force.", "road_height.", "yaw_control_pressure."];
+        let fallback = match () {
+            () if begins(&zero) => Some(0.0),
+            () if begins(&["road_friction.", "enable."]) => Some(1.0),
+            () if begins(&["target_slip."]) => Some(0.2),
+            () => None,
         };
         let value = match (fallback, variable.base_type, &variable.start) {
             (Some(number), BaseType::Boolean, _) => (number > 0.5).to_string(),
@@ -126,16 +123,13 @@ impl Wiring<'_> {
         let mut connections = String::new();
         let add = |text: &mut String, name: &str, fmu: &str, constants: &[(String, String)]| {
             let _ = writeln!(text, "[[component]]\nname = {}\nfmu = {}", quoted(name), quoted(fmu));
-            let values: Vec<_> = set.iter().filter(|(of, _, _)| of == name).collect();
-            if !values.is_empty() {
-                let values: Vec<_> =
-                    values.iter().map(|(_, name, value)| format!("{} = {}", quoted(name), literal(value))).collect();
-                let _ = writeln!(text, "parameters = {{ {} }}", values.join(", "));
-            }
-            if !constants.is_empty() {
-                let values: Vec<_> =
-                    constants.iter().map(|(name, value)| format!("{} = {value}", quoted(name))).collect();
-                let _ = writeln!(text, "inputs = {{ {} }}", values.join(", "));
+            let of_component = set.iter().filter(|(of, _, _)| of == name);
+            let parameters = of_component.map(|(_, name, value)| format!("{} = {}", quoted(name), literal(value)));
+            let inputs = constants.iter().map(|(name, value)| format!("{} = {value}", quoted(name)));
+            for (key, values) in [("parameters", parameters.collect::<Vec<_>>()), ("inputs", inputs.collect())] {
+                if !values.is_empty() {
+                    let _ = writeln!(text, "{key} = {{ {} }}", values.join(", "));
+                }
             }
         };
         let mut missing = Vec::new();

@@ -1,7 +1,7 @@
 //! Coned tracks: margins to the edges of the sections.
 
 use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
-use super::{Column, Evaluator, peak};
+use super::{Column, Evaluator, peak, peak_of_run};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, at, largest_magnitude, up};
 use crate::options::{Fallback, Form, Lane, OptionRule, Options};
@@ -116,23 +116,12 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "s, 1",
             "Time of the smallest margin of all sections, and the number of its section, from 1.",
         ),
-        Definition::new(
-            "lateral_acceleration_peak",
-            "Peak of the lateral acceleration",
-            "m/s2",
-            "Largest magnitude of the run.",
-        ),
-        Definition::new("sideslip_peak", "Peak of the sideslip angle", "rad", "Largest magnitude of the run.").down(),
-        Definition::new("roll_peak", "Peak of the roll angle", "rad", "Largest magnitude of the run.").down(),
-        Definition::new("yaw_rate_peak", "Peak of the yaw rate", "rad/s", "Largest magnitude of the run."),
-        Definition::new(
-            "steering_wheel_peak",
-            "Peak of the steering wheel angle",
-            "rad",
-            "Largest magnitude of the run.",
-        ),
-        Definition::new("load_transfer_peak", "Peak of the load transfer ratio", "1", "Largest magnitude of the run.")
-            .down(),
+        peak_of_run("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2"),
+        peak_of_run("sideslip_peak", "Peak of the sideslip angle", "rad").down(),
+        peak_of_run("roll_peak", "Peak of the roll angle", "rad").down(),
+        peak_of_run("yaw_rate_peak", "Peak of the yaw rate", "rad/s"),
+        peak_of_run("steering_wheel_peak", "Peak of the steering wheel angle", "rad"),
+        peak_of_run("load_transfer_peak", "Peak of the load transfer ratio", "1").down(),
     ],
     compute,
 };

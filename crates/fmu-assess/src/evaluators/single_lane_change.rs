@@ -1,6 +1,6 @@
 //! Single lane change: how the vehicle follows the path.
 
-use super::{Column, Evaluator, peak};
+use super::{Column, Evaluator, peak, peak_of_run};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::Rows;
 use crate::options::Options;
@@ -20,12 +20,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: &[
-        Definition::new(
-            "lateral_acceleration_peak",
-            "Peak of the lateral acceleration",
-            "m/s2",
-            "Largest magnitude of the run.",
-        ),
+        peak_of_run("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2"),
         Definition::new(
             "deviation_peak",
             "Largest deviation",
@@ -40,11 +35,10 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "Largest magnitude of the lateral deviation after the end of the path, where `path.finished` is 1.",
         )
         .down(),
-        Definition::new("sideslip_peak", "Peak of the sideslip angle", "rad", "Largest magnitude of the run.").down(),
-        Definition::new("roll_peak", "Peak of the roll angle", "rad", "Largest magnitude of the run.").down(),
-        Definition::new("load_transfer_peak", "Peak of the load transfer ratio", "1", "Largest magnitude of the run.")
-            .down(),
-        Definition::new("yaw_rate_peak", "Peak of the yaw rate", "rad/s", "Largest magnitude of the run."),
+        peak_of_run("sideslip_peak", "Peak of the sideslip angle", "rad").down(),
+        peak_of_run("roll_peak", "Peak of the roll angle", "rad").down(),
+        peak_of_run("load_transfer_peak", "Peak of the load transfer ratio", "1").down(),
+        peak_of_run("yaw_rate_peak", "Peak of the yaw rate", "rad/s"),
     ],
     compute,
 };

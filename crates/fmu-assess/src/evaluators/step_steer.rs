@@ -107,21 +107,13 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     for (group, column) in RESPONSES {
         let response = turned(column).and_then(|x| Response::new(rows, &x, magnitude, &step));
         let mut set = |name: &str, value: Result<f64, Reason>| results.set(&format!("{group}.{name}"), value);
-        match &response {
-            Ok(response) => {
-                set("steady", Ok(response.steady));
-                set("gain", Ok(response.gain));
-                set("peak", response.peak.clone().map(|peak| peak.value));
-                set("response_time", response.time.clone());
-                set("peak_response_time", response.peak.clone().map(|peak| peak.time));
-                set("overshoot", response.peak.clone().map(|peak| peak.overshoot));
-            }
-            Err(reason) => {
-                for name in ["steady", "gain", "peak", "response_time", "peak_response_time", "overshoot"] {
-                    set(name, Err(reason.clone()));
-                }
-            }
-        }
+        let of = |part: fn(&Response) -> Result<f64, Reason>| response.as_ref().map_err(Clone::clone).and_then(part);
+        set("steady", of(|response| Ok(response.steady)));
+        set("gain", of(|response| Ok(response.gain)));
+        set("peak", of(|response| response.peak.clone().map(|peak| peak.value)));
+        set("response_time", of(|response| response.time.clone()));
+        set("peak_response_time", of(|response| response.peak.clone().map(|peak| peak.time)));
+        set("overshoot", of(|response| response.peak.clone().map(|peak| peak.overshoot)));
         if group == "yaw_rate" {
             peak_time = response.and_then(|response| response.peak).map(|peak| peak.time);
         }
