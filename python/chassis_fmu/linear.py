@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from . import libpython
 from .scenario import ScenarioError, Value, fmus, worker_program
 
@@ -107,7 +109,7 @@ def linearize(
     sizes = {name: len(model[name]) for name in ("states", "inputs", "outputs")}
     n, m, p = sizes.values()
     shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-    matrices = [_matrix(model[name], shape) for name, shape in shapes.items()]
+    matrices = [np.array(model[name], dtype=np.float64).reshape(shape) for name, shape in shapes.items()]
     names = {kind: _names(model[kind], found) for kind in sizes}
     return control.StateSpace(*matrices, name=model["fmu"], **names)
 
@@ -141,12 +143,6 @@ def _find(fmu: str | Path) -> Path:
 
 def _text(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _matrix(rows: Sequence[Sequence[float]], shape: tuple[int, int]) -> object:
-    import numpy as np
-
-    return np.array(rows, dtype=np.float64).reshape(shape)
 
 
 def _names(signals: Sequence[str], fmu: Path) -> list[str]:

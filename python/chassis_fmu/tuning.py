@@ -67,15 +67,6 @@ class Candidate(msgspec.Struct, frozen=True):
     evaluation: int | None = None
 
 
-class Comparison(msgspec.Struct, frozen=True):
-    """Values of some parameters that the methods are compared with."""
-
-    title: str
-    values: dict[str, float]
-    objective: float
-    reason: str | None
-
-
 class Method(msgspec.Struct, frozen=True):
     """A method, how far it came and what it found."""
 
@@ -110,33 +101,23 @@ class Group:
         return sorted(math.inf if m.best is None else m.best.objective for m in self.methods)
 
 
-class Parameter(msgspec.Struct, frozen=True):
-    """A parameter and its range."""
-
-    name: str
-    symbol: str | None
-    unit: str | None
-    min: float
-    max: float
-    log: bool
-
-
 class Study(msgspec.Struct, frozen=True):
     """The summary that `chassis study` writes."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[dict[str, Any], ...]
     methods: tuple[Method, ...]
     baseline: Candidate
-    comparisons: tuple[Comparison, ...]
+    comparisons: tuple[dict[str, Any], ...]
+    """Values of some parameters that the methods are compared with."""
     improved: bool
     raw: dict[str, Any] = {}
 
     @property
     def references(self) -> tuple[Candidate, ...]:
         """References of the methods, the scenario's own values first."""
-        names = [parameter.name for parameter in self.parameters]
-        others = (Candidate(tuple(map(c.values.get, names)), c.objective, c.reason, c.title) for c in self.comparisons)
-        return (self.baseline, *others)
+        names = [parameter["name"] for parameter in self.parameters]
+        others = (c | {"values": [c["values"].get(name) for name in names]} for c in self.comparisons)
+        return (self.baseline, *(msgspec.convert(other, Candidate) for other in others))
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -162,7 +143,7 @@ def parse(text: str) -> Study:
 def read_history(study: Study, folder: Path) -> pa.Table:
     """Read the histories of all methods into one table with a column `method`."""
     parts = []
-    names = [p.name for p in study.parameters]
+    names = [p["name"] for p in study.parameters]
     types = {n: pa.float64() for n in [*names, "objective"]}
     types |= {"evaluation": pa.int64(), "generation": pa.int64(), "feasible": pa.bool_(), "reason": pa.string()}
     for method in study.methods:
@@ -179,7 +160,7 @@ def read_history(study: Study, folder: Path) -> pa.Table:
 
 def write_history(study: Study, table: pa.Table, path: Path) -> None:
     """Write the histories as Parquet, units of measure as field metadata."""
-    units = {p.name: p.unit or "1" for p in study.parameters}
+    units = {p["name"]: p["unit"] or "1" for p in study.parameters}
     fields = [f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema]
     with results.replacing(path) as temporary:
         pyarrow.parquet.write_table(table.cast(pa.schema(fields)), temporary, compression="zstd")

@@ -1,6 +1,6 @@
 //! Runs of a scenario with other values: in this process, or in worker processes.
 
-use fmu_import::description::{BaseType, ModelDescription, Value, Variable};
+use fmu_import::description::{BaseType, Value, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::worker::{Launch, Settings, memory_share};
 use fmu_system::batch::{Batch, Change, Row, Sample};
@@ -153,8 +153,7 @@ impl System {
     /// Properties of a settable variable, in the first run that has it: base type, unit, units with factor and offset, limits,
     /// value, description.
     fn variable<'py>(&self, py: Python<'py>, component: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let Settable { variable, value, units } =
-            parameter::settable_of(&self.plan, self.describe(), component, name).map_err(error)?;
+        let Settable { variable, value, units } = self.settable(component, name).map_err(error)?;
         let units: Vec<(String, f64, f64)> =
             units.into_iter().map(|unit| (unit.name, unit.factor, unit.offset)).collect();
         let base = variable.base_type.to_string();
@@ -257,8 +256,9 @@ impl System {
         Ok(self.here()?.fmus())
     }
 
-    fn describe(&self) -> impl Fn(&str) -> Result<&ModelDescription, String> {
-        |fmu| self.batch.fmus().get(fmu).map(Fmu::description).map_err(|error| error.to_string())
+    fn settable(&self, component: &str, name: &str) -> Result<Settable, String> {
+        let describe = |fmu: &str| self.batch.fmus().get(fmu).map(Fmu::description).map_err(|error| error.to_string());
+        parameter::settable_of(&self.plan, describe, component, name)
     }
 
     fn pool(&self) -> PyResult<Arc<Pool>> {
@@ -322,7 +322,7 @@ impl System {
             let known = known.join("`, `");
             return Err(error(format!("unknown component `{component}`, expected one of `{known}`{hint}")));
         }
-        let unknown = parameter::settable_of(&self.plan, self.describe(), &component, &name).err();
+        let unknown = self.settable(&component, &name).err();
         Err(error(unknown.unwrap_or_else(|| format!("`{component}` has no variable `{name}`"))))
     }
 }

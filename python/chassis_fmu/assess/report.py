@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from .. import _native, shell
 from ..files import results
 from ..files.plan import Case
 from ..report import index, lab, rendering, tables
-from ..report.charts import Chart, Drawings
+from ..report.charts import Drawings
 from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
 from .charts import CHARTS, Source
 
@@ -68,29 +66,6 @@ FLAGS = {
 
 # The class of road whose tire loads are shown wheel by wheel.
 ROAD = "c"
-
-
-@dataclass(frozen=True)
-class Section:
-    """A group of maneuvers."""
-
-    title: str
-    procedures: str
-    maneuvers: Sequence[tuple[str, Sequence[Row]]]
-    drawings: Sequence[tuple[Chart, Any]]
-    loads: Sequence[tuple[str, Sequence[tuple[Case, float]]]]
-    replays: Sequence[tuple[str, str]]
-    """Maneuvers, with the address at which the lab replays them."""
-
-    @property
-    def has_amplitude(self) -> bool:
-        """Return whether a metric is in multiples of the amplitude A."""
-        return any(row.unit == "A" for _, rows in self.maneuvers for row in rows)
-
-    @property
-    def largest_load(self) -> float:
-        """The largest of the dynamic load coefficients, for the length of the bars."""
-        return max((value for _, values in self.loads for _, value in values), default=1.0)
 
 
 def words(name: str) -> str:
@@ -213,9 +188,16 @@ def render(found: Assessment, folder: Folder, command: str) -> str:
         replays = [(words(name), link) for name in maneuvers if (link := _replay(found, name, folder.path)) is not None]
         loads = list(_loads(found, source.cases)) if suite == "ride" else []
         sections.append(
-            Section(
-                title, procedures, list(maneuvers.items()), [drawings.draw(chart) for chart in charts], loads, replays
-            )
+            {
+                "title": title,
+                "procedures": procedures,
+                "maneuvers": maneuvers.items(),
+                "has_amplitude": any(row.unit == "A" for row in rows),
+                "drawings": [drawings.draw(chart) for chart in charts],
+                "loads": loads,
+                "largest_load": max((value for _, values in loads for _, value in values), default=1.0),
+                "replays": replays,
+            }
         )
     return rendering.render(
         "assess.html.j2",

@@ -259,16 +259,12 @@ class Slave:
     def _enter(self, function: str) -> None:
         self._board.call = calls.code(self._index, self._named(function))
 
-    def _call(self, function: str, time: float, *arguments: Any, subject: str = "") -> None:
+    def call(self, function: str, time: float, *arguments: Any, subject: str = "") -> None:
         """Call a function, named as in FMI 2.0; raises RunError if its status is worse than a warning."""
         self._enter(function)
         status = getattr(self._functions, function)(self._component, *arguments)
         self._restore_rounding(function)
         self.check(status, function, time, subject)
-
-    def setup(self, simulation: Simulation) -> None:
-        """Announce the experiment."""
-        self._call("fmi2SetupExperiment", simulation.start, 0, 0.0, simulation.start, 1, simulation.stop)
 
     def _restore_rounding(self, function: str) -> None:
         """Round to the nearest number again, in case that a call has changed it: the FMUs share it with this master."""
@@ -298,15 +294,7 @@ class Slave:
             else:
                 value = (ctypes.c_char_p * 1)(str(s.value).encode())
             reference = (ctypes.c_uint * 1)(s.reference)
-            self._call(f"fmi2Set{s.type}", time, reference, 1, value, subject=f"{s.name} = {s.value!r}")
-
-    def enter(self, time: float) -> None:
-        """Enter the initialization mode."""
-        self._call("fmi2EnterInitializationMode", time)
-
-    def leave(self, time: float) -> None:
-        """Leave the initialization mode."""
-        self._call("fmi2ExitInitializationMode", time)
+            self.call(f"fmi2Set{s.type}", time, reference, 1, value, subject=f"{s.name} = {s.value!r}")
 
     def set(self, time: float) -> None:
         """Set the wired inputs from the bus."""
@@ -322,7 +310,7 @@ class Slave:
             name = f"fmi2Set{whole.kind}"
             if not whole.load():
                 self.check(ERROR, name, time, "a value does not fit the type of the variable")
-            self._call(name, time, whole.references, whole.count, whole.values)
+            self.call(name, time, whole.references, whole.count, whole.values)
 
     def step(self, time: float, step: float) -> RunError | None:
         """Advance from `time` by `step`. Returns the end of the simulation if the FMU wants it at the end of the step.
@@ -370,7 +358,7 @@ class Slave:
                 self.check(status, "fmi2GetReal", time)
             group.store()
         for whole in self._whole_outputs:
-            self._call(f"fmi2Get{whole.kind}", time, whole.references, whole.count, whole.values)
+            self.call(f"fmi2Get{whole.kind}", time, whole.references, whole.count, whole.values)
             whole.store()
 
     def terminate(self, time: float) -> None:
@@ -493,11 +481,11 @@ def simulate(
             board.load(index)
             slaves.append(Slave(component, instantiate(component), bus, board, index))
         for slave in slaves:
-            slave.setup(simulation)
+            slave.call("fmi2SetupExperiment", start, 0, 0.0, start, 1, simulation.stop)
         for slave in slaves:
             slave.apply(_starts(slave.component), start)
         for slave in slaves:
-            slave.enter(start)
+            slave.call("fmi2EnterInitializationMode", start)
         for player in players:
             bus[player.feed.slot] = player.at_start(start)
         for slave in slaves:
@@ -507,7 +495,7 @@ def simulate(
             slave.set(start)
             slave.read(start)
         for slave in slaves:
-            slave.leave(start)
+            slave.call("fmi2ExitInitializationMode", start)
         for slave in slaves:
             slave.read(start)
         finite(start, "initialization")

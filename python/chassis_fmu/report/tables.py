@@ -45,11 +45,6 @@ def _direction(ours: Statistic, paper: float) -> str:
     return f"same direction, {size} change"
 
 
-def _decimals(value: float) -> int:
-    """Return how many decimals give four significant digits."""
-    return max(0, 3 - math.floor(math.log10(abs(value)))) if value else 3
-
-
 def number(value: float | None, digits: int | None) -> str:
     """Format a number with `digits` decimals, or four significant digits; a dash for None."""
     return "–" if value is None else _native.number(value, digits)
@@ -107,10 +102,11 @@ def spread(statistic: Statistic | None, digits: int | None, seeds: int = 1) -> s
         return "–"
     text = number(statistic.mean, digits)
     if statistic.deviation:
-        # as many decimals as the mean
-        small = digits is None and abs(statistic.mean) < SMALL
-        decimals = None if small else _decimals(statistic.mean) if digits is None else digits
-        text += f" ± {number(statistic.deviation, decimals)}"
+        # As many decimals as the mean, which has four significant digits.
+        size = abs(statistic.mean)
+        if digits is None and size >= SMALL:
+            digits = max(0, 3 - math.floor(math.log10(size)))
+        text += f" ± {number(statistic.deviation, digits)}"
     if statistic.count < seeds:
         text += f" ({statistic.count} of {seeds})"
     return text

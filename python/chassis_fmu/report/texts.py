@@ -63,10 +63,6 @@ def _size(value: float, _digits: int | None) -> str:
     return tables.signed(value).removesuffix(" %").lstrip("+−")
 
 
-def _ratio(value: float, _digits: int | None) -> str:
-    return tables.scientific(value, 2)
-
-
 _FORMATS: dict[str, Callable[[float, int | None], str]] = {
     "value": tables.number,
     "number": tables.number,
@@ -77,7 +73,7 @@ _FORMATS: dict[str, Callable[[float, int | None], str]] = {
     "paper_change": _percent,
     "by": _size,
     "paper_by": _size,
-    "ratio": _ratio,
+    "ratio": lambda value, _: tables.scientific(value, 2),
 }
 
 

@@ -23,7 +23,7 @@ from ..terminal import escaped
 from . import design, execute, file, report
 from .charts import History, Recorded
 from .engines import Engine, Local, Nothing
-from .execute import WHOLE, Folder, Result, Shard
+from .execute import WHOLE, Folder, Shard
 from .file import StudyError
 from .job import Done, Job
 from .statistics import Numbers
@@ -102,12 +102,6 @@ class _Bar(execute.Progress):
             self._bar.set_postfix(failed=self._failed, refresh=False)
 
 
-def _execute(request: Request, job: Job, folder: Folder, shard: Shard, engine: Engine) -> Result:
-    with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
-        resume = request.resume or request.report_only
-        return execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
-
-
 def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
     """Return samples and cells whose signals are recorded: those of `[series]`, or the worst ones if they are cheap."""
     series = job.study.series or file.Series(worst=WORST)
@@ -177,7 +171,9 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
         if request.merge:
             result, name = execute.merge(job, folder), f"{len(folder.journals())} shards"
         else:
-            result = _execute(request, job, folder, shard, engine)
+            resume = request.resume or request.report_only
+            with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
+                result = execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
         if shard != WHOLE:
             print(f"{folder.journal(shard)}\n`{request.command} --merge` makes the tables when all parts are done")
             return 0

@@ -83,11 +83,6 @@ def identity() -> str:
     return f"{dict(shell.versions())['Chassis FMU']} ({content.hexdigest()[:12]})"
 
 
-def _same(expected: str) -> None:
-    if identity() != expected:
-        raise OtherVersionError(f"this worker has chassis_fmu {identity()}, the client {expected}")
-
-
 @dataclass(frozen=True)
 class Work:
     """What the runs of a batch have in common."""
@@ -102,7 +97,8 @@ class Work:
         """Open the scenario in a worker."""
         from .bundle import opened
 
-        _same(self.identity)
+        if identity() != self.identity:
+            raise OtherVersionError(f"this worker has chassis_fmu {identity()}, the client {self.identity}")
         return opened.scenario(self.key, self.source, self.variant, self.timeout)
 
 
@@ -139,7 +135,6 @@ class Dask:
 
         from .bundle import Bundle
 
-        self._dask: Any = dask
         self._distributed: Any = distributed
         self._job = job
         self._timeout = timeout

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from .. import _native
 from ..evaluation.results_table import change
 from ..files import plan
@@ -261,15 +263,12 @@ class Job:
 
     def fingerprint(self) -> str:
         """Return a hash of all that decides about the rows: study, scenario, FMUs and the files that they read."""
-        parts: list[Any] = [_of_study(self.study), self.plan_hash()]
+        # What identifies the runs, wherever the FMUs lie.
+        hashes = {str(path): _hash(path) for path in (*self.fmu_files(), *self.data_files())}
+        plans = [[_without_paths(s.json(), hashes) for s in self.scenarios], sorted(set(hashes.values()))]
+        parts: list[Any] = [_of_study(self.study), plans]
         parts += [[level, _hash(path)] for level, path in sorted(self._levels().items())]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-
-    def plan_hash(self) -> list[Any]:
-        """Return what identifies the runs, wherever the FMUs lie."""
-        files = [*self.fmu_files(), *self.data_files()]
-        hashes = {str(path): _hash(path) for path in files}
-        return [[_without_paths(s.json(), hashes) for s in self.scenarios], sorted(set(hashes.values()))]
 
 
 def _hash(path: Path) -> str:
@@ -285,8 +284,6 @@ def _tells(test: Callable[[], bool]) -> bool:
 
 
 def _of_study(study: Study) -> Any:
-    import msgspec
-
     raw = msgspec.to_builtins(study)
     for key in ("title", "description", "reference", "scenario", "series", "requirement"):
         raw.pop(key, None)

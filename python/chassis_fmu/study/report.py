@@ -223,7 +223,8 @@ def render(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], fol
     history = None
     if recorded:
         of_runs = charts.history_cases(numbers, recorded)
-        panels = list(charts.histories(numbers, history_columns(numbers), recorded, of_runs))
+        columns = list(dict.fromkeys(_columns(job.plan.metrics, series_metric(numbers))))
+        panels = list(charts.histories(numbers, columns, recorded, of_runs))
         own = Picture("histories", "Signals of the chosen runs", "time")
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
         caption = f"The runs whose signals were recorded: the worst ones{drawn_runs}."
@@ -298,12 +299,8 @@ def series_metric(numbers: Numbers) -> int:
     return (_wanted(numbers) or numbers.job.metrics)[0] if named is None else named
 
 
-def history_columns(numbers: Numbers) -> list[int]:
-    """Return the columns of the plan that this metric is made of."""
-    return list(dict.fromkeys(_columns(numbers.job.plan.metrics, series_metric(numbers))))
-
-
 def _columns(metrics: Sequence[Metric], at: int) -> list[int]:
+    """Return the columns of the plan that a metric is made of."""
     metric = metrics[at]
     if metric.uses:
         return [column for used in metric.uses for column in _columns(metrics, used)]

@@ -103,13 +103,6 @@ class Numbers:
         found = [self.job.judged(limits, self.rows, number, cell) for number in range(self.count)]
         return np.array([math.nan if value is None else value for value in found])
 
-    def statuses(self) -> dict[str, int]:
-        """Return the number of rows of each status."""
-        counts: dict[str, int] = {}
-        for row in self.rows.values():
-            counts[row.status] = counts.get(row.status, 0) + 1
-        return counts
-
 
 @dataclass(frozen=True)
 class Distribution:
