@@ -264,7 +264,7 @@ def line(row: Row) -> str:
     """Return the line of a metric."""
     judged = None if row.judgment is None else row.judgment.replace("_", " ")
     if row.compared is not None and judged is not None:
-        judged += f" at {row.compared.at:.4g} {row.compared.at_unit}"
+        judged += f" at {row.compared['at']:.4g} {row.compared['at_unit']}"
     parts = [judged, VERDICTS[row.verdict], row.reason if row.with_ is None else None]
     cells = (
         label(row),

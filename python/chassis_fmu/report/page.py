@@ -43,8 +43,9 @@ def _bar(percent: float | None, limit: float) -> tuple[float, float] | None:
 
 def _limit(cells: Sequence[Row]) -> float:
     """Return the change at the end of the box of the bars, percent."""
-    changes = [c.paper_change for c in cells] + [c.change and c.change.mean for c in cells]
-    return max([*(min(abs(v), 100.0) for v in changes if v is not None), 1.0])
+    changes = [c.paper_change for c in cells if c.paper_change is not None]
+    changes += [c.change.mean for c in cells if c.change is not None]
+    return max([*(min(abs(v), 100.0) for v in changes), 1.0])
 
 
 def _places(plan: Plan, name: str | None) -> tuple[str, str] | None:
@@ -230,7 +231,8 @@ def render(
     findings = [
         (
             numbers.finding(f),
-            *(texts.fill(t, numbers) for t in (f.claim, f.explanation)),
+            texts.fill(f.claim, numbers),
+            texts.fill(f.explanation, numbers),
             texts.checks(f.checks, numbers),
         )
         for f in plan.findings
