@@ -318,36 +318,34 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
     panels = []
     row = source.assessment.by_name.get("sine_with_dwell.lateral_displacement")
     least = None if row is None or row.limit is None else row.limit.min
-    for metric, title, what, unit, limit in (
-        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, of its second peak", "Share of the peak", "", 0.35),
-        (
-            "yaw_rate_ratio_1_75s",
-            "Yaw rate 1.75 s after the steering, of its second peak",
-            "Share of the peak",
-            "",
-            0.20,
-        ),
-        ("lateral_displacement", "Lateral displacement 1.07 s after the beginning", "Displacement", "m", least),
+    share = Axis("Share of the peak", NO_UNIT, zero=True)
+    displacement = Axis("Displacement", METERS, zero=True)
+    for metric, title, axis, limit in (
+        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, of its second peak", share, 0.35),
+        ("yaw_rate_ratio_1_75s", "Yaw rate 1.75 s after the steering, of its second peak", share, 0.20),
+        ("lateral_displacement", "Lateral displacement 1.07 s after the beginning", displacement, least),
     ):
         lines = []
         for case, runs in source.runs("sine_with_dwell"):
             for side in ("left", "right"):
                 own = [run for run in runs if run.name.split(".")[1] == side]
-                known = [
-                    (r.parameters["amplitude"], r.metrics[metric]) for r in own if r.metrics.get(metric) is not None
-                ]
-                if known:
-                    x, y = np.array(sorted(known), np.float64).T
-                    title_of_line = case.title if side == "left" else ""
-                    lines.append(Line("run", title_of_line, x, y, case, marks=True))
+                known = [(run.parameters["amplitude"], run.metrics.get(metric)) for run in own]
+                lines += _marked([pair for pair in known if pair[1] is not None], case, is_named=side == "left")
         levels = () if limit is None else (Level(limit, "limit"),)
-        axis = Axis(what, (Conversion(unit),), zero=True)
         panels.append(Panel(title, "", amplitude, axis, tuple(lines), levels))
     caption = (
         f"{_speed(source, 'sine_with_dwell')} Limits of FMVSS 126 and UN R140. To both sides. The displacement counts "
         "from five times the amplitude A on."
     )
     return _chart("sine_with_dwell_limits", "Sine with dwell over the amplitude", "sweep", caption, panels)
+
+
+def _marked(pairs: Sequence[tuple[float, Any]], case: Case, *, is_named: bool = True) -> list[Line]:
+    """Return the line through some points, if there are any."""
+    if not pairs:
+        return []
+    x, y = np.array(sorted(pairs), np.float64).T
+    return [Line("run", case.title if is_named else "", x, y, case, marks=True)]
 
 
 def _corners(assessment: Assessment, x: Array, y: Array, yaw: Array) -> tuple[Array, Array]:
@@ -444,9 +442,7 @@ def margins(source: Source) -> Chart | None:
                 values = [m for m in run.metrics.get("margins") or () if m is not None]
                 if values:
                     known.append((float(run.name.split(".", 1)[1]), min(values)))
-            if known:
-                x, y = np.array(sorted(known), np.float64).T
-                lines.append(Line("run", case.title, x, y, case, marks=True))
+            lines += _marked(known, case)
         speed = Axis("Entry speed", (Conversion("km/h"),))
         panels.append(Panel(title, "", speed, Axis("Distance", METERS), tuple(lines), (Level(0.0, "cone"),)))
     first, second = (_speed(source, maneuver).replace("At", "at") for maneuver in ("iso3888_1", "iso3888_2"))
@@ -473,9 +469,8 @@ def _rollover(maneuver: str, title: str) -> Make:
             return None
         run = max(common, key=lambda name: float(name.split(".", 2)[2]))
         speed = run.split(".", 2)[2]
-        caption = f"To the left at {speed} mph, the highest speed of the series that both systems have driven."
-        if len(source.cases) == 1:
-            caption = f"To the left at {speed} mph, the highest speed of the series."
+        both = " that both systems have driven" if len(source.cases) > 1 else ""
+        caption = f"To the left at {speed} mph, the highest speed of the series{both}."
         return _chart(maneuver, title, "time", caption, _over_time(source, run, ROLLOVER))
 
     return make

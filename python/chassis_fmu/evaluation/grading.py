@@ -43,19 +43,13 @@ class Status(enum.Enum):
     @property
     def title(self) -> str:
         """Return the badge in words."""
-        return TITLES[self]
+        return TITLES.get(self, self.value.replace("_", " ").capitalize())
 
 
 TITLES = {
-    Status.REPRODUCED: "Reproduced",
-    Status.CALIBRATED: "Calibrated",
     Status.PARTLY: "Partly reproduced",
-    Status.NOT_REPRODUCED: "Not reproduced",
-    Status.OWN_RESULT: "Own result",
     Status.REFUTED: "Own result, does not hold",
     Status.OPEN: "Not evaluated",
-    Status.PASSED: "Passed",
-    Status.FAILED: "Failed",
 }
 
 MEANINGS = {

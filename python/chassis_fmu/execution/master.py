@@ -14,6 +14,7 @@ import math
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -56,33 +57,26 @@ _HALF_ULP = 2.0**-53
 _TO_NEAREST = 0
 
 
+@dataclass(eq=False)
 class RunError(Exception):
     """A run that is not whole: which component, which function, when, and what the component logged."""
 
-    def __init__(
-        self,
-        component: str,
-        function: str,
-        time: float | None,
-        detail: str,
-        messages: Iterable[str] = (),
-        fatal: bool = False,
-        is_end: bool = False,
-        is_discarded: bool = False,
-    ) -> None:
-        self.messages = tuple(messages)
-        super().__init__(component, function, time, detail, self.messages, fatal, is_end, is_discarded)
-        self.component = component
-        self.function = function
-        self.time = time
-        self.detail = detail
-        self.fatal = fatal
-        # The FMU has ended the simulation, which is no mistake.
-        self.is_end = is_end
-        # The FMU has discarded a step.
-        self.is_discarded = is_discarded
-        # Times and rows before it.
-        self.recorded: tuple[Array, Array] | None = None
+    component: str
+    function: str
+    time: float | None
+    detail: str
+    messages: Iterable[str] = ()
+    fatal: bool = False
+    is_end: bool = False
+    """The FMU has ended the simulation, which is no mistake."""
+    is_discarded: bool = False
+    """The FMU has discarded a step."""
+    recorded: tuple[Array, Array] | None = None
+    """Times and rows before it."""
+
+    def __post_init__(self) -> None:
+        # The log goes on.
+        self.messages = tuple(self.messages)
 
     def __str__(self) -> str:
         when = "" if self.time is None else f" at t = {self.time:.9g} s"

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from ..evaluation.grading import MEANINGS, TITLES, Status
+from ..evaluation.grading import MEANINGS, Status
 from ..evaluation.results_table import Numbers, Row
 from ..files.describe import Description, Variable, describe, sha256
 from ..files.plan import Component, Plan, Run, Setting
@@ -200,7 +200,7 @@ def counts(numbers: Numbers) -> dict[Status, int]:
     """Count the badges of findings and requirements, best first."""
     found = [numbers.finding(f) for f in numbers.plan.findings]
     found += [verdict.status for verdict in numbers.verdicts]
-    return {status: found.count(status) for status in TITLES if status in found}
+    return {status: found.count(status) for status in Status if status in found}
 
 
 def verdict_meanings(numbers: Numbers) -> list[tuple[Status, str]]:

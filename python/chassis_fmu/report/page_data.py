@@ -116,16 +116,7 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
         data["t"] = block.column(times, grid=grid)
     if line.spread is not None:
         data["spread"] = block.column(line.spread)
-    if line.marks:
-        data["marks"] = True
-    if line.steps:
-        data["steps"] = True
-    if line.apart:
-        data["apart"] = True
-    if line.crosses:
-        data["crosses"] = True
-    if line.right:
-        data["right"] = True
+    data |= {name: True for name in ("marks", "steps", "apart", "crosses", "right") if getattr(line, name)}
     if line.run is not None and line.signal is not None:
         data["file"] = f"runs/{quote(line.run)}.csv"
         data["signal"] = line.signal
@@ -164,10 +155,7 @@ def render(
     """
     block = _Block()
     drawn = [
-        {
-            "name": name,
-            "panels": [_panel(panel, block, grid) for panel in panels if panel.lines],
-        }
+        {"name": name, "panels": [_panel(panel, block, grid) for panel in panels if panel.lines]}
         for name, panels in figures
     ]
     data = {

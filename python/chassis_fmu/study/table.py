@@ -19,12 +19,7 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
     keys = sorted(rows)
     done = [rows[key] for key in keys]
     cells = [job.cells[cell] for _, cell in keys]
-    columns = [
-        (pa.field("sample", pa.int64()), [number for number, _ in keys]),
-        (pa.field("case", pa.string()), [cell.case for cell in cells]),
-        (pa.field("point", pa.string()), [cell.point for cell in cells]),
-        (pa.field("seed", pa.int64()), [cell.seed for cell in cells]),
-    ]
+    columns = [*_places(job, rows), (pa.field("seed", pa.int64()), [cell.seed for cell in cells])]
     columns += [
         design.column(job.study, factor.name, [of[number] for number, _ in keys])
         for factor, of in zip(job.study.vary, values, strict=True)
@@ -40,28 +35,26 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
         ]
         name = job.plan.metrics[limits.metric].name
         columns.append((pa.field(f"meets:{name}:change" if limits.of_change else f"meets:{name}", pa.bool_()), held))
-    columns += [
-        (pa.field("status", pa.string()), [row.status for row in done]),
-        (pa.field("time", pa.float64(), metadata={"unit": "s"}), [row.time for row in done]),
-        (pa.field("component", pa.string()), [row.component for row in done]),
-        (pa.field("variable", pa.string()), [row.variable for row in done]),
-        (pa.field("message", pa.string()), [row.message for row in done]),
-    ]
+    for name in ("status", "time", "component", "variable", "message"):
+        is_time = name == "time"
+        field = pa.field(name, pa.float64() if is_time else pa.string(), metadata={"unit": "s"} if is_time else None)
+        columns.append((field, [getattr(row, name) for row in done]))
     return _table(columns)
 
 
 def timing(job: Job, rows: Rows) -> pa.Table:
     """Return how long each run took (s), which no two executions agree on."""
-    keys = sorted(rows)
-    cells = [job.cells[cell] for _, cell in keys]
-    return _table(
-        [
-            (pa.field("sample", pa.int64()), [number for number, _ in keys]),
-            (pa.field("case", pa.string()), [cell.case for cell in cells]),
-            (pa.field("point", pa.string()), [cell.point for cell in cells]),
-            (pa.field("seconds", pa.float64(), metadata={"unit": "s"}), [rows[key].seconds for key in keys]),
-        ]
-    )
+    seconds = [rows[key].seconds for key in sorted(rows)]
+    return _table([*_places(job, rows), (pa.field("seconds", pa.float64(), metadata={"unit": "s"}), seconds)])
+
+
+def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
+    """Return the columns that say which run a row is of."""
+    return [
+        (pa.field("sample", pa.int64()), [number for number, _ in sorted(rows)]),
+        (pa.field("case", pa.string()), [job.cells[cell].case for _, cell in sorted(rows)]),
+        (pa.field("point", pa.string()), [job.cells[cell].point for _, cell in sorted(rows)]),
+    ]
 
 
 def _table(columns: Sequence[tuple[pa.Field, Any]]) -> pa.Table:
