@@ -79,7 +79,7 @@ impl Bench<'_> {
         match self.system.speed {
             _ if !self.is_car() => Some("the limit is that of cars"),
             Speed::Prescribed => Some("the speed is prescribed, the vehicle cannot coast"),
-            Speed::Own if self.plant.component.found.description.variable("vehicle.initial_speed").is_none() => {
+            Speed::Own if self.plant.found.description.variable("vehicle.initial_speed").is_none() => {
                 Some("nothing sets the speed of the vehicle")
             }
             Speed::Pedals | Speed::Own => None,
@@ -89,16 +89,6 @@ impl Bench<'_> {
     /// Speed of maneuvers that have no other, m/s.
     pub(crate) fn speed(&self) -> f64 {
         self.other_speed.unwrap_or(if self.is_car() { 80.0 } else { 60.0 } / 3.6)
-    }
-
-    /// Returns true if the plant has this output.
-    pub(crate) fn has_output(&self, name: &str) -> bool {
-        self.plant.has_output(name)
-    }
-
-    /// Inputs of the plant that begin with `start`, by the names of the bench.
-    pub(crate) fn inputs(&self, start: &str) -> Vec<String> {
-        self.plant.inputs().into_iter().filter(|name| name.starts_with(start)).collect()
     }
 
     /// The run of a specification, up to a time.
@@ -130,7 +120,7 @@ impl Bench<'_> {
                 (Setting::Number(number), BaseType::Integer) => Value::Integer(*number as i64),
                 (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),
                 (Setting::Number(number), _) if component == "plant" => {
-                    Value::Real(self.plant.component.of_si(signal, variable, *number)?)
+                    Value::Real(self.plant.of_si(signal, variable, *number)?)
                 }
                 (Setting::Number(number), _) => Value::Real(*number),
             };
@@ -164,7 +154,7 @@ impl Bench<'_> {
     /// would be initialized at a standstill.
     fn start_at_speed(&self, run: &mut Run, speed: f64) {
         let name = self.plant.variable("driver.speed");
-        let Some(variable) = self.plant.component.found.description.variable(name) else { return };
+        let Some(variable) = self.plant.found.description.variable(name) else { return };
         let Some(plant) = run.components.iter_mut().find(|component| component.name == "plant") else { return };
         let is_read = |input: &fmu_system::run::Wire| {
             (input.reference, input.base_type) == (variable.reference, variable.base_type)

@@ -21,6 +21,7 @@ use crate::results::{Results, Suite};
 use crate::run_result::RunResult;
 use crate::run_spec::RunSpec;
 use crate::systems::Speed;
+use fmu_import::description::Causality;
 use serde_json::Value;
 
 /// A maneuver of the bench.
@@ -138,7 +139,7 @@ fn needs_pedals(bench: &Bench<'_>) -> Option<NotApplicable> {
 fn needs_inputs(bench: &Bench<'_>, start: &str) -> Option<NotApplicable> {
     let name = format!("{start}*");
     let reason = format!("the plant has no input `{name}`");
-    bench.inputs(start).is_empty().then(|| NotApplicable::without(&[&name], &reason))
+    (!bench.plant.has_inputs(start)).then(|| NotApplicable::without(&[&name], &reason))
 }
 
 fn needs_amplitude(bench: &Bench<'_>) -> Option<NotApplicable> {
@@ -146,8 +147,8 @@ fn needs_amplitude(bench: &Bench<'_>) -> Option<NotApplicable> {
 }
 
 fn needs_both_sides(bench: &Bench<'_>) -> Option<NotApplicable> {
-    let outputs = bench.plant.outputs();
-    let has = |side: char| outputs.iter().any(|name| name.starts_with("tire_load.") && name.ends_with(side));
+    let is_load = |name: &str, side: char| name.starts_with("tire_load.") && name.ends_with(side);
+    let has = |side: char| bench.plant.signals(Causality::Output).any(|name| is_load(name, side));
     let missing = ['l', 'r'].into_iter().find(|side| !has(*side));
     let reason = |side| format!("the plant has no output `tire_load.*` of the side `{side}`");
     let sides = missing.map(|side| NotApplicable::without(&["tire_load.*"], &reason(side)));
@@ -170,7 +171,8 @@ pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     let missing: Vec<String> = (maneuver.outputs.iter())
         .filter(|name| {
             let is_group = name.ends_with('.');
-            !(bench.has_output(name) || is_group && bench.plant.outputs().iter().any(|o| o.starts_with(*name)))
+            !(bench.plant.has_output(name)
+                || is_group && bench.plant.signals(Causality::Output).any(|signal| signal.starts_with(*name)))
         })
         .map(|name| if name.ends_with('.') { format!("{name}*") } else { (*name).to_owned() })
         .collect();

@@ -6,6 +6,7 @@ use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_system::master::Recording;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Deref;
 
 /// Outputs of a plant that are recorded if it has them; the last ones are beginnings of names.
 const RECORDED: [&str; 20] = [
@@ -67,9 +68,9 @@ impl Plant {
         let (conversions, assumed) = (BTreeMap::new(), BTreeMap::new());
         let mut plant = Self { component, data: BTreeMap::new(), set, conversions, assumed };
         check_plant(&plant)?;
-        for signal in plant.component.given.keys() {
+        for signal in plant.given.keys() {
             if !plant.has_input(signal) && !plant.has_output(signal) {
-                let message = format!("{} has no `{signal}`, whose unit is given", plant.component.fmu);
+                let message = format!("{} has no `{signal}`, whose unit is given", plant.fmu);
                 return Err(SetupError::new(message));
             }
             if signals::unit(signal).is_none() {
@@ -87,41 +88,34 @@ impl Plant {
             else {
                 continue;
             };
-            let given = plant.component.given.get(&signal).cloned();
+            let given = plant.given.get(&signal).cloned();
             let given = given.as_deref();
             if given.is_none() && variable.unit.is_none() && needed != "1" {
                 plant.assumed.insert(signal.clone(), needed);
             }
-            let found = conversion(needed, plant.component.description(), variable, given);
+            let found = conversion(needed, plant.description(), variable, given);
             let found = found.map_err(|unit| wrong_unit(&plant.component, variable, &signal, &unit, needed))?;
             if let Some(conversion) = found {
                 if variable.causality == Causality::Input && !of_bench(&signal) || OF_VEHICLE.contains(&signal.as_str())
                 {
                     let unit = given.or(variable.unit.as_deref()).unwrap_or_default();
-                    return Err(wired_unit(&plant.component, variable, unit, needed));
+                    let reader = "the other end of its connection is in";
+                    return Err(wired_unit(&plant.component, &variable.name, unit, needed, reader));
                 }
                 plant.conversions.insert(signal, conversion);
             }
         }
         for (name, needed) in signals::DATA {
             let (Some(variable), Some(value)) =
-                (plant.component.description().variable(name), real_parameter(&plant.component, &plant.set, name))
+                (plant.description().variable(name), real_parameter(&plant.component, &plant.set, name))
             else {
                 continue;
             };
-            let found = conversion(needed, plant.component.description(), variable, None);
+            let found = conversion(needed, plant.description(), variable, None);
             let found = found.map_err(|unit| wrong_unit(&plant.component, variable, name, &unit, needed))?;
             plant.data.insert(name, found.map_or(value, |conversion| conversion.to_si(value)));
         }
         Ok(plant)
-    }
-
-    pub(crate) fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
-        self.component.signal(variable)
-    }
-
-    pub(crate) fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
-        self.component.variable(signal)
     }
 
     pub(crate) fn has_input(&self, signal: &str) -> bool {
@@ -149,14 +143,8 @@ impl Plant {
         let variable = self.component.description().variable(name);
         let declared = variable.and_then(|variable| variable.unit.as_deref());
         let unit = self.component.given.get(signal).map(String::as_str).or(declared).unwrap_or_default();
-        let (plant, reader) = (&self.component.fmu, &reader.fmu);
         let needed = signals::unit(signal).unwrap_or_default();
-        Err(SetupError::with_help(
-            format!("`{name}` of {plant} is in {unit}, but {reader} reads it in {needed}"),
-            format!(
-                "Export {plant} with `{name}` in {needed}: the bench converts what it records, not what it connects."
-            ),
-        ))
+        Err(wired_unit(&self.component, name, unit, needed, &format!("{} reads it in", reader.fmu)))
     }
 
     /// Value of a Real parameter, in SI if it defines the size of the plant.
@@ -177,27 +165,23 @@ impl Plant {
         }
         recording
     }
+}
 
-    /// Outputs, by the names of the bench.
-    pub(crate) fn outputs(&self) -> Vec<String> {
-        self.component.signals(Causality::Output).map(str::to_owned).collect()
-    }
+impl Deref for Plant {
+    type Target = Component;
 
-    /// Inputs, by the names of the bench.
-    pub(crate) fn inputs(&self) -> Vec<String> {
-        self.component.signals(Causality::Input).map(str::to_owned).collect()
+    fn deref(&self) -> &Component {
+        &self.component
     }
 }
 
 /// Value of a Real parameter in its own unit: that of the caller, or its start value.
 fn real_parameter(component: &Component, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
-    if let Some(value) = set.get(name) {
-        return Some(*value);
-    }
-    match component.description().variable(name)?.start {
+    let start = || match component.description().variable(name)?.start {
         Some(Value::Real(value)) => Some(value),
         _ => None,
-    }
+    };
+    set.get(name).copied().or_else(start)
 }
 
 /// Returns true for an input that only the bench sets, to a constant.
@@ -224,14 +208,12 @@ fn wrong_unit(component: &Component, variable: &Variable, signal: &str, found: &
     )
 }
 
-fn wired_unit(component: &Component, variable: &Variable, found: &str, needed: &str) -> SetupError {
-    let name = &variable.name;
+/// The unit of a signal that a connection would have to convert.
+fn wired_unit(component: &Component, name: &str, unit: &str, needed: &str, reader: &str) -> SetupError {
+    let fmu = &component.fmu;
     SetupError::with_help(
-        format!("`{name}` of {} is in {found}, but the other end of its connection is in {needed}", component.fmu),
-        format!(
-            "Export {} with `{name}` in {needed}: the bench converts what it records, not what it connects.",
-            component.fmu
-        ),
+        format!("`{name}` of {fmu} is in {unit}, but {reader} {needed}"),
+        format!("Export {fmu} with `{name}` in {needed}: the bench converts what it records, not what it connects."),
     )
 }
 
@@ -244,7 +226,7 @@ fn check_plant(plant: &Plant) -> Result<(), SetupError> {
         return Ok(());
     }
     Err(SetupError::with_help(
-        format!("{} cannot be driven: it has no {}", plant.component.fmu, missing.join(" and no ")),
+        format!("{} cannot be driven: it has no {}", plant.fmu, missing.join(" and no ")),
         "If it has them by other names, write a file with [signals] \"steer.front\" = \"its name\", and so on, and give it by \
          --vehicle.",
     ))

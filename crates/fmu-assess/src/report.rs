@@ -379,7 +379,8 @@ impl Assessment {
         let runs = self.runs.iter().filter(|run| run.suite == suite && run.system == system);
         let broken = runs.filter_map(|run| Some(("run".to_owned(), run.id.clone(), "error", run.error.clone()?)));
         let cases: Vec<_> = verdicts.chain(broken).collect();
-        (!cases.is_empty()).then(|| junit_suite(&format!("{}.{system}", suite.name()), &cases))
+        (!cases.is_empty())
+            .then(|| junit_suite(&format!("{}.{system}", json!(suite).as_str().unwrap_or_default()), &cases))
     }
 }
 

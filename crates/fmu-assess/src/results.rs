@@ -29,18 +29,6 @@ pub enum Suite {
 impl Suite {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Handling, Self::Stability, Self::Rollover, Self::Braking, Self::Ride];
-
-    /// Its name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Handling => "handling",
-            Self::Stability => "stability",
-            Self::Rollover => "rollover",
-            Self::Braking => "braking",
-            Self::Ride => "ride",
-        }
-    }
 }
 
 /// Results of a maneuver of a system.

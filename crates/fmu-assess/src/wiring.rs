@@ -172,11 +172,8 @@ impl Wiring<'_> {
     fn recorded(&self) -> Vec<String> {
         let path: &[&str] = if self.driving == Driving::OpenLoop { &[] } else { &OF_PATH };
         let mut signals: Vec<String> = OF_DRIVER.iter().chain(path).map(|signal| format!("driver:{signal}")).collect();
-        for signal in self.plant.outputs() {
-            if is_recorded(&signal) {
-                signals.push(format!("plant:{}", self.plant.variable(&signal)));
-            }
-        }
+        let outputs = self.plant.signals(Causality::Output).filter(|signal| is_recorded(signal));
+        signals.extend(outputs.map(|signal| format!("plant:{}", self.plant.variable(signal))));
         signals
     }
 }

@@ -6,6 +6,7 @@ use crate::metric::Definition;
 use crate::results::{Limit, Results};
 use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
+use fmu_import::description::Causality;
 use serde_json::json;
 
 /// Least mean fully developed deceleration of UN R13-H, m/s2.
@@ -89,7 +90,8 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
 /// Braking on split friction.
 pub(crate) fn split_spec(bench: &Bench<'_>, id: String, speed: f64, slippery_left: bool) -> RunSpec {
     let is_left = |name: &str| name.rsplit('.').next().is_some_and(|place| place.ends_with('l'));
-    bench.inputs("road_friction.").iter().fold(spec(id, speed), |spec, input| {
+    let inputs = bench.plant.signals(Causality::Input).filter(|input| input.starts_with("road_friction."));
+    inputs.fold(spec(id, speed), |spec, input| {
         let friction = if is_left(input) == slippery_left { SLIPPERY } else { 1.0 };
         spec.value("plant", input, friction)
     })

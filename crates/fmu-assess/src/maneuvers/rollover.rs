@@ -54,7 +54,7 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
     for (peaks, (of, signal)) in peaks.into_iter().zip(&PEAKS) {
         let metric = results.metric(of, peaks.largest);
         metric.series = Some(peaks.series);
-        if peaks.largest.is_none() && bench.has_output(signal) {
+        if peaks.largest.is_none() && bench.plant.has_output(signal) {
             metric.set_reason("no run has it");
         } else if peaks.largest.is_none() {
             metric.set_dropped(&format!("the plant has no output `{signal}`"));
@@ -111,7 +111,7 @@ pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f6
     let spec = RunSpec::new(id, Driving::Path, speed, 9.0)
         .maneuver("fishhook")
         .drivers(&[("steer.wheel_amplitude", wheel.to_radians()), ("steer.wheel_rate", 720.0_f64.to_radians())]);
-    if bench.has_output("body.roll_rate") {
+    if bench.plant.has_output("body.roll_rate") {
         return spec;
     }
     spec.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)])
