@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from chassis_fmu.program import ROOT
-from chassis_fmu.shell import positive
-from measuring import run
+from measuring import positive, run
 
 
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:

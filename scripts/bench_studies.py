@@ -20,8 +20,7 @@ import pyarrow.parquet
 
 from chassis_fmu.program import ROOT
 from chassis_fmu.scenario import processors
-from chassis_fmu.shell import positive
-from measuring import Measured, run
+from measuring import Measured, positive, run
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"

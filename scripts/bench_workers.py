@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from chassis_fmu.program import ROOT
-from chassis_fmu.shell import positive
-from measuring import Measured, run
+from measuring import Measured, positive, run
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 STUDY = ROOT / "studies" / "hydro_pneumatic_ride.toml"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import time
@@ -9,6 +10,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from chassis_fmu.program import ROOT
+
+
+def positive(text: str) -> int:
+    """Read a whole number of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
+    return value
 
 
 class Measured(NamedTuple):

@@ -1,19 +1,10 @@
-"""Arguments and requests of commands, and versions."""
+"""Requests of commands, and versions."""
 
 from __future__ import annotations
 
-import argparse
 import importlib.metadata
 import platform
 from pathlib import Path
-
-
-def positive(text: str) -> int:
-    """Read a whole number of at least 1."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
-    return value
 
 
 def path(kind: type, value: object) -> object:

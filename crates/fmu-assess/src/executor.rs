@@ -22,7 +22,7 @@ struct Work {
 /// Accepts runs from any thread.
 #[derive(Debug)]
 pub(crate) struct Executor {
-    queue: Mutex<Sender<Work>>,
+    queue: Sender<Work>,
 }
 
 impl Executor {
@@ -45,8 +45,7 @@ impl Executor {
                 });
             }
             // The workers end when no sender is left.
-            let executor = Self { queue: Mutex::new(sender) };
-            body(&executor)
+            body(&Self { queue: sender })
         })
     }
 }
@@ -54,22 +53,17 @@ impl Executor {
 impl Runs for Executor {
     fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
         let (reply, outcomes) = channel();
-        let count = runs.len();
-        let names: Vec<String> = runs.iter().map(|(_, run)| run.id.clone()).collect();
-        {
-            let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
-            for (index, (simulation, run)) in runs.into_iter().enumerate() {
-                // The workers live as long as this executor.
-                let _ = queue.send(Work { index, simulation, run, reply: reply.clone() });
-            }
+        let lost = |run: &Run| Err(Failure::new(&run.id, "no process could execute it".to_owned()));
+        let mut found: Vec<_> = runs.iter().map(|(_, run)| lost(run)).collect();
+        for (index, (simulation, run)) in runs.into_iter().enumerate() {
+            // The workers live as long as this executor.
+            let _ = self.queue.send(Work { index, simulation, run, reply: reply.clone() });
         }
         drop(reply);
-        let mut found: Vec<Option<Result<Recording, Failure>>> = (0..count).map(|_| None).collect();
         for (index, outcome) in outcomes {
-            found[index] = Some(outcome);
+            found[index] = outcome;
         }
-        let lost = |name: &str| Failure::new(name, "no process could execute it".to_owned());
-        found.into_iter().zip(names).map(|(outcome, name)| outcome.unwrap_or_else(|| Err(lost(&name)))).collect()
+        found
     }
 }
 

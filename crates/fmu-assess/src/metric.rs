@@ -125,51 +125,44 @@ impl<T: Into<Self>> From<Result<T, Reason>> for Value {
     }
 }
 
-/// The values that an evaluator has computed, in the order of its table.
+/// The metrics that an evaluator has computed.
 pub(crate) struct Results {
     table: &'static [Definition],
-    /// For each definition, its values with their places.
-    values: Vec<Vec<(Option<String>, Value)>>,
+    metrics: Vec<Metric>,
     /// Notes on the values for the user.
     pub(crate) notes: Vec<String>,
 }
 
 impl Results {
     pub(crate) fn new(table: &'static [Definition]) -> Self {
-        Self { table, values: vec![Vec::new(); table.len()], notes: Vec::new() }
+        Self { table, metrics: Vec::new(), notes: Vec::new() }
     }
 
     /// Sets a metric.
     pub(crate) fn set(&mut self, name: &str, value: impl Into<Value>) {
-        self.insert(name, None, value.into());
+        self.insert(name, name.to_owned(), value.into());
     }
 
     /// Sets the metric of a place.
     pub(crate) fn set_at(&mut self, name: &str, place: &str, value: impl Into<Value>) {
-        self.insert(name, Some(place.to_owned()), value.into());
+        self.insert(name, format!("{name}.{place}"), value.into());
     }
 
-    fn insert(&mut self, name: &str, place: Option<String>, value: Value) {
-        let index = self.table.iter().position(|definition| definition.name == name);
-        debug_assert!(index.is_some(), "`{name}` is not in the table of the evaluator");
-        if let Some(index) = index {
-            self.values[index].push((place, value));
-        }
+    fn insert(&mut self, of: &str, name: String, value: Value) {
+        let definition = self.table.iter().find(|definition| definition.name == of);
+        debug_assert!(definition.is_some(), "`{of}` is not in the table of the evaluator");
+        self.metrics.extend(definition.map(|definition| Metric { name, definition, value }));
     }
 
-    /// All metrics. Those that were not set have a reason.
-    pub(crate) fn finish(self, reason: &Reason) -> Vec<Metric> {
-        let metrics = self.table.iter().zip(self.values).flat_map(|(definition, mut values)| {
-            if values.is_empty() {
-                values.push((None, Value::Null(reason.clone())));
+    /// All metrics, in the order of the table. Those that were not set have a reason.
+    pub(crate) fn finish(mut self, reason: &Reason) -> Vec<Metric> {
+        for definition in self.table {
+            if !self.metrics.iter().any(|metric| metric.definition.name == definition.name) {
+                self.set(definition.name, Value::Null(reason.clone()));
             }
-            values.into_iter().map(move |(place, value)| Metric {
-                name: place.map_or_else(|| definition.name.to_owned(), |place| format!("{}.{place}", definition.name)),
-                definition,
-                value,
-            })
-        });
-        metrics.collect()
+        }
+        self.metrics.sort_by_key(|metric| self.table.iter().position(|of| of.name == metric.definition.name));
+        self.metrics
     }
 }
 

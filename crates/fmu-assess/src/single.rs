@@ -378,24 +378,10 @@ pub fn single(
         }
     }
     let chosen = Chosen { maneuver, values, class: road.class.unwrap_or(3), seed: road.seed.max(1) };
-    let mut made = Single {
-        simulation: plan.simulation,
-        run: plan.runs.first().cloned().ok_or_else(|| SetupError::new("the system has no run"))?,
-        plan,
-        speed: 0.0,
-        largest_steer: LOCK / vehicle.steer_ratio.value,
-        cones: Vec::new(),
-        descriptions,
-        systems,
-        vehicle,
-        spec: RunSpec::new("", maneuver.driving, 0.0, 0.0),
-        evaluator: maneuver.evaluator,
-        options: json!({}),
-    };
-    let bench = made.bench();
-    let made_spec = (maneuver.make)(&bench, &chosen);
+    let bench = bench(&systems, &vehicle, &descriptions);
+    let made = (maneuver.make)(&bench, &chosen);
     let (mut spec, options) =
-        made_spec.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
+        made.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
     if is_rough && maneuver.driving != Driving::Ride {
         spec = ride::on_road(&bench, spec, f64::from(chosen.class), f64::from(chosen.seed));
     }
@@ -409,37 +395,50 @@ pub fn single(
         part.and_then(|part| double_lane_change::cones(part, &bench)).map_or(Vec::new(), |cones| cones.to_vec());
     // Rows of free driving need no evaluator, only figures.
     let every = if maneuver.is_free { 10 } else { simulation.every };
-    made.simulation = Simulation { every, ..simulation };
-    made.run = run;
-    made.speed = spec.speed;
-    made.cones = cones;
-    made.spec = spec;
-    made.options = options;
-    Ok(made)
+    Ok(Single {
+        simulation: Simulation { every, ..simulation },
+        run,
+        plan,
+        speed: spec.speed,
+        largest_steer: LOCK / vehicle.steer_ratio.value,
+        cones,
+        descriptions,
+        systems,
+        vehicle,
+        spec,
+        evaluator: maneuver.evaluator,
+        options,
+    })
+}
+
+/// The bench of the only system.
+fn bench<'a>(
+    systems: &'a Systems,
+    vehicle: &'a Vehicle,
+    descriptions: &'a BTreeMap<String, Arc<ModelDescription>>,
+) -> Bench<'a> {
+    Bench {
+        executor: &(),
+        fmus: descriptions,
+        plant: &systems.plant,
+        system: &systems.systems[0],
+        vehicle,
+        understeer_gradient: vehicle.understeer_gradient.as_ref().map_or(0.0, |datum| datum.value),
+        amplitude: None,
+        is_mirrored: systems.is_mirrored,
+        other_speed: None,
+        is_quick: false,
+        folder: std::path::Path::new(""),
+    }
 }
 
 impl Single {
-    fn bench(&self) -> Bench<'_> {
-        Bench {
-            executor: &(),
-            fmus: &self.descriptions,
-            plant: &self.systems.plant,
-            system: &self.systems.systems[0],
-            vehicle: &self.vehicle,
-            understeer_gradient: self.vehicle.understeer_gradient.as_ref().map_or(0.0, |datum| datum.value),
-            amplitude: None,
-            is_mirrored: self.systems.is_mirrored,
-            other_speed: None,
-            is_quick: false,
-            folder: std::path::Path::new(""),
-        }
-    }
-
     /// Metrics of the run as far as it was made, up to where the bench would end it; `None` for free driving.
     #[must_use]
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
-        let result = bench::result(&self.bench(), self.spec.clone(), recording, None);
+        let result =
+            bench::result(&bench(&self.systems, &self.vehicle, &self.descriptions), self.spec.clone(), recording, None);
         evaluator.evaluate(&result.trace, &self.options).ok()
     }
 }

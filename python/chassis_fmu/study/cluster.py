@@ -21,7 +21,7 @@ import hashlib
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -121,10 +121,6 @@ def record_run(work: Work, values: tuple[tuple[str, Value], ...], run: int) -> R
     return work.scenario().record_many([(values, run)])[0]
 
 
-class _LostError(Exception):
-    """The scheduler is gone."""
-
-
 class Dask:
     """A Dask cluster: that of a scheduler, or one of this machine."""
 
@@ -163,8 +159,7 @@ class Dask:
                 raise StudyError(f"cannot keep a row: {error}") from error
 
         def turn() -> None:
-            suspects = self._submit(missing, kept)
-            for batch in suspects:
+            for batch in self._submit(missing, kept):
                 self._find(batch, missing, kept)
 
         self._repeat(turn)
@@ -175,17 +170,8 @@ class Dask:
 
         def turn() -> None:
             self._share()
-            futures = [
-                self._client.submit(
-                    record_run,
-                    self._work(task.variant),
-                    task.sample.values,
-                    task.sample.runs[cell],
-                    pure=False,
-                    retries=RETRIES,
-                )
-                for task, cell in runs
-            ]
+            parts = [(self._work(task.variant), task.sample.values, task.sample.runs[cell]) for task, cell in runs]
+            futures = [self._client.submit(record_run, *part, pure=False, retries=RETRIES) for part in parts]
             found[:] = [self._result(future) for future in futures]
 
         self._repeat(turn)
@@ -195,23 +181,16 @@ class Dask:
         """Do something with the cluster, again if the scheduler is lost meanwhile."""
         while True:
             try:
-                with self._connected():
-                    return turn()
-            except _LostError as error:
+                return turn()
+            # A client without scheduler raises OSError, or RuntimeError when it has noticed; a future, CancelledError.
+            # What workers raise is a StudyError already.
+            except (OSError, RuntimeError, concurrent.futures.CancelledError) as error:
+                cause = str(error) or type(error).__name__
                 if self._cluster is not None:
                     raise StudyError(
-                        f"the Dask scheduler of this machine ended ({error}); --resume continues"
+                        f"the Dask scheduler of this machine ended ({cause}); --resume continues"
                     ) from error
-                self._reconnect(error)
-
-    @contextlib.contextmanager
-    def _connected(self) -> Iterator[None]:
-        """Tell a scheduler that is gone from all else: what workers raise is a StudyError already."""
-        try:
-            yield
-        # A client without scheduler raises OSError, or RuntimeError when it has noticed; a future, CancelledError.
-        except (OSError, RuntimeError, concurrent.futures.CancelledError) as error:
-            raise _LostError(str(error) or type(error).__name__) from error
+                self._reconnect(cause)
 
     def _share(self) -> None:
         """Wait for workers, compare their versions, and send them scenario and FMUs, unless they have them."""
@@ -247,7 +226,7 @@ class Dask:
     def _result(self, future: Any, *, suspicious: bool = False) -> Any:
         """Return the result of a future; None if it is `suspicious` that its workers ended and they did."""
         if future.cancelled():
-            raise _LostError("it has lost a batch")
+            raise RuntimeError("it has lost a batch")
         # Not `result`: what a worker raises must not be taken for an error of this client.
         error = future.exception()
         if error is None:
@@ -320,7 +299,7 @@ class Dask:
             missing.pop(task.number, None)
         return seconds
 
-    def _reconnect(self, cause: BaseException) -> None:
+    def _reconnect(self, cause: str) -> None:
         """Wait for a scheduler that is gone."""
         print(f"the Dask scheduler is lost ({cause}); waiting for it", file=sys.stderr)
         with contextlib.suppress(Exception):
