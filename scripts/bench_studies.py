@@ -19,9 +19,9 @@ from typing import Any
 import pyarrow.parquet
 
 from chassis_fmu.program import ROOT
-from chassis_fmu.scenario import processors
 from measuring import Measured, positive, run
 
+PROCESSORS = len(os.sched_getaffinity(0))
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
 
@@ -109,7 +109,7 @@ def closed_loop(runs: int, rounds: int) -> Iterator[str]:
     path = write_study("closed_loop", "")
     native = [str(ROOT / "target" / "release" / "chassis"), "run", str(of_metrics()), "--no-page", "--no-warnings"]
     native += ["--out", str(FOLDER / "results")]
-    jobs = processors()
+    jobs = PROCESSORS
     pairs = []
     for _ in range(rounds):
         # Two cases each.
@@ -130,7 +130,7 @@ def closed_loop(runs: int, rounds: int) -> Iterator[str]:
 def growth(counts: Sequence[int]) -> Iterator[str]:
     """Show how the costs grow with the number of short runs."""
     path = write_study("short", SHORT)
-    jobs = processors()
+    jobs = PROCESSORS
     header = ("time, s", "of a run, ms", "beyond the runs, ms per run", "tables and page, s", "memory, MB")
     yield row("short runs", *header, "journal, bytes per run", "`runs.parquet`, bytes per run")
     yield "|---|---|---|---|---|---|---|---|"
@@ -153,7 +153,7 @@ def growth(counts: Sequence[int]) -> Iterator[str]:
 def with_dask(runs: int, rounds: int) -> Iterator[str]:
     """Compare Dask with the processes of this machine."""
     path = write_study("short", SHORT)
-    for jobs in dict.fromkeys((1, processors())):
+    for jobs in dict.fromkeys((1, PROCESSORS)):
         pairs = []
         for _ in range(rounds):
             found = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 from collections.abc import Callable
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from chassis_fmu.execution import __main__ as worker
 from chassis_fmu.execution import fmi3, master
 from chassis_fmu.execution.calls import Board
+from chassis_fmu.files import results
 from chassis_fmu.files.plan import Component, InputSeries, Plan, Run, Setting, Wire
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
@@ -429,3 +432,30 @@ def test_integers_of_64_bits_are_exact_up_to_two_to_53() -> None:
         read = (ctypes.c_int64 * 1)()
         assert functions.fmi2GetInteger(1, reference, 1, read) == status
         assert status or read[0] == value
+
+
+def test_rows_that_cannot_be_written_fail_the_run(monkeypatch: pytest.MonkeyPatch, scenario: Plan) -> None:
+    """The rule of the workers: whatever happens in a run is its failure, not the end of the process."""
+    run = replace(scenario.runs[0], series=())
+    file = worker.File("rows.csv", ".rows.csv")
+    request = worker.Request(scenario.simulation, run, [], ([column.name for column in scenario.columns], file), False)
+    rows = np.zeros(4), np.zeros((4, 2))
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(results, "write_csv", full)
+    monkeypatch.setattr(master, "simulate", lambda *_, **__: rows)
+    header, last = worker.Worker(Board()).respond(request, np.empty(0))
+    assert header["Failed"]["failure"]["message"] == "OSError: [Errno 28] No space left on device"
+    assert (header["Failed"]["is_fatal"], header["Failed"]["rows"], last.size) == (False, None, 0)
+
+    def failing(*_: object, **__: object) -> None:
+        error = master.RunError("plant", "fmi2DoStep", 0.1, "status 3 (error)")
+        error.recorded = rows
+        raise error
+
+    monkeypatch.setattr(master, "simulate", failing)
+    header, last = worker.Worker(Board()).respond(request, np.empty(0))
+    assert header["Failed"]["failure"]["message"] == "component plant, fmi2DoStep: status 3 (error)"
+    assert (header["Failed"]["rows"], last.size) == (None, 0)

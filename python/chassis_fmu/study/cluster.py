@@ -28,9 +28,8 @@ from typing import Any
 from .. import shell
 from ..program import PACKAGE
 from ..scenario import Outcome, Recorded, Sample, Scenario, Value
-from . import packages
 from .engines import Take
-from .file import StudyError
+from .file import StudyError, needed
 from .job import Done, Job, Source, Task
 
 # A batch takes about so long, s, and has at most so many tasks.
@@ -125,7 +124,7 @@ class Dask:
     """A Dask cluster: that of a scheduler, or one of this machine."""
 
     def __init__(self, job: Job, address: str | None, jobs: int, timeout: float) -> None:
-        packages.needed("--dask", "distributed")
+        needed("--dask", "distributed")
         import dask
         import distributed
 

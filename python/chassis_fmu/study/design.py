@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from ..files import results
-from . import packages
 from .factors import Factor
-from .file import SAMPLES, Study, StudyError
+from .file import SAMPLES, Study, StudyError, needed
 
 Array = NDArray[np.float64]
 
@@ -94,7 +93,7 @@ def problem(study: Study) -> dict[str, Any]:
 
 def sensitivity(study: Study) -> Array:
     """Return the shares of a study of sensitivities."""
-    packages.needed("method sensitivity", "SALib")
+    needed("method sensitivity", "SALib")
     import SALib.sample.morris
     import SALib.sample.sobol
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +27,16 @@ SAMPLES = 100
 
 class StudyError(Exception):
     """A study that cannot be carried out; the text says what, where and what to do."""
+
+
+def needed(what: str, *packages: str, otherwise: str = "") -> None:
+    """Raise StudyError if a package is not installed that something needs; `otherwise` is another way out."""
+    missing = [package for package in packages if importlib.util.find_spec(package) is None]
+    if missing:
+        raise StudyError(
+            f"{what} needs the Python package {' and '.join(missing)}, which is not installed: "
+            f"`{sys.executable} -m pip install {' '.join(missing)}`{otherwise}"
+        )
 
 
 class Correlation(msgspec.Struct, kw_only=True, frozen=True):

@@ -14,9 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ..scenario import Value
-from . import packages
 from .factors import Factor
-from .file import SAMPLES, Search, Study, StudyError
+from .file import SAMPLES, Search, Study, StudyError, needed
 from .job import Done, Job
 
 Evaluate = Callable[[int, Sequence[dict[str, Value]]], list[list[Done]]]
@@ -50,7 +49,7 @@ def _sampler(search: Search, seed: int) -> Any:
         close = difflib.get_close_matches(name.lower(), known, 1)
         hint = f"; did you mean `{known[close[0]]}`?" if close else ""
         raise StudyError(f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}{hint}")
-    packages.needed(f"search: {name}", *SAMPLERS[name], otherwise=", or choose another sampler")
+    needed(f"search: {name}", *SAMPLERS[name], otherwise=", or choose another sampler")
     with _explained(f"{name} cannot be made with the options {dict(search.options)}"):
         return getattr(optuna.samplers, name)(**{"seed": seed, **search.options})
 
@@ -84,7 +83,7 @@ def _suggest(trial: Any, factor: Factor) -> Value:
 
 def run(study: Study, job: Job, evaluate: Evaluate) -> list[list[Any]]:
     """Search; returns the values of all samples, by factor. Raises StudyError if the sampler cannot do it."""
-    packages.needed(f"method {study.method} with [search]", "optuna")
+    needed(f"method {study.method} with [search]", "optuna")
     import optuna
 
     search = study.search
