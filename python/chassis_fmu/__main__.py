@@ -1,7 +1,32 @@
-"""`python -m chassis_fmu`: the command `chassis`."""
+"""The command `chassis`, also `python -m chassis_fmu`: the program of that name, which calls this Python for pages."""
 
+from __future__ import annotations
+
+import os
+import subprocess
 import sys
 
-from .command import main
+from . import libpython
+from .program import ProgramError, find
 
-sys.exit(main())
+
+def main() -> int:
+    """Become the program, with the arguments of this process."""
+    try:
+        program = find()
+    except ProgramError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    # FMUs made with Python use the Python that this is.
+    os.environ.setdefault("PYTHONHOME", sys.base_prefix)
+    os.environ["CHASSIS_PYTHON"] = sys.executable
+    library = libpython.find()
+    if library is not None:
+        os.environ.setdefault("CHASSIS_LIBPYTHON", str(library))
+    if os.name == "posix":
+        os.execv(program, ["chassis", *sys.argv[1:]])
+    return subprocess.run([program, *sys.argv[1:]], check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

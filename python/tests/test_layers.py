@@ -8,7 +8,6 @@ PACKAGE = Path(__file__).parents[1] / "chassis_fmu"
 # From the bottom to the top. A module in the folder of the package is a layer of its own.
 LAYERS = (
     ("_native", "libpython", "program", "terminal"),
-    ("command",),
     ("__main__",),
     ("files", "shell"),
     ("execution", "evaluation", "scenario"),

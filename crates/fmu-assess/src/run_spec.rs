@@ -40,14 +40,9 @@ impl RunSpec {
         self.text("maneuver", name)
     }
 
-    /// Sets a variable of the driver.
-    pub(crate) fn driver(self, name: &str, value: f64) -> Self {
-        self.value("driver", name, value)
-    }
-
     /// Sets variables of the driver.
     pub(crate) fn drivers(self, values: &[(&str, f64)]) -> Self {
-        values.iter().fold(self, |spec, (name, value)| spec.driver(name, *value))
+        values.iter().fold(self, |spec, (name, value)| spec.value("driver", name, *value))
     }
 
     /// Sets a variable.

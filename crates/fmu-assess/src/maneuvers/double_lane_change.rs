@@ -38,7 +38,7 @@ pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<
         .end(EndAt::Speed(1.0))
         .with_end();
     if part == Part::Two && bench.has_pedals() {
-        spec = spec.driver("release.distance", START + 2.0);
+        spec = spec.value("driver", "release.distance", START + 2.0);
     }
     let options = json!({
         "maneuver": part.option(),

@@ -96,10 +96,9 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
                 is_reached = true;
                 break;
             }
-            nearest = [nearest, Some(steady)]
-                .into_iter()
-                .flatten()
-                .reduce(|a, b| if (b - target).abs() < (a - target).abs() { b } else { a });
+            if nearest.is_none_or(|nearest: f64| (steady - target).abs() < (nearest - target).abs()) {
+                nearest = Some(steady);
+            }
         }
         match steady {
             Some(steady) if steady < target => between[0] = Some(steer),
