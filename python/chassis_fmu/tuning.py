@@ -351,15 +351,6 @@ def draw(found: Convergence) -> tuple[str, bytes]:
     return text.getvalue(), image.getvalue()
 
 
-def _breakable(name: str) -> markupsafe.Markup:
-    """Let a long name break behind its colon and its dots, nowhere else."""
-    return markupsafe.Markup(re.sub(r"([.:])", r"\1<wbr>", str(markupsafe.escape(name))))
-
-
-def _value(value: float | None) -> str:
-    return "–" if value is None else tables.scientific(value)
-
-
 def definitions(raw: dict[str, Any]) -> list[str]:
     """Describe the computation of each term of the objective: formula, window and number of rows."""
     found = []
@@ -396,8 +387,9 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         hashes={path.stem: sha256(path) for path in map(Path, study.raw["fmus"])},
         versions=shell.versions(),
         definitions=definitions(study.raw),
-        value=_value,
-        breakable=_breakable,
+        value=lambda value: "–" if value is None else tables.scientific(value),
+        # A long name breaks behind its colon and its dots, nowhere else.
+        breakable=lambda name: markupsafe.Markup(re.sub(r"([.:])", r"\1<wbr>", str(markupsafe.escape(name)))),
         unit=lambda unit: tables.pretty_unit(unit or "1"),
     )
 

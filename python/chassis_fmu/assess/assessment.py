@@ -47,15 +47,6 @@ class Run(_OfManeuver, frozen=True):
     metrics: dict[str, Any]
 
 
-class Limit(msgspec.Struct, frozen=True, rename={"holds": "is"}):
-    """A limit of a regulation, or of `--require`."""
-
-    source: str
-    holds: bool | None = None
-    min: float | None = None
-    max: float | None = None
-
-
 class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
     """A metric of both systems."""
 
@@ -69,7 +60,8 @@ class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
     judgment: Literal["better", "same", "worse", "not_comparable"] | None
     verdict: Literal["pass", "fail", "info", "comparison", "dropped", "error"]
     verdict_without: str
-    limit: Limit | None
+    limit: Table | None
+    """Minimum `min`, maximum `max`, or `is` for a Boolean that must be true; its `source`."""
     reason: str | None
     reason_without: str | None = None
     words: dict[Name, str] = {}

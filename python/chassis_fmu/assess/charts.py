@@ -317,7 +317,7 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
     amplitude = Axis("Largest steering wheel angle", (Conversion("°"),))
     panels = []
     row = source.assessment.by_name.get("sine_with_dwell.lateral_displacement")
-    least = None if row is None or row.limit is None else row.limit.min
+    least = None if row is None or row.limit is None else row.limit.get("min")
     share = Axis("Share of the peak", NO_UNIT, zero=True)
     displacement = Axis("Displacement", METERS, zero=True)
     for metric, title, axis, limit in (

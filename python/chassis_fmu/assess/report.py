@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from .. import _native, shell
 from ..files import results
@@ -121,10 +123,10 @@ def limit(row: Row) -> str:
     """Write the limit of a metric."""
     if row.limit is None:
         return ""
+    if "is" in row.limit:
+        return "yes"
     factor, unit = unit_of(row)
-    if row.limit.holds is not None:
-        return "yes" if row.limit.holds else "no"
-    low, high = (None if value is None else factor * value for value in (row.limit.min, row.limit.max))
+    low, high = (factor * row.limit[end] if end in row.limit else None for end in ("min", "max"))
     return _native.limits(low, high, unit)
 
 
@@ -143,14 +145,10 @@ def units(found: Assessment) -> str:
 
 
 def _loads(found: Assessment, cases: Sequence[Case]) -> Iterator[tuple[str, Sequence[tuple[Case, float]]]]:
-    of = {
-        case: [
-            run.metrics.get("dynamic_load_coefficient") or {}
-            for run in found.runs_of("ride", case.name)
-            if run.name.split(".")[1] == ROAD
-        ]
-        for case in cases
-    }
+    of: dict[Case, list[dict[str, Any]]] = {}
+    for case in cases:
+        on_road = [run for run in found.runs_of("ride", case.name) if run.name.split(".")[1] == ROAD]
+        of[case] = [run.metrics.get("dynamic_load_coefficient") or {} for run in on_road]
     for wheel in dict.fromkeys(name for runs in of.values() for run in runs for name in run):
         values = []
         for case, runs in of.items():
@@ -164,11 +162,9 @@ def _loads(found: Assessment, cases: Sequence[Case]) -> Iterator[tuple[str, Sequ
 def _troubles(found: Assessment, cases: Sequence[Case]) -> list[tuple[str, list[tuple[Case, Run]]]]:
     """Return the runs with a flag or an error, by flag."""
     by_flag: dict[str, list[tuple[Case, Run]]] = {}
-    for case in cases:
-        for run in found.runs:
-            if run.system == case.name:
-                for flag in run.flags:
-                    by_flag.setdefault(FLAGS.get(flag, flag), []).append((case, run))
+    for case, run in itertools.product(cases, found.runs):
+        for flag in run.flags if run.system == case.name else ():
+            by_flag.setdefault(FLAGS.get(flag, flag), []).append((case, run))
     return list(by_flag.items())
 
 
