@@ -57,21 +57,18 @@ CHUNK = 64
 _REFERENCES = ctypes.POINTER(ctypes.c_uint)
 
 
-def _getter(library: Any, name: str, kind: Any) -> Callable[..., int]:
+def _function(library: Any, name: str, *arguments: Any) -> Callable[..., int]:
+    """Return a function of an instance. A library returns another object each time, which has types of its own."""
     function = library[name]
-    function.argtypes = [ctypes.c_void_p, _REFERENCES, ctypes.c_size_t, ctypes.POINTER(kind), ctypes.c_size_t]
+    function.argtypes = [ctypes.c_void_p, *arguments]
     function.restype = ctypes.c_int
     call: Callable[..., int] = function
     return call
 
 
-def _transition(library: Any, name: str) -> Callable[[Any], int]:
-    # A library returns another object each time, which has types of its own.
-    function = library[name]
-    function.argtypes = [ctypes.c_void_p]
-    function.restype = ctypes.c_int
-    call: Callable[[Any], int] = function
-    return call
+def _getter(library: Any, name: str, kind: Any) -> Callable[..., int]:
+    """Return a function that reads or sets variables."""
+    return _function(library, name, _REFERENCES, ctypes.c_size_t, ctypes.POINTER(kind), ctypes.c_size_t)
 
 
 class Functions:
@@ -91,31 +88,14 @@ class Functions:
         self._get_boolean = _getter(library, "fmi3GetBoolean", ctypes.c_uint8)
         self._set_boolean = _getter(library, "fmi3SetBoolean", ctypes.c_uint8)
         self._set_string = _getter(library, "fmi3SetString", ctypes.c_char_p)
-        self._enter = library["fmi3EnterInitializationMode"]
-        self._enter.argtypes = [
-            ctypes.c_void_p,
-            ctypes.c_bool,
-            ctypes.c_double,
-            ctypes.c_double,
-            ctypes.c_bool,
-            ctypes.c_double,
-        ]
-        self._do_step = library["fmi3DoStep"]
-        flag = ctypes.POINTER(ctypes.c_bool)
-        self._do_step.argtypes = [
-            ctypes.c_void_p,
-            ctypes.c_double,
-            ctypes.c_double,
-            ctypes.c_bool,
-            flag,
-            flag,
-            flag,
-            ctypes.POINTER(ctypes.c_double),
-        ]
+        flag, real, pointer = ctypes.c_bool, ctypes.c_double, ctypes.POINTER
+        self._enter = _function(library, "fmi3EnterInitializationMode", flag, real, real, flag, real)
+        flags = (pointer(flag),) * 3
+        self._do_step = _function(library, "fmi3DoStep", real, real, flag, *flags, pointer(real))
         self._outcome = (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
         self._outcome_pointers = tuple(ctypes.byref(value) for value in self._outcome)
-        self.fmi2ExitInitializationMode = _transition(library, "fmi3ExitInitializationMode")
-        self.fmi2Terminate = _transition(library, "fmi3Terminate")
+        self.fmi2ExitInitializationMode = _function(library, "fmi3ExitInitializationMode")
+        self.fmi2Terminate = _function(library, "fmi3Terminate")
 
     def fmi2SetupExperiment(
         self, _component: Any, _has_tolerance: int, _tolerance: float, start: float, has_stop: int, stop: float

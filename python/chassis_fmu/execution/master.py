@@ -155,7 +155,6 @@ class FmpyInstance:
             )
         except Exception as error:  # fmpy raises bare Exceptions here
             raise RunError(component.name, "loading", None, f"{component.fmu.name}: {error}") from error
-        self._folder = folder
         try:
             if is_new:
                 self._slave.instantiate(logMessage=self._logger_of(component.name))
@@ -167,7 +166,8 @@ class FmpyInstance:
         self.component = self._slave.component
         self.functions: Any = self._slave.dll
         if is_new:
-            types = {variable.valueReference: str(variable.type) for variable in self._variables()}
+            variables = read_model_description(str(folder), validate=False).modelVariables
+            types = {variable.valueReference: str(variable.type) for variable in variables}
             named = [(one.name, one.reference) for one in (*_starts(component), *component.constants)]
             named += [(one.name, one.reference) for one in (*component.inputs, *component.outputs)]
             # Elements of arrays have references that the native master alone knows.
@@ -185,10 +185,6 @@ class FmpyInstance:
             _note(name, status, category, (message or b"").decode("utf-8", "replace"))
 
         return log
-
-    def _variables(self) -> Sequence[Any]:
-        variables: Sequence[Any] = read_model_description(str(self._folder), validate=False).modelVariables
-        return variables
 
     def free(self) -> None:
         """Free the instance and unload the library."""
