@@ -128,7 +128,9 @@ class Types:
             value = False if kind == "bool" else value
             kind += " | None" if value is None and "None" not in kind else ""
             default = f" = {value!r}"
-        note = wrapped(comment(part), "    # ")
+        text = comment(part)
+        is_telling = text.lower() != f"{key.replace('_', ' ')}."
+        note = wrapped(text, "    # ") if is_telling else ""
         return "\n".join(filter(None, [note, f"    {key}: {kind}{default}"]))
 
 

@@ -44,9 +44,7 @@ class Simulation(plan_rules.SimulationMixin, _Part, frozen=True):
 class Case(_Part, frozen=True):
     """A variant of the experiment."""
 
-    # Name.
     name: str
-    # Title.
     title: str
     # Case that changes in percent refer to.
     baseline: str | None
@@ -55,9 +53,7 @@ class Case(_Part, frozen=True):
 class Point(_Part, frozen=True):
     """A point of the sweep."""
 
-    # Name.
     name: str
-    # Title.
     title: str
     # Abscissa.
     value: float
@@ -68,7 +64,6 @@ class Point(_Part, frozen=True):
 class SecondSweep(_Part, frozen=True):
     """Second axis of a sweep."""
 
-    # Title.
     title: str
     # Unit of measure of the values.
     unit: str
@@ -77,7 +72,6 @@ class SecondSweep(_Part, frozen=True):
 class Sweep(_Part, frozen=True):
     """Abscissa of the sweep."""
 
-    # Title.
     title: str
     # Unit of measure of the values.
     unit: str
@@ -90,9 +84,7 @@ class DisplayUnit(_Part, frozen=True):
 
     # Name of the unit.
     name: str
-    # Factor, not 0.
     factor: float
-    # Offset in the display unit.
     offset: float
 
 
@@ -164,7 +156,6 @@ class Component(_Part, frozen=True):
     fmu: Path
     # Version of FMI.
     fmi: FmiVersion
-    # Model identifier.
     model_identifier: str
     # GUID, or instantiation token of FMI 3.0.
     guid: str
@@ -208,7 +199,6 @@ class Run(plan_rules.RunMixin, _Part, frozen=True):
     case: str
     # Name of the point.
     point: str | None
-    # Seed.
     seed: int | None
     # Components in order of execution.
     components: tuple[Component, ...]
@@ -291,9 +281,7 @@ class Until(_Part, frozen=True):
 class Metric(_Part, frozen=True):
     """A number of the results."""
 
-    # Name.
     name: str
-    # Title.
     title: str
     # Unit of measure of the number.
     unit: str | None
@@ -401,7 +389,6 @@ class Figure(_Part, frozen=True):
 
     # File name without extension.
     name: str
-    # Title.
     title: str
     # Kind of figure.
     kind: FigureKind
@@ -436,7 +423,6 @@ class Figure(_Part, frozen=True):
     factor: float
     # Offset to that unit.
     offset: float
-    # Caption.
     caption: tuple[Part, ...] | None
 
 
@@ -462,7 +448,6 @@ class Check(_Part, frozen=True):
 class Finding(_Part, frozen=True):
     """A claim, the checks that decide on it, and an explanation."""
 
-    # Claim.
     claim: tuple[Part, ...]
     # Explanation of what the runs show.
     explanation: tuple[Part, ...]
@@ -536,7 +521,6 @@ class Plan(plan_rules.PlanMixin, _Part, frozen=True):
     name: str
     # Path of the scenario as it was given.
     file: str
-    # Title.
     title: str
     # Description; a blank line separates paragraphs.
     description: str
