@@ -1,11 +1,11 @@
 //! Runs an assessment: all maneuvers of both systems, each in its own thread, which waits for its runs.
 
 use crate::Trace;
-use crate::bench::{Bench, drive};
+use crate::bench::{Bench, Described, Execute, drive};
 use crate::components::{Component, SetupError};
 use crate::evaluators::cones::Part;
 use crate::evaluators::weighting::Weighting;
-use crate::executor::Executor;
+use crate::executor::with_workers;
 use crate::maneuvers::double_lane_change::compare_at;
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver};
 use crate::metric::Direction;
@@ -75,9 +75,12 @@ pub fn assess(
         tell();
     };
     let count = || add(&done);
+    let of_fmus = runs.iter().flat_map(|run| &run.components);
+    let descriptions: Described<'_> =
+        of_fmus.filter_map(|of| Some((&*of.fmu, fmus.get(&of.fmu).ok()?.description()))).collect();
     let steering = options.steering();
-    let (vehicle, driver, found) = Executor::scope(settings, options.jobs, &fmus, &count, |executor| {
-        let place = Place { executor, fmus: &fmus, systems: &systems, folder: folder.path(), options };
+    let (vehicle, driver, found) = with_workers(settings, options.jobs, &fmus, &count, |execute| {
+        let place = Place { execute, descriptions: &descriptions, systems: &systems, folder: folder.path(), options };
         let mut vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
         if vehicle.mass.is_none() {
             let mass = place.bench(0, &vehicle, &[]).weighed();
@@ -151,8 +154,8 @@ impl Options {
 
 /// Shared data of all benches.
 struct Place<'a> {
-    executor: &'a Executor,
-    fmus: &'a Fmus,
+    execute: &'a Execute<'a>,
+    descriptions: &'a Described<'a>,
     systems: &'a Systems,
     folder: &'a std::path::Path,
     options: &'a Options,
@@ -164,8 +167,8 @@ impl<'a> Place<'a> {
         let given = vehicle.understeer_gradient.as_ref().map(|datum| datum.value);
         let own = known.get(index).filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
         Bench {
-            executor: self.executor,
-            fmus: self.fmus,
+            execute: self.execute,
+            descriptions: self.descriptions,
             plant: &self.systems.plant,
             system: &self.systems.systems[index],
             vehicle,

@@ -8,40 +8,20 @@ use crate::vehicle::{Class, Vehicle};
 use crate::wiring::{Driving, STEP};
 use fmu_import::description::{BaseType, ModelDescription, Value};
 use fmu_system::failure::Failure;
-use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-/// Executes runs.
-pub(crate) trait Runs: Sync {
-    /// Executes runs; returns their outcomes in the same order.
-    fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>>;
-}
+/// Executes runs; returns their outcomes in the same order.
+pub(crate) type Execute<'a> = dyn Fn(Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> + Sync + 'a;
 
-/// Descriptions of the FMUs of runs.
-pub(crate) trait Described: Sync {
-    /// Returns the description of an FMU, by its path in a plan.
-    fn description(&self, path: &str) -> Option<&ModelDescription>;
-}
-
-impl Described for Fmus {
-    fn description(&self, path: &str) -> Option<&ModelDescription> {
-        Some(self.get(path).ok()?.description())
-    }
-}
-
-impl Described for BTreeMap<String, Arc<ModelDescription>> {
-    fn description(&self, path: &str) -> Option<&ModelDescription> {
-        self.get(path).map(|description| &**description)
-    }
-}
+/// Descriptions of FMUs, by their paths in a plan.
+pub(crate) type Described<'a> = BTreeMap<&'a str, &'a ModelDescription>;
 
 /// A system on the bench, and the data that all its maneuvers need.
 pub(crate) struct Bench<'a> {
-    pub(crate) executor: &'a dyn Runs,
-    pub(crate) fmus: &'a dyn Described,
+    pub(crate) execute: &'a Execute<'a>,
+    pub(crate) descriptions: &'a Described<'a>,
     pub(crate) plant: &'a Plant,
     pub(crate) system: &'a System,
     pub(crate) vehicle: &'a Vehicle,
@@ -105,7 +85,7 @@ impl Bench<'_> {
             let signal = name;
             let name = if component == "plant" { self.plant.variable(name) } else { name };
             let found = run.components.iter().find(|other| other.name == component);
-            let found = found.and_then(|other| self.fmus.description(&other.fmu));
+            let found = found.and_then(|other| self.descriptions.get(&*other.fmu));
             let Some(variable) = found.and_then(|description| description.variable(name)) else {
                 return if is_optional { Ok(()) } else { Err(format!("`{component}` has no `{name}`")) };
             };
@@ -124,7 +104,7 @@ impl Bench<'_> {
                 }
                 (Setting::Number(number), _) => Value::Real(*number),
             };
-            run.set_described(&|path| self.fmus.description(path), component, name, value)
+            run.set_described(&|path| self.descriptions.get(path).copied(), component, name, value)
                 .map_err(|error| error.to_string())
         };
         let number = Setting::Number;
@@ -176,7 +156,7 @@ impl Bench<'_> {
 pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
     let requests = specs.iter().map(|spec| bench.run(spec, spec.stop)).collect::<Vec<_>>();
     let wanted = requests.iter().flatten().cloned().collect();
-    let mut outcomes = bench.executor.execute(wanted).into_iter();
+    let mut outcomes = (bench.execute)(wanted).into_iter();
     specs
         .into_iter()
         .zip(requests)

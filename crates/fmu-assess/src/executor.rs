@@ -1,6 +1,6 @@
 //! Executes runs in worker processes, for several callers at once. The results of a caller depend on its runs alone.
 
-use crate::bench::Runs;
+use crate::bench::Execute;
 use fmu_import::worker::Settings;
 use fmu_system::failure::Failure;
 use fmu_system::fmus::Fmus;
@@ -19,52 +19,42 @@ struct Work {
     reply: Sender<(usize, Result<Recording, Failure>)>,
 }
 
-/// Accepts runs from any thread.
-#[derive(Debug)]
-pub(crate) struct Executor {
-    queue: Sender<Work>,
+/// Starts `jobs` workers, and ends them after `body`, which may execute runs from any thread. `done` is called after each run.
+pub(crate) fn with_workers<T>(
+    settings: &Settings,
+    jobs: NonZeroUsize,
+    fmus: &Fmus,
+    done: &(dyn Fn() + Sync),
+    body: impl FnOnce(&Execute<'_>) -> T,
+) -> T {
+    let (queue, receiver) = channel::<Work>();
+    let receiver = Mutex::new(receiver);
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.get() {
+            let receiver = &receiver;
+            scope.spawn(move || {
+                let pool = Pool::new(settings.clone(), NonZeroUsize::MIN, fmus);
+                work(receiver, &pool, done);
+            });
+        }
+        // The workers end when no sender is left.
+        body(&move |runs| execute(&queue, runs))
+    })
 }
 
-impl Executor {
-    /// Starts `jobs` workers, and ends them after `body`. `done` is called after each run.
-    pub(crate) fn scope<T>(
-        settings: &Settings,
-        jobs: NonZeroUsize,
-        fmus: &Fmus,
-        done: &(dyn Fn() + Sync),
-        body: impl FnOnce(&Self) -> T,
-    ) -> T {
-        let (sender, receiver) = channel::<Work>();
-        let receiver = Mutex::new(receiver);
-        std::thread::scope(|scope| {
-            for _ in 0..jobs.get() {
-                let receiver = &receiver;
-                scope.spawn(move || {
-                    let pool = Pool::new(settings.clone(), NonZeroUsize::MIN, fmus);
-                    work(receiver, &pool, done);
-                });
-            }
-            // The workers end when no sender is left.
-            body(&Self { queue: sender })
-        })
+fn execute(queue: &Sender<Work>, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
+    let (reply, outcomes) = channel();
+    let lost = |run: &Run| Err(Failure::new(&run.id, "no process could execute it".to_owned()));
+    let mut found: Vec<_> = runs.iter().map(|(_, run)| lost(run)).collect();
+    for (index, (simulation, run)) in runs.into_iter().enumerate() {
+        // The workers live as long as the queue.
+        let _ = queue.send(Work { index, simulation, run, reply: reply.clone() });
     }
-}
-
-impl Runs for Executor {
-    fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
-        let (reply, outcomes) = channel();
-        let lost = |run: &Run| Err(Failure::new(&run.id, "no process could execute it".to_owned()));
-        let mut found: Vec<_> = runs.iter().map(|(_, run)| lost(run)).collect();
-        for (index, (simulation, run)) in runs.into_iter().enumerate() {
-            // The workers live as long as this executor.
-            let _ = self.queue.send(Work { index, simulation, run, reply: reply.clone() });
-        }
-        drop(reply);
-        for (index, outcome) in outcomes {
-            found[index] = outcome;
-        }
-        found
+    drop(reply);
+    for (index, outcome) in outcomes {
+        found[index] = outcome;
     }
+    found
 }
 
 fn work(receiver: &Mutex<Receiver<Work>>, pool: &Pool, done: &(dyn Fn() + Sync)) {

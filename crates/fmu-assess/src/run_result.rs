@@ -76,14 +76,14 @@ pub(crate) fn cut(
     let recorded: Vec<(&String, &[f64])> =
         names.iter().enumerate().filter_map(|(index, name)| Some((name, recording.column(index)?.get(1..)?))).collect();
     for row in 0..time.len() {
-        if let Some((name, _)) = recorded.iter().find(|(_, values)| !values[row].is_finite()) {
+        let unstable = match recorded.iter().find(|(_, values)| !values[row].is_finite()) {
+            Some((name, _)) => Some(format!("`{name}` is not finite")),
+            None if at(yaw_rate, row).abs() > DIVERGED => Some(format!("`vehicle.yaw_rate` is above {DIVERGED} rad/s")),
+            None => None,
+        };
+        if let Some(unstable) = unstable {
             (rows, stop_reason) = (row, "diverged".to_owned());
-            error = Some(format!("`{name}` is not finite at {} s", shown_time(time[row])));
-            break;
-        }
-        if at(yaw_rate, row).abs() > DIVERGED {
-            (rows, stop_reason) = (row, "diverged".to_owned());
-            error = Some(format!("`vehicle.yaw_rate` is above {DIVERGED} rad/s at {} s", shown_time(time[row])));
+            error = Some(format!("{unstable} at {} s", shown_time(time[row])));
             break;
         }
         let speed = ground.as_ref().map_or_else(|| at(forward, row), |values| values[row]);

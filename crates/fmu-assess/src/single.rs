@@ -3,7 +3,7 @@
 //! The runs are those of the bench, with the same wiring and evaluators. Results that need a series of runs (limits of
 //! regulations, a largest speed) need the bench.
 
-use crate::bench::{self, Bench, Runs};
+use crate::bench::{self, Bench};
 use crate::components::SetupError;
 use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
@@ -15,15 +15,12 @@ use crate::subject::Subject;
 use crate::systems::Systems;
 use crate::vehicle::Vehicle;
 use crate::wiring::{Driving, Road};
-use fmu_import::description::ModelDescription;
-use fmu_system::failure::Failure;
 use fmu_system::master::Recording;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::Descriptions;
 use fmu_system::run::{Run, Simulation};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Time that a visitor drives, s.
 const FREE: f64 = 600.0;
@@ -319,7 +316,6 @@ pub struct Single {
     pub largest_steer: f64,
     /// Sections of cones, m: begin, end, right and left edge of each.
     pub cones: Vec<[f64; 4]>,
-    descriptions: BTreeMap<String, Arc<ModelDescription>>,
     systems: Systems,
     vehicle: Vehicle,
     spec: RunSpec,
@@ -333,13 +329,6 @@ pub const DRIVER: &str = "driver";
 pub const PLANT: &str = "plant";
 /// Roll angle from which a vehicle has rolled over, rad: the bench ends a run there.
 pub const ROLLED_OVER: f64 = crate::run_result::ROLLED_OVER;
-
-/// Executes no runs.
-impl Runs for () {
-    fn execute(&self, _: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
-        Vec::new()
-    }
-}
 
 /// Road and seed of a run: class of roughness, from 1 for A on; `None` for a flat road.
 #[derive(Debug, Clone, Copy, Default)]
@@ -370,13 +359,13 @@ pub fn single(
     let vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
     let plan = systems.systems.first().and_then(|system| system.plan(maneuver.driving)).cloned();
     let plan = plan.ok_or_else(|| SetupError::new("the plant cannot be driven like this"))?;
-    let mut descriptions = BTreeMap::new();
-    for component in plan.runs.iter().flat_map(|run| &run.components) {
+    let components = plan.runs.iter().flat_map(|run| &run.components);
+    let described = components.filter_map(|component| {
         let name = component.fmu.strip_suffix(".fmu").unwrap_or(&component.fmu);
-        if let Ok(Some(found)) = source.find(name) {
-            descriptions.insert(component.fmu.clone(), found.description);
-        }
-    }
+        Some((&*component.fmu, source.find(name).ok()??.description))
+    });
+    let described: Vec<_> = described.collect();
+    let descriptions = described.iter().map(|(fmu, description)| (*fmu, &**description)).collect();
     let chosen = Chosen { maneuver, values, class: road.class.unwrap_or(3), seed: road.seed.max(1) };
     let bench = bench(&systems, &vehicle, &descriptions);
     let made = (maneuver.make)(&bench, &chosen);
@@ -402,7 +391,6 @@ pub fn single(
         speed: spec.speed,
         largest_steer: LOCK / vehicle.steer_ratio.value,
         cones,
-        descriptions,
         systems,
         vehicle,
         spec,
@@ -411,15 +399,11 @@ pub fn single(
     })
 }
 
-/// The bench of the only system.
-fn bench<'a>(
-    systems: &'a Systems,
-    vehicle: &'a Vehicle,
-    descriptions: &'a BTreeMap<String, Arc<ModelDescription>>,
-) -> Bench<'a> {
+/// The bench of the only system, which executes no runs.
+fn bench<'a>(systems: &'a Systems, vehicle: &'a Vehicle, descriptions: &'a bench::Described<'a>) -> Bench<'a> {
     Bench {
-        executor: &(),
-        fmus: descriptions,
+        execute: &|_| Vec::new(),
+        descriptions,
         plant: &systems.plant,
         system: &systems.systems[0],
         vehicle,
@@ -437,8 +421,9 @@ impl Single {
     #[must_use]
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
-        let result =
-            bench::result(&bench(&self.systems, &self.vehicle, &self.descriptions), self.spec.clone(), recording, None);
+        let none = BTreeMap::new();
+        let bench = bench(&self.systems, &self.vehicle, &none);
+        let result = bench::result(&bench, self.spec.clone(), recording, None);
         evaluator.evaluate(&result.trace, &self.options).ok()
     }
 }
