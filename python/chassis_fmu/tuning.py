@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import re
@@ -290,8 +289,8 @@ def convergence(study: Study, table: pa.Table) -> Convergence | None:
     return Convergence(cases, Panel("Best objective so far (no unit)", "", x, y, tuple(lines), shown), scale, levels)
 
 
-def draw(found: Convergence) -> tuple[str, bytes]:
-    """Draw the convergence of the methods as SVG and PNG."""
+def draw(found: Convergence) -> plots.Drawing:
+    """Draw the convergence of the methods."""
     scale = found.scale
     lines = found.panel.lines
     with mpl.rc_context(plots.STYLE):
@@ -345,10 +344,7 @@ def draw(found: Convergence) -> tuple[str, bytes]:
         ax.set_ylabel("Best objective so far (no unit)")
         if len(lines) > 1:
             canvas.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.6)
-        text, image = io.StringIO(), io.BytesIO()
-        canvas.savefig(text, format="svg", metadata={"Date": None, "Title": "Convergence"})
-        canvas.savefig(image, format="png", dpi=150)
-    return text.getvalue(), image.getvalue()
+        return plots.Drawing.of(plots.Picture("convergence", "Convergence", "running"), canvas)
 
 
 def definitions(raw: dict[str, Any]) -> list[str]:
@@ -366,7 +362,7 @@ def definitions(raw: dict[str, Any]) -> list[str]:
     return found
 
 
-def render(study: Study, svg: str | None, data: str, command: str) -> str:
+def render(study: Study, drawing: plots.Drawing | None, data: str, command: str) -> str:
     """Return the page. `data` is what the figure shows, as JSON (`page_data`)."""
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
@@ -381,7 +377,7 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         several=len(study.groups) < len(study.methods),
         best=min(found, default=math.nan),
         ends=ENDS,
-        figure=None if svg is None else rendering.themed_svg(svg, "Convergence"),
+        figure=None if drawing is None else rendering.themed_svg(drawing.svg, drawing.figure.title),
         interactive=page_data.Interactive.of(data),
         command=command,
         hashes={path.stem: sha256(path) for path in map(Path, study.raw["fmus"])},
@@ -406,12 +402,10 @@ def report(folder: Path, command: str) -> None:
     found = convergence(study, table)
     drawing = None if found is None else draw(found)
     if drawing is not None:
-        results.write_text(folder / "figures" / "convergence.svg", drawing[0])
-        with results.replacing(folder / "figures" / "convergence.png") as temporary:
-            temporary.write_bytes(drawing[1])
+        drawing.write(folder / "figures")
     cases, panels = ([], []) if found is None else (found.cases, [found.panel])
     data = page_data.render(cases, [], [("convergence", panels)])
-    results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], data, command))
+    results.write_text(folder / "index.html", render(study, drawing, data, command))
     index.note(folder, index.Entry(study.raw["title"], study.raw["reference"] or ""))
     index.write(folder.parent)
 

@@ -112,6 +112,14 @@ class Drawing:
     svg: str
     png: bytes
 
+    @staticmethod
+    def of(figure: Figure | Picture, canvas: Canvas) -> Drawing:
+        """Save a canvas."""
+        text, image = io.StringIO(), io.BytesIO()
+        canvas.savefig(text, format="svg", dpi=CLOUD_DPI, metadata={"Date": None, "Title": figure.title})
+        canvas.savefig(image, format="png", dpi=150)
+        return Drawing(figure, text.getvalue(), image.getvalue())
+
     def write(self, folder: Path) -> None:
         """Write `<name>.svg` and `<name>.png` to a folder."""
         results.write_text(folder / f"{self.figure.name}.svg", self.svg)
@@ -420,8 +428,4 @@ def draw(
                 ax.tick_params(labelbottom=False)
         canvas.align_ylabels(axes)
         _legend(canvas, key.entries, least=1 if figure.separate else 2)
-        text = io.StringIO()
-        canvas.savefig(text, format="svg", dpi=CLOUD_DPI, metadata={"Date": None, "Title": figure.title})
-        image = io.BytesIO()
-        canvas.savefig(image, format="png", dpi=150)
-    return Drawing(figure, text.getvalue(), image.getvalue())
+        return Drawing.of(figure, canvas)
