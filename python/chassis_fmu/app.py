@@ -94,10 +94,9 @@ def report(scenario: Plan, request: Request) -> str:
         replays=tuple(lab.of_scenario(scenario, folder)),
     )
     data = page_data.of_plan(scenario, panels)
-    results.write_text(folder / "index.html", page.render(numbers, drawings, data, request.incomplete, context))
     counts = page.counts(numbers)
-    index.note(folder, index.Entry(scenario.title, scenario.reference, {s.value: n for s, n in counts.items()}))
-    index.write(folder.parent)
+    entry = index.Entry(scenario.title, scenario.reference, {s.value: n for s, n in counts.items()})
+    index.write(folder, page.render(numbers, drawings, data, request.incomplete, context), entry)
     claims = [(numbers.finding(f).title, texts.fill(f.claim, numbers)) for f in scenario.findings]
     width = max((len(title) for title, _ in claims), default=0)
     lines = [f"{title.ljust(width)}  {text}" for title, text in claims]

@@ -390,8 +390,8 @@ def render(study: Study, drawing: plots.Drawing | None, data: str, command: str)
     )
 
 
-def report(folder: Path, command: str) -> None:
-    """Write the Parquet file, the figure and the page of a finished study."""
+def report(folder: Path, command: str) -> Path:
+    """Write the Parquet file, the figure and the page of a finished study; returns the page."""
     path = folder / "summary.json"
     try:
         study = parse(path.read_text(encoding="utf-8"))
@@ -405,20 +405,18 @@ def report(folder: Path, command: str) -> None:
         drawing.write(folder / "figures")
     cases, panels = ([], []) if found is None else (found.cases, [found.panel])
     data = page_data.render(cases, [], [("convergence", panels)])
-    results.write_text(folder / "index.html", render(study, drawing, data, command))
-    index.note(folder, index.Entry(study.raw["title"], study.raw["reference"] or ""))
-    index.write(folder.parent)
+    entry = index.Entry(study.raw["title"], study.raw["reference"] or "")
+    return index.write(folder, render(study, drawing, data, command), entry)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Make the page of the study in a folder: `FOLDER COMMAND`, with the command that repeats it."""
     folder, command = sys.argv[1:] if argv is None else argv
     try:
-        report(Path(folder), command)
+        print(report(Path(folder), command))
     except (StudyError, ScenarioError, results.ResultsError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
-    print(Path(folder) / "index.html")
     return 0
 
 

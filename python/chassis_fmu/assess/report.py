@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from .. import _native, shell
-from ..files import results
 from ..files.plan import Case
 from ..report import index, lab, rendering, tables
 from ..report.charts import Drawings
@@ -266,8 +265,5 @@ def changes(found: Assessment) -> dict[str, int]:
 
 def write(found: Assessment, folder: Folder, command: str) -> Path:
     """Write the page, and the list of all results; returns the page."""
-    path = folder.path / "index.html"
-    results.write_text(path, render(found, folder, command))
-    index.note(folder.path, index.Entry(f"Test bench: {units(found)}", "", counts(found)))
-    index.write(folder.path.parent)
-    return path
+    entry = index.Entry(f"Test bench: {units(found)}", "", counts(found))
+    return index.write(folder.path, render(found, folder, command), entry)

@@ -23,11 +23,6 @@ class Entry:
     badges: Mapping[str, int] = field(default_factory=dict)
 
 
-def note(folder: Path, entry: Entry) -> None:
-    """Write the index entry of a page beside it."""
-    results.write_text(folder / NOTE, json.dumps(asdict(entry), ensure_ascii=False, indent=2) + "\n")
-
-
 def _read(folder: Path) -> Entry:
     """Return the entry beside a page; its folder's name without one."""
     try:
@@ -39,9 +34,12 @@ def _read(folder: Path) -> Entry:
         return Entry(folder.name)
 
 
-def write(folder: Path) -> None:
-    """Write `index.html` with a link to every page in a folder of this folder, by name."""
-    pages = sorted(p.parent for p in folder.glob("*/index.html"))
+def write(folder: Path, page: str, entry: Entry) -> Path:
+    """Write a page and its entry to a folder, and in the parent of this folder a page with links to all, by name."""
+    path = folder / "index.html"
+    results.write_text(path, page)
+    results.write_text(folder / NOTE, json.dumps(asdict(entry), ensure_ascii=False, indent=2) + "\n")
+    pages = sorted(p.parent for p in folder.parent.glob("*/index.html"))
     entries = [(p.name, _read(p)) for p in pages]
-    text = rendering.render("index.html.j2", entries=entries, status=Status)
-    results.write_text(folder / "index.html", text)
+    results.write_text(folder.parent / "index.html", rendering.render("index.html.j2", entries=entries, status=Status))
+    return path

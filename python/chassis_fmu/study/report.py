@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from .. import _native, shell
-from ..files import results
 from ..files.describe import sha256
 from ..files.plan import Metric
 from ..report import index, rendering, tables, texts
@@ -359,12 +358,11 @@ def failure_text(numbers: Numbers, done: Done) -> str:
 
 def write(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], folder: Path) -> None:
     """Write the page of a study and the list of all results; `context` has its command, engine and files."""
-    results.write_text(folder / "index.html", render(numbers, recorded, context, folder))
     shares = numbers.shares()
     counts = {"passed": sum(s.holds for s in shares), "failed": sum(not s.holds for s in shares)}
     study = numbers.job.study
-    index.note(folder, index.Entry(study.title, study.reference, {k: v for k, v in counts.items() if v}))
-    index.write(folder.parent)
+    entry = index.Entry(study.title, study.reference, {k: v for k, v in counts.items() if v})
+    index.write(folder, render(numbers, recorded, context, folder), entry)
 
 
 def console(numbers: Numbers) -> str:
