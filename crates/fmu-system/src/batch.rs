@@ -111,8 +111,9 @@ impl Batch {
             .enumerate()
             .flat_map(|(index, sample)| self.executed(sample).into_iter().map(move |run| (index, run)))
             .collect();
-        let states: Vec<Mutex<Vec<(usize, Result<Recording, Failure>)>>> =
-            samples.iter().map(|_| Mutex::default()).collect();
+        // Runs of each sample that are done.
+        type Outcomes = Vec<(usize, Result<Recording, Failure>)>;
+        let states: Vec<Mutex<Outcomes>> = samples.iter().map(|_| Mutex::default()).collect();
         let stopped = std::sync::atomic::AtomicBool::new(false);
         let order = std::sync::atomic::Ordering::Relaxed;
         let task = |index: usize| {

@@ -270,12 +270,6 @@ impl Table {
         self.lines.get(row).map_or(0, |line| *line as usize)
     }
 
-    /// Returns true if a column has this name.
-    #[must_use]
-    pub fn has(&self, name: &str) -> bool {
-        self.columns.iter().any(|column| column.name == name)
-    }
-
     /// Returns a column, which must contain only numbers.
     fn numbers(&self, name: &str) -> Result<&Column, DataError> {
         let mut of_name = self.columns.iter().filter(|column| column.name == name);

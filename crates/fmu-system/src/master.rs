@@ -48,13 +48,14 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
     record(simulation, run, fmus, true)
 }
 
-/// Works like [`execute`], but neither terminates nor frees the instances, because that may have crashed or hung before. They stay
-/// until the process ends.
-pub(crate) fn repeat(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
-    record(simulation, run, fmus, false)
-}
-
-fn record(simulation: &Simulation, run: &Run, fmus: &dyn Instances, is_terminated: bool) -> Result<Recording, Failure> {
+/// Works like [`execute`]. Without `is_terminated`, it neither terminates nor frees the instances, because that may have crashed or hung
+/// before. They stay until the process ends.
+pub(crate) fn record(
+    simulation: &Simulation,
+    run: &Run,
+    fmus: &dyn Instances,
+    is_terminated: bool,
+) -> Result<Recording, Failure> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run);

@@ -55,20 +55,31 @@ impl<T: Copy + Default> Group<T> {
         }
     }
 
-    fn is_empty(&self) -> bool {
-        self.slots.is_empty()
-    }
-
     fn load(&mut self, bus: &[f64], mut convert: impl FnMut(f64) -> T) {
         for (value, slot) in self.values.iter_mut().zip(&self.slots) {
             *value = convert(bus[*slot]);
         }
     }
 
-    fn store(&self, bus: &mut [f64], convert: impl Fn(T) -> f64) {
+    fn set(&self, set: impl FnOnce(&[Reference], &[T]) -> Result<(), CallError>) -> Result<(), CallError> {
+        if self.slots.is_empty() { Ok(()) } else { set(&self.references, &self.values) }
+    }
+
+    /// Reads the variables and puts them on the bus.
+    fn read(
+        &mut self,
+        bus: &mut [f64],
+        get: impl FnOnce(&[Reference], &mut [T]) -> Result<(), CallError>,
+        convert: impl Fn(T) -> f64,
+    ) -> Result<(), CallError> {
+        if self.slots.is_empty() {
+            return Ok(());
+        }
+        get(&self.references, &mut self.values)?;
         for (value, slot) in self.values.iter().zip(&self.slots) {
             bus[*slot] = convert(*value);
         }
+        Ok(())
     }
 }
 
@@ -122,31 +133,22 @@ impl Component {
 
     fn set_inputs(&mut self, bus: &[f64]) -> Result<(), CallError> {
         let Self { instance, inputs, .. } = self;
-        if !inputs.reals.is_empty() {
-            inputs.reals.load(bus, |v| v);
-            instance.set_real(&inputs.reals.references, &inputs.reals.values)?;
+        inputs.reals.load(bus, |v| v);
+        inputs.reals.set(|references, values| instance.set_real(references, values))?;
+        let mut are_exact = true;
+        inputs.integers.load(bus, |v| {
+            let value = v as i32;
+            are_exact &= f64::from(value) == v;
+            value
+        });
+        if !are_exact {
+            return set_exactly(instance, &inputs.integers, bus);
         }
-        if !inputs.integers.is_empty() {
-            let mut are_exact = true;
-            inputs.integers.load(bus, |v| {
-                let value = v as i32;
-                are_exact &= f64::from(value) == v;
-                value
-            });
-            if !are_exact {
-                return set_exactly(instance, &inputs.integers, bus);
-            }
-            instance.set_integer(&inputs.integers.references, &inputs.integers.values)?;
-        }
-        if !inputs.wide.is_empty() {
-            inputs.wide.load(bus, |v| v);
-            instance.set_integer(&inputs.wide.references, &inputs.wide.values)?;
-        }
-        if !inputs.booleans.is_empty() {
-            inputs.booleans.load(bus, |v| i32::from(v > 0.5));
-            instance.set_boolean(&inputs.booleans.references, &inputs.booleans.values)?;
-        }
-        Ok(())
+        inputs.integers.set(|references, values| instance.set_integer(references, values))?;
+        inputs.wide.load(bus, |v| v);
+        inputs.wide.set(|references, values| instance.set_integer(references, values))?;
+        inputs.booleans.load(bus, |v| i32::from(v > 0.5));
+        inputs.booleans.set(|references, values| instance.set_boolean(references, values))
     }
 
     /// Sets the inputs of the component with this index to the values of the caller.
@@ -185,23 +187,11 @@ impl Component {
 
     fn read_outputs(&mut self, bus: &mut [f64]) -> Result<(), CallError> {
         let Self { instance, outputs, .. } = self;
-        if !outputs.reals.is_empty() {
-            instance.get_real(&outputs.reals.references, &mut outputs.reals.values)?;
-            outputs.reals.store(bus, |v| v);
-        }
-        if !outputs.integers.is_empty() {
-            instance.get_integer(&outputs.integers.references, &mut outputs.integers.values)?;
-            outputs.integers.store(bus, f64::from);
-        }
-        if !outputs.wide.is_empty() {
-            instance.get_integer(&outputs.wide.references, &mut outputs.wide.values)?;
-            outputs.wide.store(bus, |v| v);
-        }
-        if !outputs.booleans.is_empty() {
-            instance.get_boolean(&outputs.booleans.references, &mut outputs.booleans.values)?;
-            outputs.booleans.store(bus, |v| f64::from(u8::from(v != 0)));
-        }
-        Ok(())
+        outputs.reals.read(bus, |references, values| instance.get_real(references, values), |v| v)?;
+        outputs.integers.read(bus, |references, values| instance.get_integer(references, values), f64::from)?;
+        outputs.wide.read(bus, |references, values| instance.get_integer(references, values), |v| v)?;
+        let boolean = |v| f64::from(u8::from(v != 0));
+        outputs.booleans.read(bus, |references, values| instance.get_boolean(references, values), boolean)
     }
 }
 

@@ -60,7 +60,7 @@ impl Table {
         };
         let name = match &options.column {
             Some(name) => name.as_str(),
-            None => match TIMES.into_iter().find(|name| self.has(name)) {
+            None => match TIMES.into_iter().find(|name| self.columns().iter().any(|column| column.name == *name)) {
                 Some(name) => name,
                 None => {
                     let shown: Vec<String> =

@@ -2,8 +2,7 @@
 
 use super::system::{CaseComponent, Resolver, System, context};
 use crate::plan::Wiring;
-use crate::run::{Run, Trial};
-use crate::run::{Suspect, Variant};
+use crate::run::{Run, Suspect, Trial, Variant};
 use crate::scenario::Component;
 use fmu_import::description::{Causality, ModelDescription};
 use std::collections::BTreeSet;

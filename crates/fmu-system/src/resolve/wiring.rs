@@ -290,12 +290,6 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Name of the column of the input file from which a signal is made.
-    fn column_name(&self, feed: usize) -> String {
-        let inputs = self.inputs.as_ref();
-        inputs.map_or(String::new(), |inputs| inputs.name(inputs.feeds[feed].column).to_owned())
-    }
-
     pub(super) fn wiring(&self, system: &System<'_>) -> plan::Wiring {
         let signal = |member: &CaseComponent<'_>, v: usize| Signal {
             component: member.name().to_string(),
@@ -314,7 +308,11 @@ impl<'a> Resolver<'a> {
                         type_change = conversion::between(writer.variable(*output), member.variable(*v));
                         Origin::Output(signal(writer, *output))
                     }
-                    Source::Series(feed) => Origin::File(self.column_name(*feed)),
+                    Source::Series(feed) => {
+                        let name =
+                            self.inputs.as_ref().map(|inputs| inputs.name(inputs.feeds[*feed].column).to_owned());
+                        Origin::File(name.unwrap_or_default())
+                    }
                     Source::Constant(value) => {
                         Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
                     }

@@ -53,8 +53,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 recording.columns.clear();
                 io::Result::Ok(())
             };
-            let execute = if is_repeated { master::repeat } else { master::execute };
-            let executed = execute(&simulation, &run, libraries);
+            let executed = master::record(&simulation, &run, libraries, !is_repeated);
             replies.end_copies();
             let (response, body) = match executed {
                 Err(mut failure) => match failure.recorded.as_deref_mut().map_or(Ok(()), kept) {
