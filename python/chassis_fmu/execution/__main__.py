@@ -116,6 +116,7 @@ class Worker:
             last = self._write(request, *rows)
         except master.RunError as error:
             kind = "Terminated" if error.is_end else "Discarded" if error.is_discarded else "Error"
+            kind = "Fatal" if error.fatal else kind
             where = None if error.component == "input file" else error.component
             failure = {"time": error.time, "component": where, "message": error.described(), "kind": kind}
             recorded = None
@@ -123,10 +124,10 @@ class Worker:
                 # Without its rows the failure is reported nevertheless.
                 with contextlib.suppress(OSError):
                     recorded = self._write(request, *error.recorded)
-            return _failed(run.id, failure, error.fatal, recorded)
+            return _failed(run.id, failure, recorded)
         except Exception as error:
             failure = {"time": None, "component": None, "message": f"{type(error).__name__}: {error}", "kind": "Error"}
-            return _failed(run.id, failure, False, None)
+            return _failed(run.id, failure, None)
         logged = [(name, {"status": "Warning", "category": "", "text": text}) for name, text in master.messages()]
         return {"Recorded": {"rows": 1, "columns": [], "messages": logged, "seconds": seconds}}, last
 
@@ -139,12 +140,8 @@ class Worker:
         return times[-1:]
 
 
-def _failed(run: str, failure: dict[str, Any], fatal: bool, last: Array | None) -> tuple[dict[str, Any], Array]:
-    header = {
-        "failure": {"run": run, "variable": None, **failure},
-        "is_fatal": fatal,
-        "rows": None if last is None else [1, []],
-    }
+def _failed(run: str, failure: dict[str, Any], last: Array | None) -> tuple[dict[str, Any], Array]:
+    header = {"failure": {"run": run, "variable": None, **failure}, "rows": None if last is None else [1, []]}
     return {"Failed": header}, np.empty(0) if last is None else last
 
 
