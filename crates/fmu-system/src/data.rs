@@ -10,7 +10,8 @@ pub mod unit;
 mod clock;
 mod text;
 
-pub use self::clock::{Clock, Signal, TimeColumn};
+pub use self::clock::{Channel, Clock, Duplicates, Offset, Signal, TimeColumn, Trigger};
+pub use self::text::Encoding;
 
 use self::text::{Cell, Rows, cell, is_number};
 use fmu_import::limits;
@@ -34,11 +35,37 @@ const DELIMITERS: [char; 4] = ['\t', ';', ',', '|'];
 /// The first bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
+/// Format of a file; what is `None` is detected.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Format {
+    /// Cell separator.
+    pub delimiter: Option<char>,
+    /// Decimal mark, `.` or `,`.
+    pub decimal: Option<char>,
+    /// Encoding.
+    pub encoding: Option<Encoding>,
+    /// Line of the header, from 1.
+    pub header: Option<usize>,
+}
+
+/// Format of a file, as detected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Found {
+    /// Encoding.
+    pub encoding: Encoding,
+    /// Cell separator.
+    pub delimiter: char,
+    /// Decimal mark.
+    pub decimal: char,
+    /// Number of rows.
+    pub rows: usize,
+}
+
 /// Columns of a file.
 #[derive(Debug)]
 pub struct Table {
     file: String,
-    decimal: char,
+    found: Found,
     columns: Vec<Column>,
     /// Line of each row.
     lines: Vec<u32>,
@@ -109,7 +136,7 @@ impl Table {
     ///
     /// # Errors
     /// The file cannot be read, is too large, or is not a table.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
+    pub fn read(path: &Path, format: &Format) -> Result<Self, DataError> {
         let file = path.to_string_lossy();
         let other = ["parquet", "mat", "mf4", "mdf", "xlsx", "xls", "ods"];
         if let Some(ending) = path.extension().and_then(|ending| ending.to_str())
@@ -125,11 +152,14 @@ impl Table {
         let bytes = limits::read_bytes(path, limits::INPUT_FILE).map_err(|error| {
             DataError::new(&file, format!("cannot read the file: {error}"), Some("give the path of a CSV file".into()))
         })?;
-        Self::parse(&file, &bytes)
+        Self::parse(&file, &bytes, format)
     }
 
     /// Reads the content of a file, plain or compressed with gzip. `file` names it in messages.
-    pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, DataError> {
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn parse(file: &str, bytes: &[u8], format: &Format) -> Result<Self, DataError> {
         let mut plain = Vec::new();
         let bytes = if bytes.starts_with(&GZIP) {
             let limit = limits::INPUT_FILE;
@@ -146,12 +176,13 @@ impl Table {
         } else {
             bytes
         };
-        let text = text::decode(bytes)
-            .map_err(|message| DataError::new(file, message, Some("save the file as CSV in UTF-8".into())))?;
-        Self::of_text(file, &text)
+        let (text, encoding) = text::decode(bytes, format.encoding).map_err(|message| {
+            DataError::new(file, message, Some("save the file as CSV in UTF-8, or give its encoding".into()))
+        })?;
+        Self::of_text(file, &text, encoding, format)
     }
 
-    fn of_text(file: &str, text: &str) -> Result<Self, DataError> {
+    fn of_text(file: &str, text: &str, encoding: Encoding, format: &Format) -> Result<Self, DataError> {
         let fail = |line, message: String, help: Option<&str>| {
             Err(DataError::of(file, Mistake { line, message, help: help.map(str::to_owned) }))
         };
@@ -162,11 +193,12 @@ impl Table {
             let message = format!("line {} has {} bytes, the limit is {LINE}", index + 1, line.len());
             return fail(None, message, None);
         }
-        let (mut rows, header) = Rows::new(text);
+        let (mut rows, header) = Rows::new(text, format.header);
         let Some(header) = header else {
             return fail(None, "the file has no header".into(), Some("name the columns in its first line"));
         };
-        rows.delimiter = delimiter(header);
+        let delimiter = format.delimiter.unwrap_or_else(|| delimiter(header));
+        rows.delimiter = delimiter;
         let mut names = Vec::new();
         let unclosed =
             |line| fail(Some(line), "a quotation mark is not closed".into(), Some("quote a cell on both sides"));
@@ -183,7 +215,7 @@ impl Table {
         if units.is_some() {
             rows.next(&mut Vec::new());
         }
-        let decimal = decimal(rows.clone());
+        let decimal = format.decimal.unwrap_or_else(|| decimal(rows.clone(), delimiter));
         let mut columns: Vec<Column> = Vec::with_capacity(names.len());
         for (index, name) in names.iter().enumerate() {
             let (name, bracket) = split_unit(name);
@@ -194,7 +226,12 @@ impl Table {
             let (name, unit) = (name.to_owned(), below.or(bracket));
             columns.push(Column { name, unit, cells: Vec::new(), contradiction, wrong: Vec::new() });
         }
-        let mut table = Self { file: file.to_owned(), decimal, columns, lines: Vec::new() };
+        let mut table = Self {
+            file: file.to_owned(),
+            found: Found { encoding, delimiter, decimal, rows: 0 },
+            columns,
+            lines: Vec::new(),
+        };
         table.add_rows(rows, names.len())?;
         Ok(table)
     }
@@ -227,13 +264,14 @@ impl Table {
                 break;
             }
         }
+        self.found.rows = self.lines.len();
         if mistakes.is_empty() { Ok(()) } else { Err(DataError { file: self.file.clone(), mistakes }) }
     }
 
     fn add_row(&mut self, line: usize, cells: &[Cow<'_, str>]) {
         let row = self.lines.len();
         for (column, text) in self.columns.iter_mut().zip(cells) {
-            let value = match cell(text, self.decimal) {
+            let value = match cell(text, self.found.decimal) {
                 Cell::Number(value) => value,
                 Cell::Missing => f64::NAN,
                 Cell::Other => {
@@ -248,10 +286,10 @@ impl Table {
         self.lines.push(u32::try_from(line).unwrap_or(u32::MAX));
     }
 
-    /// Number of rows.
+    /// Format of the file.
     #[must_use]
-    pub fn rows(&self) -> usize {
-        self.lines.len()
+    pub fn found(&self) -> Found {
+        self.found
     }
 
     /// Name of the file in messages.
@@ -294,7 +332,7 @@ impl Table {
         }
         let mistakes = column.wrong.iter().map(|(row, text)| {
             let line = self.line(*row);
-            let other = if self.decimal == ',' { '.' } else { ',' };
+            let other = if self.found.decimal == ',' { '.' } else { ',' };
             let (message, help) = if is_number(text, other) {
                 let message = format!(
                     "`{text}` at line {line}, column `{name}`, is not a number: the file has decimal comma and decimal point"
@@ -339,14 +377,15 @@ fn differ(a: &str, b: &str) -> bool {
     a != b && (unit::find(a).is_none() || unit::find(a) != unit::find(b))
 }
 
-fn decimal(mut rows: Rows<'_>) -> char {
+/// Detects the decimal mark in the first rows.
+fn decimal(mut rows: Rows<'_>, delimiter: char) -> char {
     let mut cells = Vec::new();
     for _ in 0..LOOKED_AT {
         match rows.next(&mut cells) {
             Some(Ok(_)) => (),
             _ => break,
         }
-        if rows.delimiter != ',' && cells.iter().any(|cell| cell.contains(',') && is_number(cell, ',')) {
+        if delimiter != ',' && cells.iter().any(|cell| cell.contains(',') && is_number(cell, ',')) {
             return ',';
         }
     }

@@ -2,7 +2,7 @@
 
 use fmu_import::description::BaseUnit;
 use fmu_system::data::unit::{self, Target};
-use fmu_system::data::{Table, TimeColumn};
+use fmu_system::data::{Channel, Duplicates, Encoding, Format, Offset, Table, TimeColumn, Trigger};
 use serde_json::Value;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,13 +12,13 @@ fn folder() -> PathBuf {
 }
 
 fn parse(text: &str) -> Table {
-    Table::parse("a.csv", text.as_bytes()).unwrap_or_else(|error| panic!("{error}"))
+    Table::parse("a.csv", text.as_bytes(), &Format::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Times and values of a column, without units.
-fn signal(table: &Table, name: &str) -> (Vec<f64>, Vec<f64>) {
-    let clock = table.times(&TimeColumn::default()).unwrap_or_else(|error| panic!("{error}"));
-    let signal = table.signal(&clock, name, None, &Target::default()).unwrap_or_else(|error| panic!("{error}"));
+fn signal(table: &Table, options: &TimeColumn, channel: &Channel<'_>) -> (Vec<f64>, Vec<f64>) {
+    let clock = table.times(options).unwrap_or_else(|error| panic!("{error}"));
+    let signal = table.signal(&clock, channel, &Target::default()).unwrap_or_else(|error| panic!("{error}"));
     (signal.times.to_vec(), signal.values.to_vec())
 }
 
@@ -39,23 +39,51 @@ fn assert_close(found: &[f64], expected: &[f64], what: &str) {
 fn the_reference_files_are_read() {
     let text = std::fs::read_to_string(folder().join("expected.json")).unwrap();
     let entries: serde_json::Map<String, Value> = serde_json::from_str(&text).unwrap();
-    for (file, entry) in &entries {
+    for (key, entry) in &entries {
+        let (file, variant) = key.split_once(' ').unwrap_or((key, ""));
         let path = folder().join(file);
-        let options = TimeColumn { column: (file == "german.csv").then(|| "Zeit".to_owned()), ..TimeColumn::default() };
+        let request = &entry["request"];
+        let number = |name: &str, default: f64| request[name].as_f64().unwrap_or(default);
+        let options = TimeColumn {
+            column: (file == "german.csv").then(|| "Zeit".to_owned()),
+            offset: Offset::Add(number("time_offset", 0.0)),
+            duplicates: match variant {
+                "duplicates=first" => Duplicates::First,
+                "duplicates=last" => Duplicates::Last,
+                "duplicates=mean" => Duplicates::Mean,
+                _ => Duplicates::Error,
+            },
+            ..TimeColumn::default()
+        };
         let read = |name: &str, unit: &str| {
-            let table = Table::read(&path)?;
+            let table = Table::read(&path, &Format::default())?;
             let clock = table.times(&options)?;
-            let column = match (file.as_str(), name) {
+            let column = match (file, name) {
                 ("german.csv", "steer") => "Lenkrad",
                 ("german.csv", "yaw") => "Gier",
                 _ => name,
             };
-            let has_unit = matches!(file.as_str(), "german.csv" | "tab_utf16.csv");
+            let channel = Channel {
+                unit: request["unit"].as_str(),
+                scale: number("scale", 1.0),
+                offset: number("offset", 0.0),
+                sign: number("sign", 1.0),
+                delay: number("delay", 0.0),
+                zero: request["zero"].as_array().map(|zero| [0, 1].map(|end| zero[end].as_f64().unwrap())),
+                ..Channel::new(column)
+            };
+            let has_unit = channel.unit.is_some() || matches!(file, "german.csv" | "tab_utf16.csv");
             let target = if has_unit { Target::named(unit) } else { Target::default() };
-            // The columns of the tab-separated file are in the units of their variables.
-            let of_tabs = if name == "steer" { "deg" } else { "deg/s" };
-            let unit = (file == "tab_utf16.csv").then_some(of_tabs);
-            table.signal(&clock, column, unit, &target).map(|signal| (table.rows(), signal))
+            // The request of the tab-separated file is in the units of its variables.
+            let channel = Channel {
+                unit: channel.unit.or((file == "tab_utf16.csv").then_some(if name == "steer" {
+                    "deg"
+                } else {
+                    "deg/s"
+                })),
+                ..channel
+            };
+            table.signal(&clock, &channel, &target).map(|signal| (table.found(), signal))
         };
         if let Some(expected) = entry["error"].as_str() {
             let errors: Vec<String> = [("steer", "rad"), ("yaw", "rad/s")]
@@ -66,16 +94,27 @@ fn the_reference_files_are_read() {
             let plain = errors.join("\n").replace(", column `steer`,", "");
             assert!(
                 errors.join("\n").contains(expected) || plain.contains(expected),
-                "{file}: {errors:?}, not {expected}"
+                "{key}: {errors:?}, not {expected}"
             );
             continue;
         }
         for (name, expected) in entry["signals"].as_object().unwrap() {
             let unit = if name == "steer" { "rad" } else { "rad/s" };
-            let (rows, signal) = read(name, unit).unwrap_or_else(|error| panic!("{file}: {error}"));
-            assert_close(&signal.times, &numbers(&expected["time"]), file);
-            assert_close(&signal.values, &numbers(&expected["value"]), file);
-            assert_eq!(entry["info"]["rows"], rows, "{file}");
+            let (found, signal) = read(name, unit).unwrap_or_else(|error| panic!("{key}: {error}"));
+            assert_close(&signal.times, &numbers(&expected["time"]), key);
+            assert_close(&signal.values, &numbers(&expected["value"]), key);
+            if let Some(info) = entry["info"].as_object() {
+                let encoding = match found.encoding {
+                    Encoding::Utf8 => "utf-8",
+                    Encoding::Utf8Marked => "utf-8-sig",
+                    Encoding::Utf16 => "utf-16",
+                    Encoding::Windows1252 => "cp1252",
+                };
+                assert_eq!(info["encoding"], encoding, "{key}");
+                assert_eq!(info["delimiter"], found.delimiter.to_string(), "{key}");
+                assert_eq!(info["decimal"], found.decimal.to_string(), "{key}");
+                assert_eq!(info["rows"], found.rows, "{key}");
+            }
         }
     }
 }
@@ -87,11 +126,11 @@ fn a_compressed_file_is_read_like_a_plain_one() {
     encoder.write_all(&plain).unwrap();
     let packed = encoder.finish().unwrap();
     let read = |bytes: &[u8]| {
-        let table = Table::parse("a", bytes).unwrap();
-        signal(&table, "steer")
+        let table = Table::parse("a", bytes, &Format::default()).unwrap();
+        signal(&table, &TimeColumn::default(), &Channel::new("steer"))
     };
     assert_eq!(read(&packed), read(&plain));
-    let error = Table::parse("a.gz", &packed[..packed.len() - 9]).unwrap_err().to_string();
+    let error = Table::parse("a.gz", &packed[..packed.len() - 9], &Format::default()).unwrap_err().to_string();
     assert!(error.starts_with("a.gz: the file cannot be decompressed"), "{error}");
 }
 
@@ -102,7 +141,7 @@ fn quotes_comments_and_ends_of_lines() {
         let lines = ["% made by hand", "time,\"a, \"\"b\"\"\",note", "", "0,1,\"x,", "y\"", "# more", " 1 , 2 ,z", ""];
         let table = parse(&lines.join(end));
         let expected = (vec![0.0, 1.0], vec![1.0, 2.0]);
-        assert_eq!(signal(&table, "a, \"b\""), expected, "{end:?}");
+        assert_eq!(signal(&table, &TimeColumn::default(), &Channel::new("a, \"b\"")), expected, "{end:?}");
     }
     for (text, expected) in [
         ("time,a\n0,\"1\n", "a.csv:2: a quotation mark is not closed"),
@@ -110,7 +149,7 @@ fn quotes_comments_and_ends_of_lines() {
         ("", "a.csv: the file has no header"),
         ("# only\n", "a.csv: the file has no header"),
     ] {
-        let error = Table::parse("a.csv", text.as_bytes()).unwrap_err().to_string();
+        let error = Table::parse("a.csv", text.as_bytes(), &Format::default()).unwrap_err().to_string();
         assert!(error.starts_with(expected), "{error}");
     }
 }
@@ -186,10 +225,25 @@ fn units_are_converted_if_their_dimensions_agree() {
 }
 
 #[test]
+fn times_are_shifted_and_triggered() {
+    let table = parse("Time,a,b\n0,0,1\n100,0,\n200,10,2\n300,20,3\n");
+    let options = |offset, trigger| TimeColumn { unit: Some("ms".into()), offset, trigger, ..TimeColumn::default() };
+    let times = |options: &TimeColumn| table.times(options).unwrap().times().to_vec();
+    assert_close(&times(&options(Offset::Add(-0.1), None)), &[-0.1, 0.0, 0.1, 0.2], "offset");
+    let first = TimeColumn { offset: Offset::First, ..TimeColumn::default() };
+    assert_eq!(parse("t,a\n5,1\n6,1\n").times(&first).unwrap().times(), [0.0, 1.0]);
+    // By hand: a passes 15 in the middle between 0.2 s and 0.3 s, b never falls.
+    let trigger = |column: &str, level, falls| Some(Trigger { column: column.into(), level, falls });
+    assert_close(&times(&options(Offset::Add(1.0), trigger("a", 15.0, false))), &[0.75, 0.85, 0.95, 1.05], "trigger");
+    let error = table.times(&options(Offset::Add(0.0), trigger("b", 2.0, true))).unwrap_err().to_string();
+    assert!(error.contains("the trigger column `b` never falls below 2"), "{error}");
+}
+
+#[test]
 fn what_is_not_used_may_hold_anything() {
     let table = parse("time,a,Marker,twice,twice\n0,1,start,1,2\n1,inf,end,1,2\n");
     let clock = table.times(&TimeColumn::default()).unwrap();
-    let error = |name: &str| table.signal(&clock, name, None, &Target::default()).unwrap_err().to_string();
+    let error = |name: &str| table.signal(&clock, &Channel::new(name), &Target::default()).unwrap_err().to_string();
     assert!(error("a").starts_with("a.csv:3: `inf` at line 3, column `a`, is not a number"), "{}", error("a"));
     assert!(error("twice").starts_with("a.csv: there are two columns `twice`"));
     assert!(error("b").starts_with("a.csv: there is no column `b`; the columns are `time`, `a`"), "{}", error("b"));
@@ -197,7 +251,7 @@ fn what_is_not_used_may_hold_anything() {
     // The unit behind a name and that below it: other words for one are fine, two units are not.
     let table = parse("time,a [m/s2],b [deg]\ns,m/s^2,rad\n0,1,2\n");
     let clock = table.times(&TimeColumn::default()).unwrap();
-    let signal = |name: &str| table.signal(&clock, name, None, &Target::default());
+    let signal = |name: &str| table.signal(&clock, &Channel::new(name), &Target::default());
     assert!(signal("a").is_ok());
     let error = signal("b").unwrap_err().to_string();
     assert_eq!(
@@ -237,7 +291,15 @@ fn rows_of_other_lengths_have_a_remedy() {
         ("time;a\n0;1;\n1;2;\n", "remove the delimiter at the end of the rows, or add one to the header"),
         ("time;a\n0;1\n1\n", "give every row a cell for each column; a cell may be empty"),
     ] {
-        let error = Table::parse("a.csv", text.as_bytes()).unwrap_err();
+        let error = Table::parse("a.csv", text.as_bytes(), &Format::default()).unwrap_err();
         assert!(error.lines()[0].ends_with(help), "{:?}", error.lines());
     }
+}
+
+#[test]
+fn the_format_can_be_given_where_detection_fails() {
+    let text = "1;2;3\nmade by;nobody;x\ntime|a,b|c\n0|1,5|2\n";
+    let format = Format { delimiter: Some('|'), decimal: Some(','), header: Some(3), encoding: Some(Encoding::Utf8) };
+    let table = Table::parse("a.csv", text.as_bytes(), &format).unwrap();
+    assert_eq!(signal(&table, &TimeColumn::default(), &Channel::new("a,b")), (vec![0.0], vec![1.5]));
 }

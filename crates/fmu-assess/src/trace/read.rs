@@ -3,7 +3,7 @@
 use super::{Column, Trace};
 use fmu_import::names::{similar, suggestion};
 use fmu_system::data::unit::{SAME, Target};
-use fmu_system::data::{DataError, Signal, Table, TimeColumn};
+use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};
 use std::collections::BTreeMap;
 
 /// Longest gap that is bridged, s.
@@ -61,7 +61,7 @@ impl Trace<'static> {
         columns: &[Column],
         reading: &Reading,
     ) -> Result<(Self, Vec<String>), DataError> {
-        let table = Table::parse(file, bytes)?;
+        let table = Table::parse(file, bytes, &Format::default())?;
         let read = |signal: &str| {
             columns.iter().find(|column| match column.name.strip_suffix('*') {
                 Some(group) => signal.starts_with(group),
@@ -76,7 +76,7 @@ impl Trace<'static> {
                 Some((column.name.as_str(), signal, read(signal)?))
             })
             .collect();
-        if table.rows() == 0 {
+        if table.found().rows == 0 {
             // The missing rows are the reason of each metric.
             let empty = wanted.iter().map(|(_, signal, _)| ((*signal).to_owned().into(), Vec::new().into()));
             return Ok((Self { times: Vec::new().into(), columns: empty.collect() }, Vec::new()));
@@ -84,7 +84,7 @@ impl Trace<'static> {
         let column = TimeColumn {
             column: reading.names.get("time").cloned(),
             unit: reading.units.get("time").cloned(),
-            has_jumps: false,
+            ..TimeColumn::default()
         };
         let clock = table.times(&column)?;
         let mut notes = Vec::new();
@@ -114,7 +114,7 @@ impl Trace<'static> {
         let mut trace = Self::new(times);
         for (name, signal, column) in wanted {
             let unit = reading.units.get(signal).map(String::as_str);
-            let found = table.signal(&clock, name, unit, &Target::named(column.unit))?;
+            let found = table.signal(&clock, &Channel { unit, ..Channel::new(name) }, &Target::named(column.unit))?;
             if found.conversion != SAME {
                 let factor = found.conversion.factor;
                 notes.push(format!("the column `{name}` is converted to {} (factor {factor:.9})", column.unit));

@@ -2,21 +2,67 @@
 
 use super::unit::{self, Conversion, Target};
 use super::{DataError, Mistake, REPORTED, Table};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Default names of the column of times; the first that exists is used.
 const TIMES: [&str; 3] = ["time", "Time", "t"];
 
-/// The column of times.
+/// The column of times, and their shift.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TimeColumn {
     /// Name of the column; `None` for the first of `time`, `Time` and `t`.
     pub column: Option<String>,
     /// Its unit; `None` for that in the file, else s.
     pub unit: Option<String>,
-    /// True if the signals jump at equal times: the first row is the left limit, the last one holds from there on. Otherwise equal times
-    /// are a mistake.
-    pub has_jumps: bool,
+    /// Position of time 0.
+    pub offset: Offset,
+    /// Event that becomes time 0 before the offset is added.
+    pub trigger: Option<Trigger>,
+    /// Treatment of rows with equal times.
+    pub duplicates: Duplicates,
+}
+
+/// Shift of the times.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Offset {
+    /// Offset to add, s.
+    Add(f64),
+    /// The first row is at 0.
+    First,
+}
+
+impl Default for Offset {
+    fn default() -> Self {
+        Self::Add(0.0)
+    }
+}
+
+/// Event that defines time 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trigger {
+    /// A column.
+    pub column: String,
+    /// The level that it crosses, in the unit of the file.
+    pub level: f64,
+    /// True if it falls below the level, false if it rises above it.
+    pub falls: bool,
+}
+
+/// Treatment of rows with equal times.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Duplicates {
+    /// They are a mistake.
+    #[default]
+    Error,
+    /// The signal jumps: the first row is the left limit, the last one holds from there on.
+    Jump,
+    /// The first row is used.
+    First,
+    /// The last row is used.
+    Last,
+    /// Their mean is used.
+    Mean,
 }
 
 /// Times of a table.
@@ -26,15 +72,47 @@ pub struct Clock {
     pub(crate) column: usize,
     /// Times, s, nondecreasing; equal ones are a jump.
     times: Arc<[f64]>,
+    /// The rows of each time; `None` if each has its own, all in order.
+    rows: Option<Vec<Range<usize>>>,
+}
+
+/// Conversion of a column into a signal: sign * (scale * cell + offset), then its unit, then the delay, then the zero.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel<'a> {
+    /// Name of the column.
+    pub column: &'a str,
+    /// Unit after scale and offset; `None` for that in the file, else that of the variable.
+    pub unit: Option<&'a str>,
+    /// Factor.
+    pub scale: f64,
+    /// Offset.
+    pub offset: f64,
+    /// 1 or -1.
+    pub sign: f64,
+    /// Delay of the column, s: its values are those of earlier times.
+    pub delay: f64,
+    /// Interval, s, whose mean is subtracted.
+    pub zero: Option<[f64; 2]>,
+}
+
+impl<'a> Channel<'a> {
+    /// A column as it is.
+    #[must_use]
+    pub fn new(column: &'a str) -> Self {
+        Self { column, unit: None, scale: 1.0, offset: 0.0, sign: 1.0, delay: 0.0, zero: None }
+    }
 }
 
 /// Samples of a signal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
-    /// Times, s, nondecreasing; equal ones are a jump. Signals without missing cells share those of their clock.
+    /// Times, s, nondecreasing; equal ones are a jump. Signals without missing cells and delay share those of their
+    /// clock.
     pub times: Arc<[f64]>,
     /// A value for each time, in the unit of the variable.
     pub values: Arc<[f64]>,
+    /// Number of missing cells.
+    pub missing: usize,
     /// Conversion of the values of the file.
     pub conversion: Conversion,
 }
@@ -44,6 +122,11 @@ impl Clock {
     #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.times
+    }
+
+    /// The rows of a time.
+    fn rows(&self, index: usize) -> Range<usize> {
+        self.rows.as_ref().map_or(index..index + 1, |rows| rows[index].clone())
     }
 }
 
@@ -96,7 +179,18 @@ impl Table {
                 "give every row a time, or remove it",
             );
         }
-        let times: Vec<f64> = column.cells.iter().map(|cell| conversion.factor * cell + conversion.offset).collect();
+        let mut times: Vec<f64> = column.cells.iter().map(|cell| conversion.factor * cell).collect();
+        let zero = match &options.trigger {
+            Some(trigger) => self.event(trigger, &times)?,
+            None => 0.0,
+        };
+        let shift = match options.offset {
+            Offset::Add(offset) => offset - zero,
+            Offset::First => -times[0],
+        };
+        for time in &mut times {
+            *time += shift;
+        }
         let mut mistakes = Vec::new();
         for (row, pair) in times.windows(2).enumerate() {
             let (lines, [before, now]) = ((self.line(row), self.line(row + 1)), [pair[0], pair[1]]);
@@ -105,9 +199,9 @@ impl Table {
                     format!("time {now} at line {} follows {before}", lines.1),
                     "sort the rows by time, or correct the time",
                 )
-            } else if now == before && !options.has_jumps {
+            } else if now == before && options.duplicates == Duplicates::Error {
                 let message = format!("time {now} is there twice, lines {} and {}", lines.0, lines.1);
-                (message, "remove one of the rows")
+                (message, "remove one of the rows, or choose one with `duplicates`")
             } else {
                 continue;
             };
@@ -120,31 +214,107 @@ impl Table {
             return Err(DataError { file: self.file.clone(), mistakes });
         }
         let index = self.columns().iter().position(|column| column.name == name).unwrap_or_default();
-        Ok(Clock { column: index, times: times.into() })
+        Ok(clock(index, times, options.duplicates))
     }
 
-    /// Converts a column to a signal in the unit `target`. `unit` is that of its cells; `None` for that in the file, else the target.
+    /// Finds the time at which a column first crosses a level, interpolated.
+    fn event(&self, trigger: &Trigger, times: &[f64]) -> Result<f64, DataError> {
+        let column = self.numbers(&trigger.column)?;
+        let sign = if trigger.falls { -1.0 } else { 1.0 };
+        let level = sign * trigger.level;
+        let mut samples =
+            times.iter().zip(&column.cells).filter(|(_, cell)| !cell.is_nan()).map(|(t, cell)| (*t, sign * cell));
+        let mut before = samples.next();
+        for (now, value) in samples {
+            if let Some((then, last)) = before
+                && last <= level
+                && value > level
+            {
+                return Ok(then + (level - last) / (value - last) * (now - then));
+            }
+            before = Some((now, value));
+        }
+        let passes = if trigger.falls { "falls below" } else { "rises above" };
+        let message = format!("the trigger column `{}` never {passes} {}", trigger.column, trigger.level);
+        Err(DataError::new(&self.file, message, Some("choose another level, in the unit of the file".into())))
+    }
+
+    /// Converts a column to a signal in the unit `target`.
     ///
     /// # Errors
-    /// There is no such column, a cell is not a number, or the unit does not fit.
-    pub fn signal(&self, clock: &Clock, name: &str, unit: Option<&str>, target: &Target) -> Result<Signal, DataError> {
+    /// There is no such column, a cell is not a number, the unit does not fit, or the interval of `zero` has no sample.
+    pub fn signal(&self, clock: &Clock, channel: &Channel<'_>, target: &Target) -> Result<Signal, DataError> {
+        let name = channel.column;
         let column = self.numbers(name)?;
-        let conversion = match unit.or(column.unit.as_deref()) {
+        let conversion = match channel.unit.or(column.unit.as_deref()) {
             None => unit::SAME,
             Some(unit) => target.from(unit).map_err(|(message, help)| {
                 DataError::new(&self.file, format!("column `{name}`: {message}"), Some(help))
             })?,
         };
-        let rows = || clock.times.iter().zip(&column.cells).filter(|(_, cell)| !cell.is_nan());
-        let is_same = conversion == unit::SAME;
-        let value = |cell: f64| if is_same { cell } else { conversion.factor * cell + conversion.offset };
-        let values: Arc<[f64]> = rows().map(|(_, cell)| value(*cell)).collect();
+        let is_plain = channel.scale == 1.0 && channel.offset == 0.0 && channel.sign == 1.0 && conversion == unit::SAME;
+        let value = |cell: f64| {
+            if is_plain {
+                return cell;
+            }
+            conversion.factor * (channel.sign * (channel.scale * cell + channel.offset)) + conversion.offset
+        };
+        let of_time = |index: usize| {
+            let mut values =
+                column.cells[clock.rows(index)].iter().filter(|cell| !cell.is_nan()).map(|cell| value(*cell));
+            let first = values.next()?;
+            let (sum, count) = values.fold((first, 1.0), |(sum, count), value| (sum + value, count + 1.0));
+            Some(sum / count)
+        };
+        let values: Vec<Option<f64>> = (0..clock.times.len()).map(of_time).collect();
+        let missing = values.iter().filter(|value| value.is_none()).count();
+        let times: Arc<[f64]> = if missing == 0 && channel.delay == 0.0 {
+            Arc::clone(&clock.times)
+        } else {
+            clock
+                .times
+                .iter()
+                .zip(&values)
+                .filter(|(_, value)| value.is_some())
+                .map(|(t, _)| t - channel.delay)
+                .collect()
+        };
+        let mut values: Vec<f64> = values.into_iter().flatten().collect();
         if values.is_empty() {
             let message = format!("the column `{name}` has no value");
             return Err(DataError::new(&self.file, message, Some("remove the column, or give it values".into())));
         }
-        let is_whole = values.len() == clock.times.len();
-        let times = if is_whole { Arc::clone(&clock.times) } else { rows().map(|(time, _)| *time).collect() };
-        Ok(Signal { times, values, conversion })
+        if let Some([from, to]) = channel.zero {
+            let within = times.iter().zip(&values).filter(|(time, _)| (from..=to).contains(*time));
+            let (sum, count) = within.fold((0.0, 0_u32), |(sum, count), (_, value)| (sum + value, count + 1));
+            if count == 0 {
+                let message =
+                    format!("the column `{name}` has no sample from {from} s to {to} s, whose mean is its zero");
+                return Err(DataError::new(&self.file, message, Some("choose an interval with samples".into())));
+            }
+            for value in &mut values {
+                *value -= sum / f64::from(count);
+            }
+        }
+        Ok(Signal { times, values: values.into(), missing, conversion })
     }
+}
+
+/// Makes a clock from nondecreasing times.
+fn clock(column: usize, times: Vec<f64>, duplicates: Duplicates) -> Clock {
+    if matches!(duplicates, Duplicates::Error | Duplicates::Jump) || times.windows(2).all(|pair| pair[0] < pair[1]) {
+        return Clock { column, times: times.into(), rows: None };
+    }
+    let mut first = 0;
+    let groups = times.chunk_by(|a, b| a == b).map(|group| {
+        let rows = first..first + group.len();
+        first = rows.end;
+        match duplicates {
+            Duplicates::First => rows.start..rows.start + 1,
+            Duplicates::Last => rows.end - 1..rows.end,
+            _ => rows,
+        }
+    });
+    let rows: Vec<Range<usize>> = groups.collect();
+    Clock { column, times: rows.iter().map(|rows| times[rows.start]).collect(), rows: Some(rows) }
 }

@@ -2,25 +2,53 @@
 
 use std::borrow::Cow;
 
+/// Encoding of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// UTF-8 without a byte order mark.
+    Utf8,
+    /// UTF-8 with a byte order mark.
+    Utf8Marked,
+    /// UTF-16 with a byte order mark, or little-endian without one.
+    Utf16,
+    /// Windows-1252.
+    Windows1252,
+}
+
 /// Characters of Windows-1252 from 0x80 to 0x9f; an undefined byte is the control character of ISO 8859-1.
 const WINDOWS: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}', '‘', '’',
     '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
 ];
 
-/// Decodes the text of a file: by the byte order mark, else UTF-8 if valid, else Windows-1252.
-pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, String> {
-    if let Some(bytes) = bytes.strip_prefix(&[0xff, 0xfe]) {
-        return utf16(bytes, u16::from_le_bytes);
-    }
-    if let Some(bytes) = bytes.strip_prefix(&[0xfe, 0xff]) {
-        return utf16(bytes, u16::from_be_bytes);
-    }
+/// Decodes the text of a file. Without `encoding`: by the byte order mark, else UTF-8 if valid, else Windows-1252.
+pub(super) fn decode(bytes: &[u8], encoding: Option<Encoding>) -> Result<(Cow<'_, str>, Encoding), String> {
+    let utf8 = |bytes| {
+        std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(|error| format!("the file is not UTF-8: {error}"))
+    };
     let marked = bytes.strip_prefix(&[0xef, 0xbb, 0xbf]);
-    match std::str::from_utf8(marked.unwrap_or(bytes)) {
-        Ok(text) => Ok(Cow::Borrowed(text)),
-        Err(error) if marked.is_some() => Err(format!("the file is not UTF-8: {error}")),
-        Err(_) => Ok(windows(bytes)),
+    let (little, big) = (bytes.strip_prefix(&[0xff, 0xfe]), bytes.strip_prefix(&[0xfe, 0xff]));
+    match encoding {
+        Some(Encoding::Utf8 | Encoding::Utf8Marked) => Ok((utf8(marked.unwrap_or(bytes))?, Encoding::Utf8)),
+        Some(Encoding::Utf16) => {
+            let text = big
+                .map_or_else(|| utf16(little.unwrap_or(bytes), u16::from_le_bytes), |b| utf16(b, u16::from_be_bytes));
+            Ok((text?, Encoding::Utf16))
+        }
+        Some(Encoding::Windows1252) => Ok((windows(bytes), Encoding::Windows1252)),
+        None => {
+            if let Some(bytes) = marked {
+                return Ok((utf8(bytes)?, Encoding::Utf8Marked));
+            }
+            if let Some(bytes) = little {
+                return Ok((utf16(bytes, u16::from_le_bytes)?, Encoding::Utf16));
+            }
+            if let Some(bytes) = big {
+                return Ok((utf16(bytes, u16::from_be_bytes)?, Encoding::Utf16));
+            }
+            let text = utf8(bytes).map(|text| (text, Encoding::Utf8));
+            Ok(text.unwrap_or_else(|_| (windows(bytes), Encoding::Windows1252)))
+        }
     }
 }
 
@@ -48,9 +76,12 @@ pub(super) struct Rows<'t> {
 }
 
 impl<'t> Rows<'t> {
-    /// Returns the rows, and the line of the first one: the header.
-    pub(super) fn new(text: &'t str) -> (Self, Option<&'t str>) {
+    /// Returns the rows from the header on, and the line of the header: the first row, or the line with a given number.
+    pub(super) fn new(text: &'t str, header: Option<usize>) -> (Self, Option<&'t str>) {
         let mut rows = Self { rest: text, line: 1, delimiter: ',' };
+        while header.is_some_and(|header| rows.line < header) && !rows.rest.is_empty() {
+            rows.skip_line();
+        }
         let first = rows.skip_to_row();
         (rows, first)
     }

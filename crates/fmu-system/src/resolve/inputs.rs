@@ -1,7 +1,7 @@
 //! The file of `--inputs`: signals that its columns write, and their values.
 
 use crate::data::unit::Target;
-use crate::data::{Clock, DataError, Mistake, Signal, Table, TimeColumn};
+use crate::data::{Channel, Clock, DataError, Duplicates, Format, Mistake, Signal, Table, TimeColumn};
 use crate::parameter;
 use crate::run::{Interpolation, Simulation};
 use fmu_import::description::{BaseType, Causality, Variable};
@@ -62,8 +62,8 @@ const GAP: f64 = 5.0 + 1e-6;
 impl Inputs {
     /// Reads the file. Rows with equal times are a jump.
     pub(super) fn read(path: &Path, simulation: Simulation, after_end: AfterEnd) -> Result<Self, DataError> {
-        let table = Table::read(path)?;
-        let clock = table.times(&TimeColumn { has_jumps: true, ..TimeColumn::default() })?;
+        let table = Table::read(path, &Format::default())?;
+        let clock = table.times(&TimeColumn { duplicates: Duplicates::Jump, ..TimeColumn::default() })?;
         let mut warnings = Vec::new();
         if let Some(triple) = clock.times().windows(3).find(|times| times[0] == times[2]) {
             warnings.push(format!(
@@ -110,7 +110,7 @@ impl Inputs {
             return Some(known);
         }
         let name = self.name(column).to_owned();
-        match self.table.signal(&self.clock, &name, None, target) {
+        match self.table.signal(&self.clock, &Channel::new(&name), target) {
             Ok(signal) => {
                 self.check_span(&name, &signal, interpolation);
                 if interpolation == Interpolation::Linear {
