@@ -70,6 +70,7 @@ impl<T: Scalar> RealField<T> for T {
 
 macro_rules! field {
     ($($type:ty = $start:ty: $values:ident $counts:ident $declare:ident;)*) => {$(
+        #[diagnostic::do_not_recommend]
         impl<T: Scalar> Field<T> for $type {
             type Start = $start;
             const COUNTS: Counts = Counts::$counts;
