@@ -88,7 +88,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
                 values.booleans[variable.index] = value != 0;
             }
         }
-        let p = M::parameters(&values);
+        let p = M::parameters(values);
         let derived = M::load(&p, resources)?;
         let mut initial = values.clone();
         let ctx = Context { p: &p, derived: &derived, layout, time: 0.0 };
