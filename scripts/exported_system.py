@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -142,7 +142,8 @@ def _kind(element: Any, prefix: str) -> tuple[BaseType, str]:
 def _value(kind: BaseType, text: str) -> float | int | bool | str:
     if kind == "Boolean":
         return text in ("true", "1")
-    return {"Real": float, "Integer": int, "String": str}[kind](text)
+    convert: dict[str, Callable[[str], float | int | str]] = {"Real": float, "Integer": int, "String": str}
+    return convert[kind](text)
 
 
 def _recording(structure: Structure, times: Array, rows: Array) -> Recording:
