@@ -315,7 +315,8 @@ pub(crate) const PORTABLE: &str = "--portable";
 pub(crate) struct Builder {
     pub(crate) platform: Platform,
     pub(crate) linker: Linker,
-    pub(crate) target: String,
+    /// Target of the compiler; none: that of this machine, for which the compiler is asked when it is needed.
+    pub(crate) target: Option<&'static str>,
     /// Toolchain with the sources of its standard library, which is built along; none: the one in use.
     pub(crate) toolchain: Option<Toolchain>,
     /// Program that is called like cargo; none: the cargo of the toolchain.
@@ -364,13 +365,13 @@ pub(crate) fn builders(
         (_, Some(reason)) if platform == this && this.is_linux() => {
             zigbuild::portable(&workspace.root, platform, reason)
         }
-        _ if platform == this => Ok(Builder::new(this, host()?)),
+        _ if platform == this => Ok(Builder::new(this, None)),
         (Platform::Linux64 | Platform::Aarch64Linux, _) => zigbuild::cross(&workspace.root, platform),
         (Platform::Win64, _) => win64::builder(),
         (Platform::Wasm32, _) => wasm32::builder(),
         (Platform::X86_64Darwin | Platform::Aarch64Darwin, _) if this.is_darwin() => {
             if toolchain::has_library(platform.target()) {
-                return Ok(Builder::new(platform, platform.target()));
+                return Ok(Builder::new(platform, Some(platform.target())));
             }
             Err(miette!(
                 help = format!("Run `rustup target add {}`.", platform.target()),
@@ -409,9 +410,12 @@ fn one_folder_each(wanted: &[Platform]) -> Result<()> {
 
 impl Builder {
     /// By the cargo in use.
-    pub(crate) fn new(platform: Platform, target: impl Into<String>) -> Self {
-        let (target, linker) = (target.into(), Linker::Native);
-        Self { platform, linker, target, toolchain: None, program: None, environment: Vec::new() }
+    pub(crate) fn new(platform: Platform, target: Option<&'static str>) -> Self {
+        Self { platform, linker: Linker::Native, target, toolchain: None, program: None, environment: Vec::new() }
+    }
+
+    pub(crate) fn target(&self) -> Result<String> {
+        self.target.map_or_else(host, |target| Ok(target.to_owned()))
     }
 
     /// Builds all models, each with its GUID. Returns the library of each, and what it was linked from.
@@ -433,7 +437,7 @@ impl Builder {
         let outside = packages.iter().filter(|package| package.source.is_none());
         let outside: Vec<_> = outside.filter(|package| !package.folder().starts_with(&workspace.root)).collect();
         for (model, export) in models.iter().zip(exports) {
-            let mut command = self.command(workspace, options, &outside);
+            let mut command = self.command(workspace, options, &outside)?;
             // Without the ordinary library, for which cargo would leave out link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
             command.env(format!("{EXPORT}{}", model.library), export.to_string());
@@ -455,7 +459,7 @@ impl Builder {
     }
 
     /// A call of cargo, without packages.
-    fn command(&self, workspace: &Workspace, options: &Options, outside: &[&Package]) -> Command {
+    fn command(&self, workspace: &Workspace, options: &Options, outside: &[&Package]) -> Result<Command> {
         let platform = self.platform;
         let mut folder = workspace.target.join("fmu-build");
         let mut sources = None;
@@ -463,11 +467,12 @@ impl Builder {
             folder = workspace.target.join(format!("fmu-build-{}", platform.name()));
             sources = Some(toolchain.sources());
         }
+        let target = self.target()?;
         let cargo = || self.toolchain.as_ref().map_or_else(cargo, Toolchain::cargo);
         let mut command = self.program.as_ref().map_or_else(cargo, Command::new);
         // cargo-zigbuild takes the version of glibc with the target.
         let glibc = if self.linker == Linker::Zig { format!(".{}", zigbuild::GLIBC) } else { String::new() };
-        command.args(["rustc", "--target", &format!("{}{glibc}", self.target)]).env_remove("CARGO_BUILD_TARGET");
+        command.args(["rustc", "--target", &format!("{target}{glibc}")]).env_remove("CARGO_BUILD_TARGET");
         command.envs(self.environment.iter().map(|(name, value)| (name, value)));
         if let Some(toolchain) = &self.toolchain {
             toolchain.build_library(&mut command);
@@ -476,7 +481,7 @@ impl Builder {
         command.args(["--profile", profile, "--target-dir"]).arg(&folder);
         settings(&mut command, values);
         options.apply(&mut command);
-        let mut flags = user_flags(&workspace.root, &self.target);
+        let mut flags = user_flags(&workspace.root, &target);
         flags.extend(linker_flags(platform, self.linker == Linker::Native));
         // Paths of this machine are replaced in the binaries. The last match wins: a package may be in a folder of the
         // others.
@@ -492,7 +497,7 @@ impl Builder {
             flags.push(flag);
         }
         command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
-        command
+        Ok(command)
     }
 }
 

@@ -121,11 +121,12 @@ pub(crate) fn components(
     packages: &[Package],
     built: &[Vec<Artifact>],
 ) -> Result<Vec<Vec<Component>>> {
+    let target = builder.target()?;
     let mut known: BTreeMap<&str, Option<Component>> = BTreeMap::new();
     let mut all = Vec::new();
     for artifacts in built {
         let mut components = toolchain(builder.platform, builder.linker);
-        for artifact in artifacts.iter().filter(|artifact| artifact.is_for(&builder.target)) {
+        for artifact in artifacts.iter().filter(|artifact| artifact.is_for(&target)) {
             let component = match known.entry(&artifact.package_id) {
                 Entry::Occupied(entry) => entry.into_mut(),
                 Entry::Vacant(entry) => entry.insert(linked(artifact, workspace, packages)?),

@@ -32,7 +32,7 @@ pub(crate) fn builder() -> Result<Builder> {
             linker: Linker::Lld,
             toolchain: Some(toolchain),
             environment: vec![(VARIABLE.to_owned(), linker.into_os_string())],
-            ..Builder::new(Platform::Wasm32, TARGET)
+            ..Builder::new(Platform::Wasm32, Some(TARGET))
         }),
         (toolchain, linker) => {
             let mut missing = Vec::new();

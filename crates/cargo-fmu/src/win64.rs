@@ -45,7 +45,7 @@ pub(crate) fn builder() -> Result<Builder> {
                 linker: Linker::Mingw,
                 toolchain,
                 environment: vec![(variable, LINKER.into())],
-                ..Builder::new(Platform::Win64, target)
+                ..Builder::new(Platform::Win64, Some(target))
             })
         }
         _ => Err(miette!(

@@ -79,7 +79,7 @@ pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
 /// A build with cargo-zigbuild, and the Python beside it, if that one has the package `ziglang`.
 fn builder(platform: Platform, (program, python): (PathBuf, Option<PathBuf>), toolchain: Option<Toolchain>) -> Builder {
     let environment = python.into_iter().map(|python| (PYTHON.to_owned(), python.into_os_string())).collect();
-    let native = Builder::new(platform, platform.target());
+    let native = Builder::new(platform, Some(platform.target()));
     Builder { linker: Linker::Zig, toolchain, program: Some(program), environment, ..native }
 }
 
