@@ -20,7 +20,7 @@ from .. import shell
 from ..files import results
 from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
-from . import design, execute, file, report
+from . import design, execute, file, report, table
 from .charts import History, Recorded
 from .engines import Engine, Local, Nothing
 from .execute import WHOLE, Folder, Shard
@@ -157,27 +157,28 @@ def _run(request: Request) -> int:
         print(f"warning: {escaped(text)}", file=sys.stderr)
     folder = Folder(request.out / job.name)
     shard = request.shard or WHOLE
-    if shard != WHOLE and job.study.is_adaptive:
+    if (request.merge or shard != WHOLE) and job.study.is_adaptive:
         raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
     with folder.locked(WHOLE if request.merge else shard):
         return _write(request, job, folder, shard)
 
 
 def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
+    resume = request.resume or request.report_only
     if not request.merge:
-        folder.prepare(shard, resume=request.resume or request.report_only, overwrite=request.overwrite)
+        folder.prepare(shard, resume=resume, overwrite=request.overwrite)
     engine, name = _engine(request, job)
     with execute.closing(engine):
         if request.merge:
             result, name = execute.merge(job, folder), f"{len(folder.journals())} shards"
         else:
-            resume = request.resume or request.report_only
             with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
                 result = execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
         if shard != WHOLE:
             print(f"{folder.journal(shard)}\n`{request.command} --merge` makes the tables when all parts are done")
             return 0
-        execute.write(job, folder, result)
+        design.write(table.runs(job, result.values, result.rows), folder.runs)
+        design.write(table.timing(job, result.rows), folder.timing)
         numbers = Numbers(job, result.values, result.rows)
         recorded, files = _series(job, numbers, folder.path, engine)
     context = {"command": request.command, "engine": name, "files": files}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..scenario import Value
-from . import design, search, table
+from . import design, search
 from .engines import Engine
 from .file import StudyError
 from .job import Done, Job, Task
@@ -35,11 +35,6 @@ class Shard:
     number: int
     of: int
 
-    @property
-    def journal(self) -> str:
-        """Return the name of the journal."""
-        return f"rows-{self.number}-of-{self.of}.jsonl"
-
 
 WHOLE = Shard(1, 1)
 
@@ -55,18 +50,11 @@ class Folder:
 
     def journal(self, shard: Shard) -> Path:
         """Return the path of a journal."""
-        return self.path / ("rows.jsonl" if shard == WHOLE else shard.journal)
+        return self.path / ("rows.jsonl" if shard == WHOLE else f"rows-{shard.number}-of-{shard.of}.jsonl")
 
     def journals(self) -> list[Path]:
         """Return the journals of shards."""
         return sorted(self.path.glob("rows-*-of-*.jsonl"))
-
-    def clear(self, shard: Shard) -> None:
-        """Remove results."""
-        for path in (self.journal(shard), self.runs, self.timing):
-            path.unlink(missing_ok=True)
-        if shard == WHOLE and not self.journals():
-            self.design.unlink(missing_ok=True)
 
     @contextlib.contextmanager
     def locked(self, shard: Shard) -> Iterator[None]:
@@ -91,7 +79,10 @@ class Folder:
     def prepare(self, shard: Shard, *, resume: bool, overwrite: bool) -> None:
         """Make room for results; raises StudyError if there are some that nobody said what to do with."""
         if overwrite:
-            self.clear(shard)
+            for path in (self.journal(shard), self.runs, self.timing):
+                path.unlink(missing_ok=True)
+            if shard == WHOLE and not self.journals():
+                self.design.unlink(missing_ok=True)
         elif not resume and self.journal(shard).exists():
             raise StudyError(f"{self.journal(shard)} already exists: --resume continues it, --overwrite starts over")
 
@@ -163,8 +154,6 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
 
 def merge(job: Job, folder: Folder) -> Result:
     """Put the shards of a study together."""
-    if job.study.is_adaptive:
-        raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
     journals = folder.journals()
     if not journals:
         raise StudyError(f"{folder.path} has no shards: `--shard 1/20` makes the first of twenty")
@@ -188,12 +177,6 @@ def merge(job: Job, folder: Folder) -> Result:
             f"or `--resume` those that were interrupted"
         )
     return Result(values, rows)
-
-
-def write(job: Job, folder: Folder, result: Result) -> None:
-    """Write the tables."""
-    design.write(table.runs(job, result.values, result.rows), folder.runs)
-    design.write(table.timing(job, result.rows), folder.timing)
 
 
 @contextlib.contextmanager
