@@ -10,7 +10,7 @@
 //! | clip, unite and take the centroid | [`Output`] | [`Output::centroid`] |
 //!
 //! ```text
-//! strength of rule (i, j):  min(g_i, g_j)
+//! strength of rule (i, j):  g_i and g_j            AND = min or product (Conjunction)
 //! activation of label l:    w_l = max of the strengths of its rules
 //! fuzzy output:             mu(y) = max over l of min(w_l, mu_l(y))
 //! crisp output:             sum(y mu(y)) / sum(mu(y)) over an even grid of points y
@@ -28,11 +28,11 @@
 //! # Example
 //!
 //! ```
-//! use chassis_control::fuzzy::{LabelMap, Membership, Output, Partition, RuleTable};
-//! # fn main() -> Result<(), String> {
+//! use chassis_control::fuzzy::{Conjunction, LabelMap, Membership, Output, Partition, RuleTable};
+//! # fn main() -> Result<(), chassis_control::fuzzy::FuzzyError> {
 //! // Labels low, high of two inputs in 0..=1; labels small, medium, large of the output.
 //! let input = Partition::new(Membership::evenly_spaced_triangles::<2>(0.0, 1.0))?;
-//! let rules = RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]])?;
+//! let rules = RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]], Conjunction::Minimum)?;
 //! let output = Output::<3>::new(Membership::evenly_spaced_triangles(0.0, 1.0), 0.0, 1.0, 101)?;
 //! let opposite = LabelMap::<3, 3>::new([2, 1, 0])?;
 //!
@@ -50,16 +50,18 @@
 //! controller", International Journal of Man-Machine Studies 7(1), 1975, 1-13,
 //! doi:10.1016/S0020-7373(75)80002-2.
 
+mod error;
 mod membership;
 mod numbers;
 mod output;
 mod partition;
 mod rules;
 
+pub use error::FuzzyError;
 pub use membership::Membership;
 pub use output::Output;
 pub use partition::Partition;
-pub use rules::{LabelMap, RuleTable};
+pub use rules::{Conjunction, LabelMap, RuleTable};
 
 #[cfg(test)]
 mod tests {
@@ -96,7 +98,7 @@ mod tests {
             Self {
                 speed: Partition::new(Membership::evenly_spaced_gaussians(0.0, 40.0)).unwrap(),
                 angle: Partition::new(Membership::evenly_spaced_gaussians(0.0, 32.0)).unwrap(),
-                rules: RuleTable::new(table).unwrap(),
+                rules: RuleTable::new(table, Conjunction::Minimum).unwrap(),
                 opposite: LabelMap::new([PEB, PEB, PB, PM, PS, PVS, PES]).unwrap(),
                 weight: Output::new(Membership::evenly_spaced_gaussians(0.0, 1.0), 0.0, 1.0, 101).unwrap(),
             }
@@ -147,15 +149,18 @@ mod tests {
         const PM: usize = 5;
         const PB: usize = 6;
         let input = Partition::new(Membership::evenly_spaced_gaussians::<7>(-3.0, 3.0)).unwrap();
-        let proportional = RuleTable::<7, 7, 7>::new([
-            [PB, PB, PM, PM, PS, ZO, ZO],
-            [PB, PB, PM, PS, PS, ZO, NS],
-            [PM, PM, PM, PS, ZO, NS, NS],
-            [PM, PM, PS, ZO, PS, PM, PM],
-            [NS, NS, ZO, PS, PM, PM, PM],
-            [NS, ZO, PS, PS, PM, PB, PB],
-            [ZO, ZO, PS, PM, PM, PB, PB],
-        ])
+        let proportional = RuleTable::<7, 7, 7>::new(
+            [
+                [PB, PB, PM, PM, PS, ZO, ZO],
+                [PB, PB, PM, PS, PS, ZO, NS],
+                [PM, PM, PM, PS, ZO, NS, NS],
+                [PM, PM, PS, ZO, PS, PM, PM],
+                [NS, NS, ZO, PS, PM, PM, PM],
+                [NS, ZO, PS, PS, PM, PB, PB],
+                [ZO, ZO, PS, PM, PM, PB, PB],
+            ],
+            Conjunction::Minimum,
+        )
         .unwrap();
         let output = Output::<7>::new(Membership::evenly_spaced_triangles(-3.0, 3.0), -3.0, 3.0, 121).unwrap();
         for (error, rate, expected) in [
@@ -192,12 +197,30 @@ mod tests {
         let edge = Membership::Triangle { left: 1.0, peak: 1.0, right: 2.0 };
         assert_eq!([0.999, 1.0, 1.5, 2.0].map(|x| edge.grade(x)), [0.0, 1.0, 0.5, 0.0]);
 
-        let triangle = Membership::Triangle { left: 0.0, peak: 1.0, right: 3.0 };
+        let trapezoid =
+            Membership::Trapezoid { left_foot: 0.0, left_shoulder: 1.0, right_shoulder: 2.0, right_foot: 4.0 };
         assert_eq!(
-            [-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0].map(|x| triangle.grade(x)),
-            [0.0, 0.0, 0.5, 1.0, 0.5, 0.0, 0.0]
+            [-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0].map(|x| trapezoid.grade(x)),
+            [0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0]
         );
-        for set in [gaussian, edge, triangle] {
+
+        let everything = Membership::Trapezoid {
+            left_foot: f64::NEG_INFINITY,
+            left_shoulder: f64::NEG_INFINITY,
+            right_shoulder: f64::INFINITY,
+            right_foot: f64::INFINITY,
+        };
+        let right_shoulder = Membership::Trapezoid {
+            left_foot: 0.0,
+            left_shoulder: 1.0,
+            right_shoulder: 2.0,
+            right_foot: f64::INFINITY,
+        };
+        for x in [f64::NEG_INFINITY, -1.0, 0.0, f64::INFINITY] {
+            assert_eq!(everything.grade(x), 1.0);
+        }
+        assert_eq!([-1.0, 0.5, 1e9, f64::INFINITY].map(|x| right_shoulder.grade(x)), [0.0, 0.5, 1.0, 1.0]);
+        for set in [gaussian, edge, trapezoid, everything, right_shoulder] {
             assert!(set.grade(f64::NAN).is_nan());
             assert!(Partition::new([set]).is_ok());
         }
@@ -221,14 +244,17 @@ mod tests {
     }
 
     #[test]
-    fn a_rule_is_as_strong_as_its_smaller_grade() {
-        let rules = RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]]).unwrap();
-        assert_eq!(rules.activation(&[0.25, 0.75], &[0.5, 0.5]), [0.25, 0.5, 0.5]);
+    fn product_and_minimum_differ_as_they_should() {
+        let [minimum, product] = [Conjunction::Minimum, Conjunction::Product].map(|conjunction| {
+            RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]], conjunction).unwrap().activation(&[0.25, 0.75], &[0.5, 0.5])
+        });
+        assert_eq!(minimum, [0.25, 0.5, 0.5]);
+        assert_eq!(product, [0.125, 0.375, 0.375]);
     }
 
     #[test]
     fn a_label_without_rule_stays_inactive_and_merged_labels_take_the_larger() {
-        let rules = RuleTable::<1, 2, 3>::new([[0, 0]]).unwrap();
+        let rules = RuleTable::<1, 2, 3>::new([[0, 0]], Conjunction::Minimum).unwrap();
         assert_eq!(rules.activation(&[0.8], &[0.3, 0.6]), [0.6, 0.0, 0.0]);
         let merge = LabelMap::<3, 2>::new([1, 0, 1]).unwrap();
         assert_eq!(merge.apply(&[0.2, 0.3, 0.4]), [0.3, 0.4]);
@@ -266,14 +292,28 @@ mod tests {
     }
 
     #[test]
+    fn tables_can_be_checked_at_compile_time() {
+        const RULES: Result<RuleTable<2, 2, 2>, FuzzyError> = RuleTable::new([[0, 1], [1, 0]], Conjunction::Product);
+        const MAP: Result<LabelMap<2, 2>, FuzzyError> = LabelMap::new([0, 2]);
+        assert!(RULES.is_ok());
+        assert!(MAP.is_err());
+    }
+
+    #[test]
     fn bad_descriptions_are_rejected() {
+        let bad_label = RuleTable::<2, 2, 3>::new([[0, 1], [2, 3]], Conjunction::Minimum);
         assert_eq!(
-            RuleTable::<2, 2, 3>::new([[0, 1], [2, 3]]).unwrap_err(),
+            bad_label.unwrap_err().to_string(),
             "fuzzy rule in row 1, column 1: label 3 does not exist, expected 0 to 2"
         );
-        assert!(LabelMap::<2, 2>::new([0, 2]).is_err());
 
         let triangle = |left, peak, right| Membership::Triangle { left, peak, right };
+        let trapezoid = |left_foot, left_shoulder, right_shoulder, right_foot| Membership::Trapezoid {
+            left_foot,
+            left_shoulder,
+            right_shoulder,
+            right_foot,
+        };
         let gaussian = |center, width| Membership::Gaussian { center, width };
         let infinity = f64::INFINITY;
         for set in [
@@ -289,11 +329,15 @@ mod tests {
             triangle(1.0, 0.0, 2.0),
             triangle(1.0, 1.0, 1.0),
             triangle(-infinity, infinity, infinity),
-            triangle(0.0, 1.0, infinity),
+            trapezoid(0.0, 2.0, 1.0, 3.0),
+            trapezoid(1.0, 1.0, 1.0, 1.0),
+            trapezoid(0.0, 1.0, f64::NAN, 3.0),
+            trapezoid(0.0, infinity, infinity, infinity),
+            trapezoid(-infinity, -infinity, -infinity, 0.0),
         ] {
             let good = gaussian(0.0, 1.0);
             let error = Partition::new([good, set]).unwrap_err();
-            assert!(error.starts_with(&format!("fuzzy set of label 1 ({set:?}): ")), "{error}");
+            assert!(matches!(error, FuzzyError::Membership { index: 1, .. }), "{set:?}: {error}");
             assert!(Output::<2>::new([good, set], 0.0, 1.0, 11).is_err());
         }
         // One set has no spacing.
@@ -301,12 +345,13 @@ mod tests {
 
         let sets = Membership::evenly_spaced_gaussians::<2>(0.0, 1.0);
         for (low, high) in [(1.0, 0.0), (0.0, 0.0), (0.0, f64::NAN), (-infinity, 0.0)] {
-            let error = Output::<2>::new(sets, low, high, 11).unwrap_err();
-            assert!(error.starts_with(&format!("fuzzy output grid of 11 points from {low} to {high}: ")), "{error}");
+            assert!(matches!(Output::<2>::new(sets, low, high, 11), Err(FuzzyError::Grid { points: 11, .. })));
         }
-        assert!(Output::<2>::new(sets, 0.0, 1.0, 1).unwrap_err().starts_with("fuzzy output grid of 1 points"));
-        let error = Output::<1>::new([triangle(0.11, 0.15, 0.19)], 0.0, 1.0, 11).unwrap_err();
-        assert!(error.starts_with("fuzzy output label 0: grade 0 at every grid point"), "{error}");
+        assert!(matches!(Output::<2>::new(sets, 0.0, 1.0, 1), Err(FuzzyError::Grid { points: 1, .. })));
+        assert_eq!(
+            Output::<1>::new([triangle(0.11, 0.15, 0.19)], 0.0, 1.0, 11),
+            Err(FuzzyError::NoSupport { label: 0 })
+        );
     }
 
     /// The centroid by the definition of the module: every label at every point.
@@ -324,12 +369,20 @@ mod tests {
 
     /// A set whose center lies between -3 and 3, wide enough for a grid of 8 points.
     fn membership() -> impl Strategy<Value = Membership> {
+        let sorted = |mut x: [f64; 4]| {
+            x.sort_by(f64::total_cmp);
+            [x[0] - 0.5, x[1], x[2], x[3] + 0.5]
+        };
         prop_oneof![
             (-3.0..3.0, 0.3..2.0).prop_map(|(center, width)| Membership::Gaussian { center, width }),
             (-3.0..3.0, 0.5..4.0, 0.5..4.0).prop_map(|(peak, before, after)| Membership::Triangle {
                 left: peak - before,
                 peak,
                 right: peak + after
+            }),
+            prop::array::uniform4(-3.0..3.0).prop_map(move |x| {
+                let [left_foot, left_shoulder, right_shoulder, right_foot] = sorted(x);
+                Membership::Trapezoid { left_foot, left_shoulder, right_shoulder, right_foot }
             }),
         ]
     }
@@ -394,9 +447,10 @@ mod tests {
 
         /// Mirrored rules give a mirrored output. Tolerance: the two sums run in opposite order.
         #[test]
-        fn mirrored_rules_are_odd(x in -4.0..4.0f64, y in -4.0..4.0f64) {
+        fn mirrored_rules_are_odd(x in -4.0..4.0f64, y in -4.0..4.0f64, product: bool) {
             let input = Partition::new(Membership::evenly_spaced_triangles::<3>(-4.0, 4.0)).unwrap();
-            let rules = RuleTable::<3, 3, 5>::new([[0, 1, 2], [1, 2, 3], [2, 3, 4]]).unwrap();
+            let conjunction = if product { Conjunction::Product } else { Conjunction::Minimum };
+            let rules = RuleTable::<3, 3, 5>::new([[0, 1, 2], [1, 2, 3], [2, 3, 4]], conjunction).unwrap();
             let output = Output::<5>::new(Membership::evenly_spaced_gaussians(-2.0, 2.0), -2.0, 2.0, 81).unwrap();
             let at = |x, y| output.centroid(&rules.activation(&input.grades(x), &input.grades(y)));
             prop_assert!((at(x, y) + at(-x, -y)).abs() < 1e-13);

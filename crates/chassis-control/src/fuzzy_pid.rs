@@ -25,7 +25,7 @@
 
 use fmu::derive::Enumeration;
 
-use crate::fuzzy::{Membership, Output, Partition, RuleTable};
+use crate::fuzzy::{Conjunction, FuzzyError, Membership, Output, Partition, RuleTable};
 
 /// Number of labels.
 const LABELS: usize = 7;
@@ -150,9 +150,9 @@ impl FuzzyPid {
     ///
     /// # Errors
     ///
-    /// None for the existing rules; otherwise that of a part.
-    pub fn new(rules: Rules) -> Result<Self, String> {
-        let table = |gain| RuleTable::new(rules.table(gain));
+    /// None for the existing rules; otherwise the [`FuzzyError`] of a part.
+    pub fn new(rules: Rules) -> Result<Self, FuzzyError> {
+        let table = |gain| RuleTable::new(rules.table(gain), Conjunction::Minimum);
         Ok(Self {
             input: Partition::new(Membership::evenly_spaced_gaussians(-DOMAIN, DOMAIN))?,
             tables: [table(0)?, table(1)?, table(2)?],

@@ -118,7 +118,7 @@ impl Discrete for ActiveFrontSteering {
     type Outputs = Y;
 
     fn derived(&self) -> Result<D, String> {
-        Ok(D { pid: FuzzyPid::new(self.rule_table)? })
+        Ok(D { pid: FuzzyPid::new(self.rule_table).map_err(|error| error.to_string())? })
     }
     fn update(&self, sample: Sample<Self>) -> Y {
         let (x, u) = (sample.state, sample.inputs);

@@ -9,7 +9,7 @@
 //! | k1, k2 | angle of the middle and of the rear axle over delta |
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
-use chassis_control::fuzzy::{LabelMap, Membership, Output, Partition};
+use chassis_control::fuzzy::{FuzzyError, LabelMap, Membership, Output, Partition};
 use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
 use chassis_control::sliding_mode::saturation;
 use chassis_vehicle::positions::RearAxles;
@@ -35,7 +35,7 @@ pub(crate) struct MiddleRatio {
 }
 
 impl MiddleRatio {
-    fn new() -> Result<Self, String> {
+    fn new() -> Result<Self, FuzzyError> {
         let sets = Membership::evenly_spaced_triangles(-1.0, 1.0);
         Ok(Self {
             input: Partition::new(sets)?,
@@ -52,7 +52,8 @@ impl MiddleRatio {
 
 /// Tabulates the rules.
 pub(crate) fn derived(p: &AllWheelSteering) -> Result<D, String> {
-    Ok(D { pid: FuzzyPid::new(p.rule_table)?, middle: MiddleRatio::new()? })
+    let make = || Ok::<_, FuzzyError>(D { pid: FuzzyPid::new(p.rule_table)?, middle: MiddleRatio::new()? });
+    make().map_err(|error| error.to_string())
 }
 
 pub(crate) fn sample(p: &AllWheelSteering, d: &D, x: &mut X, u: &U) -> Y {

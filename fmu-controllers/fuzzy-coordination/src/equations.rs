@@ -1,6 +1,6 @@
 //! Mamdani inference of the shares (Tables 2 and 3 of the paper; Gaussian sets that cross at one half).
 
-use chassis_control::fuzzy::{LabelMap, Membership, Output, Partition, RuleTable};
+use chassis_control::fuzzy::{Conjunction, FuzzyError, LabelMap, Membership, Output, Partition, RuleTable};
 
 use crate::{D, FuzzyCoordination, Strategy, U, Y};
 
@@ -29,13 +29,16 @@ const LARGEST_ANGLE: f64 = 32.0; // deg
 const LARGEST_SPEED: f64 = 40.0; // km/h
 
 pub(crate) fn rule_base() -> Result<D, String> {
-    Ok(D {
-        angle: Partition::new(Membership::evenly_spaced_gaussians(0.0, LARGEST_ANGLE))?,
-        speed: Partition::new(Membership::evenly_spaced_gaussians(0.0, LARGEST_SPEED))?,
-        rules: RuleTable::new(RULES)?,
-        mirrored: LabelMap::new(MIRROR)?,
-        output: Output::new(Membership::evenly_spaced_gaussians(0.0, 1.0), 0.0, 1.0, 101)?,
-    })
+    let make = || -> Result<D, FuzzyError> {
+        Ok(D {
+            angle: Partition::new(Membership::evenly_spaced_gaussians(0.0, LARGEST_ANGLE))?,
+            speed: Partition::new(Membership::evenly_spaced_gaussians(0.0, LARGEST_SPEED))?,
+            rules: RuleTable::new(RULES, Conjunction::Minimum)?,
+            mirrored: LabelMap::new(MIRROR)?,
+            output: Output::new(Membership::evenly_spaced_gaussians(0.0, 1.0), 0.0, 1.0, 101)?,
+        })
+    };
+    make().map_err(|error| error.to_string())
 }
 
 pub(crate) fn weights(p: &FuzzyCoordination, d: &D, u: &U) -> Y {

@@ -34,7 +34,7 @@ pub(crate) fn derived(p: &SemiActiveFuzzySuspension) -> Result<D, String> {
             ));
         }
     }
-    Ok(D { pid: FuzzyPid::new(p.rule_table)? })
+    Ok(D { pid: FuzzyPid::new(p.rule_table).map_err(|error| error.to_string())? })
 }
 
 /// Settings of the PIDs of heave, pitch and roll.

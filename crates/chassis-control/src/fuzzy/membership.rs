@@ -13,14 +13,27 @@ pub enum Membership {
         /// Standard deviation; positive and finite.
         width: f64,
     },
-    /// 0 at the feet, 1 at the peak, linear in between. A foot at the peak makes a vertical edge.
+    /// 0 at the feet, 1 at the peak, linear in between. An infinite foot makes a shoulder: the
+    /// grade is 1 from the peak on to that side. A foot at the peak makes a vertical edge.
     Triangle {
-        /// Left foot, at most `peak`; finite.
+        /// Left foot, at most `peak`; minus infinity for a left shoulder.
         left: f64,
-        /// Point of grade 1.
+        /// Point of grade 1; finite.
         peak: f64,
-        /// Right foot, at least `peak`, greater than `left`; finite.
+        /// Right foot, at least `peak`, greater than `left`; plus infinity for a right shoulder.
         right: f64,
+    },
+    /// 1 between the shoulders, 0 outside the feet, linear in between. An infinite foot makes the
+    /// grade 1 from its shoulder on to that side.
+    Trapezoid {
+        /// Left foot, at most `left_shoulder`.
+        left_foot: f64,
+        /// Left end of grade 1, at most `right_shoulder`; below plus infinity.
+        left_shoulder: f64,
+        /// Right end of grade 1; above minus infinity.
+        right_shoulder: f64,
+        /// Right foot, at least `right_shoulder`, greater than `left_foot`.
+        right_foot: f64,
     },
 }
 
@@ -32,6 +45,8 @@ impl Membership {
     /// let triangle = Membership::Triangle { left: 0.0, peak: 1.0, right: 3.0 };
     /// assert_eq!(triangle.grade(0.25), 0.25);
     /// assert_eq!(triangle.grade(2.0), 0.5);
+    /// let shoulder = Membership::Triangle { left: f64::NEG_INFINITY, peak: 1.0, right: 3.0 };
+    /// assert_eq!(shoulder.grade(-100.0), 1.0);
     /// ```
     #[inline(never)] // one copy in an FMU
     pub fn grade(&self, x: f64) -> f64 {
@@ -40,8 +55,10 @@ impl Membership {
         }
         match *self {
             Self::Gaussian { center, width } => fmu::math::exp(gaussian_exponent(x, center, width)),
-            // The falling edge is the rising one seen from the other side.
-            Self::Triangle { left, peak, right } => edge(x, left, peak).min(edge(-x, -right, -peak)),
+            Self::Triangle { left, peak, right } => trapezoid(x, left, peak, peak, right),
+            Self::Trapezoid { left_foot, left_shoulder, right_shoulder, right_foot } => {
+                trapezoid(x, left_foot, left_shoulder, right_shoulder, right_foot)
+            }
         }
     }
 
@@ -68,11 +85,38 @@ impl Membership {
     pub(super) fn broken_rule(&self) -> Option<&'static str> {
         // Written so that NaN fails every comparison.
         match *self {
-            Self::Gaussian { center, width } => (!(center.is_finite() && width > 0.0 && width.is_finite()))
-                .then_some("center and width must be finite, and width positive"),
+            Self::Gaussian { center, width } => {
+                if !center.is_finite() {
+                    Some("center must be finite")
+                } else if !(width > 0.0 && width.is_finite()) {
+                    Some("width must be positive and finite")
+                } else {
+                    None
+                }
+            }
             Self::Triangle { left, peak, right } => {
-                (!(left.is_finite() && left <= peak && peak <= right && left < right && right.is_finite()))
-                    .then_some("left <= peak <= right and left < right must hold, all finite")
+                if !peak.is_finite() {
+                    Some("peak must be finite")
+                } else if !(left <= peak && peak <= right && left < right) {
+                    Some("left <= peak <= right and left < right must hold")
+                } else {
+                    None
+                }
+            }
+            Self::Trapezoid { left_foot, left_shoulder, right_shoulder, right_foot } => {
+                if !(left_foot <= left_shoulder
+                    && left_shoulder <= right_shoulder
+                    && right_shoulder <= right_foot
+                    && left_foot < right_foot)
+                {
+                    Some(
+                        "left_foot <= left_shoulder <= right_shoulder <= right_foot and left_foot < right_foot must hold",
+                    )
+                } else if !(left_shoulder < f64::INFINITY && right_shoulder > f64::NEG_INFINITY) {
+                    Some("left_shoulder must be below and right_shoulder above infinity")
+                } else {
+                    None
+                }
             }
         }
     }
@@ -84,14 +128,20 @@ pub(super) fn gaussian_exponent(x: f64, center: f64, width: f64) -> f64 {
     -0.5 * z * z
 }
 
-/// Rising edge: 0 up to `foot`, 1 from `peak` on.
-fn edge(x: f64, foot: f64, peak: f64) -> f64 {
-    if x >= peak {
+/// Grade of a trapezoid whose feet may be infinite.
+fn trapezoid(x: f64, left_foot: f64, left_shoulder: f64, right_shoulder: f64, right_foot: f64) -> f64 {
+    // The falling edge is the rising one seen from the other side.
+    edge(x, left_foot, left_shoulder).min(edge(-x, -right_foot, -right_shoulder))
+}
+
+/// Rising edge: 0 up to `foot`, 1 from `shoulder` on.
+fn edge(x: f64, foot: f64, shoulder: f64) -> f64 {
+    if x >= shoulder || foot == f64::NEG_INFINITY {
         1.0
     } else if x <= foot {
         0.0
     } else {
-        (x - foot) / (peak - foot)
+        (x - foot) / (shoulder - foot)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The output: from the activation of labels to a number.
 
+use super::error::FuzzyError;
 use super::membership::{Membership, point};
 use super::numbers::{contains_nan, greatest, least};
 use super::partition::check_sets;
@@ -138,9 +139,11 @@ impl<const LABELS: usize> Output<LABELS> {
     ///
     /// # Errors
     ///
-    /// A set breaks the rules stated at its fields; `low < high` does not hold, one of them is not finite or `points` is
-    /// less than 2; a label has grade 0 at every point, so that it could never have an effect.
-    pub fn new(sets: [Membership; LABELS], low: f64, high: f64, points: usize) -> Result<Self, String> {
+    /// * [`FuzzyError::Membership`] if a set breaks the rules stated at its fields;
+    /// * [`FuzzyError::Grid`] unless `low < high`, both are finite and `points` is at least 2;
+    /// * [`FuzzyError::NoSupport`] if a label has grade 0 at every point, so that it could never
+    ///   have an effect.
+    pub fn new(sets: [Membership; LABELS], low: f64, high: f64, points: usize) -> Result<Self, FuzzyError> {
         Ok(Self { stretches: tabulate(&sets, low, high, points)? })
     }
 
@@ -163,19 +166,14 @@ impl<const LABELS: usize> Output<LABELS> {
 }
 
 /// The stretches of [`Output::new`].
-fn tabulate(sets: &[Membership], low: f64, high: f64, points: usize) -> Result<Vec<Stretch>, String> {
+fn tabulate(sets: &[Membership], low: f64, high: f64, points: usize) -> Result<Vec<Stretch>, FuzzyError> {
     check_sets(sets)?;
     if !(low < high && low.is_finite() && high.is_finite() && points >= 2) {
-        return Err(format!(
-            "fuzzy output grid of {points} points from {low} to {high}: expected at least 2 points and finite ends, the \
-             first below the last"
-        ));
+        return Err(FuzzyError::Grid { low, high, points });
     }
     let points: Vec<f64> = (0..points).map(|i| point(i, points, low, high)).collect();
     if let Some(label) = sets.iter().position(|set| greatest_grade(set, &points) == 0.0) {
-        return Err(format!(
-            "fuzzy output label {label}: grade 0 at every grid point, expected a set that covers at least one"
-        ));
+        return Err(FuzzyError::NoSupport { label });
     }
     let mut stretches = Vec::new();
     if sets.is_empty() {

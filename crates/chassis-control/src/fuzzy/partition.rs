@@ -1,5 +1,6 @@
 //! The labels of an input.
 
+use super::error::FuzzyError;
 use super::membership::{Membership, gaussian_exponent};
 
 /// The labels of one input: `N` fuzzy sets over the same axis.
@@ -49,8 +50,8 @@ impl<const N: usize> Partition<N> {
     ///
     /// # Errors
     ///
-    /// A set breaks the rules stated at its fields.
-    pub fn new(sets: [Membership; N]) -> Result<Self, String> {
+    /// [`FuzzyError::Membership`] if a set breaks the rules stated at its fields.
+    pub fn new(sets: [Membership; N]) -> Result<Self, FuzzyError> {
         check_sets(&sets)?;
         Ok(Self { sets, gaussians: Gaussians::new(&sets) })
     }
@@ -72,7 +73,11 @@ fn first<const FROM: usize, const N: usize>(values: [f64; FROM]) -> [f64; N] {
     std::array::from_fn(|i| values[i])
 }
 
-pub(super) fn check_sets(sets: &[Membership]) -> Result<(), String> {
-    let broken = sets.iter().enumerate().find_map(|(index, set)| Some((index, set, set.broken_rule()?)));
-    broken.map_or(Ok(()), |(index, set, rule)| Err(format!("fuzzy set of label {index} ({set:?}): {rule}")))
+pub(super) fn check_sets(sets: &[Membership]) -> Result<(), FuzzyError> {
+    for (index, set) in sets.iter().enumerate() {
+        if let Some(requirement) = set.broken_rule() {
+            return Err(FuzzyError::Membership { index, set: *set, requirement });
+        }
+    }
+    Ok(())
 }

@@ -1,30 +1,46 @@
 //! Rules: from the grades of inputs to the activation of labels.
 
+use super::error::FuzzyError;
 use super::numbers::{contains_nan, greatest, least};
 
+/// Combination of the grades of the two inputs of a rule to its strength ("and").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conjunction {
+    /// The smaller grade.
+    Minimum,
+    /// The product of the grades.
+    Product,
+}
+
 /// A full set of rules with two inputs: "if the first input is row i and the second is column j,
-/// then the output is label `table[i][j]`". The strength of a rule is the smaller of its two grades.
+/// then the output is label `table[i][j]`".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RuleTable<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> {
     /// Numbers of the rules (rows one after the other), sorted by label.
     rules: [[usize; COLUMNS]; ROWS],
     /// End index in `rules` of the rules of each label.
     ends: [usize; LABELS],
+    conjunction: Conjunction,
 }
 
 impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROWS, COLUMNS, LABELS> {
-    /// Takes the table of output labels, numbered from 0 to `LABELS - 1`.
+    /// Takes the table of output labels, numbered from 0 to `LABELS - 1`. Can be evaluated at
+    /// compile time.
     ///
     /// # Errors
     ///
-    /// An entry is not below `LABELS`.
-    pub fn new(table: [[usize; COLUMNS]; ROWS]) -> Result<Self, String> {
-        for (row, labels) in table.iter().enumerate() {
-            check_labels(labels, row, LABELS)?;
+    /// [`FuzzyError::Label`] if an entry is not below `LABELS`.
+    pub const fn new(table: [[usize; COLUMNS]; ROWS], conjunction: Conjunction) -> Result<Self, FuzzyError> {
+        let mut row = 0;
+        while row < ROWS {
+            if let Err(error) = check_labels(&table[row], row, LABELS) {
+                return Err(error);
+            }
+            row += 1;
         }
         let (mut rules, mut ends) = ([[0; COLUMNS]; ROWS], [0; LABELS]);
         sort_by_label(table.as_flattened(), rules.as_flattened_mut(), &mut ends);
-        Ok(Self { rules, ends })
+        Ok(Self { rules, ends, conjunction })
     }
 
     /// Activation (0..=1) of every output label: the largest strength among the rules that
@@ -37,7 +53,10 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
         if contains_nan(rows) || contains_nan(columns) {
             return [f64::NAN; LABELS];
         }
-        let strengths = rows.map(|row| columns.map(|column| least(row, column)));
+        let strengths = rows.map(|row| match self.conjunction {
+            Conjunction::Minimum => columns.map(|column| least(row, column)),
+            Conjunction::Product => columns.map(|column| row * column),
+        });
         let (strengths, rules) = (strengths.as_flattened(), self.rules.as_flattened());
         let mut first = 0;
         self.ends.map(|end| {
@@ -49,14 +68,19 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
 
 /// Fills `rules` with the numbers of the rules, sorted by their labels, and `ends` with the ends of the labels.
 #[inline(never)] // not unrolled for the size of a table
-fn sort_by_label(labels: &[usize], rules: &mut [usize], ends: &mut [usize]) {
-    let mut count = 0;
-    for (label, end) in ends.iter_mut().enumerate() {
-        for rule in (0..labels.len()).filter(|&rule| labels[rule] == label) {
-            rules[count] = rule;
-            count += 1;
+const fn sort_by_label(labels: &[usize], rules: &mut [usize], ends: &mut [usize]) {
+    let (mut label, mut count) = (0, 0);
+    while label < ends.len() {
+        let mut rule = 0;
+        while rule < labels.len() {
+            if labels[rule] == label {
+                rules[count] = rule;
+                count += 1;
+            }
+            rule += 1;
         }
-        *end = count;
+        ends[label] = count;
+        label += 1;
     }
 }
 
@@ -69,14 +93,17 @@ pub struct LabelMap<const FROM: usize, const TO: usize> {
 }
 
 impl<const FROM: usize, const TO: usize> LabelMap<FROM, TO> {
-    /// Takes the new label of every label, numbered from 0 to `TO - 1`.
+    /// Takes the new label of every label, numbered from 0 to `TO - 1`. Can be evaluated at compile
+    /// time.
     ///
     /// # Errors
     ///
-    /// An entry is not below `TO`; the message calls it row 0.
-    pub fn new(map: [usize; FROM]) -> Result<Self, String> {
-        check_labels(&map, 0, TO)?;
-        Ok(Self { map })
+    /// [`FuzzyError::Label`] (with row 0) if an entry is not below `TO`.
+    pub const fn new(map: [usize; FROM]) -> Result<Self, FuzzyError> {
+        match check_labels(&map, 0, TO) {
+            Ok(()) => Ok(Self { map }),
+            Err(error) => Err(error),
+        }
     }
 
     /// Activation of every new label: the largest among the labels mapped to it, 0 if there is
@@ -93,11 +120,13 @@ impl<const FROM: usize, const TO: usize> LabelMap<FROM, TO> {
     }
 }
 
-fn check_labels(used: &[usize], row: usize, labels: usize) -> Result<(), String> {
-    let Some(column) = used.iter().position(|&label| label >= labels) else { return Ok(()) };
-    Err(format!(
-        "fuzzy rule in row {row}, column {column}: label {} does not exist, expected 0 to {}",
-        used[column],
-        labels.saturating_sub(1)
-    ))
+const fn check_labels(labels_used: &[usize], row: usize, labels: usize) -> Result<(), FuzzyError> {
+    let mut column = 0;
+    while column < labels_used.len() {
+        if labels_used[column] >= labels {
+            return Err(FuzzyError::Label { row, column, label: labels_used[column], labels });
+        }
+        column += 1;
+    }
+    Ok(())
 }
