@@ -84,7 +84,9 @@ class DisplayUnit(_Part, frozen=True):
 
     # Name of the unit.
     name: str
+    # Factor, not 0.
     factor: float
+    # Offset in the display unit.
     offset: float
 
 
