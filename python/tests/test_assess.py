@@ -298,7 +298,8 @@ def test_both_masters_drive_alike_and_to_both_sides(
         # The weights of its paper come from FuzzyCoordination.
         (
             ("RescueVehicle", "--with", "DualSlidingModeSteering"),
-            "nothing writes `weight.steering`, which keeps its start value 0.0; FMUs that write it: `FuzzyCoordination`",
+            "nothing writes `weight.steering`, which keeps its start value 0.0; "
+            "FMUs that write it: `FuzzyCoordination`",
         ),
         # Its pressures are inputs of AntilockBraking.
         (
