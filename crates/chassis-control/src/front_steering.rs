@@ -63,7 +63,6 @@ impl Vehicle {
     }
 
     /// Yaw rate of a steady turn per angle of the front axle (with zero sideslip: per its tangent), 1/s.
-    #[must_use]
     pub fn yaw_rate_gain(&self, model: ReferenceModel, u: f64) -> f64 {
         let Self { a, b, c, c_axle: [c_f, c_m, c_r], .. } = *self;
         match model {
@@ -106,7 +105,6 @@ pub struct Sample {
 
 impl Limits {
     /// Largest angle of the front axle: its own limit, or the angle whose steady turn has the yaw rate `r_max`, rad.
-    #[must_use]
     pub fn angle_at(&self, gain: f64, r_max: f64) -> f64 {
         let f_lim = match self.model {
             ReferenceModel::ZeroSideslip => fmu::math::atan(r_max / gain),
@@ -116,7 +114,6 @@ impl Limits {
     }
 
     /// The front axle for the demanded angle `steer`, at the speed `u` > 0, one sample time `t` after the angle `last`.
-    #[must_use]
     pub fn sample(&self, vehicle: &Vehicle, steer: f64, u: f64, last: f64, t: f64) -> Sample {
         let gain = vehicle.yaw_rate_gain(self.model, u);
         let r_max = self.ay_limit / u;

@@ -28,7 +28,6 @@ pub struct Divisor {
 
 impl Divisor {
     /// Creates a divisor; `value` is not 0.
-    #[must_use]
     pub fn new(value: f64) -> Self {
         Self { reciprocal: 1.0 / value }
     }
@@ -38,7 +37,6 @@ impl Divisor {
 pub trait Over: Scalar {
     /// `self` divided by `divisor`, to within a rounding of its reciprocal.
     #[inline]
-    #[must_use]
     fn over(self, divisor: Divisor) -> Self {
         self * divisor.reciprocal
     }
@@ -58,7 +56,6 @@ pub struct Rotation<T> {
 impl<T: Scalar> Rotation<T> {
     /// The rotation by `angle` in rad, positive from x to y.
     #[inline]
-    #[must_use]
     pub fn by(angle: T) -> Self {
         let (sin, cos) = angle.sin_cos();
         Self { sin, cos }
@@ -66,7 +63,6 @@ impl<T: Scalar> Rotation<T> {
 
     /// The rotations by several angles at once. They should be of similar size: a large one slows down all.
     #[inline]
-    #[must_use]
     pub fn by_each<const N: usize>(angles: [T; N]) -> [Self; N] {
         let (sin, cos) = T::sin_cos_each(angles);
         std::array::from_fn(|i| Self { sin: sin[i], cos: cos[i] })
@@ -74,14 +70,12 @@ impl<T: Scalar> Rotation<T> {
 
     /// The vector (`x`, `y`), given in the turned frame, in the frame that is not turned.
     #[inline]
-    #[must_use]
     pub fn out_of_frame(self, [x, y]: [T; 2]) -> [T; 2] {
         [x * self.cos - y * self.sin, x * self.sin + y * self.cos]
     }
 
     /// The vector (`x`, `y`), given in the frame that is not turned, in the turned frame.
     #[inline]
-    #[must_use]
     pub fn into_frame(self, [x, y]: [T; 2]) -> [T; 2] {
         [x * self.cos + y * self.sin, y * self.cos - x * self.sin]
     }

@@ -21,7 +21,6 @@ const ODD: [&str; 9] = [
 ///
 /// # Panics
 /// If a variable of one side has no counterpart on the other.
-#[must_use]
 pub fn mirrored<B: Variables<f64>>(block: &B) -> B {
     let names: Vec<_> = B::declarations().into_iter().map(|declaration| declaration.name).collect();
     let values = block.reals();

@@ -32,7 +32,6 @@ pub struct Normals(ChaCha8Rng);
 
 impl Normals {
     /// The numbers of a stream from number `first` on.
-    #[must_use]
     pub fn new(seed: u64, stream: u64, first: u64) -> Self {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());

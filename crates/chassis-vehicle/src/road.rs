@@ -18,7 +18,6 @@ pub const REFERENCE_WAVENUMBER: f64 = 0.1;
 /// Roughness coefficient `Gd(n0)` in m3 of an ISO 8608 class, 1 (A) to 8 (H); `None` for another number.
 ///
 /// The geometric mean of the class: `16e-6 * 4^(class - 1)`.
-#[must_use]
 pub fn class_coefficient(class: i32) -> Option<f64> {
     (1..=8).contains(&class).then(|| 16e-6 * f64::from(1_u32 << (2 * (class - 1))))
 }
@@ -44,7 +43,6 @@ pub struct ShapedNoise {
 
 impl ShapedNoise {
     /// The process for a coefficient `Gd` in m3, a cutoff `n00 > 0` in 1/m and a grid spacing `ds > 0` in m.
-    #[must_use]
     pub fn new(coefficient: f64, cutoff: f64, spacing: f64) -> Self {
         let variance = PI * REFERENCE_WAVENUMBER.powi(2) * coefficient / (2.0 * cutoff);
         // 1 - alpha^2 without the cancellation at a small spacing
@@ -57,7 +55,6 @@ impl ShapedNoise {
     }
 
     /// The next grid point after `z` for a standard normal number.
-    #[must_use]
     pub fn next(&self, z: f64, normal: f64) -> f64 {
         self.memory * z + self.gain * normal
     }
@@ -77,13 +74,11 @@ pub struct Mixture {
 
 impl Mixture {
     /// The mixture for a correlation `rho` in -1..1.
-    #[must_use]
     pub fn new(rho: f64) -> Self {
         Self { common: ((1.0 + rho) / 2.0).sqrt(), opposite: ((1.0 - rho) / 2.0).sqrt() }
     }
 
     /// Left and right track from the two profiles.
-    #[must_use]
     pub fn tracks(&self, z: [f64; 2]) -> [f64; 2] {
         [self.common * z[0] + self.opposite * z[1], self.common * z[0] - self.opposite * z[1]]
     }
@@ -113,19 +108,16 @@ pub struct AllPass {
 
 impl AllPass {
     /// The all-pass of a delay length `T > 0` in m.
-    #[must_use]
     pub fn new(length: f64) -> Self {
         Self { length }
     }
 
     /// The state `X1, X2` after a long constant input `z`.
-    #[must_use]
     pub fn steady(&self, z: f64) -> [f64; 2] {
         [0.0, 12.0 * z / self.length]
     }
 
     /// The state a `distance > 0` further on, while the input went linearly from `z0` to `z1`.
-    #[must_use]
     pub fn advance(&self, x: [f64; 2], z0: f64, z1: f64, distance: f64) -> [f64; 2] {
         let t = self.length;
         let slope = (z1 - z0) / distance;
@@ -143,13 +135,11 @@ impl AllPass {
     }
 
     /// The output for the state `x` and the input `z` of the same place.
-    #[must_use]
     pub fn output(&self, x: [f64; 2], z: f64) -> f64 {
         x[0] + z
     }
 
     /// Frequency response (real, imaginary) at the wavenumber `n` in 1/m; its magnitude is 1.
-    #[must_use]
     pub fn response(&self, n: f64) -> [f64; 2] {
         let w = TAU * n * self.length;
         // (e - i d)/(e + i d)
@@ -197,13 +187,11 @@ impl Harmonics {
     const POINTS: usize = 1 << 15;
 
     /// Wavenumber `n_k` in 1/m.
-    #[must_use]
     pub fn wavenumber(k: usize) -> f64 {
         Self::LOWEST + (k as f64 + 0.5) * Self::SPACING
     }
 
     /// Complex amplitudes `sqrt(2 Gd (n_k/n0)^-2 dn) exp(i phi_k)` in m, for a coefficient `Gd` in m3 and a seed.
-    #[must_use]
     pub fn amplitudes(coefficient: f64, seed: u64) -> Vec<[f64; 2]> {
         let mut state = seed;
         (0..Self::COUNT)
@@ -217,7 +205,6 @@ impl Harmonics {
     }
 
     /// The profile of given complex amplitudes, at most [`Harmonics::COUNT`].
-    #[must_use]
     pub fn new(amplitudes: &[[f64; 2]]) -> Self {
         let mut envelope = vec![[0.0; 2]; Self::POINTS];
         for (place, amplitude) in envelope.iter_mut().zip(amplitudes).take(Self::COUNT) {
@@ -228,7 +215,6 @@ impl Harmonics {
     }
 
     /// Height at `x`, both in m; 0 at and before `x = 0`.
-    #[must_use]
     pub fn height(&self, x: f64) -> f64 {
         // also for a distance that is not a number: a height needs a place
         if !(x > 0.0 && x.is_finite()) {
@@ -309,14 +295,12 @@ pub fn fourier_sum(x: &mut [[f64; 2]]) {
 }
 
 /// Bump of height 1, `(1 - cos(2 pi x/length))/2` for `0 < x < length`, else 0; `length > 0`.
-#[must_use]
 pub fn bump(x: f64, length: f64) -> f64 {
     if x > 0.0 && x < length { (1.0 - libm::cos(TAU * x / length)) / 2.0 } else { 0.0 }
 }
 
 /// Trapezoid of height 1 and total `length > 0`: up over the first quarter, level over half, down over the last
 /// quarter.
-#[must_use]
 pub fn trapezoid(x: f64, length: f64) -> f64 {
     let from_nearer_end = x.min(length - x);
     (4.0 * from_nearer_end / length).clamp(0.0, 1.0)

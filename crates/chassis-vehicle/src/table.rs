@@ -161,7 +161,6 @@ impl Columns {
     /// # Panics
     ///
     /// If there is no column of this number.
-    #[must_use]
     pub fn column(&self, column: usize) -> &[f64] {
         self.values[column].as_deref().expect("all columns are there")
     }
@@ -171,13 +170,11 @@ impl Columns {
     /// # Panics
     ///
     /// If there is no row of this number.
-    #[must_use]
     pub fn line(&self, row: usize) -> usize {
         self.lines[row]
     }
 
     /// Fingerprint of the text the columns were read from, see [`content_hash`].
-    #[must_use]
     pub fn content_hash(&self) -> u64 {
         self.content_hash
     }
@@ -216,20 +213,17 @@ impl Table {
     }
 
     /// The abscissa of the rows, strictly increasing, at least one.
-    #[must_use]
     pub fn abscissa(&self) -> &[f64] {
         &self.abscissa
     }
 
     /// The values of a column, one per row; `None` if the file does not have it.
-    #[must_use]
     pub fn column(&self, column: usize) -> Option<&[f64]> {
         self.columns.get(column)?.as_deref()
     }
 
     /// The value of a column at `x`: linear between the rows, the end values outside; `None` if the file does not
     /// have the column.
-    #[must_use]
     pub fn at(&self, column: usize, x: f64) -> Option<f64> {
         let values = self.column(column)?;
         let next = self.next_row(x);
@@ -244,13 +238,11 @@ impl Table {
     }
 
     /// Index of the first row after `x`: 0 before the first row, the number of rows from the last row on.
-    #[must_use]
     pub fn next_row(&self, x: f64) -> usize {
         self.abscissa.partition_point(|point| *point <= x)
     }
 
     /// Fingerprint of the text the table was read from, see [`content_hash`].
-    #[must_use]
     pub fn content_hash(&self) -> u64 {
         self.content_hash
     }
@@ -263,7 +255,6 @@ impl Table {
 /// # Reference
 ///
 /// Fowler, Noll, Vo, Eastlake: The FNV Non-Cryptographic Hash Algorithm.
-#[must_use]
 pub fn content_hash(content: &[u8]) -> u64 {
     content.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }

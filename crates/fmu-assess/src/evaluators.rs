@@ -73,7 +73,6 @@ pub struct Evaluation {
 }
 
 /// The evaluator of a name.
-#[must_use]
 pub fn find(name: &str) -> Option<&'static Evaluator> {
     EVALUATORS.iter().find(|evaluator| evaluator.name == name)
 }
@@ -95,14 +94,12 @@ impl Evaluator {
 
 impl Evaluation {
     /// Value of a metric by its name.
-    #[must_use]
     pub fn value(&self, name: &str) -> Option<&Value> {
         self.metrics.iter().find(|metric| metric.name == name).map(|metric| &metric.value)
     }
 
     /// The metrics as an object of JSON: keys sorted, numbers with 9 significant digits, null for what cannot be computed. A dot in a
     /// name makes a group: `yaw_rate.gain` is `{"yaw_rate": {"gain": …}}`.
-    #[must_use]
     pub fn to_json(&self) -> String {
         // Maps of strings, numbers that are finite and Booleans can always be written.
         serde_json::to_string_pretty(&json::document(&self.metrics)).unwrap_or_default()

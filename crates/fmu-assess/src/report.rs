@@ -327,7 +327,6 @@ fn verdict(metric: &Measured) -> Verdict {
 
 impl Assessment {
     /// The JSON file: keys sorted, numbers with nine significant digits; the same inputs give the same bytes.
-    #[must_use]
     pub fn to_json(&self) -> String {
         let value = serde_json::to_value(self).map_or(Value::Null, |value| all_rounded(&value));
         let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
@@ -336,13 +335,11 @@ impl Assessment {
     }
 
     /// Returns true if a run was made at all.
-    #[must_use]
     pub fn has_run(&self) -> bool {
         self.runs.iter().any(|run| run.rows > 0)
     }
 
     /// Returns true if no metric of the system with the controllers, or of the only one, fails, and none of its runs broke down.
-    #[must_use]
     pub fn is_passed(&self) -> bool {
         let decisive = self.systems.last().copied().unwrap_or("without");
         let is_bad = |row: &Row| matches!(row.verdict, Verdict::Fail | Verdict::Error);
@@ -350,7 +347,6 @@ impl Assessment {
     }
 
     /// The verdicts as JUnit XML: a test suite for each suite and system, a test case for each metric and broken run.
-    #[must_use]
     pub fn to_junit(&self) -> String {
         let suites = Suite::ALL.into_iter().flat_map(|suite| self.systems.iter().map(move |system| (suite, *system)));
         let suites = suites.filter_map(|(suite, system)| self.junit_suite(suite, system));

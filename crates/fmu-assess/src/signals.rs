@@ -32,7 +32,6 @@ pub(crate) const DATA: [(&str, &str); 9] = [
 ];
 
 /// The unit in which the bench reads or writes a signal; `None` for an unknown signal.
-#[must_use]
 pub fn unit(signal: &str) -> Option<&'static str> {
     let columns = EVALUATORS.iter().flat_map(|evaluator| evaluator.columns).map(|column| (column.name, column.unit));
     let is_meant = |(name, _): &(&str, &str)| match name.strip_suffix('*') {

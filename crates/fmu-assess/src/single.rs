@@ -418,7 +418,6 @@ fn bench<'a>(systems: &'a Systems, vehicle: &'a Vehicle, descriptions: &'a bench
 
 impl Single {
     /// Metrics of the run as far as it was made, up to where the bench would end it; `None` for free driving.
-    #[must_use]
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
         let none = BTreeMap::new();

@@ -40,7 +40,6 @@ pub struct Trace<'a> {
 
 impl<'a> Trace<'a> {
     /// A trace without columns, from its times, s.
-    #[must_use]
     pub fn new(times: impl Into<Cow<'a, [f64]>>) -> Self {
         Self { times: times.into(), columns: Vec::new() }
     }
@@ -69,13 +68,11 @@ impl<'a> Trace<'a> {
     }
 
     /// Times, s.
-    #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.times
     }
 
     /// A column by its name.
-    #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|(known, _)| known == name).map(|(_, values)| &**values)
     }

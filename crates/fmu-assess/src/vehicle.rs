@@ -30,7 +30,6 @@ struct Written {
 }
 
 /// Returns the schema of a vehicle file.
-#[must_use]
 pub fn schema() -> Schema {
     schema::of_file::<Written>()
 }
@@ -175,14 +174,12 @@ impl VehicleFile {
     }
 
     /// Data of a vehicle of the library; empty for any other vehicle.
-    #[must_use]
     pub fn of_library(fmu: &str) -> Self {
         let text = KNOWN.iter().find(|(name, _)| *name == fmu).map(|(_, text)| *text);
         text.map_or_else(Self::default, |text| Self::parse(text).expect("the file is tested"))
     }
 
     /// Returns these data, with those of the library, which has no signals, where they are absent.
-    #[must_use]
     pub fn over(mut self, library: Self) -> Self {
         let (own, rest) = (self.vehicle, library.vehicle);
         self.vehicle = Given {
@@ -201,7 +198,6 @@ impl VehicleFile {
 
 impl Vehicle {
     /// Combines data of a file and parameters of a plant. `mass` is that of the tire loads.
-    #[must_use]
     pub(crate) fn new(given: &Given, plant: &Plant, mass: Option<f64>) -> Self {
         let datum = |written: Option<f64>, computed: Option<(f64, String)>| {
             let found = written.map(|value| (value, "vehicle data".to_owned())).or(computed);

@@ -133,7 +133,6 @@ impl<'a> Journal<'a> {
     }
 
     /// Returns the progress.
-    #[must_use]
     pub fn progress(&self) -> Progress {
         self.log().progress.clone()
     }

@@ -19,13 +19,11 @@ pub struct Parameter {
 
 impl Parameter {
     /// Name of the component and of its parameter.
-    #[must_use]
     pub fn component_and_name(&self) -> (&str, &str) {
         self.name.split_once(':').unwrap_or(("", &self.name))
     }
 
     /// Value at a share of the range, 0 to 1; the bounds are met exactly.
-    #[must_use]
     pub fn at(&self, share: f64) -> f64 {
         let value = if self.log {
             self.min * libm::pow(self.max / self.min, share)

@@ -68,7 +68,6 @@ pub struct Study {
 }
 
 /// Returns true if a file is a study, not a scenario: it names a scenario. False if it cannot be read or is not TOML.
-#[must_use]
 pub fn is_study(path: &Path) -> bool {
     table(path).is_some_and(|table| table.contains_key("scenario"))
 }
@@ -86,7 +85,6 @@ fn table(path: &Path) -> Option<toml::Table> {
 }
 
 /// Returns the schema of a study: of one with `[[vary]]`, or of one that searches parameters.
-#[must_use]
 pub fn schema() -> Schema {
     fmu_system::schema::of_file::<Any>()
 }

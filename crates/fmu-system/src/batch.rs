@@ -62,7 +62,6 @@ pub type Take<'a> = &'a (dyn Fn(Row) -> bool + Sync);
 
 impl Batch {
     /// Prepares the runs of a plan; the FMUs are those of its runs.
-    #[must_use]
     pub fn new(mut plan: Plan, fmus: Fmus) -> Self {
         let metrics = (0..plan.metrics.len()).collect();
         let needed: BTreeSet<usize> = definitions(&plan, &metrics).flat_map(Definition::needed_columns).collect();
@@ -76,13 +75,11 @@ impl Batch {
     }
 
     /// The plan, whose runs record what the metrics need.
-    #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
     /// The FMUs.
-    #[must_use]
     pub fn fmus(&self) -> &Fmus {
         &self.fmus
     }
@@ -163,7 +160,6 @@ impl Batch {
     }
 
     /// Executes the runs of a sample in this process. The FMUs must be loaded; one that crashes ends the process.
-    #[must_use]
     pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
         let outcome = |run: &usize| {
             let failed = |error: String| Failure::new(&self.plan.runs[*run].id, error);

@@ -94,7 +94,6 @@ impl fmt::Display for Missing {
 type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 
 /// Compares all FMUs with all plants; the key is the name that a scenario uses.
-#[must_use]
 pub fn systems(fmus: &Descriptions) -> Systems {
     let (plants, components): (Vec<&str>, Vec<&str>) =
         fmus.keys().map(String::as_str).partition(|name| is_plant(fmus, name));

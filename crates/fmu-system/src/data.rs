@@ -109,7 +109,6 @@ pub struct DataError {
 
 impl DataError {
     /// A mistake without a line.
-    #[must_use]
     pub fn new(file: &str, message: impl Into<String>, help: Option<String>) -> Self {
         Self::of(file, Mistake { line: None, message: message.into(), help })
     }
@@ -119,7 +118,6 @@ impl DataError {
     }
 
     /// The mistakes as `file:line: message; help`.
-    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let shown = self.mistakes.iter().take(REPORTED).map(|mistake| {
             let place = mistake.line.map_or(String::new(), |line| format!(":{line}"));
@@ -287,19 +285,16 @@ impl Table {
     }
 
     /// Format of the file.
-    #[must_use]
     pub fn found(&self) -> Found {
         self.found
     }
 
     /// Name of the file in messages.
-    #[must_use]
     pub fn file(&self) -> &str {
         &self.file
     }
 
     /// The columns, in the order of the file.
-    #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }

@@ -54,7 +54,6 @@ impl Failure {
     }
 
     /// The word for it in tables: `rejected`, `diverged`, `crashed` or `timed_out`.
-    #[must_use]
     pub fn status(&self) -> &'static str {
         match self.kind {
             FailureKind::Crashed => "crashed",
@@ -65,7 +64,6 @@ impl Failure {
     }
 
     /// A run that could not be started or whose file could not be written.
-    #[must_use]
     pub fn new(run: &str, message: String) -> Self {
         Self {
             run: run.to_owned(),

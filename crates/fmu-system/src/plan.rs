@@ -60,7 +60,6 @@ pub struct Plan {
 }
 
 /// Returns the JSON Schema of a plan as it is printed.
-#[must_use]
 pub fn schema() -> schemars::Schema {
     SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<Plan>()
 }

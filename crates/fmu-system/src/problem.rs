@@ -25,7 +25,6 @@ pub struct Problem {
 
 impl Problem {
     /// `file:line:column: message`.
-    #[must_use]
     pub fn line(&self) -> String {
         let before = &self.source_code.inner()[..self.span.offset()];
         let line = before.matches('\n').count() + 1;
@@ -34,7 +33,6 @@ impl Problem {
     }
 
     /// [`Self::line`], and the help.
-    #[must_use]
     pub fn explained(&self) -> String {
         self.help.as_ref().map_or_else(|| self.line(), |help| format!("{}; {help}", self.line()))
     }
@@ -52,7 +50,6 @@ pub struct Problems {
 
 impl Problems {
     /// The mistakes, each as [`Problem::explained`].
-    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         self.problems.iter().map(Problem::explained).collect()
     }
@@ -101,7 +98,6 @@ impl Noted {
 
 impl Collector {
     /// Creates an empty collector for a text; `file` is its name in messages, `language` its language ("toml").
-    #[must_use]
     pub fn new(file: &Path, text: &str, language: &str) -> Self {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
         Self {
@@ -205,7 +201,6 @@ impl Collector {
     }
 
     /// Returns true if there are no mistakes.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
     }
@@ -216,7 +211,6 @@ impl Collector {
     }
 
     /// Returns the mistakes as an error.
-    #[must_use]
     pub fn fail(self) -> Problems {
         let contexts = self.contexts;
         let problems = self.problems.into_iter().map(|noted| noted.named(contexts)).collect();

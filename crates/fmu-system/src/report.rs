@@ -142,7 +142,6 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// Returns true if it shows signals, not metrics.
-    #[must_use]
     pub fn is_of_signals(self) -> bool {
         matches!(self, Self::Time | Self::Spectrum | Self::Xy | Self::Transfer)
     }
@@ -307,7 +306,6 @@ pub(crate) fn word(of: impl Serialize) -> String {
 
 impl Cell {
     /// `case` or `case@point`.
-    #[must_use]
     pub fn key(&self) -> String {
         match &self.point {
             Some(point) => format!("{}@{point}", self.case),

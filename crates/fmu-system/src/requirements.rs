@@ -27,7 +27,6 @@ pub enum Status {
 
 impl Status {
     /// The word of a badge.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::Passed => "Passed",
@@ -67,19 +66,16 @@ fn margin([min, max]: [Option<f64>; 2], value: f64) -> f64 {
 }
 
 /// Returns true if a number is within limits, minimum and maximum. A missing or non-finite number is not.
-#[must_use]
 pub fn holds(limits: [Option<f64>; 2], value: Option<f64>) -> bool {
     value.is_some_and(|value| margin(limits, value) >= 0.0)
 }
 
 /// Returns true if enough runs keep the limits, at least `share` of them.
-#[must_use]
 pub fn is_enough(kept: usize, of: usize, share: f64) -> bool {
     kept as f64 >= share * of as f64
 }
 
 /// Compares the numbers of the executed runs with the limits; `None` is a run without a number. `runs` is the planned number.
-#[must_use]
 pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
     let known = || numbers.iter().copied().flatten();
     let kept = numbers.iter().filter(|value| holds(limits, **value)).count();
@@ -189,7 +185,6 @@ pub fn numbers<'a>(plan: &'a Plan, is_only_required: bool, read: Read<'_>) -> Re
 }
 
 /// The verdicts on a plan, ordered by metric, case, point.
-#[must_use]
 pub fn verdicts<'a>(plan: &'a Plan, numbers: &RunNumbers<'_>) -> Vec<Verdict<'a>> {
     let points: Vec<Option<&str>> =
         if plan.points.is_empty() { vec![None] } else { plan.points.iter().map(|p| Some(p.name.as_str())).collect() };
@@ -249,7 +244,6 @@ fn is_cut_off(plan: &Plan, index: usize) -> bool {
 
 impl Verdict<'_> {
     /// Describes the requirement and the result.
-    #[must_use]
     pub fn text(&self, plan: &Plan) -> String {
         let Self { metric, requirement, outcome, .. } = self;
         let case = plan.cases.iter().find(|case| case.name == self.case).map_or("", |case| &case.title);
@@ -291,7 +285,6 @@ pub type TestCase = (String, String, &'static str, String);
 pub const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 
 /// A test suite in JUnit XML.
-#[must_use]
 pub fn junit_suite(name: &str, cases: &[TestCase]) -> String {
     let count = |wanted| cases.iter().filter(|(_, _, element, _)| *element == wanted).count();
     let (failures, errors, skipped) = (count("failure"), count("error"), count("skipped"));
@@ -313,7 +306,6 @@ pub fn junit_suite(name: &str, cases: &[TestCase]) -> String {
 }
 
 /// The verdicts as JUnit XML: a test case for each, and one for each run that failed, with its message.
-#[must_use]
 pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)]) -> String {
     let broken = failures.iter().map(|(run, message)| (format!("run {run}"), "error", message.clone()));
     let evaluated = verdicts.iter().map(|verdict| {

@@ -99,7 +99,6 @@ pub enum ResolveError {
 
 impl ResolveError {
     /// The mistakes, each as `file:line:column: message; hint`.
-    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         match self {
             Self::Problems(problems) => problems.lines(),
@@ -143,7 +142,6 @@ fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError
 
 /// Returns the absolute path of a file that a String of a scenario names, if the file exists. Relative paths start at the folder of the
 /// scenario. Any other String, such as the name of a file within the FMU, stays as it is.
-#[must_use]
 pub fn file_of(scenario: &Path, text: &str) -> Option<String> {
     file_in(folder(scenario), text)
 }

@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 const CHUNK: usize = 1 << 16;
 
 /// File name of a run: its id with `@` and `#` replaced by `_`.
-#[must_use]
 pub fn file_name(run: &Run) -> String {
     format!("{}.csv", run.id.replace(['@', '#'], "_"))
 }

@@ -30,7 +30,6 @@ pub struct Simulation {
 impl Simulation {
     /// Size of the step from a time, s: the communication step, or the rest before the stop time. An FMU may reject a step beyond its stop
     /// time, and the sum of the two may exceed it by rounding.
-    #[must_use]
     pub fn step_size(&self, time: f64) -> f64 {
         if time + self.step > self.stop { self.stop - time } else { self.step }
     }
@@ -132,7 +131,6 @@ pub struct Wire {
 
 impl Wire {
     /// A scalar variable and its place on the bus.
-    #[must_use]
     pub fn new(variable: &Variable, slot: usize) -> Self {
         let Variable { name, reference, base_type, .. } = variable;
         Self { name: name.clone(), reference: *reference, base_type: *base_type, slot }
@@ -207,7 +205,6 @@ pub struct Recording {
 
 impl Recording {
     /// Values of a column of the plan.
-    #[must_use]
     pub fn column(&self, index: usize) -> Option<&[f64]> {
         self.columns.get(index)?.as_deref()
     }

@@ -7,14 +7,12 @@ use schemars::{JsonSchema, Schema};
 use serde_json::{Value, json};
 
 /// Returns the schema of a file, as it is read. Editors of TOML understand draft 7.
-#[must_use]
 pub fn of_file<T: JsonSchema>() -> Schema {
     let settings = SchemaSettings::draft07().with_transform(RecursiveTransform(remove_null));
     settings.into_generator().into_root_schema_for::<T>()
 }
 
 /// Returns the schema of a scenario.
-#[must_use]
 pub fn scenario() -> Schema {
     of_file::<Written>()
 }

@@ -314,32 +314,27 @@ impl Session {
     }
 
     /// Number of steps that are done.
-    #[must_use]
     pub fn steps(&self) -> u64 {
         self.step
     }
 
     /// Time, s.
-    #[must_use]
     pub fn time(&self) -> f64 {
         // Product, then sum: no error accumulates, and the times of all masters are bit-identical.
         self.simulation.start + self.step as f64 * self.simulation.step
     }
 
     /// Returns true if all steps are done.
-    #[must_use]
     pub fn is_over(&self) -> bool {
         self.step >= self.simulation.steps
     }
 
     /// The signals at this time.
-    #[must_use]
     pub fn bus(&self) -> &[f64] {
         &self.bus
     }
 
     /// Value of a column of the plan; `None` if the run does not record it.
-    #[must_use]
     pub fn column(&self, index: usize) -> Option<f64> {
         let slot = self.columns.get(index).copied().flatten()?;
         self.bus.get(slot).copied()

@@ -12,25 +12,21 @@ pub struct Spanned<T>(serde_spanned::Spanned<T>);
 
 impl<T> Spanned<T> {
     /// A value at a place.
-    #[must_use]
     pub fn new(span: Range<usize>, value: T) -> Self {
         Self(serde_spanned::Spanned::new(span, value))
     }
 
     /// The value.
-    #[must_use]
     pub fn get_ref(&self) -> &T {
         self.0.get_ref()
     }
 
     /// The value without its place.
-    #[must_use]
     pub fn into_inner(self) -> T {
         self.0.into_inner()
     }
 
     /// Bytes of the text that the value takes.
-    #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.0.span()
     }

@@ -27,7 +27,6 @@ pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
 
 impl Run {
     /// Returns true if a component starts in a steady state that has not been found yet.
-    #[must_use]
     pub fn needs_steady_starts(&self) -> bool {
         self.components.iter().any(|component| component.steady.as_ref().is_some_and(Vec::is_empty))
     }

@@ -293,7 +293,6 @@ pub enum StudyError {
 
 impl StudyError {
     /// The mistakes, each as `file:line:column: message; hint`.
-    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         match self {
             Self::Problems(problems) => problems.lines(),
@@ -334,7 +333,6 @@ pub fn read(path: &Path, source: &dyn Descriptions, runs: Option<u64>) -> Result
 
 impl Study {
     /// The study as JSON, without the keys that are absent.
-    #[must_use]
     pub fn json(&self) -> serde_json::Value {
         let mut all = serde_json::to_value(self).unwrap_or_default();
         remove_null(&mut all);

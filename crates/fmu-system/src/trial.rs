@@ -16,7 +16,6 @@ const MAX_VARIANTS: usize = 10;
 const MAX_RECORDED: u64 = 20_000_000;
 
 /// Returns the warnings of all trials of a plan. Their FMUs are loaded into this process, which a crash of one would end.
-#[must_use]
 pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     let mut warnings = Vec::new();
     for trial in trials {

@@ -5,7 +5,6 @@ const SMALL: f64 = 1e-4;
 const LARGE: f64 = 1e9;
 
 /// Formats a number with these decimals, or with four significant digits.
-#[must_use]
 pub fn number(value: f64, digits: Option<u8>) -> String {
     let size = value.abs();
     if !size.is_finite() || size >= LARGE || (digits.is_none() && size > 0.0 && size < SMALL) {
@@ -17,7 +16,6 @@ pub fn number(value: f64, digits: Option<u8>) -> String {
 }
 
 /// Formats a number with up to `digits` significant digits, and with a power of ten where that is shorter: C's format `g`.
-#[must_use]
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return minus(&value.to_string().to_lowercase());
@@ -51,7 +49,6 @@ fn raised(text: &str) -> String {
 }
 
 /// Formats a unit: rad/s2 as rad/s², N.m as N·m, deg as °, 1 as an empty text.
-#[must_use]
 pub fn unit(name: &str) -> String {
     if name == "1" {
         return String::new();
@@ -80,13 +77,11 @@ pub fn unit(name: &str) -> String {
 }
 
 /// A number with its unit, which may be empty.
-#[must_use]
 pub fn with_unit(number: &str, unit: &str) -> String {
     if unit.is_empty() { number.to_owned() } else { format!("{number} {unit}") }
 }
 
 /// Limits, of which one may be missing, in a unit: `at least 1 s and at most 2 s`.
-#[must_use]
 pub fn limits([min, max]: [Option<f64>; 2], unit: &str) -> String {
     let ends = [("at least", min), ("at most", max)];
     let ends = ends.into_iter().filter_map(|(word, limit)| Some((word, significant(limit?, 6))));

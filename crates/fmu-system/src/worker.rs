@@ -24,7 +24,6 @@ const TRIALS: Duration = Duration::from_secs(20);
 
 /// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give none, which does no
 /// harm.
-#[must_use]
 pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     if trials.is_empty() {
         return Vec::new();

@@ -27,7 +27,6 @@ pub struct Section {
 
 impl Section {
     /// y of the middle of the lane in m.
-    #[must_use]
     pub fn middle(&self) -> f64 {
         (self.right + self.left) / 2.0
     }
@@ -35,7 +34,6 @@ impl Section {
 
 /// The double lane change of ISO 3888-1 to the left: sections of 15, 25 and 30 m, the first of which begins at `start` in m,
 /// for a vehicle of the width `w` in m.
-#[must_use]
 pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
     let [w_1, w_3, w_5] = [1.1 * w + 0.25, 1.2 * w + 0.25, 1.3 * w + 0.25];
     let right = -w_1 / 2.0;
@@ -48,7 +46,6 @@ pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
 
 /// The obstacle avoidance of ISO 3888-2 to the left: sections of 12, 11 and 12 m, the first of which begins at `start` in m,
 /// for a vehicle of the width `w` in m.
-#[must_use]
 pub fn iso_3888_2(start: f64, w: f64) -> [Section; 3] {
     let [w_1, w_3, w_5] = [1.1 * w + 0.25, w + 1.0, (1.3 * w + 0.25).max(3.0)];
     let left = w_1 / 2.0;

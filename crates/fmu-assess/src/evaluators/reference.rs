@@ -6,7 +6,6 @@ use crate::options::{Fallback, OptionRule};
 use std::fmt::Write as _;
 
 /// Columns, options and metrics of evaluators as Markdown, from their tables.
-#[must_use]
 pub fn reference<'a>(evaluators: impl IntoIterator<Item = &'a Evaluator>) -> String {
     let parts: Vec<String> = evaluators.into_iter().map(one).collect();
     parts.join("\n")

@@ -97,7 +97,6 @@ pub struct Channel<'a> {
 
 impl<'a> Channel<'a> {
     /// A column as it is.
-    #[must_use]
     pub fn new(column: &'a str) -> Self {
         Self { column, unit: None, scale: 1.0, offset: 0.0, sign: 1.0, delay: 0.0, zero: None }
     }
@@ -119,7 +118,6 @@ pub struct Signal {
 
 impl Clock {
     /// Times, s, nondecreasing.
-    #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.times
     }

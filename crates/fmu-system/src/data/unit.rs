@@ -73,7 +73,6 @@ const SPELLINGS: [(&str, &str); 12] = [
 ];
 
 /// Finds a unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are accepted for `deg` and `2`, and `-` for 1.
-#[must_use]
 pub fn find(name: &str) -> Option<BaseUnit> {
     let name = name.trim().replace("°C", "degC").replace('°', "deg").replace('²', "2").replace("^2", "2");
     let name = name.replace(['·', '*'], ".").replace(['µ', 'μ'], "u");
@@ -85,7 +84,6 @@ pub fn find(name: &str) -> Option<BaseUnit> {
 }
 
 /// Returns true if the exponents of two units are equal except for the radian, which some tools omit.
-#[must_use]
 pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
     a[..7] == b[..7]
 }
@@ -117,13 +115,11 @@ pub const SAME: Conversion = Conversion { factor: 1.0, offset: 0.0 };
 
 impl Target {
     /// A unit by its name.
-    #[must_use]
     pub fn named(name: &str) -> Self {
         Self { name: Some(name.to_owned()), base: find(name), ..Self::default() }
     }
 
     /// The unit of a variable of an FMU.
-    #[must_use]
     pub fn of(description: &ModelDescription, variable: &Variable) -> Self {
         let unit = variable.unit.as_deref();
         let declared = unit.and_then(|name| description.unit(name)).and_then(|unit| unit.base);

@@ -97,7 +97,6 @@ impl Expression {
 
     /// Computes the number from those of the metrics of a run. `None` if a metric has none, or if the result is not finite, as after a
     /// division by 0.
-    #[must_use]
     pub fn value(&self, metric: impl Fn(usize) -> Option<f64>) -> Option<f64> {
         self.evaluate(metric).filter(|value| value.is_finite())
     }
@@ -135,7 +134,6 @@ impl Expression {
 
 impl ExpressionError {
     /// An error at the character at a place.
-    #[must_use]
     pub fn at(text: &str, place: usize, expected: &'static str) -> Self {
         Self { problem: Problem::Expected(expected), place: character(text, place) }
     }

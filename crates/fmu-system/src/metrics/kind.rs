@@ -64,7 +64,6 @@ pub enum Kind {
 
 impl Kind {
     /// Returns true if the kind refers to a threshold.
-    #[must_use]
     pub fn has_threshold(self) -> bool {
         matches!(
             self,
@@ -79,7 +78,6 @@ impl Kind {
     }
 
     /// The formula in words, of the rows x\[i\] of a window.
-    #[must_use]
     pub fn formula(self) -> &'static str {
         match self {
             Self::Rms => "square root of the mean of the squares",
@@ -111,19 +109,16 @@ impl Kind {
     }
 
     /// Returns true if the number follows from the values alone, without times or settings, and is always defined.
-    #[must_use]
     pub fn needs_only_values(self) -> bool {
         self.of_values(&[0.0], Summation::InOrder).is_some()
     }
 
     /// Returns true if there is a value for each row of a window: that of the window that ends there.
-    #[must_use]
     pub fn has_running_values(self) -> bool {
         matches!(self, Self::Rms | Self::Mean | Self::Integral)
     }
 
     /// Unit of measure of the number for a signal in a unit; `None` if unknown.
-    #[must_use]
     pub fn unit(self, of_signal: Option<&str>) -> Option<String> {
         match self {
             Self::Crossing | Self::MagnitudeCrossing | Self::RiseTime | Self::SettlingTime => Some("s".into()),
@@ -141,7 +136,6 @@ impl Kind {
 
     /// Computes the number of a signal; `None` for kinds that [need more](Self::needs_only_values), without values, or if a value is not
     /// finite.
-    #[must_use]
     pub fn of_values(self, values: &[f64], summation: Summation) -> Option<f64> {
         let last = *values.last()?;
         if values.iter().any(|x| !x.is_finite()) {

@@ -21,7 +21,6 @@ pub struct Spectrum {
 
 impl Spectrum {
     /// Power in the band [from, to): sum of the densities in it, times the distance of the frequencies.
-    #[must_use]
     pub fn power(&self, [from, to]: [f64; 2]) -> f64 {
         let rows = self.frequencies.iter().zip(&self.densities);
         sum::exact(rows.filter(|(f, _)| (from..to).contains(*f)).map(|(_, density)| *density)) * self.frequencies[0]
@@ -91,7 +90,6 @@ pub fn cross(times: &[f64], input: &[f64], output: &[f64]) -> Result<Cross, Stri
 impl Cross {
     /// The estimate H1 = Pxy/Pxx of the transfer function (J. S. Bendat, A. G. Piersol: Random Data, 4th ed., section 6.1),
     /// which noise in the output does not bias.
-    #[must_use]
     pub fn transfer(&self) -> Transfer {
         let rows =
             || (0..self.frequencies.len()).map(|k| (self.input[k], self.output[k], self.real[k], self.imaginary[k]));

@@ -61,13 +61,11 @@ pub struct FmuFolder {
 
 impl FmuFolder {
     /// Searches these folders. They are read on the first lookup.
-    #[must_use]
     pub fn new<P: Into<PathBuf>>(folders: impl IntoIterator<Item = P>) -> Self {
         Self { folders: folders.into_iter().map(Into::into).collect(), buildable: Vec::new, read: RefCell::default() }
     }
 
     /// Sets the function that names the FMUs that `cargo fmu pack` can build. It is called only if one is missing.
-    #[must_use]
     pub fn with_buildable(self, buildable: fn() -> Vec<String>) -> Self {
         Self { buildable, ..self }
     }

@@ -37,7 +37,6 @@ pub struct RunStatus {
 
 impl RunStatuses {
     /// The outcomes of some runs.
-    #[must_use]
     pub fn new(runs: Vec<RunStatus>) -> Self {
         Self { format: 1, runs }
     }
@@ -45,7 +44,6 @@ impl RunStatuses {
 
 impl RunStatus {
     /// A complete run, whose last row has this time, s.
-    #[must_use]
     pub fn completed(run: &Run, end: Option<f64>) -> Self {
         Self {
             run: run.id.clone(),
@@ -59,13 +57,11 @@ impl RunStatus {
     }
 
     /// Reason that the run is not complete.
-    #[must_use]
     pub fn reason(&self) -> &str {
         self.message.as_deref().unwrap_or(&self.status)
     }
 
     /// A run that is not complete.
-    #[must_use]
     pub fn of(run: &Run, failure: &Failure) -> Self {
         let end = failure.recorded.as_ref().and_then(|recording| recording.time.last().copied());
         let status = match failure.kind {

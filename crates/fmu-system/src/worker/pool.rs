@@ -58,7 +58,6 @@ impl Written {
 
 impl Pool {
     /// A pool of `jobs` workers for runs of some FMUs, which need not be loaded in this process.
-    #[must_use]
     pub fn new(settings: Settings, jobs: NonZeroUsize, fmus: &Fmus) -> Self {
         let needs_python = settings.libpython.is_some() && fmus.iter().any(|fmu| fmu.binary().needs_python());
         let workers = std::iter::repeat_with(Mutex::default).take(jobs.get()).collect();
@@ -66,7 +65,6 @@ impl Pool {
     }
 
     /// The pool with workers of another job, which respond to the same requests.
-    #[must_use]
     pub fn with_job(self, job: &'static str) -> Self {
         Self { job, ..self }
     }
