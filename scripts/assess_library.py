@@ -1,6 +1,6 @@
 """Assesses the vehicles of the library with the controllers of their papers, and writes docs/assessments.md.
 
-`.venv/bin/python scripts/assess_library.py`, after `scripts/build`; takes some minutes.
+`.venv/bin/python scripts/assess_library.py`, after `scripts/setup --all` and `scripts/build`; takes some minutes.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ fmugym steps one FMU of the folder, without a master around it; the scenario her
 
 from __future__ import annotations
 
+import argparse
 import time
 from pathlib import Path
 from typing import Any
@@ -92,6 +93,7 @@ def resets(env: Any, count: int) -> float:
 
 def main() -> None:
     """Run the command."""
+    argparse.ArgumentParser(prog="scripts/bench env", description="Compare environments of gymnasium.").parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     fmu = ROOT / "target" / "fmu" / "EspCar.fmu"
     print(f"gymnasium {gymnasium.__version__}; the fastest of {ROUNDS} episodes each, in turn")

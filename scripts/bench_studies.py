@@ -21,7 +21,7 @@ import pyarrow.parquet
 from chassis_fmu.program import ROOT
 from measuring import Measured, positive, run
 
-PROCESSORS = len(os.sched_getaffinity(0))
+PROCESSORS = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
 

@@ -448,7 +448,7 @@ def test_rows_that_cannot_be_written_fail_the_run(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(master, "simulate", lambda *_, **__: rows)
     header, last = worker.Worker(Board()).respond(request, np.empty(0))
     assert header["Failed"]["failure"]["message"] == "OSError: [Errno 28] No space left on device"
-    assert (header["Failed"]["is_fatal"], header["Failed"]["rows"], last.size) == (False, None, 0)
+    assert (header["Failed"]["failure"]["kind"], header["Failed"]["rows"], last.size) == ("Error", None, 0)
 
     def failing(*_: object, **__: object) -> None:
         error = master.RunError("plant", "fmi2DoStep", 0.1, "status 3 (error)")
@@ -458,4 +458,11 @@ def test_rows_that_cannot_be_written_fail_the_run(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(master, "simulate", failing)
     header, last = worker.Worker(Board()).respond(request, np.empty(0))
     assert header["Failed"]["failure"]["message"] == "component plant, fmi2DoStep: status 3 (error)"
-    assert (header["Failed"]["rows"], last.size) == (None, 0)
+    assert (header["Failed"]["failure"]["kind"], header["Failed"]["rows"], last.size) == ("Error", None, 0)
+
+    def fatal(*_: object, **__: object) -> None:
+        raise master.RunError("plant", "fmi2DoStep", 0.1, "status 4 (fatal)", fatal=True)
+
+    monkeypatch.setattr(master, "simulate", fatal)
+    header, _ = worker.Worker(Board()).respond(request, np.empty(0))
+    assert header["Failed"]["failure"]["kind"] == "Fatal"

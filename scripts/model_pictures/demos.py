@@ -144,6 +144,8 @@ def variable(description: ModelDescription, name: str) -> ScalarVariable:
 
 def run(demo: Demo, fmu: Path, description: ModelDescription) -> tuple[Array, dict[str, Array]]:
     """Run a demo on an FMU; inputs without a signal keep their start values. Returns times and drawn outputs."""
+    for name in (*demo.inputs, *demo.parameters, *demo.outputs):
+        variable(description, name)
     times = np.arange(round(demo.stop / STEP) + 1) * STEP
     starts = {v.name: float(v.start) for v in description.modelVariables if v.causality == "input"}
     signals: dict[str, Signal] = {**starts, **demo.inputs}

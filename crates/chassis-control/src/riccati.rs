@@ -35,8 +35,7 @@
 //! no eigenvalue on the imaginary axis, and every mode of `A - B R^-1 N'` that is not stable is seen
 //! by the cost. The last point excludes designs in which an unstable mode costs nothing by itself:
 //! they have a solution, but not one that doubling finds; weight that mode. All other designs have
-//! no stabilizing solution. Both kinds are reported as an iteration without
-//! convergence.
+//! no stabilizing solution. Both end in the error "no convergence".
 //!
 //! Badly conditioned problems (many unstable modes on one input, long chains of integrators) end in an error about the
 //! residual or the poles, rather than in a wrong gain.

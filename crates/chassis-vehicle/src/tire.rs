@@ -71,8 +71,8 @@ impl MagicFormula {
     }
 }
 
-/// Longitudinal and lateral forces of several of Dugoff's tires, in N, in the frame of the wheel: Dugoff, Fancher, Segel, "An analysis
-/// of tire traction properties and their influence on vehicle dynamic performance", SAE paper 700377, 1970.
+/// Forces of several tires by Dugoff's law, the longitudinal ones first, in N, in the frame of the wheel: Dugoff, Fancher,
+/// Segel, "An analysis of tire traction properties and their influence on vehicle dynamic performance", SAE paper 700377, 1970.
 ///
 /// ```text
 /// (g_x, g_y) = (C_x s, -C_y t)      D = |g|      N = mu F_z (1 - |s|) / 2

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _native
+from ..program import ROOT
 from .factors import Factor
 
 Method = Literal["sweep", "sample", "sensitivity", "worst_case", "optimize"]
@@ -33,9 +34,11 @@ def needed(what: str, *packages: str, otherwise: str = "") -> None:
     """Raise StudyError if a package is not installed that something needs; `otherwise` is another way out."""
     missing = [package for package in packages if importlib.util.find_spec(package) is None]
     if missing:
+        # In the repository, with the versions of its lockfile.
+        is_ours = (ROOT / "scripts" / "setup").exists() and "torch" not in missing
+        remedy = "scripts/setup --all" if is_ours else f"{sys.executable} -m pip install {' '.join(missing)}"
         raise StudyError(
-            f"{what} needs the Python package {' and '.join(missing)}, which is not installed: "
-            f"`{sys.executable} -m pip install {' '.join(missing)}`{otherwise}"
+            f"{what} needs the Python package {' and '.join(missing)}, which is not installed: `{remedy}`{otherwise}"
         )
 
 
