@@ -1,8 +1,8 @@
 """Tune controllers on the test bench, and write their values to modelDescription/parameters/bench_*.ssv.
 
 `.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/setup --all` and `scripts/build`; takes up to an
-hour for each. The requirements hold for the vehicle as it is and in other conditions, such as on a slippery road. The search (Optuna,
-tree-structured Parzen estimator) has a seed: the same FMUs give the same values.
+hour for each. The requirements hold for the vehicle as it is and in other conditions, such as on a slippery road. The
+search (Optuna, tree-structured Parzen estimator) has a seed: the same FMUs give the same values.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 // Systems of the lab in Node.js: every vehicle and maneuver, rewinding, driving, and measurements.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { join } from "node:path";
 import { before, test } from "node:test";
-import { Client, ROOT, free } from "./lab";
+import { Client, free } from "./lab";
 
 const client = new Client();
 before(() => client.start());
