@@ -30,7 +30,8 @@ impl ReportHandler for Handler {
     }
 }
 
-/// A report whose text is escaped. This program gives its reports neither codes nor addresses. Excerpts of files are not: those are scenarios and studies of the user.
+/// A report whose text is escaped, except excerpts of files: those are scenarios and studies of the user. Codes, addresses
+/// and severities are left out, because reports of this program have none.
 #[derive(Debug)]
 struct Safe<'a> {
     report: &'a dyn Diagnostic,

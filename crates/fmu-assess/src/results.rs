@@ -111,6 +111,10 @@ impl Results {
     /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
     pub(crate) fn take(&mut self, run: &RunResult, metrics: &Evaluation, wanted: &[&str]) {
         for found in wanted.iter().filter_map(|name| metrics.metrics.iter().find(|metric| metric.name == *name)) {
+            // A row has one number.
+            if matches!(found.value, metric::Value::Numbers(_)) {
+                continue;
+            }
             let metric = self.metric(found.definition, json!(found.value));
             if let metric::Value::Null(reason) = &found.value {
                 metric.set_reason(&reason.to_string());

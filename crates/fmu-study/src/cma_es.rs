@@ -9,10 +9,16 @@ use crate::search::{Evaluate, Random, Stop, ranking};
 use libm::{exp, log, pow, sqrt};
 use nalgebra::{DMatrix, DVector};
 
+/// Version of the points that a seed gives; histories of another one are not continued.
+pub(crate) const VERSION: &str = "2";
 /// Doublings of the population, at most: more than any budget reaches.
 const MAX_DOUBLINGS: u32 = 10;
 /// Standard deviations, relative to the first, and differences of objectives below which the search has converged.
 const CONVERGED: f64 = 1e-12;
+/// Standard deviations, relative to the first, above which the search has left the ranges behind.
+const DIVERGED: f64 = 1e4;
+/// Iterations of the eigenvalues for each of them, at most; about three are usual.
+const MAX_SWEEPS: usize = 100;
 /// Condition number of the covariance matrix that no longer has meaning in double precision.
 const MAX_CONDITION: f64 = 1e14;
 
@@ -176,16 +182,22 @@ impl Strategy {
             let w = if *w >= 0.0 { *w } else { w * self.n / square.max(f64::MIN_POSITIVE) };
             self.c.ger(self.c_mu * w, y, y, 1.0);
         }
-        let eigen = self.c.clone().symmetric_eigen();
-        self.b = eigen.eigenvectors;
-        self.d = eigen.eigenvalues.map(|value| sqrt(value.max(f64::MIN_POSITIVE)));
+        // Without eigenvalues, as of numbers that are not finite, this search ends.
+        match self.c.clone().try_symmetric_eigen(f64::EPSILON, MAX_SWEEPS * self.m.len()) {
+            Some(eigen) => {
+                self.b = eigen.eigenvectors;
+                self.d = eigen.eigenvalues.map(|value| sqrt(value.max(f64::MIN_POSITIVE)));
+            }
+            None => self.sigma = 0.0,
+        }
 
         self.best.push(objectives[order[0]]);
         self.median.push(objectives[order[order.len() / 2]]);
         self.spread = objectives[order[order.len() - 1]] - objectives[order[0]];
     }
 
-    /// Appendix B.3: nothing that the search could find is left at this scale.
+    /// Of the criteria of appendix B.3: ConditionCov, TolFun, Stagnation, TolX and TolXUp. NoEffectAxis and NoEffectCoord
+    /// say the same as TolX where all parameters are shares of a range.
     fn has_converged(&self) -> bool {
         let last = 10 + (30.0 * self.n / self.w.len() as f64).ceil() as usize;
         let recent = &self.best[self.best.len().saturating_sub(last)..];
@@ -194,8 +206,9 @@ impl Strategy {
         let shortest = (120.0 + 30.0 * self.n / self.w.len() as f64).ceil() as usize;
         let window = (self.best.len() / 5).max(shortest);
         let stagnates = [&self.best, &self.median].iter().all(|history| is_no_better(history, window));
-        let is_narrow = self.sigma * self.d.max() < CONVERGED * self.first_sigma;
-        is_flat || stagnates || is_narrow || pow(self.d.max() / self.d.min(), 2.0) > MAX_CONDITION
+        let width = self.sigma * self.d.max().max(self.p_c.amax()) / self.first_sigma;
+        let is_out_of_scale = !(CONVERGED..DIVERGED).contains(&width);
+        is_flat || stagnates || is_out_of_scale || pow(self.d.max() / self.d.min(), 2.0) > MAX_CONDITION
     }
 }
 

@@ -353,16 +353,17 @@ fn fingerprint(study: &Study, method: &Method, files: &BTreeMap<String, String>)
             run
         })
         .collect();
-    hash(
-        json(&(
-            HISTORY_FORMAT,
-            (&simulation.times, runs),
-            (&simulation.parameters, &simulation.constants, &study.constraints),
-            (&simulation.terms, &simulation.limits, simulation.penalty),
-            (method.seed, method.search),
-        ))
-        .as_bytes(),
-    )
+    let mut content = json(&(
+        HISTORY_FORMAT,
+        (&simulation.times, runs),
+        (&simulation.parameters, &simulation.constants, &study.constraints),
+        (&simulation.terms, &simulation.limits, simulation.penalty),
+        (method.seed, method.search),
+    ));
+    if let Search::Cmaes(_) = method.search {
+        content += cma_es::VERSION;
+    }
+    hash(content.as_bytes())
 }
 
 fn hash(bytes: &[u8]) -> String {

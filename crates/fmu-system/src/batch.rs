@@ -127,12 +127,14 @@ impl Batch {
                 return;
             }
             let (sample, run) = tasks[index];
-            let mut outcomes = states[sample].lock().unwrap_or_else(PoisonError::into_inner);
-            outcomes.push((run, outcome));
-            if outcomes.len() < self.executed(&samples[sample]).len() {
-                return;
-            }
-            let outcomes = std::mem::take(&mut *outcomes);
+            let outcomes = {
+                let mut outcomes = states[sample].lock().unwrap_or_else(PoisonError::into_inner);
+                outcomes.push((run, outcome));
+                if outcomes.len() < self.executed(&samples[sample]).len() {
+                    return;
+                }
+                std::mem::take(&mut *outcomes)
+            };
             for row in self.rows(sample, &samples[sample], &outcomes) {
                 if !take(row) {
                     stopped.store(true, order);

@@ -287,6 +287,9 @@ unsafe fn call<E: Export>(
 
 /// Defines functions of the C interface for a model `E` from their entries in the table of calls. The body gets the [`Handle`] of the
 /// component and the [`Call`].
+///
+/// Safety: the bodies are unsafe. What they read and write through pointers is what the standard lets the caller pass: a component of this
+/// library, arrays of the stated lengths, strings that end with zero, states of this component.
 macro_rules! functions {
     ($($(#[$attribute:meta])* fn $name:ident[$function:ident]($h:pat, $call:pat
         $(, $argument:ident: $type:ty)* $(,)?) $body:block)*) => {$(

@@ -319,6 +319,17 @@ mod tests {
         }
     }
 
+    /// Of a track to the left, the left edge is the right one of the mirror image, and the other way round.
+    #[test]
+    fn a_mirror_swaps_the_edges() {
+        for part in [Part::One, Part::Two] {
+            let track_of = |is_mirrored| track(part, 10.0, 2.0, is_mirrored);
+            for ([begin, end, right, left], mirrored) in track_of(false).into_iter().zip(track_of(true)) {
+                assert_eq!(mirrored, [begin, end, -left, -right]);
+            }
+        }
+    }
+
     /// Check numbers of the test bench for a width of 1.61 m.
     #[test]
     fn sections_of_both_tracks() {

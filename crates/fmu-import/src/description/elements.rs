@@ -72,6 +72,7 @@ impl ModelDescription {
 
     /// Adds a variable for each element of its arrays: `a[1]`, `a[2]` and so on, `a[2,1]` for two dimensions, row by row.
     /// Arrays of Strings stay arrays, and those beyond 20,000 elements of the FMU.
+    #[must_use]
     pub fn with_elements(self) -> Self {
         let references = self.element_references();
         if references.iter().all(Option::is_none) {

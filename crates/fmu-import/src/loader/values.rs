@@ -95,7 +95,8 @@ impl Instance {
             return self.get_bools(refs, values);
         }
         self.same_length(Function::GetBoolean, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
+        assert!(values.len() >= refs.len(), "a value for each variable");
+        // SAFETY: live instance; both arrays have the stated length, that of FMI 2.0 by the assertion.
         self.call_present(Function::GetBoolean, |f, c| unsafe {
             match f {
                 Functions::V2(f) => Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())),
@@ -113,6 +114,9 @@ impl Instance {
     }
 
     /// Reads variables for which both versions have the same C type. An FMU of FMI 2.0 gives one value for each.
+    ///
+    /// # Panics
+    /// If there are fewer values than variables.
     fn get_plain<T>(
         &mut self,
         function: Function,
@@ -139,7 +143,9 @@ impl Instance {
         in_v2: impl FnOnce(&v2::Functions) -> c_api::Set<T>,
         in_v3: impl FnOnce(&v3::Functions) -> c_api::v3::Set<T>,
     ) -> Result<(), CallError> {
-        // SAFETY: live instance; both arrays have the stated length, and the strings that they point to live on.
+        assert!(values.len() >= refs.len(), "a value for each variable");
+        // SAFETY: live instance; both arrays have the stated length, that of FMI 2.0 by the assertion, and the strings that
+        // callers point to live on.
         self.call(function, |f, c| unsafe {
             match f {
                 Functions::V2(f) => in_v2(f)(c, refs.as_ptr(), refs.len(), values.as_ptr()),

@@ -66,6 +66,7 @@ impl FmuFolder {
     }
 
     /// Sets the function that names the FMUs that `cargo fmu pack` can build. It is called only if one is missing.
+    #[must_use]
     pub fn with_buildable(self, buildable: fn() -> Vec<String>) -> Self {
         Self { buildable, ..self }
     }

@@ -65,6 +65,7 @@ impl Pool {
     }
 
     /// The pool with workers of another job, which respond to the same requests.
+    #[must_use]
     pub fn with_job(self, job: &'static str) -> Self {
         Self { job, ..self }
     }
