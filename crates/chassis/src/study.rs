@@ -82,7 +82,7 @@ const RESULTS: &str = "results";
 const UNABLE: i32 = 2;
 
 impl Arguments {
-    /// The options that only studies with `[[vary]]` have, of those that are given.
+    /// Those of the given options that apply only to studies with `[[vary]]`.
     fn of_samples(&self) -> Option<&'static str> {
         let given = [
             ("--runs", self.runs.is_some()),

@@ -14,7 +14,7 @@ pub const ACTUATORS: &str = "BrakeAndDriveActuators";
 pub struct Subject {
     /// Name of the plant's FMU.
     pub plant: String,
-    /// Components that belong to the vehicle; empty for those that the plant needs.
+    /// Components that belong to the vehicle; if empty, those that the plant needs.
     pub base: Vec<String>,
     /// Controllers.
     pub with: Vec<String>,

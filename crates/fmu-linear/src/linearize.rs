@@ -194,7 +194,7 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
     }
 }
 
-/// Parses a value of the command line. An Integer may be written by the name of its value.
+/// Parses a value from the command line. An Integer may be given as the name of its value.
 pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
     let unit = variable.unit.as_ref().map_or_else(String::new, |unit| format!(" in {unit}, without the unit"));
     let expected = |what: &str| format!("`{}` must be {what}, got `{text}`", variable.name);

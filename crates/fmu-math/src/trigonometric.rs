@@ -1,6 +1,7 @@
 //! Sine, cosine and tangent.
 //!
-//! A multiple n of pi/2 is taken off in three parts (Cody and Waite), of which the first two times n are exact. The rest r
+//! A multiple n of pi/2 is subtracted in three parts (Cody and Waite); the products of n and the first two
+//! parts are exact. The rest r
 //! is known to twice the precision, |r| <= pi/4, and goes into two polynomials.
 
 use crate::bits::{ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitude, product, sign, spread};

@@ -267,7 +267,7 @@ mod tests {
         assert!((strategy.sigma - 0.389_934_908_639_413_6).abs() < 1e-12, "{}", strategy.sigma);
     }
 
-    /// By hand: of ten values the medians of the first and last three count.
+    /// Computed by hand: of ten values, the medians of the first three and of the last three are compared.
     #[test]
     fn a_history_that_does_not_fall_stagnates() {
         let falling = [9.0, 8.0, 8.0, 5.0, 5.0, 5.0, 5.0, 7.0, 7.0, 9.0];

@@ -160,7 +160,7 @@ pub type Read<'a> = &'a dyn Fn(&Run, &BTreeSet<usize>) -> Option<Result<Signals,
 
 type Numbers = Vec<Option<f64>>;
 
-/// Numbers of the metrics of the complete runs, by the id of the run.
+/// Values of the metrics of the complete runs, by the id of the run.
 pub type RunNumbers<'a> = BTreeMap<&'a str, Numbers>;
 
 /// Computes the numbers of the metrics of all runs. With `is_only_required`, those that no requirement needs are left out.

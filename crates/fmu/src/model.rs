@@ -214,7 +214,7 @@ pub trait Continuous: Parameters {
     fn on_event(&self, _event: Event<'_, Self>) {}
 }
 
-/// Function of the names of an output of a source and of a parameter: `true` if the output depends on the parameter at
+/// Takes the name of an output of a source and that of a parameter: `true` if the output depends on the parameter at
 /// any time of a run with any values of the other parameters. Tools read it from the model structure.
 pub type Influence = fn(output: &str, parameter: &str) -> bool;
 

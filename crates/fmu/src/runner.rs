@@ -151,7 +151,7 @@ pub trait Model: Sized + 'static {
     }
     /// Prepares the state of the run for events that the importer handles, unless it is prepared: those up to `time` are done.
     fn init_events(_: &mut Self::RunnerState, _: &Layout, _time: f64) {}
-    /// Computes the outputs; those of the first sample of a source.
+    /// Computes the outputs; for a source, those of its first sample.
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore);
     /// Computes the derivatives of the state.
     fn derivatives(_: Context<'_, Self>, _: &Self::RunnerState, _: &mut ValueStore) {}

@@ -96,8 +96,8 @@ proptest! {
         prop_assert!((p.b / 2.0 * (f[0] - f[1] + f[2] - f[3]) - m_r).abs() < 1e-9);
     }
 
-    /// The command alone takes power (mode 1), or damper and command together stay a damper within its limits (mode 2).
-    /// 1e-12 of the power are roundings.
+    /// The command alone dissipates power (mode 1), or damper and command together still act as a damper within its limits
+/// (mode 2). Up to 1e-12 of the power is rounding.
     #[test]
     fn a_damper_never_drives(f in -1e5..1e5_f64, v in -2.0..2.0_f64, rear: bool) {
         let axle = usize::from(rear);

@@ -106,7 +106,8 @@ fn a_raised_road_raises_the_car() {
     }
 }
 
-/// Energy of the car: momenta's kinetic energy to second order in the angles of the body; springs, bars, tires, weight.
+/// Energy of the car: kinetic energy from the momenta, to second order in the angles of the body; springs, bars, tires,
+/// weight.
 fn energy<T: Scalar>(p: &EspCar, d: &D, x: &X<T>) -> T {
     let (a, b) = (x.theta * p.h_b + d.e, x.phi * p.h_b);
     let (v_x, v_y) = (x.u + x.thetad * p.h_b + x.r * b, x.v - x.phid * p.h_b + x.r * a);

@@ -1020,7 +1020,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// A state saved at any sample and restored later continues bit-identical, at any speed, on every road.
+        /// A run restored from a state saved at any sample continues bit-identically, at any speed, on every road.
         #[test]
         fn saved_state_continues(road in 0..16_usize, speeds in proptest::collection::vec(-30.0..300.0_f64, 2..200), cut in 0.0..1.0_f64) {
             let mut drive = roads().nth(road).unwrap();

@@ -117,7 +117,7 @@ pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f6
     spec.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)])
 }
 
-/// A J-turn at a speed, m/s, with an angle of the steering wheel, deg.
+/// A J-turn at the given speed (m/s) and steering-wheel angle (deg).
 pub(crate) fn j_turn_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {
     RunSpec::new(id, Driving::OpenLoop, speed, 6.0).maneuver("ramp_step").drivers(&[
         ("steer.amplitude", wheel.to_radians() / bench.ratio()),

@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use std::hint::black_box;
 use std::sync::{Mutex, PoisonError};
 
-/// Tests for rounding to nearest. Requires a masked inexact exception. Takes no time beside a call; reading the control word takes some
-/// nanoseconds.
+/// Tests for rounding to nearest. Requires a masked inexact exception. Costs little compared with a call: reading the
+/// control word takes some nanoseconds.
 #[inline]
 pub(super) fn rounds_to_nearest() -> bool {
     let (one, half_ulp) = (black_box(1.0_f64), black_box(f64::EPSILON / 2.0));
