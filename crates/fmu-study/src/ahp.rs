@@ -32,7 +32,7 @@ pub struct Weights {
 /// Weights of a judgment matrix.
 ///
 /// # Errors
-/// The matrix is not a judgment matrix, or its consistency ratio is above [`MAX_RATIO`].
+/// The matrix is not a judgment matrix, or its consistency ratio is above 0.10.
 pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, String> {
     check(matrix)?;
     let n = matrix.len();
