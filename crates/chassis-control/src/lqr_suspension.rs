@@ -19,7 +19,7 @@ pub use model::{LATERAL_STATES, STATES, output_rows, state_space};
 
 /// Copies of the plant's parameters; a parameter set by name feeds both.
 #[derive(Parameters, Clone, Debug)]
-#[expect(missing_docs, reason = "the symbols stand in the plant's documentation")]
+#[expect(missing_docs, reason = "the plant's documentation explains the symbols")]
 pub struct VehicleParameters {
     #[var(VEHICLE_MASS, start = data::MASS)]
     pub m: f64,

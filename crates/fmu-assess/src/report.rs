@@ -158,8 +158,8 @@ pub(crate) fn row(without: Option<&Measured>, with: Option<&Measured>, is_pair: 
         Comparison::Numbers(old, new, compared) => (percent(*old, *new, decisive.unit), compared.clone()),
         _ => (None, None),
     };
-    let is_judged = is_pair && decisive.direction != Direction::None;
-    let judgment = if is_judged { judgment(&old, &new, &comparison, decisive) } else { None };
+    let has_direction = is_pair && decisive.direction != Direction::None;
+    let judgment = if has_direction { judgment(&old, &new, &comparison, decisive) } else { None };
     let incomparable = match comparison {
         Comparison::None(reason) if is_pair && !(old.is_null() && new.is_null()) => Some(reason),
         _ => None,

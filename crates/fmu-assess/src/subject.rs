@@ -73,7 +73,7 @@ pub(crate) fn settings(
     let mut set = Vec::new();
     for (owner, name, value) in &subject.set {
         if !known.contains(&owner.as_str()) {
-            let message = format!("there is no component `{owner}`, so `{name}` cannot be set");
+            let message = format!("`{name}` cannot be set: there is no component `{owner}`");
             return Err(SetupError::with_help(message, format!("There are `{}`.", known.join("`, `"))));
         }
         let own = if *owner == plant.component.name { "plant" } else { owner.as_str() };

@@ -36,8 +36,8 @@ pub struct Weights {
 pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, String> {
     check(matrix)?;
     let n = matrix.len();
-    let judged = judged(matrix);
-    let Weights { weights: q, lambda_max, ratio, .. } = &judged;
+    let found = evaluate(matrix);
+    let Weights { weights: q, lambda_max, ratio, .. } = &found;
     if *ratio > MAX_RATIO {
         // Factor by which an entry is too large or too small.
         let misfit = |i: usize, j: usize| (matrix[i][j] * q[j] / q[i]).max(q[i] / (q[j] * matrix[i][j]));
@@ -52,11 +52,11 @@ pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, String> {
             q[i] / q[j]
         ));
     }
-    Ok(judged)
+    Ok(found)
 }
 
 /// Weights of judgments that may contradict each other.
-fn judged(matrix: &[Vec<f64>]) -> Weights {
+fn evaluate(matrix: &[Vec<f64>]) -> Weights {
     let n = matrix.len();
     let q = principal_eigenvector(matrix);
     let lambda_max = multiply(matrix, &q).iter().zip(&q).map(|(t, q)| t / q).sum::<f64>() / n as f64;
@@ -186,7 +186,7 @@ mod tests {
     fn contradictory_judgments_are_rejected() {
         let circle = [vec![1.0, 5.0, 0.2], vec![0.2, 1.0, 5.0], vec![5.0, 0.2, 1.0]];
         // By symmetry the weights are equal and lambda_max is the sum of a row.
-        let Weights { ratio, lambda_max, .. } = judged(&circle);
+        let Weights { ratio, lambda_max, .. } = evaluate(&circle);
         assert!((lambda_max - 6.2).abs() < 1e-12 && (ratio - 1.6 / 0.58).abs() < 1e-12);
         let text = weights(&circle).unwrap_err();
         assert!(text.contains("ratio 2.759") && text.contains("at most 0.10"), "{text}");

@@ -40,7 +40,7 @@ impl Default for Settings {
 /// Searches until the evaluator ends it.
 ///
 /// # Errors
-/// The evaluator ends the search; there is no other end.
+/// The evaluator ends the search, which never ends by itself.
 pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn Evaluate) -> Result<(), Stop> {
     let usual = 4 + (3.0 * log(dimension as f64)).floor() as usize;
     let mut generation = 0;

@@ -101,12 +101,12 @@ fn the_methods_reach_what_random_search_does_not() {
     }
 }
 
-/// Of seeds 1 to 100, 86 come below 0.1 and 7 end in the local minimum. With a probability of 0.86, 20 seeds give
-/// 17.2 with a standard deviation of 1.6; four of them are allowed.
+/// Reference: the crate cmaes 0.2.2, of whose seeds 1 to 1000 877 come below 0.1 and 59 end in the local minimum (here 889
+/// and 57). With a probability of 0.88, 100 seeds give 88 with a standard deviation of 3.3; four of them are allowed.
 #[test]
 fn cma_es_follows_the_valley_most_times() {
-    let found = (1..=20).filter(|seed| cmaes_on(rosenbrock, *seed).best() < 0.1).count();
-    assert!(found >= 11, "{found}");
+    let found = (1..=100).filter(|seed| cmaes_on(rosenbrock, *seed).best() < 0.1).count();
+    assert!(found >= 75, "{found}");
 }
 
 /// The settings are chosen for about 20 clones a generation (the spec of the algorithm: 2068 evaluations in 100

@@ -13,7 +13,39 @@ use crate::variables::Variables as _;
 type Runner<M> = ContinuousModel<M, false>;
 
 /// A run of a continuous-time model, identical to that of its FMU: same solver, same bits.
-/// An example is on the [front page](crate).
+///
+/// ```
+/// use fmu::prelude::*;
+/// use fmu::simulation::ContinuousSimulation;
+///
+/// #[derive(Parameters)]
+/// struct Decay;
+///
+/// #[derive(State)]
+/// struct X<T> {
+///     /// Amount (mol)
+///     #[var(start = 1.0)]
+///     n: T,
+/// }
+///
+/// /// Radioactive decay
+/// #[fmu::model(stop_time = 1.0, step_size = 0.01)]
+/// impl Continuous for Decay {
+///     type State<T: Scalar> = X<T>;
+///     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+///         X { n: -at.state.n }
+///     }
+/// }
+///
+/// # fn main() -> Result<(), String> {
+/// let mut run = ContinuousSimulation::new(Decay)?;
+/// while run.time() < 1.0 {
+///     run.step(&(), 0.01)?;
+/// }
+/// // The classical Runge-Kutta method: the error is about the fifth power of the step.
+/// assert!((run.state().n - (-run.time()).exp()).abs() < 1e-10);
+/// # Ok(()) }
+/// ```
 pub struct ContinuousSimulation<M: Continuous> {
     model: Arc<M>,
     derived: Arc<M::Derived>,

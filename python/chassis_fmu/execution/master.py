@@ -68,7 +68,7 @@ class RunError(Exception):
     messages: Iterable[str] = ()
     fatal: bool = False
     is_end: bool = False
-    """The FMU has ended the simulation, which is no mistake."""
+    """The FMU has asked to end the simulation; this is not an error."""
     is_discarded: bool = False
     """The FMU has discarded a step."""
     recorded: tuple[Array, Array] | None = None

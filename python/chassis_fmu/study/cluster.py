@@ -182,7 +182,7 @@ class Dask:
             try:
                 return turn()
             # A client without scheduler raises OSError, or RuntimeError when it has noticed; a future, CancelledError.
-            # What workers raise is a StudyError already.
+            # Workers have already turned their errors into a StudyError.
             except (OSError, RuntimeError, concurrent.futures.CancelledError) as error:
                 cause = str(error) or type(error).__name__
                 if self._cluster is not None:

@@ -263,7 +263,7 @@ class Job:
 
     def fingerprint(self) -> str:
         """Return a hash of all that decides about the rows: study, scenario, FMUs and the files that they read."""
-        # What identifies the runs, wherever the FMUs lie.
+        # The identity of the runs does not depend on the folder of the FMUs.
         hashes = {str(path): _hash(path) for path in (*self.fmu_files(), *self.data_files())}
         plans = [[_without_paths(s.json(), hashes) for s in self.scenarios], sorted(set(hashes.values()))]
         parts: list[Any] = [_of_study(self.study), plans]

@@ -94,7 +94,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     let steady = steady(rows, steer)?;
     let sign = sign(steady);
     if sign == 0.0 {
-        return Err("the mean of `driver.steer` in the last second is 0: there is no step".to_owned());
+        return Err("`driver.steer` has a mean of 0 over the last second, so the file contains no step".to_owned());
     }
     let magnitude = sign * steady;
     results.set("steer", magnitude);

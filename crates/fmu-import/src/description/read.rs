@@ -442,6 +442,8 @@ mod tests {
             ("declaredType=\"Angle\"", "declaredType=\"Angel\"", "`Angel` is not defined"),
             ("causality=\"output\"", "causality=\"out\"", "causality=\"out\""),
             ("<Unknown index=\"3\"", "<Unknown index=\"99\"", "names variable 99"),
+            ("dependenciesKind=\"fixed\"", "dependenciesKind=\"linear\"", "dependenciesKind=\"linear\", which FMI 2.0"),
+            ("dependencies=\"6\" ", "dependencies=\"\" ", "must have as many dependenciesKind as dependencies"),
             ("max=\"1.5\"", "max=\"big\"", "max=\"big\""),
             ("derivative=\"3\"", "derivative=\"0\"", "numbered from 1"),
             ("derivative=\"3\"", "derivative=\"77\"", "derivative of variable 77"),
