@@ -111,10 +111,12 @@ static void format_message(char *out, size_t size, const char *format, va_list *
 }
 
 void fmu_import_logger(void *environment, const char *instance, int status, const char *category, const char *format, ...) {
-    char text[MOST + 1] = "";
+    /* Not on the stack, because threads that call an FMU may have little of it. */
+    char *text = calloc(MOST + 1, 1);
     va_list list;
     va_start(list, format);
-    if (format) format_message(text, sizeof text, format, &list);
+    if (text && format) format_message(text, MOST + 1, format, &list);
     va_end(list);
-    fmu_import_message(environment, instance, status, category, text);
+    fmu_import_message(environment, instance, status, category, text ? text : format);
+    free(text);
 }
