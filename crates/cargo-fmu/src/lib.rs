@@ -5,7 +5,6 @@
 mod build;
 mod check;
 mod documentation;
-mod eigenvalues;
 pub mod errors;
 pub mod files;
 mod inspect;

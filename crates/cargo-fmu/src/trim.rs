@@ -7,10 +7,10 @@ use fmu_import::archive::read_description;
 use fmu_import::description::{ModelDescription, Value};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
 use fmu_linear::trim::{StateRole, SteadyState};
+use fmu_math::eigenvalues;
 use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::DMatrix;
 
-use crate::eigenvalues::eigenvalues;
 use crate::inspect::locate;
 use crate::operating_point::{groups, parse};
 use crate::outln;

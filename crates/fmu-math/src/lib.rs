@@ -7,6 +7,8 @@ extern crate alloc;
 mod bits;
 mod coefficients;
 pub mod dense;
+#[cfg(feature = "eigenvalues")]
+mod eigenvalues;
 mod exponential;
 mod inverse;
 mod lanes;
@@ -17,6 +19,8 @@ mod power;
 pub mod sparse;
 mod trigonometric;
 
+#[cfg(feature = "eigenvalues")]
+pub use eigenvalues::eigenvalues;
 pub use exponential::{cosh, exp, exp_each, sinh, tanh, tanh_each};
 pub use inverse::{acos, asin, atan, atan_each, atan2, atan2_each};
 pub use logarithm::ln;

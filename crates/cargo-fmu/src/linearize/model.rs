@@ -4,11 +4,10 @@ use std::f64::consts::TAU;
 
 use fmu_import::description::ModelDescription;
 use fmu_linear::linearize::Linear;
+use fmu_math::eigenvalues;
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
-
-use crate::eigenvalues::eigenvalues;
 
 /// Poles smaller than this fraction of the largest one count as 0, due to rounding.
 const AT_ZERO: f64 = 1e-8;

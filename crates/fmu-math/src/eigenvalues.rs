@@ -1,4 +1,4 @@
-//! Eigenvalues of a matrix.
+//! Eigenvalues of a matrix, by the QR iteration of nalgebra.
 
 use nalgebra::{Complex, DMatrix, Schur};
 
@@ -10,7 +10,7 @@ use nalgebra::{Complex, DMatrix, Schur};
 /// # Panics
 ///
 /// If the matrix is not square.
-pub(crate) fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+pub fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let n = m.nrows();
     if !m.norm().is_finite() {
         return None;
@@ -45,9 +45,34 @@ fn quasi_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
         // A block of 2 x 2: mean +- sqrt(discriminant).
         let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
         let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
-        let root = Complex::new(half * half + t[(i, i + 1)] * t[(i + 1, i)], 0.0).sqrt();
-        values.push(mean + root);
-        values.push(mean - root);
+        let square: f64 = half * half + t[(i, i + 1)] * t[(i + 1, i)];
+        let root = if square < 0.0 { Complex::new(0.0, (-square).sqrt()) } else { Complex::new(square.sqrt(), 0.0) };
+        values.push(root + mean);
+        values.push(-root + mean);
     }
     values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{hypot, sin_cos};
+
+    /// A cyclic permutation has the n-th roots of 1 as eigenvalues and stops the iteration of
+    /// nalgebra (its issues 611 and 1528). Tolerance: rounding of a matrix of norm sqrt(12), twice
+    /// for the way over the inverse.
+    #[test]
+    fn eigenvalues_of_a_cyclic_matrix() {
+        let n = 12;
+        let cyclic = DMatrix::from_fn(n, n, |i, j| f64::from(j == (i + 1) % n));
+        let stuck = Schur::try_new(cyclic.clone(), f64::EPSILON, 100 * n).is_none();
+        assert!(stuck, "the detour over the inverse is no longer tested");
+        let mut left = eigenvalues(&cyclic).unwrap();
+        assert_eq!(left.len(), n);
+        for k in 0..n {
+            let (im, re) = sin_cos(std::f64::consts::TAU * k as f64 / n as f64);
+            let near = left.iter().position(|z| hypot(z.re - re, z.im - im) < 1e-13);
+            left.swap_remove(near.unwrap_or_else(|| panic!("{re} + {im}i is missing in {left:?}")));
+        }
+    }
 }
