@@ -16,7 +16,7 @@ import pytest
 import scipy.stats
 from numpy.typing import NDArray
 
-from chassis_fmu.study import bundle, report, search
+from chassis_fmu.study import bundle, file, report, search
 from chassis_fmu.study.engines import Local
 from chassis_fmu.study.file import StudyError
 from chassis_fmu.study.file import read as load_study
@@ -29,8 +29,10 @@ SAMPLE = 'method = "sample"\nruns = 20\n'
 TWO = vary("p", "f:a", UNIFORM) + vary("q", "f:c", 'distribution = "normal"\nmean = 3.0\ndeviation = 0.1')
 
 
-def run(folder: Path, study: Path, *options: str) -> int:
-    """Carry out a study with the FMUs of a folder."""
+def run(folder: Path, study: Path, *options: str, page: bool = False) -> int:
+    """Carry out a study with the FMUs of a folder, without its page unless a test reads it."""
+    if not page and "--report-only" not in options:
+        options = ("--no-page", *options)
     return study_system.carry_out([str(study), "--fmus", str(folder / "fmus"), "--out", str(folder / "out"), *options])
 
 
@@ -47,7 +49,7 @@ def table(folder: Path, out: str = "out") -> bytes:
 
 def test_every_run_is_a_row_with_its_values_and_metrics(tmp_path: Path) -> None:
     build(tmp_path)
-    assert run(tmp_path, write(tmp_path, SAMPLE + TWO)) == 0
+    assert run(tmp_path, write(tmp_path, SAMPLE + TWO), page=True) == 0
     found = rows(tmp_path)
     assert [(r["sample"], r["case"]) for r in found] == [(n, c) for n in range(20) for c in ("plain", "shifted")]
     for row in found:
@@ -127,7 +129,7 @@ def test_correlated_factors_are_correlated_in_the_runs(tmp_path: Path) -> None:
     study += vary("p", "f:a", normal.format(1.0, 0.5)) + vary("q", "f:c", normal.format(3.0, 0.1))
     study += vary("r", "f:b", normal.format(2.0, 0.1))
     study += '[[correlation]]\nbetween = ["p", "q"]\ncoefficient = 0.8\n'
-    assert run(tmp_path, write(tmp_path, study)) == 0
+    assert run(tmp_path, write(tmp_path, study), page=True) == 0
     p, q, r, y = (np.array([float(str(row[name])) for row in rows(tmp_path)]) for name in ("p", "q", "r", "y"))
     # Five standard errors of a coefficient of correlation, (1 - r^2)/sqrt(n).
     found = np.corrcoef((p, q, r))
@@ -165,7 +167,7 @@ def test_inputs_and_start_values_are_factors(tmp_path: Path, monkeypatch: pytest
 def test_the_command_line_sets_the_number_of_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(tmp_path)
     study = write(tmp_path, SAMPLE + TWO)
-    assert run(tmp_path, study, "--runs", "7") == 0
+    assert run(tmp_path, study, "--runs", "7", page=True) == 0
     seven = table(tmp_path)
     assert [r["sample"] for r in rows(tmp_path)] == [n for n in range(7) for _ in range(2)]
     assert len(rows(tmp_path, "design")) == 7
@@ -264,7 +266,7 @@ def test_a_run_that_fails_is_a_row(tmp_path: Path, statement: str, status: str, 
     study = 'method = "sweep"\ncases = ["plain"]\n' + vary("p", "f:a", "values = [0.0, 1.0, 0.25]")
     study += '[[requirement]]\nmetric = "y"\nmax = 1000.0\nshare = 0.6\n'
     # Two of three runs keep it: enough.
-    assert run(tmp_path, write(tmp_path, study), "--timeout", "1") == 0
+    assert run(tmp_path, write(tmp_path, study), "--timeout", "1", page=True) == 0
     found = rows(tmp_path)
     assert [r["status"] for r in found] == ["ok", status, "ok"]
     assert [r["meets:y"] for r in found] == [True, False, True]
@@ -296,7 +298,7 @@ def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.Captu
     build(tmp_path)
     scenario = SCENARIO.replace('kind = "final"', 'kind = "final"\nmax = 325.0\nshare = 0.5\nrequired_of = ["plain"]')
     study = 'method = "sweep"\n' + vary("p", "f:a", "values = [5.0, 6.0]")
-    assert run(tmp_path, write(tmp_path, study, scenario)) == 0
+    assert run(tmp_path, write(tmp_path, study, scenario), page=True) == 0
     # A sweep has no interval of confidence.
     assert "Passed  Value, Plain: at most 325 in 50.0 % of the runs, required 50.0 %" in capsys.readouterr().out
     page = (tmp_path / "out" / "study" / "index.html").read_text()
@@ -572,10 +574,15 @@ def test_a_package_that_is_missing_is_explained(
     build(tmp_path)
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == package else find(name, *more))
-    assert run(tmp_path, write(tmp_path, study.format(vary("p", "f:a", UNIFORM))), *options) == 2
-    error = capsys.readouterr().err
-    assert expected in error
-    assert f"-m pip install {package}" in error
+    path = write(tmp_path, study.format(vary("p", "f:a", UNIFORM)))
+    install = f"-m pip install {package}"
+    # In the repository, whose lockfile has all of them but torch, and for users of the wheel.
+    for root, remedy in [(file.ROOT, install if package == "torch" else "scripts/setup --all"), (tmp_path, install)]:
+        monkeypatch.setattr(file, "ROOT", root)
+        assert run(tmp_path, path, "--overwrite", *options) == 2
+        error = capsys.readouterr().err
+        assert expected in error
+        assert remedy in error
 
 
 @pytest.mark.parametrize(("direction", "sign"), [("maximize", 1.0), ("minimize", -1.0)])
@@ -585,7 +592,7 @@ def test_a_run_that_fails_is_the_worst_case(
     # The numbers lead away from where it fails.
     build(tmp_path, f"{-sign} * a", before="if (a > 0.7) return 3")
     study = f'method = "worst_case"\nruns = 40\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}'
-    assert run(tmp_path, write(tmp_path, f'{study}[search]\nmetric = "y"\ndirection = "{direction}"\n')) == 0
+    assert run(tmp_path, write(tmp_path, f'{study}[search]\nmetric = "y"\ndirection = "{direction}"\n'), page=True) == 0
     failed = [r for r in rows(tmp_path) if r["status"] == "diverged"]
     # It fails in 30 % of the range; a search that goes where it fails has more of them among its samples.
     assert chance(sum(int(str(r["sample"])) >= STARTUP for r in failed), 40 - STARTUP, 0.3) < BY_CHANCE
@@ -681,21 +688,21 @@ def test_a_mistake_of_the_program_is_no_requirement_that_is_missed(
         raise ZeroDivisionError("broken")
 
     monkeypatch.setattr(report, "write", broken)
-    assert run(tmp_path, write(tmp_path, SAMPLE + TWO)) == 2
+    assert run(tmp_path, write(tmp_path, SAMPLE + TWO), page=True) == 2
     assert "ZeroDivisionError: broken" in capsys.readouterr().err
 
 
 def test_the_page_shows_the_worst_runs_without_being_asked(tmp_path: Path) -> None:
     build(tmp_path)
     path = write(tmp_path, SAMPLE + 'cases = ["plain"]\n' + TWO)
-    assert run(tmp_path, path) == 0
+    assert run(tmp_path, path, page=True) == 0
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     worst = sorted(rows(tmp_path), key=lambda r: -float(str(r["y"])))[:3]
     assert "Time histories" in page
     for row in worst:
         assert f"Plain, sample {row['sample']}" in page
     path.write_text(path.read_text() + "[series]\nworst = 0\n")
-    assert run(tmp_path, path, "--resume") == 0
+    assert run(tmp_path, path, "--resume", page=True) == 0
     assert "Time histories" not in (tmp_path / "out" / "study" / "index.html").read_text()
 
 
@@ -724,10 +731,25 @@ def test_a_wrong_scenario_names_the_study_and_its_key(tmp_path: Path, capsys: py
         assert expected in found
 
 
+def test_a_study_without_its_page_has_the_same_tables(tmp_path: Path) -> None:
+    build(tmp_path)
+    path = write(tmp_path, SAMPLE + TWO)
+    page = tmp_path / "out" / "study" / "index.html"
+    assert run(tmp_path, path, page=True) == 0
+    expected = table(tmp_path)
+    assert page.exists()
+    assert run(tmp_path, path, "--resume") == 0
+    assert not page.exists(), "the page of the call before is left"
+    assert table(tmp_path) == expected
+    assert run(tmp_path, path, "--overwrite") == 0
+    assert not page.exists()
+    assert table(tmp_path) == expected
+
+
 def test_the_interval_of_a_share_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(tmp_path)
     path = write(tmp_path, SAMPLE + TWO + '[[requirement]]\nmetric = "y"\nmin = -1e9\n')
-    assert run(tmp_path, path) == 0
+    assert run(tmp_path, path, page=True) == 0
     assert "in 100.0 % of the runs (95 % interval 83.9 % to 100.0 %), required 100.0 %" in capsys.readouterr().out
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     assert 'Runs that keep them</th><th class="number">95 % interval</th>' in page
@@ -738,7 +760,7 @@ def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
     build(tmp_path, "a - c")
     study = 'method = "sample"\nruns = 20\ncases = ["plain"]\n'
     factors = vary("rising", "f:a", UNIFORM) + vary("falling", "f:c", UNIFORM) + vary("share", "f:b", UNIFORM)
-    assert run(tmp_path, write(tmp_path, study + factors)) == 0
+    assert run(tmp_path, write(tmp_path, study + factors), page=True) == 0
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     meaning = '<i class="first swatch"></i> The metric rises with the factor, <i class="total swatch"></i> it falls.'
     # Of the outer fifths and of the rank correlations, for each of both metrics.

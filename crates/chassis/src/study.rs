@@ -59,6 +59,10 @@ pub(crate) struct Arguments {
     #[arg(long)]
     merge: bool,
 
+    /// Make no page
+    #[arg(long, conflicts_with = "report_only")]
+    no_page: bool,
+
     /// Exit with 0 even if a requirement is not met
     #[arg(long)]
     no_fail: bool,
@@ -116,6 +120,7 @@ impl Arguments {
             "dask": self.dask,
             "shard": self.shard,
             "merge": self.merge,
+            "no_page": self.no_page,
             "no_fail": self.no_fail,
             "resume": self.resume,
             "overwrite": self.overwrite,
@@ -207,7 +212,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if arguments.report_only {
         return page(arguments, &Python::required("a page")?);
     }
-    let python = Python::find_or_note();
+    let python = if arguments.no_page { None } else { Python::find_or_note() };
     optimize(arguments)?;
     python.map_or(Ok(()), |python| page(arguments, &python))
 }

@@ -52,6 +52,7 @@ class Request(msgspec.Struct, frozen=True):
     """The address of a scheduler; an empty one for a scheduler on this machine."""
     shard: Shard | None = None
     merge: bool = False
+    no_page: bool = False
     no_fail: bool = False
     resume: bool = False
     overwrite: bool = False
@@ -180,11 +181,16 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
         design.write(table.runs(job, result.values, result.rows), folder.runs)
         design.write(table.timing(job, result.rows), folder.timing)
         numbers = Numbers(job, result.values, result.rows)
-        recorded, files = _series(job, numbers, folder.path, engine)
-    context = {"command": request.command, "engine": name, "files": files}
-    report.write(numbers, recorded, context, folder.path)
+        page = folder.path / "index.html"
+        if request.no_page:
+            # The page of an earlier call, before --resume.
+            page.unlink(missing_ok=True)
+        if job.study.series is not None or not request.no_page:
+            recorded, files = _series(job, numbers, folder.path, engine)
+        if not request.no_page:
+            report.write(numbers, recorded, {"command": request.command, "engine": name, "files": files}, folder.path)
     print(escaped(report.console(numbers)))
-    print(f"\n{folder.path / 'index.html'}")
+    print(f"\n{folder.runs if request.no_page else page}")
     failed = [share for share in numbers.shares() if not share.holds]
     if not any(done.status == "ok" for done in result.rows.values()) and job.study.method != "worst_case":
         raise StudyError("all runs failed; the page lists the errors")
