@@ -51,7 +51,7 @@
 //!   ISBN 0-486-45766-4 (the regulator, its existence, the cross term).
 
 use fmu::math;
-use fmu_math::eigenvalues;
+pub use fmu_math::eigenvalues;
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Largest relative residual of the Riccati equation that is accepted.

@@ -3,8 +3,8 @@
 //! "Check numbers" were computed by an independent implementation and are compared to their last printed digit. The
 //! gain matrices themselves are compared in the two controllers, with their own start values.
 
+use crate::riccati::eigenvalues;
 use approx::assert_abs_diff_eq;
-use fmu_math::eigenvalues;
 use proptest::prelude::*;
 
 use super::*;
