@@ -1,6 +1,7 @@
-"""Times environments of gymnasium: `scripts/bench env`. `chassis_fmu.Env` and fmugym step the same FMU in turn.
+"""Compare the speed of gymnasium environments: `scripts/bench env`.
 
-fmugym steps one FMU of the folder, without a master around it; the scenario here is that FMU alone, too.
+`chassis_fmu.Env` and fmugym step the same FMU alternately. fmugym steps a single FMU, without a master; the scenario
+therefore contains only this FMU, too.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip"]
 
 
 def scenario(fmu: Path) -> Path:
-    """Write a scenario of the FMU alone, with all inputs at their start values."""
+    """Write a scenario with only the FMU, all inputs at their start values."""
     import fmpy
 
     inputs = [v for v in fmpy.read_model_description(fmu).modelVariables if v.causality == "input"]
@@ -50,13 +51,13 @@ def scenario(fmu: Path) -> Path:
 
 
 def ours(fmu: Path, period: float) -> Any:
-    """Return the environment of this library."""
+    """Return the environment `chassis_fmu.Env`."""
     act = {"plant:steer.front": (-0.3, 0.3)}
     return cf.Env(cf.Scenario(scenario(fmu)), act=act, observe=OBSERVED, reward=OBSERVED[0], period=period)
 
 
 def theirs(fmu: Path, period: float) -> Any:
-    """Return that of fmugym."""
+    """Return the environment of fmugym."""
     from fmugym.fmugym import FMUGym  # type: ignore[import-not-found]
     from fmugym.fmugym_config import FMUGymConfig, VarSpace  # type: ignore[import-not-found]
 
@@ -75,7 +76,7 @@ def theirs(fmu: Path, period: float) -> Any:
 
 
 def steps(env: Any, count: int) -> float:
-    """Return steps per second of an episode."""
+    """Return the steps per second in an episode."""
     env.reset()
     begin = time.perf_counter()
     for _ in range(count):
@@ -93,10 +94,12 @@ def resets(env: Any, count: int) -> float:
 
 def main() -> None:
     """Run the command."""
-    argparse.ArgumentParser(prog="scripts/bench env", description="Compare environments of gymnasium.").parse_args()
+    argparse.ArgumentParser(
+        prog="scripts/bench env", description="Compare the speed of gymnasium environments."
+    ).parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     fmu = ROOT / "target" / "fmu" / "EspCar.fmu"
-    print(f"gymnasium {gymnasium.__version__}; the fastest of {ROUNDS} episodes each, in turn")
+    print(f"gymnasium {gymnasium.__version__}; the fastest of {ROUNDS} episodes each, alternating")
     print("| period, s | chassis_fmu, steps/s | fmugym, steps/s | ratio | reset, ms | fmugym, ms |")
     print("|---|---|---|---|---|---|")
     for period in (0.001, 0.01):

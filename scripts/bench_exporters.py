@@ -1,7 +1,7 @@
-"""Compare FMUs of the same models made by this and other exporters: `scripts/bench exporters`, see `--help`.
+"""Compare FMUs of the same models from this and other exporters: `scripts/bench exporters`, see `--help`.
 
-The sources for the other exporters are in `crates/other-exporters`, which also measures the FMUs. An FMU that cannot be
-built or measured is listed with the reason.
+`crates/other-exporters` contains the sources for the other exporters and the program that measures the FMUs. An FMU
+that cannot be built or measured is listed with the reason.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from chassis_fmu.program import ROOT
 SOURCES = ROOT / "crates" / "other-exporters"
 BUILD = ROOT / "target" / "bench" / "exporters"
 MODELS = {"QuarterCar": "quarter-car", "BouncingBall": "bouncing-ball"}
-"""Models with the names of their packages."""
+"""Models, and the names of their packages."""
 
 
 class ProgramError(Exception):
-    """A program failed; the text says why."""
+    """A program failed; the text contains the reason."""
 
 
 class Fmu(NamedTuple):
-    """An FMU, and the files that its author wrote."""
+    """An FMU, and the source files that an author of the model writes."""
 
     exporter: str
     fmi: int
@@ -44,17 +44,17 @@ class Fmu(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What is measured of an FMU."""
+    """Measurements of an FMU."""
 
     fmu: Fmu
     step: float
     """Time of a communication step, ns."""
     function: float
-    """Time of a step of the Rust function, ns."""
+    """Time of a step of the same model as a Rust function, ns."""
     start: float
     """Time to instantiate and initialize, µs."""
     error: float
-    """Largest error relative to the peak."""
+    """Largest error of an output, relative to its peak."""
     fmpy: Sequence[str]
     """Messages of FMPy's validation."""
     check: Sequence[str]
@@ -74,14 +74,14 @@ def execute(command: Sequence[str | Path], folder: Path = ROOT, **variables: Pat
 
 
 def reason(output: str) -> str:
-    """Return the first line about an error, or the last line."""
+    """Return the first line that contains `error` or `fatal`, otherwise the last line."""
     lines = [line.strip() for line in output.splitlines() if line.strip()]
     errors = [line for line in lines if re.search(r"\b(error|fatal)\b", line, re.IGNORECASE)]
     return next(iter(errors or lines[-1:]), "no output")
 
 
 def run(command: Sequence[str | Path], folder: Path = ROOT, **variables: Path) -> str:
-    """Run a command that has to succeed; returns what it prints."""
+    """Run a command and return its standard output; raise ProgramError if it fails."""
     done = execute(command, folder, **variables)
     if done.returncode != 0:
         raise ProgramError(f"{Path(command[0]).name}: {reason(done.stderr or done.stdout)}")
@@ -113,9 +113,9 @@ def pack_fmi_export(tools: Path) -> Iterator[Fmu]:
 
 
 def run_cmake(name: str, dependency: str, checkout: Path) -> Path:
-    """Build a folder of `SOURCES`; a checkout is used instead of a download if it is there."""
+    """Build a folder of `SOURCES` with CMake, which downloads the dependency if there is no checkout."""
     folder = BUILD / name
-    # CMake remembers it for the next time, and downloads if it is empty.
+    # Also passed if it is empty: CMake would otherwise use the path of an earlier call.
     local = f"-DFETCHCONTENT_SOURCE_DIR_{dependency}={checkout if checkout.is_dir() else ''}"
     run(["cmake", "-S", SOURCES / name, "-B", folder, "-DCMAKE_BUILD_TYPE=Release", local])
     run(["cmake", "--build", folder])
@@ -132,7 +132,7 @@ def pack_fmu4cpp(tools: Path) -> Iterator[Fmu]:
 
 
 def pack_reference_fmus(tools: Path) -> Iterator[Fmu]:
-    """Pack with the framework of the Reference FMUs; the bouncing ball is theirs."""
+    """Pack with the framework of the Reference FMUs, which contains the bouncing ball."""
     checkout = tools / "Reference-FMUs"
     folder = run_cmake("reference-fmus", "REFERENCE_FMUS", checkout)
     theirs = checkout if checkout.is_dir() else folder / "_deps" / "reference_fmus-src"
@@ -146,7 +146,7 @@ def pack_pythonfmu(_tools: Path) -> Iterator[Fmu]:
     """Pack the quarter car with PythonFMU."""
     library = libpython.find()
     if library is None:
-        raise ProgramError("this Python has no shared library, which the FMU needs")
+        raise ProgramError("the FMU needs a shared library of Python, but this Python has none")
     source = ROOT / "python" / "tests" / "python_quarter_car.py"
     BUILD.mkdir(parents=True, exist_ok=True)
     run([sys.executable, "-m", "pythonfmu", "build", "-f", source, "-d", BUILD])
@@ -200,7 +200,7 @@ def measured(fmu: Fmu) -> Row:
 
 
 def table(rows: Iterable[Row]) -> str:
-    """Return a table of the pages."""
+    """Return a Markdown table."""
     head = "exporter | FMI | FMPy | check | error | step, ns | function, ns | ratio | start, µs | FMU, bytes | lines"
     lines = [f"| {head} |", "|---" * (head.count("|") + 1) + "|"]
     for row in rows:

@@ -1,6 +1,6 @@
-"""Time a scenario with the native master and with the fmpy master: `scripts/bench masters`, see `--help`.
+"""Compare the time of a scenario in the native master and in FMPy: `scripts/bench masters`, see `--help`.
 
-The commands run turn by turn, so that both see the same machine. The medians count.
+The commands run alternately, so that other load on the machine affects all of them. Compare the medians.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from measuring import positive, run
 
 
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:
-    """Return what is timed: the native master alone, and each master with tables, figures and page."""
+    """Return the timed commands: the native master alone, and each master with tables, figures and page."""
     run = [sys.executable, "-m", "chassis_fmu", "run", str(scenario), *more]
     return {
         "native master": [*run, "--no-page", "--out", str(out / "native")],
@@ -26,7 +26,7 @@ def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[s
 
 
 def table(times: dict[str, list[float]]) -> str:
-    """Return one line for each command: median, fastest and slowest time, ratio to the first command."""
+    """Return a line for each command: median, fastest and slowest time, ratio of its median to the first command's."""
     first = statistics.median(next(iter(times.values())))
     lines = [f"{'':24}{'median':>10}{'fastest':>10}{'slowest':>10}{'ratio':>8}"]
     for name, seconds in times.items():

@@ -1,8 +1,8 @@
-"""Measure the cost of a study beyond its runs: `scripts/bench studies`, see `--help`.
+"""Measure the overhead of a study: `scripts/bench studies`, see `--help`.
 
-The runs are those of the step steer of the rescue vehicle (eight FMUs, steps of 1 ms): 20 s of it as the closed loop,
-the first seven seconds as a short run of about 20 ms. Commands that are compared run in turn, and ratios are medians of
-these pairs, of wall time and of CPU time, which other work on the machine disturbs less.
+The runs are the step steer of the rescue vehicle (eight FMUs, steps of 1 ms): all 20 s in the part `closed_loop`, the
+first seven seconds in the others, which take about 20 ms. Compared commands run alternately in pairs. The results are
+medians of the ratios in these pairs, for wall time and for CPU time, on which other processes have less influence.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ PROCESSORS = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
 
-# Runs of `chassis run` and of a study that are compared with each other, and those that show what a call takes once.
+# Number of runs in the compared calls. The difference of the two excludes the time that every call takes once.
 MANY, FEW = 96, 16
 
-# Of about 20 ms each.
+# Makes runs of about 20 ms.
 SHORT = 'stop = 7.0\ncases = ["coordination"]\n'
 
 VARY = """
@@ -52,7 +52,7 @@ def row(*cells: str) -> str:
 
 
 def ratios(pairs: Sequence[tuple[Measured, Measured]]) -> str:
-    """Return median and range of the first to the second time, of wall time and of CPU time."""
+    """Return median and range of the ratios of the first to the second time, for wall time and CPU time."""
     texts = []
     for name, of in (("wall", [a.seconds / b.seconds for a, b in pairs]), ("CPU", [a.cpu / b.cpu for a, b in pairs])):
         of.sort()
@@ -61,7 +61,7 @@ def ratios(pairs: Sequence[tuple[Measured, Measured]]) -> str:
 
 
 def less(many: Measured, few: Measured) -> Measured:
-    """Return the difference of two calls, which leaves out what every call takes once."""
+    """Return the difference of two calls, which excludes the time that every call takes once."""
     return Measured(many.seconds - few.seconds, many.cpu - few.cpu, many.memory)
 
 
@@ -75,25 +75,25 @@ def write_study(name: str, lines: str) -> Path:
 
 
 def study(path: Path, runs: int, *more: str) -> Measured:
-    """Carry out a study."""
+    """Run a study."""
     command = [sys.executable, "-m", "chassis_fmu", "study", str(path), "--runs", str(runs)]
     given = more if "--report-only" in more else ("--overwrite", *more)
     return run([*command, "--no-fail", "--out", str(FOLDER / "results"), *given])
 
 
 def seconds_of_runs(path: Path) -> float:
-    """Return the time that the runs of a study took in their processes, s."""
+    """Return the sum of the times of all runs of a study, as measured in the worker processes, s."""
     table = pyarrow.parquet.read_table(FOLDER / "results" / path.stem / "timing.parquet")
     return float(sum(table.column("seconds").to_pylist()))
 
 
 def size(path: Path, name: str) -> int:
-    """Return the size of a table of a study, bytes."""
+    """Return the size of a results file of a study, bytes."""
     return (FOLDER / "results" / path.stem / name).stat().st_size
 
 
 def of_metrics() -> Path:
-    """Write the scenario with enough seeds, and the signals of its metrics only."""
+    """Write the scenario with enough seeds for `MANY` runs, recording only the signals of its metrics."""
     text = SCENARIO.read_text(encoding="utf-8").partition("[[figure]]")[0]
     seeds = ", ".join(str(seed) for seed in range(1, MANY // 2 + 1))
     signals = ", ".join(f'"{name}"' for name in re.findall(r'^signal = "(.*)"$', text, re.MULTILINE))
@@ -105,30 +105,30 @@ def of_metrics() -> Path:
 
 
 def closed_loop(runs: int, rounds: int) -> Iterator[str]:
-    """Compare a study with `chassis run`, which also writes the signals."""
+    """Compare a study with `chassis run`, which also writes the signals to files."""
     path = write_study("closed_loop", "")
     native = [str(ROOT / "target" / "release" / "chassis"), "run", str(of_metrics()), "--no-page", "--no-warnings"]
     native += ["--out", str(FOLDER / "results")]
     jobs = PROCESSORS
     pairs = []
     for _ in range(rounds):
-        # Two cases each.
+        # Each sample has two cases, and so does each seed of `chassis run`.
         few, many = (study(path, count // 2) for count in (FEW, MANY))
         native_few, native_many = (run([*native, "--seeds", str(count // 2)]) for count in (FEW, MANY))
         pairs.append((less(native_many, native_few), less(many, few)))
-    yield row("rate of a study, to that of `chassis run` with the signals of the metrics only", ratios(pairs))
+    yield row("runs per second, study / `chassis run` with the signals of the metrics only", ratios(pairs))
     few, many = (study(path, count // 2) for count in (FEW, runs))
     inside = seconds_of_runs(path)
     took = f"{many.seconds:.1f} s, {runs / many.seconds:.2f} runs/s"
     memory = f"{few.memory / 1e6:.0f}, {many.memory / 1e6:.0f} MB"
     yield row(f"study of {runs} runs of 20 s, {jobs} processes", took)
-    yield row("time of the runs themselves, to time of the processes", f"{inside / (jobs * many.seconds):.3f}")
+    yield row("time of the runs themselves / time of the processes", f"{inside / (jobs * many.seconds):.3f}")
     yield row(f"memory of the largest process, {FEW} and {runs} runs", memory)
     yield row("`runs.parquet`, bytes per run", f"{size(path, 'runs.parquet') / runs:.0f}")
 
 
 def growth(counts: Sequence[int]) -> Iterator[str]:
-    """Show how the costs grow with the number of short runs."""
+    """Show how time, memory and file sizes grow with the number of short runs."""
     path = write_study("short", SHORT)
     jobs = PROCESSORS
     header = ("time, s", "of a run, ms", "beyond the runs, ms per run", "tables and page, s", "memory, MB")
@@ -158,7 +158,7 @@ def with_dask(runs: int, rounds: int) -> Iterator[str]:
         for _ in range(rounds):
             found = []
             for engine in ("dask", "local"):
-                # Start-up, tables and page are in both.
+                # Both calls include start-up, tables and page, so the difference excludes these.
                 options = (*(("--dask",) if engine == "dask" else ()), "--jobs", str(jobs))
                 few, many = (study(path, count, *options) for count in (runs // 10, runs))
                 found.append(less(many, few))
@@ -166,7 +166,7 @@ def with_dask(runs: int, rounds: int) -> Iterator[str]:
         each = 1e3 * seconds_of_runs(path) / runs
         workers = "one worker" if jobs == 1 else f"{jobs} workers"
         yield row(
-            f"{runs - runs // 10} runs of {each:.0f} ms with Dask, to processes of this machine, {workers}",
+            f"{runs - runs // 10} runs of {each:.0f} ms, Dask / processes of this machine, {workers}",
             ratios(pairs),
         )
 

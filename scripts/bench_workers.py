@@ -1,8 +1,8 @@
-"""Compare the time of another `chassis` with that of this one: `scripts/bench workers`, see `--help`.
+"""Compare the time of this `chassis` with that of another commit: `scripts/bench workers`, see `--help`.
 
-Both run the same scenario and the same study with the same FMUs, turn by turn, so that both see the same machine. CPU
-time is user and system time of all processes. The result files have to be identical. With `--other-fmus` the other
-program gets FMUs of its own, so that the ratio is that of both changes; results are not compared then.
+Both programs run the same scenario and the same study with the same FMUs, alternately, so that other load on the
+machine affects both. CPU time is the user and system time of all processes. The result files must be identical. With
+`--other-fmus`, the other program uses other FMUs: the ratio then includes both changes, and results are not compared.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ OURS = ROOT / "target" / "release" / "chassis"
 
 
 def commands(program: Path, out: Path, fmus: Path = FMUS) -> dict[str, list[str]]:
-    """Return what is timed of a program: a scenario and a study."""
+    """Return the timed commands of a program: a scenario and a study."""
     more = ["--jobs", "2", "--fmus", str(fmus), "--out", str(out)]
     return {
         "run": [str(program), "run", str(SCENARIO), *more],
@@ -32,7 +32,7 @@ def commands(program: Path, out: Path, fmus: Path = FMUS) -> dict[str, list[str]
 
 
 def differing(first: Path, second: Path) -> list[str]:
-    """Return the files below the two folders that are not the same in both."""
+    """Return the files below the two folders that differ or exist in only one of them."""
     names = {p.relative_to(folder) for folder in (first, second) for p in folder.rglob("*") if p.is_file()}
     same = [n for n in names if (first / n).is_file() and (second / n).is_file()]
     equal = {n for n in same if filecmp.cmp(first / n, second / n, shallow=False)}
@@ -40,7 +40,7 @@ def differing(first: Path, second: Path) -> list[str]:
 
 
 def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
-    """Return a line: number of pairs, median of each program, median and quartiles of the ratios of the pairs."""
+    """Return a line: number of pairs, median time of each program, median and quartiles of the ratios in the pairs."""
     other, ours = zip(*pairs, strict=True)
     ratios = [b / a for a, b in pairs]
     low, middle, high = statistics.quantiles(ratios, n=4, method="inclusive")
@@ -64,7 +64,7 @@ def main() -> None:
     print(f"{'':10}{'pairs':>6}{'other':>10}{'ours':>10}{'ratio':>8}   (quartiles)")
     for name in [options.only] if options.only else ours:
         pairs: list[tuple[Measured, Measured]] = []
-        # The first pair warms up. Who begins changes.
+        # The first pair is a warm-up. The programs take turns in running first.
         for turn in range(options.rounds + 1):
             order = [other[name], ours[name]] if turn % 2 else [ours[name], other[name]]
             times = {command[0]: run(command) for command in order}

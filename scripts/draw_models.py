@@ -1,4 +1,4 @@
-"""Draws model.png of the models from their packed FMUs: `scripts/draw_models.py [NAMES]`, see `--help`."""
+"""Draw model.png for the models from their packed FMUs: `scripts/draw_models.py [NAMES]`, see `--help`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def packages() -> dict[str, Path]:
-    """Return the folders of the models by the name of the FMU."""
+    """Return the folders of the models, by name of the FMU."""
     found = sorted(p.parents[1] for top in pictures.ACCENTS for p in (ROOT / top).glob("*/src/lib.rs"))
     return {"".join(word.capitalize() for word in p.name.split("-")): p for p in found}
 
@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="draw_models.py",
-        description="Draw model.png of each model from its packed FMU, to be committed beside the model.",
+        description="Draw model.png for each model from its packed FMU, into the folder of the model; commit the file.",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="FMU or package (default: all)")
     parser.add_argument(
@@ -47,9 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             if name not in models:
                 near = difflib.get_close_matches(name, [*models, *by_package], n=1, cutoff=0.0)
                 hint = f"; did you mean {near[0]}?" if near else ""
-                raise FileNotFoundError(f"there is no model of this name in {' or '.join(pictures.ACCENTS)}{hint}")
+                raise FileNotFoundError(f"no model with this name in {' or '.join(pictures.ACCENTS)}{hint}")
             if not fmu.exists():
-                raise FileNotFoundError(f"{fmu} does not exist: call `cargo fmu pack {name}` first")
+                raise FileNotFoundError(f"{fmu} does not exist; run `cargo fmu pack {name}` first")
             picture = pictures.draw(pictures.read(fmu, models[name].parent.name))
             target = models[name] / "model.png"
             with results.replacing(target) as temporary:

@@ -1,4 +1,4 @@
-"""Time, CPU time and memory of commands, for the benchmarks."""
+"""Measure time, CPU time and memory of commands, for the benchmarks."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from chassis_fmu.program import ROOT
 
 
 def positive(text: str) -> int:
-    """Read a whole number of at least 1."""
+    """Parse an integer of at least 1."""
     value = int(text)
     if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
     return value
 
 
 class Measured(NamedTuple):
-    """Time a command took (s), CPU time of all its processes (s), and the memory of its largest process (bytes)."""
+    """Wall time of a command (s), CPU time of all its processes (s), and memory of its largest process (bytes)."""
 
     seconds: float
     cpu: float
@@ -29,7 +29,7 @@ class Measured(NamedTuple):
 
 
 def run(command: Sequence[str]) -> Measured:
-    """Run a command to its end."""
+    """Run a command and measure it; exit with its message if it fails."""
     begin = time.perf_counter()
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         assert process.stderr is not None

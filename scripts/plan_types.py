@@ -1,9 +1,9 @@
-"""Writes the types of a plan for Python: `python/chassis_fmu/files/plan.py`, from the JSON Schema of plans.
+"""Generate the Python types of a plan, `python/chassis_fmu/files/plan.py`, from the JSON Schema of plans.
 
     target/debug/chassis schema plan | .venv/bin/python scripts/plan_types.py > target/plan.py
     mv target/plan.py python/chassis_fmu/files/plan.py
 
-A class inherits the methods of the class in `plan_rules.py` with its name and `Mixin`.
+A class `Name` inherits its methods from the class `NameMixin` in `plan_rules.py`, if there is one.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def wrapped(text: str, prefix: str) -> str:
 
 
 class Types:
-    """The types of a schema; those that others need come first."""
+    """The types of a schema, each after the types that it refers to."""
 
     def __init__(self, schema: dict[str, Any]) -> None:
         self._defined: dict[str, Any] = schema["$defs"]
@@ -69,7 +69,7 @@ class Types:
         return "\n\n".join([HEAD, *self._written.values()])
 
     def _of(self, part: dict[str, Any], name: str) -> str:
-        """Return the type of a part of the schema; `name` is that of a class without a title."""
+        """Return the type for a part of the schema; `name` is used for a class if the part has no title."""
         if "$ref" in part:
             name = part["$ref"].rpartition("/")[2]
             return self._named(name, self._defined[name])
@@ -92,7 +92,7 @@ class Types:
         return SIMPLE[part["type"]]
 
     def _named(self, name: str, schema: dict[str, Any]) -> str:
-        """Return the name of a type, which is written before; plain types have no name of their own."""
+        """Return the name of a type, which is written first if necessary; a plain type gives a built-in Python type."""
         if name in self._written or schema.get("type") in SIMPLE:
             return name if name in self._written else SIMPLE[schema["type"]]
         alternatives = [self._resolved(part) for part in schema.get("anyOf") or schema.get("oneOf") or ()]
@@ -101,7 +101,7 @@ class Types:
             self._written[name] = f"{wrapped(comment(schema), '# ')}\n{name}: TypeAlias = {found}\n"
             return name
         required = {key: schema["properties"][key] for key in schema.get("required", ())}
-        # A class has the fields of all alternatives, some of which have no description but that of their field.
+        # A class has the fields of all alternatives. Some alternatives have a description only in the property itself.
         optional = {
             key: {"description": part.get("description", "")} | value
             for part in [schema, *alternatives]
@@ -135,7 +135,7 @@ class Types:
 
 
 def python(schema: dict[str, Any]) -> str:
-    """Return the file for a schema."""
+    """Return the text of `plan.py` for a schema."""
     command = [sys.executable, "-m", "ruff", "format", "--stdin-filename", "plan.py", "-"]
     text = Types(schema).text()
     return subprocess.run(command, input=text, capture_output=True, encoding="utf-8", cwd=ROOT, check=True).stdout

@@ -1,11 +1,12 @@
 """Run a system from `chassis export` in another tool: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
 
-Ecos reads the SSP file, libcosim OspSystemStructure.xml or, with `-ssp`, the SSP file; with `-calls` the same structure
-is built by calls of their libraries.
-The tool `container` runs nothing: it packs the system into one FMU.
+Ecos reads the SSP file. libcosim reads OspSystemStructure.xml or, with `-ssp`, the SSP file. With `-calls`, this script
+builds the same structure with calls to the library of the tool. The tool `container` runs nothing: it packs the system
+into one FMU.
 
-Exit codes: 0 done, 1 the tool could not load or run the system, 2 wrong usage, 3 the tool's Python package or a library
-of the system that it needs cannot be loaded.
+Exit codes: 0 success, 1 the tool could not load or run the system, 2 wrong usage, 3 the tool's Python package or a
+library that it needs cannot be loaded.
+
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from chassis_fmu.execution.master import RunError
 from chassis_fmu.files.results import write_csv
 from chassis_fmu.terminal import escaped
 
-# What libcosim makes its execution from.
+# Where libcosim gets the structure of the system from.
 LIBCOSIM: dict[str, Literal["osp", "ssp", "calls"]] = {
     "libcosim": "osp",
     "libcosim-ssp": "ssp",
@@ -48,9 +49,9 @@ def main() -> int:
     folder: Path = arguments.folder
     has_choice = arguments.tool in ("fmpy", "container")
     if arguments.order == "sequential" and not has_choice:
-        parser.error(f"{arguments.tool} steps all components at once: --order jacobi is the only one")
+        parser.error(f"{arguments.tool} steps all components at once and supports only --order jacobi")
     order: exported_system.Order = arguments.order or ("sequential" if has_choice else "jacobi")
-    # The name of an FMU is an identifier.
+    # The file name of an FMU becomes an identifier, so it has no dash.
     name = f"{folder.name}_container.fmu" if arguments.tool == "container" else f"{folder.name}-{arguments.tool}.csv"
     out: Path = arguments.out or folder.with_name(name)
     try:

@@ -74,7 +74,7 @@ def test_replaces_an_earlier_release_only(tmp_path: Path, cargo: Path) -> None:
 
     cargo.unlink()
     (out / "notes.txt").write_text("mine")
-    assert "holds notes.txt" in release(tmp_path, "--out", str(out), code=1)
+    assert "contains notes.txt" in release(tmp_path, "--out", str(out), code=1)
     assert not cargo.exists()
     assert sorted(p.name for p in out.iterdir()) == ["A.fmu", "B.fmu", "SHA256SUMS", "notes.txt"]
 
