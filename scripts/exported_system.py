@@ -1,8 +1,8 @@
-"""Runs what `chassis export` wrote in other tools: FMPy, Ecos and libcosim; packs it into one FMU.
+"""Run a system from `chassis export` in other tools (FMPy, Ecos and libcosim), or pack it into one FMU.
 
-Every function takes the folder and returns the outputs that are connectors of the SSP file, named `component:signal`.
-FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
-`chassis run --engine fmpy` uses; Ecos and libcosim read the files by themselves, or are given the structure by calls.
+The functions take the folder and return the outputs that are connectors in the SSP file, named `component:signal`.
+FMPy ignores the parameter sets in an SSP file, so this module reads the file and executes it in the master of
+`chassis run --engine fmpy`. Ecos and libcosim read the files, or get the structure through calls to their libraries.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ NAMESPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
 }
 
-# Name of the parameter sets in the SSP file; Ecos wants to be told.
+# Name of the parameter sets in the SSP file; Ecos applies them only if it gets this name.
 PARAMETERS = "parameters"
 
-# What the names of the outputs of a container begin with.
+# Prefix of the names of a container's outputs.
 OUT = "out."
 
 Order = Literal["sequential", "jacobi"]
@@ -47,11 +47,11 @@ Output = tuple[str, str, BaseType]
 
 
 class StructureError(Exception):
-    """A system that a tool could not load or run."""
+    """A tool could not load or run a system."""
 
 
 class NotLoadedError(Exception):
-    """A tool whose Python package, or a library that it needs, is not there."""
+    """The Python package of a tool, or a library that it needs, is missing."""
 
 
 @contextmanager
@@ -66,12 +66,12 @@ def package(folder: Path) -> Path:
     """Return the SSP file of a folder."""
     found = sorted(folder.glob("*.ssp"))
     if len(found) != 1:
-        raise StructureError(f"{folder}: {len(found)} SSP files, expected one")
+        raise StructureError(f"{folder} must contain one SSP file, found {len(found)}")
     return found[0]
 
 
 class Structure:
-    """An SSP file as `chassis export` writes it."""
+    """The contents of an SSP file from `chassis export`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -96,29 +96,29 @@ class Structure:
         return list(self._root.iterfind(path, NAMESPACES))
 
     def times(self) -> Array:
-        """Return the times of the rows: the start and the end of every step."""
+        """Return the times of the rows: the start of the run, and the end of every step."""
         return self.start + np.arange(self.steps + 1) * self.step
 
     def connectors(self, component: Any, kind: str) -> list[tuple[str, BaseType]]:
-        """Name and type of the inputs or outputs of a component that are connectors."""
+        """Return name and type of the inputs or outputs of a component that are connectors."""
         found = component.iterfind(f"ssd:Connectors/ssd:Connector[@kind='{kind}']", NAMESPACES)
         return [(connector.get("name"), _kind(connector, "ssc")[0]) for connector in found]
 
     def values(self, component: Any) -> list[tuple[str, BaseType, str]]:
-        """Name, type and text of the values of a component."""
+        """Return name, type and value (as text) of the parameters of a component."""
         values = self._sets.get(component.get("name"))
         parameters = [] if values is None else values.iterfind("ssv:Parameters/ssv:Parameter", NAMESPACES)
         return [(p.get("name"), *_kind(p, "ssv")) for p in parameters]
 
     def writers(self) -> dict[tuple[str, str], tuple[str, str]]:
-        """Return what writes each input that is written, as pairs of component and variable."""
+        """Return the output that each connected input reads: pairs (component, variable) by input."""
         return {
             (c.get("endElement"), c.get("endConnector")): (c.get("startElement"), c.get("startConnector"))
             for c in self._all("ssd:System/ssd:Connections/ssd:Connection")
         }
 
     def wires(self) -> Iterator[tuple[BaseType, tuple[str, str], tuple[str, str]]]:
-        """Type, output and input of every connection; the latter two are pairs of component and variable."""
+        """Yield type, output and input of every connection; output and input are pairs (component, variable)."""
         writers = self.writers()
         for component in self.components:
             for name, kind in self.connectors(component, "input"):
@@ -126,17 +126,17 @@ class Structure:
                 yield kind, writers[to], to
 
     def fmu(self, component: Any) -> Path:
-        """Return the FMU of a component, as it lies beside the SSP file."""
+        """Return the FMU of a component in the folder of the SSP file."""
         return self.path.parent / Path(component.get("source")).name
 
 
 def _kind(element: Any, prefix: str) -> tuple[BaseType, str]:
-    """Type of a connector or parameter, and its value if it has one."""
+    """Return the type of a connector or parameter, and its value, or an empty string if it has none."""
     for kind in get_args(BaseType):
         found = element.find(f"{prefix}:{kind}", NAMESPACES)
         if found is not None:
             return kind, found.get("value", "")
-    raise StructureError(f"{element.get('name')} has no type that this version reads")
+    raise StructureError(f"the type of {element.get('name')} must be one of {', '.join(get_args(BaseType))}")
 
 
 def _value(kind: BaseType, text: str) -> float | int | bool | str:
@@ -151,9 +151,9 @@ def _recording(structure: Structure, times: Array, rows: Array) -> Recording:
 
 
 def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) -> Recording:
-    """Run the SSP file through FMPy, in the order of the components (sequential) or all at once (jacobi).
+    """Run the SSP file through FMPy, stepping the components in their order (sequential) or all at once (jacobi).
 
-    With `fresh` the rows are those that Ecos gives: see `master.simulate`.
+    With `fresh`, outputs are read as in Ecos: see `master.simulate`.
     """
     structure = Structure(package(folder))
     writers = structure.writers()
@@ -200,7 +200,7 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
 
 
 def with_ecos(folder: Path, calls: bool = False) -> Recording:
-    """Run the SSP file, or the same structure built by calls, through Ecos, which steps all components at once."""
+    """Run the SSP file, or the same structure built with calls, in Ecos, which steps all components at once."""
     structure = Structure(package(folder))
     rows = np.empty((structure.steps + 1, len(structure.outputs)))
     with _loading("ecospy (it needs the library libtbb.so.12, Debian's libtbb12)"):
@@ -209,13 +209,13 @@ def with_ecos(folder: Path, calls: bool = False) -> Recording:
         try:
             source = {"structure": _ecos_structure(structure, stack)} if calls else {"ssp_path": str(structure.path)}
             simulation = stack.enter_context(EcosSimulation(step_size=structure.step, **source))
-        # ecospy raises nothing more special.
+        # ecospy raises no more specific exception.
         except Exception as error:
             raise StructureError(f"{structure.path}: Ecos: {error}") from error
         read = {"Real": simulation.get_real, "Integer": simulation.get_integer, "Boolean": simulation.get_bool}
         names = [(f"{owner}::{name}", read[kind]) for owner, name, kind in structure.outputs]
         if not simulation.init(start_time=structure.start, parameter_set=PARAMETERS):
-            raise StructureError(f"{structure.path}: Ecos could not initialize it")
+            raise StructureError(f"{structure.path}: Ecos could not initialize the system")
         for k in range(structure.steps + 1):
             if k:
                 simulation.step()
@@ -246,9 +246,9 @@ def _ecos_structure(structure: Structure, stack: ExitStack) -> Any:
 
 
 def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") -> Recording:
-    """Run OspSystemStructure.xml, the SSP file or the same structure built by calls through libcosim (all at once).
+    """Run OspSystemStructure.xml, the SSP file, or the same structure built with calls, in libcosim (all at once).
 
-    There is no row of the start: libcosim initializes in its first step, and its observer hears of nothing before.
+    There is no row for the start of the run: libcosim initializes in its first step, and its observer starts after it.
     """
     with _loading("libcosimpy (it needs Python 3.11 to 3.14)"):
         from libcosimpy.CosimEnums import CosimErrorCode
@@ -269,7 +269,7 @@ def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") 
         raise StructureError(f"{folder}: {error}") from error
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    # One call for the outputs of a component and type.
+    # One call reads all outputs of a component that have the same type.
     groups: dict[tuple[str, BaseType], list[tuple[int, str]]] = {}
     for column, (owner, name, kind) in enumerate(structure.outputs):
         groups.setdefault((owner, kind), []).append((column, name))
@@ -300,34 +300,36 @@ def _libcosim_execution(structure: Structure) -> Any:
     from libcosimpy.CosimSlave import CosimLocalSlave
 
     if structure.start != 0.0:
-        raise StructureError(f"{structure.path}: libcosim's calls begin at 0, not at {structure.start}")
+        raise StructureError(
+            f"{structure.path}: the start time must be 0 with the tool libcosim-calls, got {structure.start}"
+        )
     execution = CosimExecution.from_step_size(round(structure.step * 1e9))
     slaves = {}
     for component in structure.components:
         owner, fmu = component.get("name"), structure.fmu(component)
         slave = CosimLocalSlave(str(fmu), owner)
-        # libcosimpy passes on a null pointer, which ends the process.
+        # libcosimpy would pass on a null pointer, which crashes the process.
         if not slave.ptr():
-            raise StructureError(f"{fmu}: libcosim cannot load it")
+            raise StructureError(f"{fmu}: libcosim cannot load the FMU")
         index = execution.add_local_slave(slave)
         slaves[owner] = index, _libcosim_references(execution, index)
         for name, kind, text in structure.values(component):
             start = getattr(execution, f"{kind.lower()}_initial_value")
             if not start(index, slaves[owner][1][name], _value(kind, text)):
-                raise StructureError(f"{owner}:{name}: libcosim does not take the start value {text}")
+                raise StructureError(f"{owner}:{name}: libcosim rejects the start value {text}")
     for kind, *ends in structure.wires():
         numbers = [number for owner, name in ends for number in (slaves[owner][0], slaves[owner][1][name])]
         connect = getattr(execution, f"connect_{kind.lower()}_variables")
         if connect(*numbers) != CosimConstants.success:
-            raise StructureError(f"{':'.join(ends[0])} and {':'.join(ends[1])}: libcosim does not connect them")
+            raise StructureError(f"libcosim cannot connect {':'.join(ends[0])} to {':'.join(ends[1])}")
     return execution
 
 
 def container(folder: Path, out: Path, order: Order = "sequential") -> None:
-    """Pack the whole system into one FMU by fmucontainer of the FMU manipulation toolbox.
+    """Pack the system into one FMU, with fmucontainer from the FMU manipulation toolbox.
 
-    Its outputs are named `out.component.signal`: the toolbox uses `component.signal` for the signals between the
-    components. The order is that of the components (sequential) or all at once (jacobi).
+    The outputs are named `out.component.signal`, because the toolbox uses `component.signal` for the signals between
+    the components. The components step in their order (sequential) or all at once (jacobi).
     """
     structure = Structure(package(folder))
     fmus = {c.get("name"): f"{c.get('name')}.fmu" for c in structure.components}
@@ -347,7 +349,7 @@ def container(folder: Path, out: Path, order: Order = "sequential") -> None:
     }
     tool = Path(sys.executable).with_name("fmucontainer")
     with tempfile.TemporaryDirectory(prefix="container-") as temporary, zipfile.ZipFile(structure.path) as archive:
-        # A file for each component: the toolbox tells components apart by their files.
+        # A file for each component, because the toolbox identifies components by their files.
         for component in structure.components:
             Path(temporary, fmus[component.get("name")]).write_bytes(archive.read(component.get("source")))
         Path(temporary, "system.json").write_text(json.dumps(assembly), encoding="utf-8")

@@ -1,8 +1,8 @@
-"""Tune controllers on the test bench, and write their values to modelDescription/parameters/bench_*.ssv.
+"""Tune parameters of controllers on the test bench, and write them to modelDescription/parameters/bench_*.ssv.
 
-`.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/setup --all` and `scripts/build`; takes up to an
-hour for each. The requirements hold for the vehicle as it is and in other conditions, such as on a slippery road. The
-search (Optuna, tree-structured Parzen estimator) has a seed: the same FMUs give the same values.
+`.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/setup --all` and `scripts/build`; each tuning
+takes up to an hour. The requirements apply to the unchanged vehicle and to other conditions, such as a slippery road. The
+search (Optuna, tree-structured Parzen estimator) has a fixed seed: the same FMUs give the same values.
 """
 
 from __future__ import annotations
@@ -27,35 +27,35 @@ from chassis_fmu.scenario import worker_program
 SEED = 1
 PARAMETERS = ROOT / "modelDescription" / "parameters"
 
-# The limit that is the number of the system without controllers, up to what the bench calls the same.
+# As a limit: the value of the system without controllers, with a slack of `SAME`, the change that the bench calls *same*.
 WITHOUT = "without"
 SAME = 0.01
 
-# How much more a missed requirement counts than what is reached beyond.
+# Weight of a missed requirement, relative to the goals.
 WEIGHT = 10.0
 
-# What a metric that has no number counts as, relative to its limit.
+# Cost of a metric without a value: as if it missed its limit by this share.
 NO_NUMBER = 1.0
 
-# Values are written with so many digits: more have no effect that the bench shows.
+# Significant digits of the written values; more have no visible effect on the bench.
 DIGITS = 3
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """A limit of a metric, from below or from above: a number, or `WITHOUT`."""
+    """A lower or upper limit for a metric: a number, or `WITHOUT`."""
 
     metric: str
     least: float | str | None = None
     most: float | str | None = None
 
     def missed_by(self, found: Assessment) -> float:
-        """Return by how much the limit is missed, relative to it; 0 if it is kept."""
+        """Return by how much the metric misses the limit, relative to the limit; 0 if it meets the limit."""
         row = found.by_name[self.metric]
         bound = self.least if self.least is not None else self.most
         limit = row.without if bound == WITHOUT else bound
         if limit is None:
-            # The system without controllers fails from the start.
+            # The system without controllers fails at its lowest speed or amplitude, so there is nothing to reach.
             return 0.0
         if isinstance(limit, str):
             raise ValueError(f"{self.metric} has no limit")
@@ -68,7 +68,7 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What is tuned: bounds of parameters (`component.parameter`), a list for choices, and what is required.
+    """A search: bounds of parameters (`component.parameter`), or a list of choices, and the requirements.
 
     Bounds above 0 are searched on a logarithmic scale.
     """
@@ -79,13 +79,12 @@ class Tuning:
     bounds: Mapping[str, tuple[float, float] | list[int]]
     requirements: Sequence[Requirement]
     goals: Mapping[str, float]
-    """What is wanted beyond: metrics with the number that counts as much as missing a requirement wholly; it is
-    negative where less is wanted."""
+    """Metrics to improve beyond the requirements, each with the value that is worth 1; negative if lower is better."""
     trials: int
     conditions: Mapping[str, Sequence[str]]
-    """Titles of other conditions in which the requirements hold, and the values that make them (`--set`)."""
+    """Further conditions to which the requirements apply: titles and values (`--set`)."""
     also_from: Mapping[str, float] | None = None
-    """Where the search begins besides the values of the paper."""
+    """Second starting point of the search, after the values of the paper."""
 
 
 CAR_BY_HAND = {
@@ -155,7 +154,7 @@ TUNINGS = {
             "dual_sliding_mode_steering.steer.angle_limit.rear": (0.01, 0.56),
         },
         (
-            # No regulation asks it of this vehicle.
+            # Required here, although no regulation requires it of this vehicle.
             Requirement("sine_with_dwell.stable", least=1.0),
             Requirement("iso3888_1.max_entry_speed", least=WITHOUT),
             Requirement("iso3888_2.max_entry_speed", least=WITHOUT),
@@ -166,7 +165,7 @@ TUNINGS = {
             "friction 0.5 instead of 0.7": ("rescue_vehicle:tire.friction=0.5",),
             "a mass of 30 t instead of 36 t": ("rescue_vehicle:vehicle.mass=30000.0",),
         },
-        # Of a search on the vehicle as it is.
+        # Result of an earlier search with the unchanged vehicle only.
         {
             "dual_sliding_mode_steering.reference.model": 1,
             "dual_sliding_mode_steering.reference.time_constant": 0.0224,
@@ -228,12 +227,12 @@ TUNINGS = {
 
 
 def rounded(value: float) -> float:
-    """Round to the digits that are written."""
+    """Round to `DIGITS` significant digits."""
     return float(f"{value:.{DIGITS}g}")
 
 
 def driven(out: Path, plant: str, controllers: Sequence[str], more: Sequence[str]) -> Assessment:
-    """Drive a vehicle through the maneuvers of the bench."""
+    """Drive a vehicle through the maneuvers of the bench, and return the assessment."""
     command = [str(worker_program()), "bench", "run", plant, "--no-page", "--out", str(out)]
     command += ["--fmus", str(ROOT / "target" / "fmu"), *more]
     command += [part for name in controllers for part in ("--with", name)]
@@ -244,7 +243,7 @@ def driven(out: Path, plant: str, controllers: Sequence[str], more: Sequence[str
 
 
 def assessed(tuning: Tuning, values: Mapping[str, float], condition: Sequence[str]) -> Assessment:
-    """Drive the maneuvers with these values in a condition."""
+    """Drive the maneuvers with the given parameter values, in a condition (`--set`)."""
     settings = [*condition, *(f"{name.replace('.', ':', 1)}={value!r}" for name, value in values.items())]
     more = [part for suite in tuning.suites for part in ("--suite", suite)]
     more += [part for setting in settings for part in ("--set", setting)]
@@ -253,12 +252,12 @@ def assessed(tuning: Tuning, values: Mapping[str, float], condition: Sequence[st
 
 
 def missed(tuning: Tuning, found: Assessment) -> float:
-    """Return the cost of the requirements that are missed in a condition."""
+    """Return the cost of the missed requirements."""
     return WEIGHT * sum(requirement.missed_by(found) for requirement in tuning.requirements)
 
 
 def reached(tuning: Tuning, found: Assessment) -> float:
-    """Return what the goals are worth."""
+    """Return the worth of the values that the goals reach."""
     worth = 0.0
     for name, unit in tuning.goals.items():
         value = found.by_name[name].with_
@@ -270,7 +269,7 @@ def reached(tuning: Tuning, found: Assessment) -> float:
 
 
 def of_the_paper(tuning: Tuning) -> dict[str, Any]:
-    """Return the start values of the tuned parameters, moved into the bounds: the search begins there."""
+    """Return the start values of the tuned parameters, limited to the bounds: the first point of the search."""
     values: dict[str, Any] = {}
     for controller in tuning.controllers:
         component = re.sub(r"(?<!^)(?=[A-Z])", "_", controller).lower()
@@ -284,7 +283,7 @@ def of_the_paper(tuning: Tuning) -> dict[str, Any]:
 
 
 def search(tuning: Tuning) -> optuna.study.Study:
-    """Search the values of least cost."""
+    """Search for the values with the lowest cost."""
 
     def objective(trial: optuna.trial.Trial) -> float:
         values: dict[str, Any] = {}
@@ -297,7 +296,7 @@ def search(tuning: Tuning) -> optuna.study.Study:
         cost = missed(tuning, found) - reached(tuning, found)
         complete = [other.value for other in study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))]
         for step, condition in enumerate(tuning.conditions.values()):
-            # The other conditions only add to it.
+            # Conditions can only add to the cost, so a trial that is already worse than the best one can stop.
             trial.report(cost, step)
             if complete and cost > min(value for value in complete if value is not None):
                 raise optuna.TrialPruned
@@ -314,7 +313,7 @@ def search(tuning: Tuning) -> optuna.study.Study:
 
 
 def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
-    """Return the parameter set of SSP 1.0."""
+    """Return an SSP 1.0 parameter set."""
     lines = []
     for parameter, value in values.items():
         kind, text = ("Integer", str(value)) if isinstance(value, int) else ("Real", repr(rounded(value)))
@@ -339,18 +338,16 @@ def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"tunings to run, of {', '.join(TUNINGS)} (default: all)"
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"tunings to run: {', '.join(TUNINGS)} (default: all)")
     names = parser.parse_args().names or list(TUNINGS)
     unknown = [name for name in names if name not in TUNINGS]
     if unknown:
-        parser.error(f"there is no tuning {unknown[0]}; there are {', '.join(TUNINGS)}")
+        parser.error(f"unknown tuning {unknown[0]}; choose from {', '.join(TUNINGS)}")
     for name in names:
         tuning = TUNINGS[name]
         study = search(tuning)
         if study.best_trial.number == 0:
-            print(f"{name}: no values are better than those of the paper (cost {study.best_value:.4f})")
+            print(f"{name}: found no better values than those of the paper (cost {study.best_value:.4f})")
             continue
         path = PARAMETERS / f"{name}.ssv"
         path.write_text(parameter_set(name, tuning, study.best_params), encoding="utf-8")

@@ -226,7 +226,7 @@ def test_a_tool_that_fails_says_why(tmp_path: Path) -> None:
     script = str(ROOT / "scripts/run_system.py")
     done = call(sys.executable, script, str(tmp_path), "--tool", "fmpy")
     assert done.returncode == 1
-    assert "0 SSP files, expected one" in done.stdout
+    assert "must contain one SSP file, found 0" in done.stdout
 
 
 @pytest.mark.ci
