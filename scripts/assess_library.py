@@ -1,6 +1,6 @@
-"""Assesses the vehicles of the library with the controllers of their papers, and writes docs/assessments.md.
+"""Assess the vehicles of the library with the controllers of their papers, and write docs/assessments.md.
 
-`.venv/bin/python scripts/assess_library.py`, after `scripts/setup --all` and `scripts/build`; takes some minutes.
+`.venv/bin/python scripts/assess_library.py`, after `scripts/setup --all` and `scripts/build`; takes a few minutes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tune_on_bench import TUNINGS, driven
 
 @dataclass(frozen=True)
 class System:
-    """A vehicle with controllers, and what their numbers mean: `{SYSTEM.METRIC}` in a note is a number of the run."""
+    """A vehicle with controllers, and notes on the results: `{SYSTEM.METRIC}` in a note inserts a value."""
 
     plant: str
     title: str
@@ -35,18 +35,21 @@ SYSTEMS = (
         "yaw control and antilock brakes",
         ("DirectYawControl", "AntilockBraking"),
         (
-            "Without controllers the car spins in sine with dwell from {without.sine_with_dwell.unstable_from} A on. "
-            "Yaw control keeps it stable by braking single wheels, and the braking takes so much speed that the car is "
-            "moved to the side by only {with.sine_with_dwell.lateral_displacement} m.",
-            "The same braking makes the car leave ISO 3888-2 at {with.iso3888_2.exit_speed} instead of "
-            "{without.iso3888_2.exit_speed} m/s, at an entry speed that is lower.",
-            "On split friction the antilock brakes hold the slippery side at its limit and brake the other one fully; "
-            "the driver has to steer against it with {with.split_friction.steering_wheel_peak_2s} degrees in the first "
-            "two seconds and {with.split_friction.steering_wheel_peak} in all; 120 and 240 are allowed. Cars that pass "
-            "let the brake pressure of the better side rise slowly. Without antilock brakes the wheel is at "
-            "{without.split_friction.steering_wheel_peak} degrees, which is as far as the driver turns it (12 rad).",
-            "While braking in the turn the front wheels of the car without antilock brakes lock, and it goes straight "
-            "on: its yaw rate after 1 s is {without.brake_in_turn.yaw_rate_ratio_1s} of that of the circle.",
+            "Without controllers, the car spins in sine with dwell from {without.sine_with_dwell.unstable_from} A on. "
+            "Yaw control keeps it stable by braking single wheels. This takes away so much speed that the lateral "
+            "displacement is only {with.sine_with_dwell.lateral_displacement} m.",
+            "Because of this braking, the car leaves ISO 3888-2 at {with.iso3888_2.exit_speed} m/s instead of "
+            "{without.iso3888_2.exit_speed} m/s, with a lower entry speed.",
+            "On split friction, the antilock brakes hold the wheels on the slippery side at their limit and brake the "
+            "other side fully. To keep the car straight, the driver turns the steering wheel by "
+            "{with.split_friction.steering_wheel_peak_2s} degrees in the first two seconds and by "
+            "{with.split_friction.steering_wheel_peak} degrees in total; 120 and 240 degrees are allowed. Cars that "
+            "pass let the brake pressure on the high-friction side rise slowly. Without antilock brakes, the steering "
+            "wheel reaches {without.split_friction.steering_wheel_peak} degrees, the limit of the driver model (12 "
+            "rad).",
+            "In braking in a turn, the front wheels of the car without antilock brakes lock, and the car goes "
+            "straight on: after 1 s, its yaw rate is {without.brake_in_turn.yaw_rate_ratio_1s} times the yaw rate on "
+            "the circle.",
         ),
     ),
     System(
@@ -54,12 +57,12 @@ SYSTEMS = (
         "all controllers, coordinated",
         ("FiniteStateCoordination", "SemiActivePidSuspension", "DirectYawControl", "AntilockBraking"),
         (
-            "The displacement of sine with dwell is only {with.sine_with_dwell.lateral_displacement} m, because the "
-            "coordination switches the antilock logic off while the driver does not brake: the pressures of yaw "
-            "control lock wheels. The same controllers without coordination, with `enable.antilock` at 0, lock the "
-            "same wheels and move the car as little. Yaw control does not act earlier: it waits for the driving state "
-            "`turning`.",
-            "What the coordination adds is ride and roll, by the semi-active suspension.",
+            "The displacement in sine with dwell is only {with.sine_with_dwell.lateral_displacement} m, because the "
+            "coordination switches the antilock brakes off while the driver does not brake: the brake pressures from "
+            "yaw control then lock wheels. The same controllers without coordination, but with `enable.antilock` at "
+            "0, lock the same wheels and give an equally small displacement. An earlier reaction of yaw control is "
+            "not the cause: yaw control waits for the driving state `turning`.",
+            "The coordination improves ride and roll, by means of the semi-active suspension.",
         ),
     ),
     System(
@@ -73,12 +76,12 @@ SYSTEMS = (
             "SuspensionMixer",
         ),
         (
-            "The steering of the middle and the rear axle makes the vehicle understeer: the understeer gradient rises "
-            "to {with.slowly_increasing_steer.understeer_gradient} rad/(m/s2). It halves the load transfer of the "
-            "fishhook, because it halves the lateral acceleration.",
-            "In ISO 3888-2 the driver cannot turn the vehicle fast enough: at 20 km/h, the lowest speed of the bench "
-            "and then the only one that is driven, it loses the path. `--adapt`, with which the driver knows the "
-            "vehicle with controllers, does not change that.",
+            "Steering the middle and rear axles makes the vehicle understeer: the understeer gradient rises to "
+            "{with.slowly_increasing_steer.understeer_gradient} rad/(m/s2). In the fishhook, it halves the lateral "
+            "acceleration and therefore the load transfer.",
+            "In ISO 3888-2, the driver cannot turn the vehicle fast enough: the vehicle leaves the path at 20 km/h, "
+            "the lowest speed of the bench, so no other speed is driven. `--adapt`, which gives the driver model the "
+            "understeer gradient of the vehicle with controllers, does not change this.",
         ),
     ),
     System(
@@ -86,9 +89,10 @@ SYSTEMS = (
         "six-wheel steering",
         ("YawRateReference", "ActiveFrontSteering", "AllWheelSteering"),
         (
-            "Six-wheel steering is faster through ISO 3888-1. In the fishhook it lets the truck reach more lateral "
-            "acceleration, so that the load transfer is larger, too.",
-            "ISO 3888-2 is made for cars: at 20 km/h both systems miss the third section by some centimeters.",
+            "With six-wheel steering, the truck is faster through ISO 3888-1. In the fishhook, it reaches a higher "
+            "lateral acceleration, so the load transfer is larger, too.",
+            "ISO 3888-2 is designed for cars: at 20 km/h, the truck is outside of the third section by a few "
+            "centimeters, with and without controllers.",
         ),
     ),
     System(
@@ -96,10 +100,10 @@ SYSTEMS = (
         "switched sliding mode control",
         ("ComfortSlidingMode", "HandlingSlidingMode", "SuspensionSwitch"),
         (
-            "The tires of this model lose no grip, so that fishhook and J-turn tip it over at their lowest speed; its "
-            "controllers act on the suspension and cannot prevent that.",
-            "In ISO 3888-2 its rear corner swings over the edge of the first section at 30 km/h, the lowest speed for "
-            "cars; no other speed is driven.",
+            "The tires of this model do not lose grip, so the vehicle tips over in fishhook and J-turn at their "
+            "lowest speed. The controllers act on the suspension and cannot prevent this.",
+            "In ISO 3888-2, the rear corner of the vehicle swings over the edge of the first section at 30 km/h, the "
+            "lowest speed for cars, so no other speed is driven.",
         ),
     ),
 )
@@ -107,15 +111,15 @@ SYSTEMS = (
 
 @dataclass(frozen=True)
 class Tuned:
-    """Metrics that the page shows of controllers with values of scripts/tune_on_bench.py, beside those of the paper."""
+    """Metrics for which the page compares the values of scripts/tune_on_bench.py with the values of the paper."""
 
     name: str
-    """Name of the tuning, which has the conditions, and of the parameter set."""
+    """Name of the tuning and of the parameter set."""
     title: str
     metrics: tuple[str, ...]
     suites: tuple[str, ...]
     others: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Titles of conditions that the search did not have, and the values that make them (`--set`)."""
+    """Conditions that the search did not include: titles and values (`--set`)."""
 
 
 SPEEDS = ("iso3888_1.max_entry_speed", "iso3888_2.max_entry_speed")
@@ -126,9 +130,9 @@ STABILITY = ("stability", "rollover")
 
 TUNED = (
     Tuned(
-        "bench_esp_car", "EspCar, for its own friction", CAR, STABILITY, TUNINGS["bench_esp_car_friction"].conditions
+        "bench_esp_car", "EspCar, tuned for friction 0.77", CAR, STABILITY, TUNINGS["bench_esp_car_friction"].conditions
     ),
-    Tuned("bench_esp_car_friction", "EspCar, for any friction", CAR, STABILITY),
+    Tuned("bench_esp_car_friction", "EspCar, tuned for friction 0.6 to 0.9", CAR, STABILITY),
     Tuned("bench_rescue_vehicle", "RescueVehicle", ("sine_with_dwell.unstable_from", *SPEEDS, *LOADS), STABILITY),
     Tuned("bench_heavy_vehicle", "HeavyVehicle", (*SPEEDS, *LOADS), STABILITY),
     Tuned("bench_hydro_pneumatic_half_car", "HydroPneumaticHalfCar", RIDE, ("ride",)),
@@ -136,19 +140,19 @@ TUNED = (
 
 
 class Reference(NamedTuple):
-    """Numbers of the independent implementation of the bench for each system, as its specification has them."""
+    """A value from the independent implementation of the bench, as given in its specification."""
 
     plant: str
     quantity: str
     unit: str
     ours: str
-    """Our number: a metric, or `RUN:METRIC` of a run."""
+    """Our value: a metric, or `RUN:METRIC` for a metric of a single run."""
     without: str
     with_: str
-    """The first system of the plant."""
+    """Value with the controllers of the first system of the plant."""
     coordinated: str
     why: str
-    """What the number is, if not that of the tables above."""
+    """Key of `WHY`: difference from the value in the tables of the page."""
 
 
 # Section 10 of the specification of the bench.
@@ -184,13 +188,13 @@ HydroPneumaticHalfCar | fishhook, rolls over at | mph | fishhook.lift_speed | 35
 
 WHY = {
     "": "",
-    "min": "the table above has the least displacement of all runs from 5 A on",
-    "bisection": "bisection to 0.5 instead of 1.25 km/h",
+    "min": "the table above gives the least displacement of all runs from 5 A on",
+    "bisection": "we bisect to 0.5 km/h, the reference to 1.25 km/h",
     "cycles": "see below",
-    "seed": "that of seed 1; the table above has the mean of three seeds",
+    "seed": "seed 1; the table above gives the mean of three seeds",
 }
 
-# What the page shows of each.
+# The metrics that the page shows for each system.
 METRICS = (
     "slowly_increasing_steer.understeer_gradient",
     "step_steer.yaw_rate.response_time",
@@ -220,24 +224,24 @@ PAGE = ROOT / "docs" / "assessments.md"
 
 HEAD = """# The library on its test bench
 
-What the controllers of the papers are worth outside the maneuvers of the papers: each vehicle goes through the
-[test bench](guide/src/assess.md) without and with them. `scripts/assess_library.py` writes this page.
+This page shows the effect of the papers' controllers outside of the papers' maneuvers: each vehicle drives through the
+[test bench](guide/src/assess.md) without and with its controllers. `scripts/assess_library.py` writes this page.
 
-The bench follows procedures of standards; it certifies nothing. *Passed* and *failed* are about limits of regulations
-that apply to the vehicle. *Better* and *worse* compare with the same vehicle without the controllers; a change below
-1 % is *same*.
+The bench follows procedures of standards; it certifies nothing. *Passed* and *failed* refer to limits of regulations
+that apply to the vehicle. *Better*, *worse* and *same* compare with the vehicle without controllers; *same* is a change
+below 1 %.
 """
 
 VERDICTS = {"pass": "passed", "fail": "**failed**", "error": "**error**", "comparison": "", "info": "", "dropped": ""}
 
 
 def assessed(plant: str, controllers: Sequence[str], more: Sequence[str] = ()) -> Assessment:
-    """Assess a vehicle."""
+    """Assess a vehicle with controllers."""
     return driven(ROOT / "target" / "assessments" / plant, plant, controllers, more)
 
 
 def number(value: Number) -> str:
-    """Write a value."""
+    """Format a value."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -252,7 +256,7 @@ def value(found: Assessment, system: str, name: str) -> Number:
 
 
 def note(text: str, found: Assessment) -> str:
-    """Fill the numbers of an assessment into a note."""
+    """Insert the values of an assessment into a note."""
 
     def fill(place: re.Match[str]) -> str:
         return number(value(found, *place[1].split(".", 1)))
@@ -261,7 +265,7 @@ def note(text: str, found: Assessment) -> str:
 
 
 def line(row: Row) -> str:
-    """Return the line of a metric."""
+    """Return the table row of a metric."""
     judged = None if row.judgment is None else row.judgment.replace("_", " ")
     if row.compared is not None and judged is not None:
         judged += f" at {row.compared['at']:.4g} {row.compared['at_unit']}"
@@ -277,7 +281,7 @@ def line(row: Row) -> str:
 
 
 def section(system: System, found: Assessment) -> list[str]:
-    """Return the lines of a system."""
+    """Return the lines of the page about a system."""
     lines = [
         "",
         f"## {system.plant} with {system.title}",
@@ -295,12 +299,12 @@ def section(system: System, found: Assessment) -> list[str]:
         lines += ["", f"Left out: {left}."]
     broken = [f"{run.system} {run.name}" for run in found.runs if run.error]
     if broken:
-        lines += ["", f"Runs that broke down: {', '.join(broken)}."]
+        lines += ["", f"Failed runs: {', '.join(broken)}."]
     return lines
 
 
 def compared(plant: str, is_coordinated: bool, found: Assessment) -> Iterator[str]:
-    """Return the lines of numbers beside those of the independent implementation."""
+    """Return the table rows that compare with the independent implementation."""
     references = (Reference(*(cell.strip() for cell in row.split("|"))) for row in REFERENCES.splitlines())
     for of in (of for of in references if of.plant == plant):
         quantity = ", ".join(filter(None, (of.quantity, "coordinated" if is_coordinated else "", of.unit)))
@@ -319,7 +323,7 @@ def compared(plant: str, is_coordinated: bool, found: Assessment) -> Iterator[st
 
 
 def turning(found: Assessment, controllers: Sequence[str]) -> str:
-    """Explain how far the yaw rate ratio of braking in a turn depends on details of its run."""
+    """Explain how strongly the yaw rate ratio in braking in a turn depends on details of the run."""
     run = next(run for run in found.runs_of("brake_in_turn", "with"))
     recording = Folder(ROOT / "target" / "assessments" / found.plant["fmu"]).recording("with", run.name)
     if recording is None:
@@ -331,16 +335,16 @@ def turning(found: Assessment, controllers: Sequence[str]) -> str:
     base = ["--suite", "braking", "--base", "BrakeAndDriveActuators"]
     other = assessed(found.plant["fmu"], controllers, base).by_name["brake_in_turn.yaw_rate_ratio_1s"]
     return (
-        "The yaw rate ratio of braking in a turn is that of one instant, 1 s after the pedal, while the antilock "
-        "brakes let the pressures rise and fall: with yaw control and antilock brakes it goes "
-        f"from {before:.3f} to {after:.3f} between 0.99 and 1.01 s. A cycle of controllers that is cut one step "
-        f"elsewhere (`--base BrakeAndDriveActuators` before `--with`) gives {number(other.with_)}. "
-        "The reference differs by less than that. Which detail of it makes the difference is not known."
+        "The yaw rate ratio in braking in a turn is read at one instant, 1 s after braking begins, while the antilock "
+        "brakes raise and lower the pressures. With yaw control and antilock brakes, it changes "
+        f"from {before:.3f} to {after:.3f} between 0.99 and 1.01 s. If the controller cycle is broken at another "
+        f"controller (`--base BrakeAndDriveActuators` before `--with`), it is {number(other.with_)}. The difference "
+        "from the reference is smaller than these changes; its cause is not known."
     )
 
 
 COMPARED_HEAD = """
-## Beside an independent implementation
+## Comparison with an independent implementation
 
 The reference numbers are from an independent implementation of the bench, the driver, the vehicles and the controllers.
 If a table above defines a quantity differently, the last column describes the difference.
@@ -351,7 +355,7 @@ If a table above defines a quantity differently, the last column describes the d
 
 
 def tuned_section(tuned: Tuned) -> list[str]:
-    """Return the lines of tuned controllers."""
+    """Return the lines of the page about tuned controllers."""
     tuning = TUNINGS[tuned.name]
     file = f"modelDescription/parameters/{tuned.name}.ssv"
     controllers = "".join(f" --with {name}" for name in tuning.controllers)
@@ -368,7 +372,7 @@ def tuned_section(tuned: Tuned) -> list[str]:
     ]
     suites = [part for suite in tuned.suites for part in ("--suite", suite)]
     missed = []
-    for title, values in {"as it is": (), **tuning.conditions, **tuned.others}.items():
+    for title, values in {"unchanged": (), **tuning.conditions, **tuned.others}.items():
         settings = [part for value in values for part in ("--set", value)]
         paper = assessed(tuning.plant, tuning.controllers, [*suites, *settings])
         ours = assessed(tuning.plant, tuning.controllers, [*suites, *settings, "--parameters", file])
@@ -377,9 +381,10 @@ def tuned_section(tuned: Tuned) -> list[str]:
             unit = "" if row.unit == "1" else row.unit
             numbers = (number(row.without), number(row.with_), number(other.with_))
             lines.append(f"| {title} | {label(row)} | {unit} | {' | '.join(numbers)} |")
-        kind = "Missed" if title == "as it is" or title in tuning.conditions else "Missed where it was not searched"
+        is_searched = title == "unchanged" or title in tuning.conditions
+        where = title if is_searched else f"{title}, not in the search"
         missed += [
-            f"- {kind}, {title}: {label(ours.by_name[requirement.metric])}, by {share:.1%}."
+            f"- Requirement missed ({where}): {label(ours.by_name[requirement.metric])}, by {share:.1%}."
             for requirement in tuning.requirements
             if (share := requirement.missed_by(ours)) > 0.0
         ]
@@ -387,19 +392,20 @@ def tuned_section(tuned: Tuned) -> list[str]:
 
 
 def label(row: Row) -> str:
-    """Name a metric with its maneuver."""
+    """Return the title of a metric with its maneuver."""
     return f"{words(row.maneuver)}: {row.title[:1].lower()}{row.title[1:]}"
 
 
 TUNED_HEAD = """
 ## Tuned on the bench
 
-`scripts/tune_on_bench.py` searches other values for some parameters of the controllers. They are not those of the
-papers: the vehicle, the law and the bench are the same, the numbers are fitted to the bench. The search requires the
-limits of sine with dwell for the car, its stability for the rescue vehicle, entry speeds not below those without
-control, for the truck load transfers not above, and for the half car wheel loads that vary no more, all with 1 % of
-slack; it requires them in all conditions of the table but those that the text below it calls not searched. Numbers of
-rides are means over three roads. A dash is a maneuver that fails at its lowest speed.
+`scripts/tune_on_bench.py` searches for better values of some controller parameters. The values are not those of the
+papers: they are fitted to the bench, with the same vehicles and control laws. The search requires the limits of sine
+with dwell for the car, and stability in sine with dwell for the rescue vehicle. Compared with the vehicle without
+controllers, and with a slack of 1 %, entry speeds must not be lower, load transfers of the truck must not be higher,
+and wheel loads of the half car must not vary more. The requirements apply to all conditions in a table, except those
+marked *not in the search* in the list below it. Values for rides are means over three roads. A dash means that the
+maneuver fails at its lowest speed.
 """
 
 

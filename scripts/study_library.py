@@ -1,7 +1,7 @@
 """Run the studies of the library's controllers, and write docs/study_results.md.
 
-`.venv/bin/python scripts/study_library.py`, after `scripts/build`; goes on with the runs that are there. Without any it
-took half an hour on two cores beside other work.
+`.venv/bin/python scripts/study_library.py`, after `scripts/build`; continues an interrupted call. All runs took half an
+hour on two cores, with other processes running.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ SENSITIVITY = "sensitivity_rescue_roll"
 
 HEAD = """# Results of the studies
 
-Does control help other vehicles than those of the papers? `studies/robust_*.toml` vary mass, tires, speed and road of
-each system, with the controllers as they are. `scripts/study_library.py` carries them out and writes this page.
+Do the controllers also help vehicles other than those in the papers? `studies/robust_*.toml` vary mass, tires, speed
+and road of each system, with unchanged controllers. `scripts/study_library.py` runs these studies and writes this page.
 
-*Runs that keep it* is the share of the samples that keep a requirement, with its 95 % interval (Wilson). A change is
-that against the baseline of the case in the same sample.
+*Runs that meet it* is the share of the samples that meet a requirement, with its 95 % interval (Wilson). A change is
+relative to the baseline of the case in the same sample.
 """
 
-COLUMNS = "| Requirement | Case | Runs that keep it | 95 % interval | Required | Met | Change, 5 % / 50 % / 95 % |"
+COLUMNS = "| Requirement | Case | Runs that meet it | 95 % interval | Required | Met | Change, 5 % / 50 % / 95 % |"
 
 
 def numbers(name: str, out: Path) -> Numbers:
-    """Carry a study out, as far as it is not done, and read its rows."""
+    """Execute the runs of a study that are not finished, and read its rows."""
     path = ROOT / "studies" / f"{name}.toml"
     command = [sys.executable, "-m", "chassis_fmu", "study", str(path), "--out", str(out), "--resume", "--no-fail"]
     if subprocess.run(command, check=False).returncode != 0:
-        raise SystemExit(f"error: {path} could not run")
+        raise SystemExit(f"error: the study {path} could not run, see above")
     folders = scenario.default_folders()
     job = Job(file.read(path, folders), path, folders)
     engine = Nothing(job, 1, 60.0)
@@ -50,12 +50,12 @@ def numbers(name: str, out: Path) -> Numbers:
 
 
 def limits(share: Share, of: Numbers) -> str:
-    """Write the limits of a requirement."""
+    """Format the limits of a requirement."""
     return f"{of.job.plan.metrics[share.limits.metric].title}: {report.limits_text(of, share)}"
 
 
 def change(share: Share, of: Numbers) -> str:
-    """Write percentiles of the change that a requirement is about."""
+    """Format percentiles of the change that a requirement limits."""
     if not share.limits.of_change:
         return "–"
     cell = next(i for i, r in enumerate(of.job.cells) if (r.case, r.point) == (share.case, share.point))
@@ -67,7 +67,7 @@ def change(share: Share, of: Numbers) -> str:
 
 
 def robust(name: str, of: Numbers) -> Iterator[str]:
-    """Write the section of a study of robustness."""
+    """Yield the section about a robustness study."""
     study, job = of.job.study, of.job
     yield f"## {study.title}\n"
     varied = "; ".join(f"{f.name}: {f.text(tables.pretty_unit(job.unit(f)))}" for f in study.vary)
@@ -77,7 +77,7 @@ def robust(name: str, of: Numbers) -> Iterator[str]:
     found = of.shares()
     met = sum(share.holds for share in found)
     answer = "Yes." if met == len(found) else "No." if met == 0 else "In part."
-    yield f"**{answer}** Enough runs keep {met} of {len(found)} requirements.\n"
+    yield f"**{answer}** {met} of {len(found)} requirements are met by enough runs.\n"
     yield COLUMNS
     yield "|---|---|---|---|---|---|---|"
     for share in found:
@@ -98,7 +98,7 @@ def robust(name: str, of: Numbers) -> Iterator[str]:
 
 
 def sensitivity(name: str, of: Numbers) -> Iterator[str]:
-    """Write the section of a study of sensitivities."""
+    """Yield the section about a sensitivity study."""
     study = of.job.study
     shares = design.shares(study)
     yield f"## {study.title}\n"
@@ -114,7 +114,7 @@ def sensitivity(name: str, of: Numbers) -> Iterator[str]:
                 row = f"| {effect.factor} | {effect.value:.2f} | {first} | {effect.total or 0.0:.2f} | {total} |"
                 yield row.replace("-0", "−0")
             if found.left_out:
-                yield f"\n{found.left_out} of {found.groups} groups of samples are left out, in which a run failed."
+                yield f"\n{found.left_out} of {found.groups} groups of samples are omitted, because a run failed."
             yield ""
 
 

@@ -1,8 +1,8 @@
 """Tune parameters of controllers on the test bench, and write them to modelDescription/parameters/bench_*.ssv.
 
 `.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/setup --all` and `scripts/build`; each tuning
-takes up to an hour. The requirements apply to the unchanged vehicle and to other conditions, such as a slippery road. The
-search (Optuna, tree-structured Parzen estimator) has a fixed seed: the same FMUs give the same values.
+takes up to an hour. The requirements apply to the unchanged vehicle and to other conditions, such as a slippery road.
+The search (Optuna, tree-structured Parzen estimator) has a fixed seed: the same FMUs give the same values.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from chassis_fmu.scenario import worker_program
 SEED = 1
 PARAMETERS = ROOT / "modelDescription" / "parameters"
 
-# As a limit: the value of the system without controllers, with a slack of `SAME`, the change that the bench calls *same*.
+# As a limit: the value of the system without controllers, with a slack of `SAME`, which the bench calls *same*.
 WITHOUT = "without"
 SAME = 0.01
 
@@ -199,7 +199,7 @@ TUNINGS = {
         {"iso3888_1.max_entry_speed": 100.0},
         100,
         {
-            "lateral tire forces of 80 %": ("heavy_vehicle:tire.force_scale=0.8",),
+            "lateral tire forces reduced to 80 %": ("heavy_vehicle:tire.force_scale=0.8",),
             "a body of 15 t instead of 20 t": ("heavy_vehicle:body.mass=15000.0",),
         },
     ),
