@@ -77,7 +77,7 @@ def robust(name: str, of: Numbers) -> Iterator[str]:
     found = of.shares()
     met = sum(share.holds for share in found)
     answer = "Yes." if met == len(found) else "No." if met == 0 else "In part."
-    yield f"**{answer}** {met} of {len(found)} requirements are met by enough runs.\n"
+    yield f"**{answer}** Requirements met by enough runs: {met} of {len(found)}.\n"
     yield COLUMNS
     yield "|---|---|---|---|---|---|---|"
     for share in found:
