@@ -5,6 +5,6 @@ import subprocess
 
 command = ["cargo", "metadata", "--no-deps", "--locked", "--format-version", "1"]
 for package in json.loads(subprocess.check_output(command))["packages"]:
-    # `publish = false` is an empty list of registries.
+    # `publish` is null by default, and an empty list for `publish = false`.
     if package["publish"] is None and any("lib" in target["kind"] for target in package["targets"]):
         print(package["name"])

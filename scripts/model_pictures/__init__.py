@@ -1,1 +1,1 @@
-"""The pictures of the models: block, equations and a demonstration run."""
+"""The pictures of the models: a block with ports and the results of a run."""

@@ -1,6 +1,6 @@
-"""What the picture of a model shows: for each FMU a short run with simple inputs.
+"""The results in the pictures of the models: short runs with simple inputs.
 
-A model without an entry shows its reference run, if it has one with a time column, or no result.
+The picture of a model without an entry shows its reference run if this has a time column, otherwise no result.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Signal = float | Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Demo:
-    """A run of one FMU: inputs over time (s), and the outputs that are drawn; they share one unit."""
+    """A run of one FMU: inputs over time (s), parameters, and the drawn outputs, which have the same unit."""
 
     title: str
     stop: float
@@ -33,25 +33,25 @@ class Demo:
 
 
 def through(*points: tuple[float, float]) -> Callable[[Array], Array]:
-    """Return the broken line through points (time, value)."""
+    """Return the piecewise linear function through points (time, value)."""
     times, values = zip(*points, strict=True)
     return lambda t: np.interp(t, times, values)
 
 
 def wave(amplitude: float, frequency: float) -> Callable[[Array], Array]:
-    """Return a sine with a frequency in Hz."""
+    """Return a sine wave; the frequency is in Hz."""
     return lambda t: amplitude * np.sin(2.0 * np.pi * frequency * t)
 
 
 def wave_rate(amplitude: float, frequency: float) -> Callable[[Array], Array]:
-    """Return the rate of `wave`."""
+    """Return the derivative of `wave`."""
     return lambda t: 2.0 * np.pi * frequency * amplitude * np.cos(2.0 * np.pi * frequency * t)
 
 
 DEG = np.pi / 180.0
 KMH = 1.0 / 3.6
 
-# The body sways while the wheels stay on a flat road.
+# The body rolls while the wheels stay on a flat road.
 SWAY: Mapping[str, Signal] = {"body.roll": wave(2.0 * DEG, 0.5), "body.roll_rate": wave_rate(2.0 * DEG, 0.5)}
 
 DEMOS: Mapping[str, Demo] = {
@@ -132,9 +132,9 @@ DEMOS: Mapping[str, Demo] = {
 
 
 def variable(description: ModelDescription, name: str) -> ScalarVariable:
-    """Return the variable of a name.
+    """Return the variable with a name.
 
-    Raises LookupError if the FMU has none.
+    Raises LookupError if the FMU has no such variable.
     """
     for found in description.modelVariables:
         if found.name == name:
@@ -143,7 +143,7 @@ def variable(description: ModelDescription, name: str) -> ScalarVariable:
 
 
 def run(demo: Demo, fmu: Path, description: ModelDescription) -> tuple[Array, dict[str, Array]]:
-    """Run a demo on an FMU; inputs without a signal keep their start values. Returns times and drawn outputs."""
+    """Run a demo and return times and drawn outputs; inputs without a signal keep their start values."""
     for name in (*demo.inputs, *demo.parameters, *demo.outputs):
         variable(description, name)
     times = np.arange(round(demo.stop / STEP) + 1) * STEP

@@ -1,7 +1,7 @@
-"""Pictures of models, `model.png`: a block with its ports and a result, as it stands in an engineer's tool.
+"""Pictures of models, `model.png`: a block with its ports, as in a block diagram, and a result.
 
-A picture depends on the FMU and the drawing programs alone: no date, no names of programs.
-All lengths are pixels of a picture 400 wide; the file has twice as many, for sharp screens.
+A picture depends only on the FMU and the drawing programs; it contains no date and no program names. All lengths are in
+pixels, for a picture 400 pixels wide; the file has twice the resolution, for high-density screens.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ PANEL = "#f6f8fa"
 
 PLACES = frozenset(("fl", "fr", "ml", "mr", "rl", "rr", "l", "r", "front", "middle", "rear"))
 
-# Families with more members than this are always one line.
+# Groups with more variables than this are always one line.
 FEW = 3
 
-# Lines of ports on one side.
+# Largest number of lines of ports on one side.
 MOST_LINES = 12
 
-# Outputs worth showing from a reference run, best first.
+# Outputs to show from a reference run, in order of preference.
 SHOWN = ("body.roll", "body.heave", "vehicle.yaw_rate")
 
 BOX = (22.0, 378.0)
@@ -62,7 +62,7 @@ SMALLEST = 9.0
 PLOT = 116.0
 COLORS = 64
 
-# Peaks with short numbers on the axis.
+# Peaks in this range need no power of ten in the unit of the axis.
 SHORT = (0.01, 10000.0)
 
 Array = NDArray[np.floating[Any]]
@@ -70,7 +70,7 @@ Array = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True)
 class Port:
-    """A line of ports: a variable, or a family of `count` variables."""
+    """A line of ports: a variable, or a group of `count` variables."""
 
     label: str
     count: int = 1
@@ -78,7 +78,7 @@ class Port:
 
 @dataclass(frozen=True)
 class Result:
-    """A run that is drawn: one axis, a line for each name."""
+    """The drawn results of a run: one axis, with a curve for each name."""
 
     title: str
     unit: str
@@ -88,7 +88,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Block:
-    """What a picture shows."""
+    """The contents of a picture."""
 
     name: str
     description: str
@@ -99,10 +99,10 @@ class Block:
 
 
 def ports(names: Sequence[str]) -> tuple[Port, ...]:
-    """Group variables to at most `MOST_LINES` lines.
+    """Group variables into at most `MOST_LINES` lines.
 
-    Families over many places come first; then, as long as there are too many lines, the largest other group with
-    the same beginning; what still does not fit is counted.
+    Groups of more than `FEW` variables over wheels or axles always become one line. While there are too many lines, the
+    largest other group with a common prefix becomes one line. A last line counts the variables that still do not fit.
     """
     groups: dict[str, list[str]] = {}
     for name in names:
@@ -133,7 +133,7 @@ def ports(names: Sequence[str]) -> tuple[Port, ...]:
 
 
 def _width(text: str, size: float, bold: bool = False) -> float:
-    # The size counts as points there; the width then comes in the unit of the size.
+    # matplotlib takes the size in points; the width then has the same unit as `size`.
     font = FontProperties(family=["DejaVu Sans"], weight="bold" if bold else "normal", size=size)
     width, _, _ = text_to_path.get_text_width_height_descent(text, font, ismath=False)
     return float(width)
@@ -167,14 +167,14 @@ def _side(lines: Sequence[Port], size: float) -> float:
 
 
 def _label_size(block: Block) -> float:
-    """Return the size of the labels at which both sides fit beside each other."""
+    """Return the size of the labels at which inputs and outputs fit side by side."""
     room = BOX[1] - BOX[0] - 2.0 * PAD - 14.0
     needed = _side(block.inputs, LABEL) + _side(block.outputs, LABEL)
     return max(SMALLEST, min(LABEL, LABEL * room / needed)) if needed else LABEL
 
 
 def _ports(ax: Axes, lines: Sequence[Port], top: float, size: float, accent: str, left: bool) -> None:
-    """Draw the ports of one side: an arrow each, thicker for a family."""
+    """Draw the ports of one side: an arrow each, thicker for a group."""
     edge, away = (BOX[0], -1.0) if left else (BOX[1], 1.0)
     align = "left" if left else "right"
     for i, port in enumerate(lines):
@@ -196,7 +196,7 @@ def _ports(ax: Axes, lines: Sequence[Port], top: float, size: float, accent: str
 
 
 def scaled(result: Result) -> Result:
-    """Take a power of 1000 out of very large or small values, into the unit, so that the axis has short numbers."""
+    """Move a power of 1000 from very large or small values into the unit, so that the axis has short numbers."""
     peak = max(float(np.abs(values).max()) for values in result.lines.values())
     if peak == 0.0 or SHORT[0] <= peak < SHORT[1]:
         return result
@@ -208,7 +208,7 @@ def scaled(result: Result) -> Result:
 
 
 def _result(canvas: Figure, ax: Axes, result: Result, top: float, height: float, single: str) -> None:
-    """Draw the result below `top`: title, names of the lines, axes."""
+    """Draw the result below `top`: title, legend, axes with curves."""
     left, right = BOX[0] + PAD, BOX[1] - PAD
     ax.plot([BOX[0], BOX[1]], [top, top], color=plots.GRID, linewidth=0.8)
     small = 9.5 * POINT
@@ -285,7 +285,7 @@ def draw(block: Block) -> bytes:
             _result(canvas, ax, scaled(block.result), below, height, accent)
         full = io.BytesIO()
         canvas.savefig(full, format="png", dpi=PER_INCH * SCALE)
-    # A palette needs a quarter of the space. Saving anew also drops the name and version of the drawing library.
+    # A palette needs a quarter of the space. Saving again also drops the name and version of the drawing library.
     with Image.open(full) as image:
         reduced = io.BytesIO()
         image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE).save(reduced, format="png", optimize=True)
@@ -293,9 +293,9 @@ def draw(block: Block) -> bytes:
 
 
 def shown_unit(description: ModelDescription, name: str) -> Conversion:
-    """Return the unit a variable is shown in: its display unit, its unit.
+    """Return the unit to show a variable in: its display unit if it has one, otherwise its unit.
 
-    Raises LookupError if the FMU has no variable of that name.
+    Raises LookupError if the FMU has no variable with this name.
     """
     variable = demos.variable(description, name)
     for unit in description.unitDefinitions:
@@ -307,7 +307,7 @@ def shown_unit(description: ModelDescription, name: str) -> Conversion:
 
 
 def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]] | None:
-    """Return what a reference run with a time column shows: a well-known output, or the first that moves."""
+    """Return times and an output of the reference run that changes, preferably one of `SHOWN`; None if there is none."""
     with zipfile.ZipFile(fmu) as archive:
         path = "extra/io.github.chassis-fmu/reference.csv"
         if path not in archive.namelist():
@@ -323,15 +323,15 @@ def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]
 
 
 def _unit(unit: str) -> str:
-    """Return a unit as the label of an axis, where a lone degree sign would be lost."""
+    """Return a unit for the axis label; `deg` stays a word, because a single degree sign is hard to see."""
     pretty = pretty_unit(unit)
     return unit if pretty == "°" else pretty
 
 
 def read(fmu: Path, folder: str) -> Block:
-    """Read what the picture of an FMU shows; `folder` is the top folder of its package.
+    """Read the contents of the picture from an FMU; `folder` is the top folder of its package.
 
-    Raises LookupError if a demo names a variable the FMU does not have.
+    Raises LookupError if a demo uses a variable that the FMU does not have.
     """
     description = read_model_description(str(fmu), validate=False)
     inputs = [v.name for v in description.modelVariables if v.causality == "input"]
