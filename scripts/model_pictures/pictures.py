@@ -307,7 +307,7 @@ def shown_unit(description: ModelDescription, name: str) -> Conversion:
 
 
 def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]] | None:
-    """Return times and an output of the reference run that changes, preferably one of `SHOWN`; None if there is none."""
+    """Return times and an output of the reference run that changes, preferably one of `SHOWN`, or None."""
     with zipfile.ZipFile(fmu) as archive:
         path = "extra/io.github.chassis-fmu/reference.csv"
         if path not in archive.namelist():
