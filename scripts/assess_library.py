@@ -327,9 +327,9 @@ def turning(found: Assessment, controllers: Sequence[str]) -> str:
     run = next(run for run in found.runs_of("brake_in_turn", "with"))
     recording = Folder(ROOT / "target" / "assessments" / found.plant["fmu"]).recording("with", run.name)
     if recording is None:
-        raise SystemExit("error: braking in a turn is not recorded")
+        raise SystemExit("error: the run of braking in a turn was not recorded")
     v, times = recording.values, recording.times
-    # The pedal begins at 16 s; its first row is one step later.
+    # Braking begins at 16 s, so the ratio is read at 17 s.
     ratio = np.abs(v["vehicle.yaw_rate"]) * run.metrics["radius"] / v["vehicle.speed"]
     before, after = (float(np.interp(17.0 + step, times, ratio)) for step in (-0.01, 0.01))
     base = ["--suite", "braking", "--base", "BrakeAndDriveActuators"]

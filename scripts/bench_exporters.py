@@ -28,7 +28,7 @@ MODELS = {"QuarterCar": "quarter-car", "BouncingBall": "bouncing-ball"}
 
 
 class ProgramError(Exception):
-    """A program failed; the text contains the reason."""
+    """A program failed; the message contains the reason."""
 
 
 class Fmu(NamedTuple):

@@ -42,9 +42,6 @@ OUT = "out."
 
 Order = Literal["sequential", "jacobi"]
 
-# Component, name and type of a recorded output.
-Output = tuple[str, str, BaseType]
-
 
 class StructureError(Exception):
     """A tool could not load or run a system."""
@@ -88,7 +85,8 @@ class Structure:
         self.start, self.stop = float(experiment.get("startTime")), float(experiment.get("stopTime"))
         self.step = float(self._all(".//oms:FixedStepMaster")[0].get("stepSize"))
         self.steps = round((self.stop - self.start) / self.step)
-        self.outputs: list[Output] = [
+        # Component, name and type of each recorded output.
+        self.outputs: list[tuple[str, str, BaseType]] = [
             (c.get("name"), name, kind) for c in self.components for name, kind in self.connectors(c, "output")
         ]
 

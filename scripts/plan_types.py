@@ -52,7 +52,7 @@ def comment(schema: dict[str, Any]) -> str:
 
 
 def wrapped(text: str, prefix: str) -> str:
-    """Wrap a text in lines with a prefix."""
+    """Wrap a text into lines with a prefix."""
     return "\n".join(textwrap.wrap(text, 120, initial_indent=prefix, subsequent_indent=prefix))
 
 
@@ -65,7 +65,7 @@ class Types:
         self._named(schema["title"], schema)
 
     def text(self) -> str:
-        """Return the file."""
+        """Return the text of the file."""
         return "\n\n".join([HEAD, *self._written.values()])
 
     def _of(self, part: dict[str, Any], name: str) -> str:

@@ -11,7 +11,7 @@ lines = subprocess.check_output([*TREE.split(), "--no-dedupe", "--format={p}\t{l
 components: list[dict[str, Any]] = []
 for line in sorted(set(filter(None, lines))):
     package, license_ = line.split("\t")
-    # A local package has its folder after the version.
+    # cargo prints the folder of a local package after the version.
     name, version, *folder = package.split()
     component: dict[str, Any] = {"type": "library", "name": name, "version": version.removeprefix("v")}
     if license_:
