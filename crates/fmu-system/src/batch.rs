@@ -1,7 +1,8 @@
 //! Runs a plan many times with changed values and reduces each run to the numbers of its metrics.
 //!
-//! A [`Sample`] is a set of values and the runs of the plan to try them in. Its runs are consecutive tasks. A [`Row`] depends only on the
-//! values of its sample, so a batch gives the same rows in any order, with any number of processes and beside any other samples.
+//! A [`Sample`] is a set of values and the runs of the plan to try them in. Its runs are consecutive tasks. A [`Row`]
+//! depends only on the values of its sample, so a batch gives the same rows in any order, with any number of processes,
+//! and whatever other samples it contains.
 
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
@@ -17,7 +18,7 @@ use std::sync::{Mutex, PoisonError};
 /// Values for variables of components, and the runs they are tried in.
 #[derive(Debug, Clone)]
 pub struct Sample {
-    /// The values. A run ignores those of components that it does not have.
+    /// The values. A run ignores those for components that it does not have.
     pub changes: Vec<Change>,
     /// Indices of runs of the plan, ascending.
     pub runs: Vec<usize>,
@@ -41,7 +42,7 @@ pub struct Row {
     pub sample: usize,
     /// Index of the run in the plan.
     pub run: usize,
-    /// Numbers of the metrics of the plan, `None` if undefined; or the failure, without its rows.
+    /// Values of the plan's metrics, `None` if undefined; or the failure, without the recorded rows.
     pub result: Result<Vec<Option<f64>>, Failure>,
     /// Time that the run took, s; 0 if it failed.
     pub seconds: f64,
@@ -53,7 +54,7 @@ pub struct Batch {
     plan: Plan,
     fmus: Fmus,
     metrics: BTreeSet<usize>,
-    /// For each run, the run of the baseline of its case, if a metric needs it.
+    /// For each run, the index of the baseline's run, if a metric needs it.
     baselines: Vec<Option<usize>>,
 }
 
@@ -61,7 +62,7 @@ pub struct Batch {
 pub type Take<'a> = &'a (dyn Fn(Row) -> bool + Sync);
 
 impl Batch {
-    /// Prepares the runs of a plan; the FMUs are those of its runs.
+    /// Prepares the runs of a plan. `fmus` contains the FMUs of all runs.
     pub fn new(mut plan: Plan, fmus: Fmus) -> Self {
         let metrics = (0..plan.metrics.len()).collect();
         let needed: BTreeSet<usize> = definitions(&plan, &metrics).flat_map(Definition::needed_columns).collect();
@@ -74,7 +75,7 @@ impl Batch {
         Self { baselines, metrics, plan, fmus }
     }
 
-    /// The plan, whose runs record what the metrics need.
+    /// The plan; its runs record only what the metrics need.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
@@ -84,7 +85,7 @@ impl Batch {
         &self.fmus
     }
 
-    /// A run of the plan with other values.
+    /// Returns a copy of a run with changed values.
     ///
     /// # Errors
     /// A value does not fit.
@@ -108,7 +109,7 @@ impl Batch {
             .enumerate()
             .flat_map(|(index, sample)| self.executed(sample).into_iter().map(move |run| (index, run)))
             .collect();
-        // Runs of each sample that are done.
+        // The finished runs of each sample.
         type Outcomes = Vec<(usize, Result<Recording, Failure>)>;
         let states: Vec<Mutex<Outcomes>> = samples.iter().map(|_| Mutex::default()).collect();
         let stopped = std::sync::atomic::AtomicBool::new(false);
@@ -172,7 +173,7 @@ impl Batch {
         self.rows(index, sample, &outcomes)
     }
 
-    /// The runs that the rows of a sample need: its own and those of baselines.
+    /// The runs that the rows of a sample need: its own and the baselines' runs.
     fn executed(&self, sample: &Sample) -> Vec<usize> {
         let own = sample.runs.iter().copied();
         let all: BTreeSet<usize> = own.clone().chain(own.filter_map(|run| self.baselines[run])).collect();

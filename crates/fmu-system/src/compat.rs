@@ -1,9 +1,10 @@
 //! Finds the FMUs whose signals fit a plant.
 //!
-//! A *plant* is an FMU with continuous states (the model structure lists derivatives) that writes no input of an FMU with
-//! more states; one that does is an actuator of the larger one. A *block* such as `Actuator` is not a plant either: its
-//! inputs and outputs have no unit of measure, and no other FMU has a signal of their names, so only explicit connections join it to
-//! others. All other FMUs are *components*: controllers, sources, actuators, blocks.
+//! A *plant* is an FMU with continuous states (the model structure lists derivatives) that writes no input of an FMU
+//! with more states; an FMU that does is an actuator of the larger FMU. A *block* such as `Actuator` is not a plant
+//! either: its inputs and outputs have no unit of measure, and no other FMU has a signal with the same name, so only
+//! explicit connections join a block to other FMUs. All other FMUs are *components*: controllers, sources, actuators,
+//! blocks.
 //!
 //! A signal goes from an output to an input of the same name, if base types and units of measure agree
 //! ([`Variable::mismatch`]). A component *fits* a plant if
@@ -20,21 +21,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
-/// All pairs of a component and a plant.
+/// The fit of every component to every plant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Systems {
     /// Names of the plants, sorted.
     pub plants: Vec<String>,
     /// Names of the other FMUs, sorted.
     pub components: Vec<String>,
-    /// By component, then by plant.
+    /// Indexed by component, then by plant.
     pub fits: Vec<Vec<Fit>>,
 }
 
 /// Fit of a component to a plant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Fit {
-    /// All inputs are written, and it acts on the plant, directly or through other components.
+    /// All inputs are written, and the component acts on the plant, directly or through other components.
     Fits,
     /// All inputs are written, but nothing that acts on the plant reads its outputs.
     Idle,
@@ -138,10 +139,10 @@ fn writes(writer: &ModelDescription, reader: &ModelDescription) -> bool {
 }
 
 fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str]) -> Vec<Fit> {
-    // The largest set of components that write each other's inputs together with the plant: cycles stay in it.
+    // Remove components with unwritten inputs until none is left. Starting with all components keeps cycles.
     let mut supplied: BTreeSet<&str> = components.iter().copied().collect();
     let unwritten = |component: &str, supplied: &BTreeSet<&str>| -> Vec<&Variable> {
-        // An FMU cannot write its own inputs: names are unique in it.
+        // An FMU cannot write its own inputs: names are unique within an FMU.
         let writers = || supplied.iter().chain([&plant]);
         variables(&fmus[component], Causality::Input)
             .filter(|input| !writers().any(|writer| supplies(&fmus[*writer], input)))
@@ -156,7 +157,7 @@ fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str
         supplied = kept;
     }
 
-    // Backwards from the plant.
+    // Search backward from the plant.
     let mut acting: BTreeSet<&str> = BTreeSet::new();
     loop {
         let acts = |component: &&str| {
@@ -206,7 +207,7 @@ fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&
 mod tests {
     use super::*;
 
-    /// A description with inputs and outputs `name unit`, `-` for no unit; the first outputs are states.
+    /// Makes a description from inputs and outputs `name unit`, with `-` for no unit. The first outputs are states.
     fn fmu(inputs: &[&str], outputs: &[&str], states: usize) -> Arc<ModelDescription> {
         let mut variables = String::new();
         let roles = inputs.iter().map(|text| (text, "input")).chain(outputs.iter().map(|text| (text, "output")));
@@ -330,7 +331,7 @@ mod tests {
         let systems = toys([
             ("Car", car()),
             ("Actuator", bare("command", "value")),
-            // Without units, too, but made for the steering.
+            // Has no units either, but its input is an output of `Steering`.
             ("Bike", bare("steer", "lean")),
         ]);
         assert_eq!(systems.plants, ["Bike", "Car"]);

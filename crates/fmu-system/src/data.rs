@@ -1,4 +1,4 @@
-//! Data from CSV files: measurements of loggers, tables of spreadsheets, signals of simulations.
+//! Data from CSV files: measurements from loggers, tables from spreadsheets, signals from simulations.
 //!
 //! A [`Table`] holds the columns of a file by name, with the units in the file. [`Table::times`] makes a clock from one column,
 //! [`Table::signal`] a signal from another. All commands that read data use this module, so a file means the same everywhere.
@@ -26,7 +26,7 @@ const ROWS: usize = 10_000_000;
 const COLUMNS: usize = 4096;
 /// Longest line, in bytes.
 const LINE: usize = 1_000_000;
-/// Rows from which the decimal mark is detected.
+/// Number of rows searched for the decimal mark.
 const LOOKED_AT: usize = 100;
 /// Maximum number of mistakes reported for a file.
 const REPORTED: usize = 20;
@@ -35,7 +35,7 @@ const DELIMITERS: [char; 4] = ['\t', ';', ',', '|'];
 /// The first bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-/// Format of a file; what is `None` is detected.
+/// Format of a file. Fields that are `None` are detected.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Format {
     /// Cell separator.
@@ -80,9 +80,9 @@ pub struct Column {
     pub unit: Option<String>,
     /// A number for each row; NaN for a missing or invalid cell.
     cells: Vec<f64>,
-    /// Another unit, in brackets after the name.
+    /// Unit in brackets after the name, if the line below has another.
     contradiction: Option<String>,
-    /// Invalid cells by row, as far as they are reported.
+    /// Invalid cells by row, up to the number that is reported.
     wrong: Vec<(usize, String)>,
 }
 
@@ -167,7 +167,7 @@ impl Table {
                 DataError::new(file, format!("the file cannot be decompressed: {error}"), Some(help))
             })?;
             if plain.len() as u64 > limit {
-                let message = format!("decompressed, the file has more than {limit} bytes, the limit");
+                let message = format!("the decompressed file is larger than the limit of {limit} bytes");
                 return Err(DataError::new(file, message, None));
             }
             &plain[..]

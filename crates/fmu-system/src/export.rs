@@ -8,8 +8,9 @@
 //! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it; not with a component of FMI 3.0, which libcosim does
 //!   not support.
 //!
-//! Constant inputs become start values in both. Neither format defines the order of the components within a step, nor what is recorded, how
-//! often, and computed from it. Recorded outputs become connectors, so a tool that records all connectors also records these outputs.
+//! Constant inputs become start values in both. Neither format defines the order of the components within a step, the
+//! recording, or the metrics. Recorded outputs become connectors, so a tool that records all connectors also records
+//! these outputs.
 
 mod osp;
 mod ssp;
@@ -40,9 +41,9 @@ pub enum ExportError {
     #[error(transparent)]
     Fmu(#[from] ArchiveError),
     /// The run reads signals from a file.
-    #[error("signals from a file cannot be written: neither SSP nor OSP structures hold them")]
+    #[error("signals from a file cannot be exported: neither SSP nor OSP structures can contain them")]
     InputSeries,
-    /// Something that other masters do not support, or an FMU that is not that of the plan.
+    /// Something that other masters do not support, or an FMU that has changed since the plan was made.
     #[error("{0}")]
     Unsupported(String),
     /// The folder is not empty.
@@ -77,7 +78,7 @@ pub struct System {
     pub step: f64,
     /// Components of the scenario in their order.
     pub components: Vec<Component>,
-    /// Wires, in the order of the components that read and of their inputs.
+    /// Connections, in the order of the reading components and their inputs.
     pub connections: Vec<Connection>,
     /// Definitions of the units of measure that connectors and parameters have.
     units: Vec<Unit>,
@@ -97,7 +98,7 @@ pub struct Component {
     pub connectors: Vec<Connector>,
     /// Values of parameters and of inputs that nothing writes.
     pub values: Vec<Parameter>,
-    /// Their types, as FMI and SSP name them.
+    /// Types of the values by name, as FMI and SSP call them.
     value_types: HashMap<String, String>,
 }
 
@@ -113,7 +114,7 @@ pub struct Connector {
     unit: Option<String>,
 }
 
-/// A wire: component and variable at both ends.
+/// A connection: component and variable at both ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connection {
     /// The end that writes.
@@ -304,18 +305,20 @@ impl Definitions {
         if known.base == unit.base {
             return Ok(());
         }
-        Err(ExportError::Unsupported(format!("the unit of measure `{name}` is another one in {file} than in {first}")))
+        Err(ExportError::Unsupported(format!(
+            "the unit of measure `{name}` is defined differently in {file} and {first}"
+        )))
     }
 }
 
-/// The definition of a unit of measure in terms of SI units; SSP has no others.
+/// The definition of a unit of measure in terms of SI units, the only kind that SSP has.
 fn defined<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Unit> {
     description.unit(name).filter(|unit| unit.base.is_some())
 }
 
 type Wirable<'a> = HashMap<(Causality, BaseType, Reference), &'a Variable>;
 
-/// Maps causality, type and value reference of a wire to its variable; to the first one of aliases.
+/// Maps causality, type and value reference of a connected variable to the variable, the first of several aliases.
 fn wirable(description: &ModelDescription) -> Wirable<'_> {
     let mut wirable = HashMap::new();
     for variable in &description.variables {
@@ -410,7 +413,7 @@ fn reject_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
         .map_err(error)?;
     let ours = |name: &&String| *name == OSP_STRUCTURE || name.ends_with(".fmu") || name.ends_with(".ssp");
     let hint = match names.iter().find(|name| !ours(name)) {
-        Some(other) => format!(", and `{other}` is not from an earlier call; choose another one"),
+        Some(other) => format!(", and `{other}` is not from an earlier call; choose another folder"),
         None if names.is_empty() || (overwrite && names.iter().any(|name| name.ends_with(".ssp"))) => return Ok(()),
         None => "; `--overwrite` replaces an earlier system".to_string(),
     };

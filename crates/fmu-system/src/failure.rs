@@ -23,7 +23,7 @@ pub struct Failure {
     pub message: String,
     /// Kind of failure.
     pub kind: FailureKind,
-    /// The rows before it; never those of a complete run.
+    /// The rows recorded before the failure; never those of a complete run.
     #[serde(skip)]
     pub recorded: Option<Box<Recording>>,
 }
@@ -53,7 +53,7 @@ impl Failure {
         Self { time, component, variable, kind, ..Self::new(run, cause.to_string()) }
     }
 
-    /// The word for it in tables: `rejected`, `diverged`, `crashed` or `timed_out`.
+    /// The status in tables: `rejected`, `diverged`, `crashed` or `timed_out`.
     pub fn status(&self) -> &'static str {
         match self.kind {
             FailureKind::Crashed => "crashed",
@@ -80,9 +80,9 @@ impl Failure {
 /// Kind of failure of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FailureKind {
-    /// It could not be started, a call returned an error, or its file could not be written.
+    /// The run could not be started, a call returned an error, or the file of the run could not be written.
     Error,
-    /// A call returned `fmi2Fatal`: no instance of the FMU may be used any more in its process.
+    /// A call returned `fmi2Fatal`: no instance of the FMU may be used again in this process.
     Fatal,
     /// A signal is not finite.
     NotFinite,

@@ -8,13 +8,13 @@ use fmu_import::loader::{CallError, Instance};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Error of the FMUs of a system.
+/// Error while loading or using the FMUs of a system.
 #[derive(Debug, thiserror::Error)]
 pub enum FmusError {
-    /// The FMU itself.
+    /// An FMU cannot be opened, loaded or instantiated.
     #[error(transparent)]
     Fmu(#[from] FmuError),
-    /// The file is not the one the plan was made for.
+    /// The file is not the one that the plan was made for.
     #[error("{}: the FMU has changed since the plan was made: GUID {found}, expected {expected}", path.display())]
     Changed {
         /// The file.
@@ -42,7 +42,7 @@ pub enum FmusError {
         /// The value.
         value: f64,
     },
-    /// It was not loaded.
+    /// The FMU was not loaded.
     #[error("the FMU {0} is not among those loaded")]
     NotLoaded(String),
 }
@@ -53,9 +53,9 @@ impl From<CallError> for FmusError {
     }
 }
 
-/// Source of the instances of a master.
+/// Creates the instances for a master.
 pub trait Instances {
-    /// A new instance for a component of a plan, with its name.
+    /// Creates an instance for a component of a plan. The instance gets the component's name.
     ///
     /// # Errors
     /// The FMU does not exist, cannot be loaded, returns no instance, or allows only one and already has it.
@@ -75,7 +75,7 @@ impl Fmus {
     /// Opens all FMUs of these runs.
     ///
     /// # Errors
-    /// As [`Fmu::open`]; also if a GUID is not that of the plan.
+    /// As [`Fmu::open`]; also if a GUID differs from the plan's.
     pub fn load(runs: &[Run]) -> Result<Self, FmusError> {
         let fmus = Self::unpack(runs)?;
         for fmu in fmus.iter() {
@@ -84,10 +84,10 @@ impl Fmus {
         Ok(fmus)
     }
 
-    /// Opens all FMUs of these runs, for a process that lets others load them: see [`Fmu::unpack`].
+    /// Opens all FMUs of these runs, for a process whose workers load them: see [`Fmu::unpack`].
     ///
     /// # Errors
-    /// As [`Fmu::unpack`]; also if a GUID is not that of the plan.
+    /// As [`Fmu::unpack`]; also if a GUID differs from the plan's.
     pub fn unpack(runs: &[Run]) -> Result<Self, FmusError> {
         Self::of_components(runs.iter().flat_map(|run| &run.components))
     }

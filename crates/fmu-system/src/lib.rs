@@ -11,8 +11,8 @@
 //! - [`data`] reads CSV files of any origin,
 //! - [`export`] writes a run for other masters, [`compat`] finds the FMUs whose signals fit a plant.
 //!
-//! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
-//! once and then executes changed copies of a run in memory:
+//! A tool that evaluates a system many times (an optimizer, a benchmark) resolves the scenario once, opens the FMUs
+//! once, and then executes changed copies of a run in memory:
 //!
 //! ```no_run
 //! use fmu_import::description::Value;

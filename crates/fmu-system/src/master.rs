@@ -18,7 +18,7 @@ struct Recorder {
 impl Recorder {
     fn new(simulation: &Simulation, run: &Run) -> Self {
         let slots: Vec<usize> = run.columns.iter().copied().flatten().collect();
-        // A plan does not exceed the limit. Above it, nothing more is reserved, and the columns grow.
+        // Plans stay within the limit. Beyond it, the columns grow without being reserved.
         let most = limits::RECORDED / (slots.len() as u64 + 1);
         let rows = usize::try_from((simulation.steps / simulation.every + 1).min(most)).unwrap_or(0);
         let columns = slots.into_iter().map(|slot| (slot, Vec::with_capacity(rows))).collect();
@@ -48,8 +48,8 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
     record(simulation, run, fmus, true)
 }
 
-/// Works like [`execute`]. Without `is_terminated`, it neither terminates nor frees the instances, because that may have crashed or hung
-/// before. They stay until the process ends.
+/// Works like [`execute`]. Without `is_terminated`, the instances are neither terminated nor freed, because these calls
+/// may have crashed or hung in an earlier attempt. The instances stay until the process ends.
 pub(crate) fn record(
     simulation: &Simulation,
     run: &Run,

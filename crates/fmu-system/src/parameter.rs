@@ -60,12 +60,12 @@ impl Run {
 }
 
 impl Component {
-    /// Sets a variable before initialization, or an input for all of the run.
+    /// Sets a variable before initialization, or an input for the whole run.
     fn set(&mut self, variable: &Variable, value: Value) -> Result<(), String> {
         let name = &variable.name;
         if variable.causality == Causality::Input {
             let constant = self.constants.iter_mut().find(|constant| constant.name == *name);
-            let written = || format!("the input `{name}` does not keep one value, another signal writes it");
+            let written = || format!("the input `{name}` cannot be set: another signal writes it");
             constant.ok_or_else(written)?.value = value;
             return Ok(());
         }
@@ -89,7 +89,7 @@ pub struct Settable {
     pub variable: Variable,
     /// Its value in the scenario, if it has one.
     pub value: Option<Value>,
-    /// Units that it can be given in, beside its own.
+    /// Other units in which its value can be given.
     pub units: Vec<DisplayUnit>,
 }
 
@@ -162,8 +162,7 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
         Some(variable) => Err(NoParameter {
             message: format!("`{name}` of {model} is not a parameter but {}", role(variable)),
             help: (variable.causality == Causality::Input).then(|| {
-                "`inputs` of a component keeps inputs constant, `start = \"steady\"` begins in a steady state"
-                    .to_owned()
+                "use `inputs` to hold an input constant, or `start = \"steady\"` to start in a steady state".to_owned()
             }),
         }),
         None => Err(NoParameter {

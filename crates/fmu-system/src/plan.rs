@@ -30,7 +30,7 @@ pub struct Plan {
     pub reference: String,
     /// Times and order.
     pub simulation: Simulation,
-    /// True if an earlier stop was requested than the scenario's.
+    /// True if the requested stop time is earlier than the scenario's.
     pub is_cut: bool,
     /// Cases in the order of the file.
     pub cases: Vec<Case>,
@@ -42,7 +42,7 @@ pub struct Plan {
     pub seeds: Vec<i32>,
     /// Recorded signals of all cases.
     pub columns: Vec<Column>,
-    /// Runs: cases, in them points, in them seeds.
+    /// Runs, ordered by case, then point, then seed.
     pub runs: Vec<Run>,
     /// Numbers to compute from the columns.
     pub metrics: Vec<Metric>,
@@ -142,7 +142,7 @@ pub struct Point {
     pub title: String,
     /// Abscissa.
     pub value: f64,
-    /// Place on the second axis; `None` without one.
+    /// Value on the second axis; `None` without one.
     pub second: Option<f64>,
 }
 
@@ -169,7 +169,8 @@ pub struct SecondSweep {
 /// A recorded signal. Shown value = factor * value + offset.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Column {
-    /// Name of the signal, or `component:signal` if a component before it in the scenario records one of that name.
+    /// Name of the signal, or `component:signal` if an earlier component in the scenario records a signal with that
+    /// name.
     pub name: String,
     /// Unit of measure of the recorded values.
     pub unit: Option<String>,
@@ -183,6 +184,6 @@ pub struct Column {
     pub description: String,
     /// All units the values can be shown in.
     pub units: Vec<DisplayUnit>,
-    /// True if the values come from the input file (in some case), not from the component.
+    /// True if, in some case, the values come from the input file instead of the component.
     pub from_file: bool,
 }

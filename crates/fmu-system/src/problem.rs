@@ -69,12 +69,12 @@ pub struct Collector {
     contexts: usize,
 }
 
-/// The part of a file in which a mistake was found: a case.
+/// The case in which a mistake was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Context {
     /// Name in messages.
     pub(crate) label: String,
-    /// True if it overrides values set elsewhere. A message then names it even without other context.
+    /// True if it overrides values set elsewhere. A message then names it even if it is the only context.
     pub(crate) is_special: bool,
 }
 
@@ -114,7 +114,7 @@ impl Collector {
     pub(crate) fn add_source(&mut self, file: &Path, text: &str) -> usize {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language("toml");
         let (from, last) = self.included.last().map_or((0, &self.source_code), |(from, last)| (*from, last));
-        // A place at the end of a file is not one at the start of the next.
+        // One more, so that the end of a file differs from the start of the next.
         let from = from + last.inner().len() + 1;
         self.included.push((from, Arc::new(source)));
         from

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A number of the results.
+/// A metric: a number computed from each run.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Metric {
     /// Name.
@@ -43,16 +43,16 @@ pub enum Source {
     },
 }
 
-/// Limits on the numbers of the runs of all seeds and points.
+/// Limits on a metric in the runs of all points and seeds.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Requirement {
     /// Minimum, in the unit of the metric.
     pub min: Option<f64>,
     /// Maximum.
     pub max: Option<f64>,
-    /// Names of the cases that must keep it.
+    /// Names of the cases that must meet the requirement.
     pub cases: Vec<String>,
-    /// Share of their runs that must keep it, above 0 and up to 1.
+    /// Share of their runs that must meet the requirement, above 0 and up to 1.
     pub share: f64,
     /// Source of the requirement, such as a standard.
     pub source: Option<String>,
@@ -67,7 +67,7 @@ pub struct Paper {
     pub values: BTreeMap<String, f64>,
     /// Change in percent by `case/case` or `case@point/case@point`, where the paper gives no values.
     pub changes: BTreeMap<String, f64>,
-    /// Keys of the values used for calibration, the others being predictions; `None`: unknown.
+    /// Keys of the values used for calibration; the other values are predictions. `None`: unknown.
     pub calibrated: Option<Vec<String>>,
 }
 
@@ -86,7 +86,7 @@ pub struct Figure {
     pub separate: bool,
     /// Indices into the columns of the plan, for time plots and spectra.
     pub columns: Vec<usize>,
-    /// Index of the column drawn dashed beside each of them, in a time plot.
+    /// Index of the column drawn dashed in every panel of a time plot.
     pub against: Option<usize>,
     /// Index of the column drawn over a second vertical axis in every panel of a time plot.
     pub right: Option<usize>,
@@ -95,9 +95,9 @@ pub struct Figure {
     pub over: Option<usize>,
     /// Indices into the metrics of the plan, for the kinds that show metrics.
     pub metrics: Vec<usize>,
-    /// True if all panels have the same scale, of the abscissa and of the ordinate.
+    /// True if all panels have the same scales.
     pub same_scale: bool,
-    /// True if a unit of length is as long on the abscissa as on the ordinate, in [`FigureKind::Xy`].
+    /// True if both axes of a [`FigureKind::Xy`] have the same scale.
     pub equal_axes: bool,
     /// Frequencies shown, Hz; `None`: all.
     pub band: Option<[f64; 2]>,
@@ -107,9 +107,9 @@ pub struct Figure {
     pub levels: Vec<Level>,
     /// Unit of measure of the signals; `None`: the display unit of each column.
     pub unit: Option<String>,
-    /// Factor to that unit.
+    /// Factor for the conversion to that unit.
     pub factor: f64,
-    /// Offset to that unit.
+    /// Offset for the conversion to that unit.
     pub offset: f64,
     /// Caption.
     pub caption: Option<Text>,
@@ -131,8 +131,8 @@ pub enum FigureKind {
     Running,
     /// Signals over another signal, cases overlaid.
     Xy,
-    /// Transfer functions from a signal to others over frequency: gain, phase and coherence, from spectra averaged over the
-    /// seeds, cases overlaid.
+    /// Transfer functions from one signal to other signals over frequency: gain, phase and coherence, from spectra
+    /// averaged over the seeds, cases overlaid.
     Transfer,
     /// Metrics of all runs as cumulative distributions, cases overlaid.
     Distribution,
@@ -202,19 +202,19 @@ pub enum Expect {
     PaperChange,
     /// The value that the paper gives.
     PaperValue,
-    /// Less than what it is compared with.
+    /// Less than the cell that it is compared with.
     Lower,
-    /// More than that.
+    /// More than the cell that it is compared with.
     Higher,
-    /// About as much as that.
+    /// About as much as the cell that it is compared with.
     Unchanged,
-    /// It falls relative to its baseline, by a larger share than the cell that it is compared with.
+    /// The cell falls relative to its baseline by a larger share than the cell that it is compared with.
     FallsMore,
     /// Less than a level.
     Below,
     /// More than a level.
     Above,
-    /// No number: the metric has none, because a level is never crossed.
+    /// Undefined, because a level is never crossed.
     Never,
 }
 
@@ -234,7 +234,7 @@ pub enum Part {
         format: Format,
         /// Index into the metrics of the plan.
         metric: usize,
-        /// The cells it is of; several give a range, none where the format needs none.
+        /// Cells whose number is shown; several give a range. Empty if the format needs none.
         cells: Vec<Cell>,
         /// Cells to compare with, one for each cell; empty if the format needs none.
         against: Vec<Cell>,
@@ -278,7 +278,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns true if the number belongs to the metric, for any cell.
+    /// Returns true if the number is a setting of the metric, the same for every cell.
     pub(crate) fn is_of_metric(self) -> bool {
         matches!(self, Self::Threshold | Self::From | Self::To | Self::Band)
     }

@@ -1,4 +1,4 @@
-//! Requirements: verdicts on the numbers of the runs by the limits of the metrics, as numbers, text and JUnit XML.
+//! Requirements: compares the metrics of the runs with their limits, and writes the verdicts as text and JUnit XML.
 //!
 //! This is the only implementation of the rules.
 
@@ -17,16 +17,16 @@ use std::fmt::Write as _;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Enough runs keep the limits.
+    /// Enough runs are within the limits.
     Passed,
-    /// Too few runs keep the limits.
+    /// Too few runs are within the limits.
     Failed,
     /// A run failed, was ended by an FMU or was cut short.
     Open,
 }
 
 impl Status {
-    /// The word of a badge.
+    /// Text of a badge.
     pub fn title(self) -> &'static str {
         match self {
             Self::Passed => "Passed",
@@ -36,24 +36,24 @@ impl Status {
     }
 }
 
-/// Result of the runs of a case at a point.
+/// Outcome of a requirement for the runs of a case at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
     /// Status of the requirement.
     pub status: Status,
     /// The number that comes closest to a limit or exceeds it most; `None`: no run has one.
     pub worst: Option<f64>,
-    /// Number of executed runs without a number.
+    /// Number of executed runs in which the metric is undefined.
     pub missing: usize,
 }
 
-/// The rows of the runs that a metric is computed from.
+/// The rows that a metric is computed from, in relation to its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rows {
-    /// All of them.
+    /// All rows of the window.
     All,
-    /// The runs end before the last of them. A requirement fails if a metric of this kind already exceeds its limit, else it is open.
-    /// `None` for a metric that is computed from other metrics.
+    /// The runs end before the window. A requirement fails if a metric of this kind can no longer return to its limits;
+    /// otherwise it is open. `None` for a metric that is computed from other metrics.
     Cut(Option<Kind>),
 }
 
@@ -70,12 +70,12 @@ pub fn holds(limits: [Option<f64>; 2], value: Option<f64>) -> bool {
     value.is_some_and(|value| margin(limits, value) >= 0.0)
 }
 
-/// Returns true if enough runs keep the limits, at least `share` of them.
+/// Returns true if at least `share` of the runs are within the limits.
 pub fn is_enough(kept: usize, of: usize, share: f64) -> bool {
     kept as f64 >= share * of as f64
 }
 
-/// Compares the numbers of the executed runs with the limits; `None` is a run without a number. `runs` is the planned number.
+/// Compares the metric of the executed runs with the limits; `None` is undefined. `runs` is the number of planned runs.
 pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
     let known = || numbers.iter().copied().flatten();
     let kept = numbers.iter().filter(|value| holds(limits, **value)).count();
@@ -112,7 +112,7 @@ pub struct Verdict<'a> {
     pub outcome: Outcome,
 }
 
-/// Returns the metrics that have requirements, and those from which they are computed, in ascending order.
+/// Returns the metrics that have requirements, and the metrics that they are computed from, in ascending order.
 fn needed(plan: &Plan) -> BTreeSet<usize> {
     let mut all: BTreeSet<usize> =
         (0..plan.metrics.len()).filter(|index| plan.metrics[*index].requirement.is_some()).collect();
@@ -132,7 +132,7 @@ pub(crate) fn definitions<'a>(plan: &'a Plan, metrics: &BTreeSet<usize>) -> impl
     })
 }
 
-/// Index of the run of the baseline of a run's case, if one of the metrics needs it.
+/// Index of the baseline's run for a run, if one of the metrics needs it.
 pub(crate) fn baseline(plan: &Plan, metrics: &BTreeSet<usize>, run: &Run) -> Option<usize> {
     let case = plan.cases.iter().find(|case| case.name == run.case)?;
     let name = case.baseline.as_ref()?;
@@ -163,7 +163,7 @@ type Numbers = Vec<Option<f64>>;
 /// Values of the metrics of the complete runs, by the id of the run.
 pub type RunNumbers<'a> = BTreeMap<&'a str, Numbers>;
 
-/// Computes the numbers of the metrics of all runs. With `is_only_required`, those that no requirement needs are left out.
+/// Computes the metrics of all runs; with `is_only_required`, only those that a requirement needs.
 ///
 /// # Errors
 /// Signals cannot be read, or a metric has no number.
@@ -210,7 +210,7 @@ pub fn verdicts<'a>(plan: &'a Plan, numbers: &RunNumbers<'_>) -> Vec<Verdict<'a>
     found
 }
 
-/// The numbers of some metrics of a run, by the index of the metric.
+/// Computes some metrics of a run; the result has an element for every metric of the plan.
 pub(crate) fn numbers_of(
     plan: &Plan,
     metrics: &BTreeSet<usize>,
@@ -277,8 +277,8 @@ impl Verdict<'_> {
     }
 }
 
-/// A test case in JUnit XML: class, name, element of its result (`failure`, `error`, `skipped`, `system-out`), and a text whose first
-/// line is the message.
+/// A test case in JUnit XML: class, name, element for the result (`failure`, `error`, `skipped`, `system-out`), and a
+/// text whose first line is the message.
 pub type TestCase = (String, String, &'static str, String);
 
 /// First line of a JUnit file.
@@ -342,7 +342,7 @@ mod tests {
         assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(2.0), missing: 0 });
         let outcome = evaluate([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, Rows::All);
         assert_eq!(outcome, Outcome { status: Status::Passed, worst: Some(1.0), missing: 0 });
-        // A number that is not finite keeps no limit.
+        // A number that is not finite is outside all limits.
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for limits in [AT_MOST, [Some(-1.0), None]] {
                 assert!(!holds(limits, Some(value)));

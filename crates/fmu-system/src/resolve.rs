@@ -45,12 +45,12 @@ pub struct Options {
     pub order: Option<run::Order>,
     /// Number of seeds to use, from the first.
     pub seeds: Option<usize>,
-    /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these
-    /// signals instead of the components; components that nothing needs any more are dropped.
+    /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these signals
+    /// instead of the components; components that are no longer needed are dropped.
     pub inputs: Option<PathBuf>,
-    /// Value of a signal of that file after its last sample.
+    /// Value of a signal from that file after its last sample.
     pub after_end: AfterEnd,
-    /// Other FMUs for components, in all cases.
+    /// FMUs that replace those of components, in all cases.
     pub fmus: Vec<OtherFmu>,
 }
 
@@ -61,7 +61,7 @@ pub struct OtherFmu {
     pub component: String,
     /// Name of the FMU.
     pub fmu: String,
-    /// True if it gets the component's parameters that it has.
+    /// True if the FMU gets the component's parameters, as far as it has them.
     pub keep_parameters: bool,
 }
 
@@ -80,11 +80,11 @@ pub enum ResolveError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Problems(#[from] Problems),
-    /// A file of data has mistakes.
+    /// A data file has mistakes.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Data(#[from] DataError),
-    /// The stop that the options give does not fit the scenario.
+    /// The stop time in the options does not fit the scenario.
     #[error("--stop {stop}: {message}")]
     Stop {
         /// The stop, s.
@@ -115,7 +115,7 @@ pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Res
     resolve_text(file, &read(file)?, source, options)
 }
 
-/// Names of the FMUs of a scenario, of all its components and cases, each once.
+/// Names of the FMUs in a scenario (components and cases), each once.
 ///
 /// # Errors
 /// The file cannot be read or does not have the layout of a scenario.
@@ -276,7 +276,7 @@ fn plan_sweep(sweep: &scenario::Sweep) -> plan::Sweep {
 /// Times and order, with the options applied. The scenario has been checked.
 fn simulation(scenario: &Scenario, options: &Options) -> Result<run::Simulation, ResolveError> {
     if options.seeds == Some(0) {
-        return Err(ResolveError::Option("0 seeds asked for, expected at least 1".into()));
+        return Err(ResolveError::Option("the number of seeds must be at least 1, got 0".into()));
     }
     let start = scenario.start();
     let step = *scenario.simulation.step.get_ref();

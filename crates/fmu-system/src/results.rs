@@ -51,7 +51,7 @@ impl Part {
     /// Writes the recording; see [`write_csv`].
     ///
     /// # Errors
-    /// The folder cannot be made or the part cannot be written. Nothing is left of it then.
+    /// The folder cannot be made or the part cannot be written. The part is then removed.
     pub(crate) fn write(&self, names: &[String], recording: &Recording) -> io::Result<()> {
         self.or_remove(write_hidden(&self.hidden, names, recording))
     }
@@ -59,14 +59,14 @@ impl Part {
     /// Syncs the file to the disk and gives it its name.
     ///
     /// # Errors
-    /// The disk has lost data, or the name cannot be given. Nothing is left of the part then.
+    /// The data cannot be synced, or the file cannot be renamed. The part is then removed.
     pub(crate) fn publish(&self) -> io::Result<()> {
         let stored = File::options().write(true).open(&self.hidden).and_then(|file| file.sync_all());
         self.or_remove(stored.and_then(|()| std::fs::rename(&self.hidden, &self.path)))
     }
 
     pub(crate) fn remove(&self) {
-        // A remaining file is hidden and small.
+        // Errors do no harm: the file that remains is hidden.
         let _ = std::fs::remove_file(&self.hidden);
     }
 
@@ -79,7 +79,7 @@ impl Part {
     }
 }
 
-/// Removes what unfinished writers of a file have left.
+/// Removes the parts that interrupted writers of a file have left.
 pub fn remove_parts(path: &Path) {
     let start = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
     let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok());
@@ -87,7 +87,7 @@ pub fn remove_parts(path: &Path) {
         let name = entry.file_name();
         let number = name.to_str().and_then(|name| name.strip_prefix(&start)?.strip_suffix(".part"));
         if number.is_some_and(|number| number.parse::<u32>().is_ok()) {
-            // A remaining file is hidden and small.
+            // Errors do no harm: the file that remains is hidden.
             let _ = std::fs::remove_file(entry.path());
         }
     }
@@ -131,7 +131,7 @@ fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Res
     push_csv(&mut File::create(path)?, names, recording)
 }
 
-/// Writes the content of a file of [`write_csv`].
+/// Writes the content of a [`write_csv`] file to a stream.
 pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -> io::Result<()> {
     let (names, columns): (Vec<&str>, Vec<&[f64]>) = names
         .iter()

@@ -23,13 +23,13 @@ pub struct Simulation {
     pub steps: u64,
     /// Order of the components.
     pub order: Order,
-    /// Number of steps between two recorded rows, from 1.
+    /// Number of steps between two recorded rows, at least 1.
     pub every: u64,
 }
 
 impl Simulation {
-    /// Size of the step from a time, s: the communication step, or the rest before the stop time. An FMU may reject a step beyond its stop
-    /// time, and the sum of the two may exceed it by rounding.
+    /// Size of the step that starts at `time`, s: the communication step, or less if the stop time is nearer. An FMU
+    /// may reject a step beyond its stop time, which `time` plus the communication step may exceed by rounding.
     pub fn step_size(&self, time: f64) -> f64 {
         if time + self.step > self.stop { self.stop - time } else { self.step }
     }
@@ -82,8 +82,8 @@ pub struct Component {
     pub guid: String,
     /// Parameters to set before initialization, sorted by name.
     pub parameters: Vec<Setting>,
-    /// Start values of a component that starts in a steady state, to be set after the parameters; empty if they are still to be
-    /// found. `None` for one that starts as declared.
+    /// Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
+    /// known yet. `None` for a component that starts as declared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steady: Option<Vec<Setting>>,
     /// Inputs that keep one value.
@@ -141,9 +141,9 @@ impl Wire {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
-    /// A straight line, of which a step gets the value in its middle: for continuous inputs.
+    /// Linear, for continuous inputs. A step gets the value at its middle.
     Linear,
-    /// The last sample at the start of the step, with a slack of 1e-9 steps: for all others.
+    /// The last sample up to the start of the step, for all other inputs. The tolerance is 1e-9 steps.
     Hold,
 }
 
@@ -210,7 +210,8 @@ impl Recording {
     }
 }
 
-/// Parameters that a scenario sets for a component without inputs, if no case reads all its outputs.
+/// Parameters to try for an effect: those that a scenario sets for a component without inputs, if no case reads all its
+/// outputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// Name of the component.
@@ -253,8 +254,8 @@ mod tests {
         times.into_iter().map(|time| series.at(time, &mut row).unwrap()).collect()
     }
 
-    /// Reference: straight lines between the rows, by hand. Two or three rows at a time are a jump: the first is the left limit, the
-    /// last the right one.
+    /// The expected values are on straight lines between the rows. Two or three rows with the same time are a jump: the
+    /// first is the left limit, the last the right limit.
     #[test]
     fn a_series_is_a_line_or_held_and_jumps_at_equal_times() {
         let rows =
@@ -270,8 +271,9 @@ mod tests {
         }
     }
 
-    /// A sine of 0.5 Hz at 20 samples a second. Reference: the error of a chord of theta = 2 pi f/fs within 1 - cos(theta/2), that of the
-    /// last sample within sin(theta); largest error and RMS on a grid of 1 ms from an independent implementation.
+    /// A sine of 0.5 Hz with 20 samples per second. With theta = 2 pi f/fs, the error of linear interpolation is at
+    /// most 1 - cos(theta/2), and that of the last sample at most sin(theta). The expected largest and RMS errors on a
+    /// grid of 1 ms are from an independent implementation.
     #[test]
     fn a_sampled_sine_has_the_error_of_its_chords() {
         let sine = |time: f64| (std::f64::consts::PI * time).sin();

@@ -33,7 +33,7 @@ fn remove_null(schema: &mut Schema) {
         if let [only] = forms.as_slice() {
             let only = only.clone();
             object.remove("anyOf");
-            // Draft 7 ignores what stands beside a reference.
+            // Draft 7 ignores keywords next to a `$ref`.
             object.insert("allOf".to_owned(), Value::Array(vec![only]));
         }
     }

@@ -4,8 +4,9 @@
 //! all from the outputs of the step before (Jacobi); see [`Order`]. The sequence of calls is part of
 //! the plan's meaning: another master that makes the same calls gets bit-identical results.
 //!
-//! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same places:
-//! `fmi3EnterInitializationMode` has the times of `fmi2SetupExperiment`, and Event Mode and early return are not used.
+//! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same
+//! places: `fmi3EnterInitializationMode` takes the times of `fmi2SetupExperiment`, and Event Mode and early return are
+//! not used.
 //!
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, then the start values of a steady state, `fmi2EnterInitializationMode` on all.
@@ -35,7 +36,8 @@ use fmu_import::description::{BaseType, Causality, Value, Variability, Variable}
 use fmu_import::loader::calls::{self, Board};
 use fmu_import::loader::{CallError, CallProblem, Instance, Message, SavedState, Status};
 
-/// Tolerance, in steps, of the time that an FMU reports at the end of a step: FMUs add up times with rounding.
+/// Tolerance, in steps, for the time that an FMU reports at the end of a step: FMUs add up step sizes, which are
+/// rounded.
 const STEP_SLACK: f64 = 1e-6;
 
 /// Variables of one base type, set or read by one call.
@@ -105,7 +107,7 @@ impl Port {
     }
 }
 
-/// End of a step at which an FMU ends the simulation.
+/// The end of the step at which an FMU ends the simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reached {
     Start,
@@ -172,7 +174,7 @@ impl Component {
         }
     }
 
-    /// Interprets a step that is not done.
+    /// Finds out whether a failed step ended the simulation; otherwise returns the error.
     #[cold]
     fn ended(&mut self, error: CallError, end: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
@@ -195,14 +197,14 @@ impl Component {
     }
 }
 
-/// Sets Integers of which one does not fit into 32 bits, as is possible for outputs of 64 bits. The error is that of the call.
+/// Sets Integers if one does not fit into 32 bits, which 64-bit outputs make possible. Returns the error of the call.
 #[cold]
 fn set_exactly(instance: &mut Instance, integers: &Group<i32>, bus: &[f64]) -> Result<(), CallError> {
     let values: Vec<f64> = integers.slots.iter().map(|slot| bus[*slot]).collect();
     instance.set_integer(&integers.references, &values)
 }
 
-/// Slack of the times of a held series, in steps: a sample at t_k counts although t_k is rounded.
+/// Tolerance, in steps, for the times of a held series: a sample at t_k counts although t_k is rounded.
 const SLACK: f64 = 1e-9;
 
 struct Feeder {
@@ -212,8 +214,8 @@ struct Feeder {
 }
 
 impl Feeder {
-    /// Puts the values of the step that begins at a time onto the bus, or with `is_step` false those of the time itself. Times must
-    /// increase from call to call.
+    /// Writes the series to the bus: the values for the step that begins at `time`, or with `is_step` false the values
+    /// at `time`. Times must increase from call to call.
     fn feed(&mut self, time: f64, is_step: bool, bus: &mut [f64]) {
         for (feed, row) in &mut self.series {
             let at = match feed.interpolation {
@@ -235,7 +237,7 @@ struct Overwritten {
     name: String,
     reference: Reference,
     base_type: BaseType,
-    /// As on the bus; `None` until the caller gives one.
+    /// Value as on the bus; `None` until the caller sets one.
     value: Option<f64>,
 }
 
@@ -290,7 +292,7 @@ impl Session {
         Ok(self)
     }
 
-    /// Instantiates and initializes a run with the start values that it has.
+    /// Instantiates and initializes a run, without searching for steady states.
     pub(crate) fn initialized(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, Failure> {
         let failed = |cause: FmusError| Failure::of(&run.id, None, cause);
         let board = calls::board();
@@ -329,7 +331,7 @@ impl Session {
         self.step >= self.simulation.steps
     }
 
-    /// The signals at this time.
+    /// The signals at the current time.
     pub fn bus(&self) -> &[f64] {
         &self.bus
     }
@@ -340,7 +342,8 @@ impl Session {
         self.bus.get(slot).copied()
     }
 
-    /// Lets the caller set the values of an input. Its connection, series or constant applies until the first [`Self::set`].
+    /// Lets the caller set the values of an input. The input's connection, series or constant applies until the first
+    /// [`Self::set`].
     ///
     /// # Errors
     /// The run has no such component, or the variable is not a scalar Real, Integer or Boolean input.
@@ -389,9 +392,9 @@ impl Session {
     /// Makes a step. Nothing is allocated unless it fails. A session that has failed can be restored.
     ///
     /// # Errors
-    /// A call returns more than `fmi2Warning`, or a signal or the value of an overwritten input is not finite. If an FMU ends
-    /// the simulation ([`FailureKind::Terminated`](crate::failure::FailureKind::Terminated)) at the end of the step, all components have made it, and
-    /// [`Self::steps`] counts it.
+    /// A call returns more than `fmi2Warning`, or a signal or the value of an overwritten input is not finite. If an
+    /// FMU ends the simulation ([`FailureKind::Terminated`](crate::failure::FailureKind::Terminated)) at the end of the
+    /// step, all components have made the step, and [`Self::steps`] counts it.
     pub fn step(&mut self) -> Result<(), Failure> {
         let time = self.time();
         self.check_overwritten(time)?;

@@ -1,8 +1,8 @@
 //! Components that start in a steady state: `start = "steady"`.
 //!
-//! The inputs are those at the start of a run: constants, series, and the outputs of the other components after initialization in their
-//! declared start states. Only the direct feedthrough of a plant changes with its own start, so the search is repeated until the inputs
-//! stay the same.
+//! The inputs are those at the start of a run: constants, series, and the outputs of the other components after
+//! initialization in their declared start states. Through direct feedthrough, these outputs can depend on the
+//! component's own start, so the search is repeated until the inputs stay the same.
 
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
@@ -20,7 +20,7 @@ pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
         return trim::check(description);
     }
     Err(format!(
-        "{} has no steady state: it lists no directional derivatives for co-simulation (only plants do)",
+        "{} has no steady state: it lists no directional derivatives for co-simulation, which a plant does",
         description.model_name
     ))
 }
@@ -82,7 +82,7 @@ impl Run {
     }
 }
 
-/// The start values with which a component begins in its steady state, besides its parameters.
+/// The start values that put a component into its steady state.
 fn start(
     component: &Component,
     description: &ModelDescription,
@@ -106,7 +106,7 @@ fn start(
         });
         let value = match wire.base_type {
             BaseType::Real => Value::Real(value),
-            // As a master sets them.
+            // Convert as a master does.
             BaseType::Integer => Value::Integer(value as i64),
             BaseType::Boolean => Value::Boolean(value > 0.5),
             BaseType::String => continue,

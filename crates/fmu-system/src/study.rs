@@ -1,6 +1,6 @@
 //! Study files with `[[vary]]`: TOML. Their reference is `studies/README.md`.
 //!
-//! The Python package carries them out and gets them as JSON.
+//! The Python package runs them; it gets them as JSON.
 
 mod check;
 mod scenario;
@@ -34,7 +34,7 @@ pub struct Study {
     cases: Option<Spanned<Vec<Spanned<String>>>>,
     /// Points of the scenario's sweep that are run; all if absent.
     points: Option<Spanned<Vec<Spanned<String>>>>,
-    /// Earlier end than that of the scenario, s.
+    /// Stop time, s, earlier than the scenario's.
     stop: Option<Spanned<f64>>,
     /// Number of samples, base samples (Sobol) or trajectories (Morris); 100 if absent.
     runs: Option<Spanned<i64>>,
@@ -51,7 +51,7 @@ pub struct Study {
     /// Correlations of normal factors without limits, for method sample.
     #[serde(default)]
     correlation: Vec<Correlation>,
-    /// Requirements beside those of the scenario, or instead of one for the same metric.
+    /// Requirements in addition to those of the scenario; one for the same metric replaces the scenario's.
     #[serde(default)]
     requirement: Vec<Requirement>,
     /// Runs whose signals are recorded.
@@ -64,9 +64,9 @@ pub struct Study {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Method {
-    /// Given values: all combinations, lists side by side, or one factor at a time.
+    /// Listed values: all combinations, lists in parallel, or one factor at a time.
     Sweep,
-    /// Random samples of distributions (Monte Carlo).
+    /// Random samples from distributions (Monte Carlo).
     Sample,
     /// Morris' elementary effects or Sobol indices.
     Sensitivity,
@@ -108,27 +108,27 @@ enum Analysis {
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Factor {
-    /// Column in the tables.
+    /// Name of the factor and of its column in the tables.
     name: Spanned<String>,
     /// Parameters, start values, or inputs that keep one value, as `component:variable`.
     variable: Option<Spanned<Names>>,
     /// Component whose FMU varies, instead of a variable.
     fmu: Option<Spanned<String>>,
-    /// True if the component's own parameters apply to the other FMU, as far as it has them.
+    /// True if the other FMUs get the component's parameters, as far as they have them.
     #[serde(default)]
     keep_parameters: bool,
     /// Unit of the values: that of the variable or a display unit.
     unit: Option<Spanned<String>>,
-    /// True if the values are multiples of the scenario's own value.
+    /// True if the values are multiples of the scenario's value.
     #[serde(default)]
     relative: bool,
     /// Distribution, instead of values.
     distribution: Option<Spanned<Distribution>>,
-    /// Values, instead of a distribution; of `fmu` the names of FMUs.
+    /// Values, instead of a distribution; for `fmu`, the names of FMUs.
     values: Option<Spanned<Vec<Spanned<Level>>>>,
     /// Weights of the values, which make some more frequent.
     weights: Option<Spanned<Vec<f64>>>,
-    /// Minimum: of uniform, log_uniform, triangular and grid; of normal and lognormal, the values below are cut off.
+    /// Minimum of uniform, log_uniform, triangular and grid; truncates normal and lognormal.
     min: Option<Spanned<f64>>,
     /// Maximum, as `min`.
     max: Option<Spanned<f64>>,
@@ -142,7 +142,7 @@ struct Factor {
     mode: Option<Spanned<f64>>,
     /// Number of values of grid.
     count: Option<Spanned<i64>>,
-    /// Distances of the values of grid; linear if absent.
+    /// Spacing of the values of grid; linear if absent.
     scale: Option<Spanned<Scale>>,
 }
 
@@ -164,11 +164,11 @@ enum Distribution {
     Uniform,
     /// The logarithm is uniform from `min` to `max`.
     LogUniform,
-    /// Normal, by `mean` and `deviation`; with `min` or `max` the part between them.
+    /// Normal, with `mean` and `deviation`; `min` and `max` truncate it.
     Normal,
-    /// The natural logarithm is normal, by `median` and `deviation`; with `min` or `max` the part between them.
+    /// The natural logarithm is normal, with `median` and `deviation`; `min` and `max` truncate it.
     Lognormal,
-    /// Linear from `min` to `mode` and from there to `max`.
+    /// The density rises linearly from `min` to `mode` and falls linearly to `max`.
     Triangular,
     /// `count` values from `min` to `max`.
     Grid,
@@ -190,7 +190,7 @@ enum Level {
     Text(String),
 }
 
-/// Distances of the values of a grid.
+/// Spacing of the values of a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Scale {
@@ -210,22 +210,22 @@ struct Correlation {
     coefficient: Spanned<f64>,
 }
 
-/// Limits of a metric, and the share of the runs that must keep them.
+/// Limits on a metric, and the share of the runs that must be within them.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Requirement {
     /// Metric of the scenario.
     metric: Spanned<String>,
-    /// True if the limits are of the change against the baseline of the case in the same sample, in percent.
+    /// True if the limits apply to the change against the case's baseline in the same sample, in percent.
     #[serde(default)]
     of_change: bool,
     /// Minimum, in the unit of the metric.
     min: Option<Spanned<f64>>,
     /// Maximum, in the unit of the metric.
     max: Option<Spanned<f64>>,
-    /// Cases that must keep the limits; all if absent.
+    /// Cases that must be within the limits; all if absent.
     cases: Option<Vec<Spanned<String>>>,
-    /// Share of the runs that must keep the limits, above 0 and up to 1; 1 if absent.
+    /// Share of the runs that must be within the limits, above 0 and up to 1; 1 if absent.
     share: Option<Spanned<f64>>,
 }
 
@@ -249,7 +249,8 @@ struct Search {
     metric: Spanned<String>,
     /// The extreme.
     direction: Direction,
-    /// Case whose metric counts; if absent, the extreme of all cases for a worst case, the worst of them for an optimum.
+    /// Case whose metric is used; if absent, the extreme of all cases for `worst_case`, the worst of all cases for
+    /// `optimize`.
     case: Option<Spanned<String>>,
     /// Sampler of Optuna; TPESampler if absent.
     sampler: Option<String>,
@@ -318,7 +319,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, runs: Option<u64>) -> Result
     if let Some(runs) = runs {
         let span = study.runs.as_ref().map_or(study.method.span(), Spanned::span);
         if *study.method.get_ref() == Method::Sweep {
-            problems.add(span, "a sweep has as many samples as its values make, it takes no --runs");
+            problems.add(span, "the values of a sweep determine the number of samples: remove --runs");
             return Err(problems.fail().into());
         }
         study.runs = Some(Spanned::new(span, i64::try_from(runs).unwrap_or(i64::MAX)));

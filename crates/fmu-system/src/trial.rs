@@ -1,8 +1,9 @@
 //! Trial runs: they show whether a parameter of a scenario changes anything that is read.
 //!
-//! The model structure of FMI lists the parameters on which an initial value depends, but not those of a later one, and it holds for all
-//! values of all parameters: the steering angle of a driver depends on the speed in a slalom, but not in a step steer. A component without
-//! inputs behaves the same with and without the rest of the system, so a run of it alone is enough.
+//! The model structure of FMI lists the parameters on which an initial value depends, but not those on which later
+//! values depend. It also covers all values of all parameters: the steering angle of a driver depends on the speed in a
+//! slalom, but not in a step steer. A component without inputs behaves the same with and without the rest of the
+//! system, so a run of it alone is enough.
 
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
@@ -12,7 +13,7 @@ use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Vari
 
 /// Maximum number of variants of a component that are tried; only a long sweep has more.
 const MAX_VARIANTS: usize = 10;
-/// Maximum number of values that a trial run records; a longer one is not tried.
+/// Maximum number of values that a trial run records; a longer run is not tried.
 const MAX_RECORDED: u64 = 20_000_000;
 
 /// Returns the warnings of all trials of a plan. Their FMUs are loaded into this process, which a crash of one would end.
@@ -27,8 +28,8 @@ pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
 }
 
 impl Trial {
-    /// Runs the component alone with other values of each parameter, and returns a warning for every one that changes outputs, but none
-    /// that is read. A failed run gives no warning.
+    /// Runs the component alone with other values of each parameter, and returns a warning for every parameter that
+    /// changes only outputs that nothing reads. A failed run gives no warning.
     fn warnings(&self, simulation: &Simulation, fmus: &Fmus) -> Vec<String> {
         let outcomes = |suspect: &Suspect| -> Option<Vec<String>> {
             let mut changed = Vec::new();
@@ -66,7 +67,7 @@ impl Variant {
         let description = fmus.get(&self.component.fmu).ok()?.description();
         let variable = description.variable(parameter)?;
         let Some(at) = self.component.parameters.iter().position(|setting| setting.name == parameter) else {
-            // Set in another case or at another point.
+            // The parameter is set only in another case or at another point.
             return Some(Vec::new());
         };
         let outputs: Vec<&Variable> = outputs(description).collect();

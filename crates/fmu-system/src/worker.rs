@@ -1,7 +1,7 @@
-//! Runs and trial runs in processes of their own: see [`fmu_import::worker`].
+//! Runs and trial runs in worker processes: see [`fmu_import::worker`].
 //!
-//! `protocol` defines requests and responses, [`serve`] is the worker's side, and `pool` that of the process that starts workers and
-//! replaces those that have ended.
+//! `protocol` defines requests and responses, [`serve`] is the worker's side, and `pool` is the side that starts
+//! workers and replaces those that have ended.
 
 mod pool;
 mod protocol;
@@ -16,7 +16,7 @@ use fmu_import::worker::{Ended, Process, Settings, Watch};
 use protocol::{Request, Response};
 use std::time::Duration;
 
-/// The job of workers that [`serve`].
+/// Job name of workers that [`serve`].
 pub const JOB: &str = "system";
 
 /// Time limit of all trials of a scenario. Ours take a fraction of a second.

@@ -153,7 +153,8 @@ fn folder() -> TempDir {
     folder
 }
 
-/// t = (m k)', element by element, with k[1,2] = 3 and all others at their start value 1: by hand, in row-major order.
+/// t = (m k)', with k[1,2] = 3 and all other elements of k at their start value 1. Expected values computed by hand, in
+/// row-major order.
 #[test]
 fn elements_are_set_and_recorded_in_row_major_order() {
     let folder = folder();
@@ -169,7 +170,7 @@ fn elements_are_set_and_recorded_in_row_major_order() {
     let mut signals: Vec<(&str, f64)> = names.into_iter().zip(values).collect();
     signals.extend([("eo[2]", -7.0), ("sum", values.iter().sum()), ("b:sum", 21.0)]);
     assert_eq!(last(&plan).unwrap(), expected(&signals));
-    // As a study sets one after the plan is made.
+    // Set a parameter after the plan is made, as a study does.
     let (mut run, fmus) = (plan.runs[0].clone(), Fmus::load(&plan.runs).unwrap());
     run.set_parameter(&fmus, "a", "k[2,3]", Value::Real(2.0)).unwrap();
     run.set_parameter(&fmus, "b", "k[2,3]", Value::Real(2.0)).unwrap();
@@ -227,7 +228,7 @@ fn elements_are_wired_like_scalars() {
     }
 }
 
-/// A `*` in both ends stands for the same text; in `to` alone, all inputs read one output.
+/// A `*` at both ends stands for the same text; in `to` alone, all inputs read one output.
 #[test]
 fn patterns_connect_several_inputs() {
     let folder = folder();
@@ -269,7 +270,8 @@ fn limits_and_indices_are_those_of_the_elements() {
     assert!(beyond.contains("Arrays has no parameter `k[3,1]`"), "{beyond}");
 }
 
-/// A column of a file for an element: a line from 11 to 14 within 0.3 s, which the last step takes in its middle.
+/// A column of a file writes an element: it rises linearly from 11 to 14 in 0.3 s. The last step gets the value at its
+/// middle.
 #[test]
 fn elements_are_read_from_a_file() {
     let folder = folder();
@@ -288,10 +290,10 @@ fn elements_are_read_from_a_file() {
     assert_eq!(found[1..], expected(&[("t[1,2]", 0.0), ("v[1]", -1.0), ("v[2]", 3.0), ("v[3]", -9007199254740992.0)]));
     std::fs::write(&file, "time,\"m[1,1]\",a:w[2]\n0,11,-3\n0.3,14,9007199254740993\n").unwrap();
     let beyond = scenario.plan_with(&folder, &Options { inputs: Some(file), ..Options::default() }).unwrap_err();
-    assert!(beyond[0].contains("is Int64, of which a file gives whole numbers below 2^53"), "{beyond:?}");
+    assert!(beyond[0].contains("is Int64, which takes only whole numbers below 2^53 from a file"), "{beyond:?}");
 }
 
-/// Up to 2^53 a signal has the value of an integer; above, it is an error where a rounded number would be recorded.
+/// A signal holds integers up to 2^53. A larger one, which would be rounded, is an error.
 #[test]
 fn integers_of_64_bits_are_exact_or_an_error() {
     let folder = folder();
@@ -331,7 +333,7 @@ fn integers_of_64_bits_are_exact_or_an_error() {
         negative.contains("`up` is -1, expected a whole number from 0 to 9223372036854775807 (UInt64)"),
         "{negative}"
     );
-    // An output of 64 bits for an input of 32.
+    // A 64-bit output connected to a 32-bit input.
     let connected = |s: i64| {
         let scenario = Scenario { connections: &[("a:so", "b:q")], signals: &["b:qo"], ..Scenario::default() };
         let text = scenario.text().replacen("s = 1, q", &format!("s = {s}, q"), 1);
@@ -344,7 +346,7 @@ fn integers_of_64_bits_are_exact_or_an_error() {
     assert!(error.contains("`b`: fmi3SetInt32: a value does not fit the type of the variable"), "{error}");
 }
 
-/// Arrays of all types on wires; the allocator counts those of this thread.
+/// Connected arrays of all types; the allocator counts the allocations of this thread.
 #[test]
 fn a_step_with_arrays_does_not_allocate() {
     let folder = folder();

@@ -14,7 +14,7 @@ use std::path::Path;
 use support::Build;
 use tempfile::TempDir;
 
-/// A ramp x(t) = t reverses an integrator above 0.5, and another one integrates the flag of that.
+/// A ramp x(t) = t reverses an integrator above 0.5; a second integrator integrates the flag of the first.
 const SCENARIO: &str = r#"
 title = "Conversion"
 [simulation]

@@ -1,4 +1,4 @@
-//! Reading of data. Reference: `tests/references/reader`, small files with the signals or the error that they give.
+//! Reads data. The references are in `tests/references/reader`: small files with the expected signals or error.
 
 use fmu_import::description::BaseUnit;
 use fmu_system::data::unit::{self, Target};
@@ -74,7 +74,7 @@ fn the_reference_files_are_read() {
             };
             let has_unit = channel.unit.is_some() || matches!(file, "german.csv" | "tab_utf16.csv");
             let target = if has_unit { Target::named(unit) } else { Target::default() };
-            // The request of the tab-separated file is in the units of its variables.
+            // The tab-separated file has the units of the variables.
             let channel = Channel {
                 unit: channel.unit.or((file == "tab_utf16.csv").then_some(if name == "steer" {
                     "deg"
@@ -210,12 +210,12 @@ fn units_are_converted_if_their_dimensions_agree() {
     ] {
         assert_eq!(Target::named(to).from(from).unwrap_err().0, expected);
     }
-    // For names of other languages and tools, the intended unit is suggested, not one of similar letters.
+    // For names from other languages and tools, the help suggests the intended unit, not one with a similar spelling.
     for (from, to, meant) in [("Grad", "rad", "deg"), ("1/MIN", "rad/s", "rpm"), ("m/s/s", "m/s2", "m/s2")] {
         let help = Target::named(to).from(from).unwrap_err().1;
         assert!(help.starts_with(&format!("did you mean `{meant}`? ")), "{help}");
     }
-    // Of an FMU with a name of its own.
+    // A unit name that only the FMU defines.
     let own = Target {
         name: Some("klaf".into()),
         base: Some(BaseUnit { exponents: [0, 1, 0, 0, 0, 0, 0, 0], factor: 2.0, offset: 0.0 }),
@@ -232,7 +232,7 @@ fn times_are_shifted_and_triggered() {
     assert_close(&times(&options(Offset::Add(-0.1), None)), &[-0.1, 0.0, 0.1, 0.2], "offset");
     let first = TimeColumn { offset: Offset::First, ..TimeColumn::default() };
     assert_eq!(parse("t,a\n5,1\n6,1\n").times(&first).unwrap().times(), [0.0, 1.0]);
-    // By hand: a passes 15 in the middle between 0.2 s and 0.3 s, b never falls.
+    // a passes 15 in the middle between 0.2 s and 0.3 s; b never falls.
     let trigger = |column: &str, level, falls| Some(Trigger { column: column.into(), level, falls });
     assert_close(&times(&options(Offset::Add(1.0), trigger("a", 15.0, false))), &[0.75, 0.85, 0.95, 1.05], "trigger");
     let error = table.times(&options(Offset::Add(0.0), trigger("b", 2.0, true))).unwrap_err().to_string();
@@ -248,7 +248,7 @@ fn what_is_not_used_may_hold_anything() {
     assert!(error("twice").starts_with("a.csv: there are two columns `twice`"));
     assert!(error("b").starts_with("a.csv: there is no column `b`; the columns are `time`, `a`"), "{}", error("b"));
     assert!(error("twise").starts_with("a.csv: there is no column `twise`; did you mean `twice`?"));
-    // The unit behind a name and that below it: other words for one are fine, two units are not.
+    // The units behind and below a name may be two spellings of one unit, but not two units.
     let table = parse("time,a [m/s2],b [deg]\ns,m/s^2,rad\n0,1,2\n");
     let clock = table.times(&TimeColumn::default()).unwrap();
     let signal = |name: &str| table.signal(&clock, &Channel::new(name), &Target::default());
@@ -259,7 +259,7 @@ fn what_is_not_used_may_hold_anything() {
         "a.csv: the column `b` has the unit `deg` behind its name and `rad` below it; remove the wrong one"
     );
     for (text, expected) in [
-        ("zeit,a\n0,1\n", "a.csv: the file has no column `time`, but `zeit`, `a`; call the column of times"),
+        ("zeit,a\n0,1\n", "a.csv: the file has no column `time`, but `zeit`, `a`; name the time column"),
         ("time,a\n", "a.csv: the file has no rows"),
         (
             "Logger 5\ntime;a\n0;1\n",

@@ -430,5 +430,5 @@ fn a_unit_of_measure_with_two_meanings_is_rejected() {
     let unit = |factor: f64| format!("<Unit name=\"mile\"><BaseUnit m=\"1\" factor=\"{factor}\"/></Unit>");
     described(&folder, "Source", &unit(1609.344), "", &variable("output", ""));
     described(&folder, "Sink", &unit(1852.0), "", &variable("input", " start=\"0\""));
-    assert_eq!(rejected(&folder), "the unit of measure `mile` is another one in Sink.fmu than in Source.fmu");
+    assert_eq!(rejected(&folder), "the unit of measure `mile` is defined differently in Sink.fmu and Source.fmu");
 }

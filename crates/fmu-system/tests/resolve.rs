@@ -1,4 +1,4 @@
-//! Scenarios into plans, on descriptions without binaries (tests/data).
+//! Resolves scenarios to plans, with descriptions without binaries (tests/data).
 
 use fmu_import::description::{BaseType, Value};
 use fmu_import::description::{BaseUnit, ModelDescription, Unit};
@@ -237,13 +237,13 @@ fn another_fmu_starts_from_its_own_defaults() {
           (fmu.steering = \"OtherSteering\")"
         ]
     );
-    // The same FMU is not another one.
+    // The component's own FMU is not a replacement.
     let text = with_case("fmu.steering = \"Steering\"");
     let plan = plan_of(&text, &Options::default()).unwrap();
     assert_eq!(parameter(&plan, "other@slow#3", "steering", "strategy"), Some(Value::Integer(1)));
 }
 
-/// Points and seeds are for all cases: they reach another FMU as far as it has the same parameter.
+/// Points and seeds apply to all cases, and to another FMU as far as it has the same parameter.
 #[test]
 fn points_and_seeds_reach_another_fmu() {
     let driver = include_str!("data/Driver.xml").replace("Driver\"", "OtherDriver\"");
@@ -376,7 +376,7 @@ fn angles_that_look_like_degrees_warn() {
     }
     let start = driver.replacen("displayUnit=\"deg\" start=\"0\"", "displayUnit=\"deg\" start=\"10\"", 1);
     assert_eq!(warnings(&start, "30", &usual), [""; 0], "its start value is as large");
-    // Of an input file.
+    // The angle is in an input file.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("in.csv");
     std::fs::write(&file, "time,driver.steer\n0,0\n2,30\n").unwrap();
@@ -463,7 +463,7 @@ fn what_nothing_reads_warns() {
         assert_eq!(found.warnings, [""; 0]);
         assert_eq!(found.trials.len(), 1);
     }
-    // Read in one of the cases: the parameter is set for that.
+    // One of the cases reads the output, so the parameter is set for that case.
     let found = plan(separate, SCENARIO);
     assert_eq!((found.warnings, found.trials.len()), (Vec::new(), 0));
     // A component that nothing reads.
@@ -674,7 +674,7 @@ fn metrics_and_figures() {
     assert!(!plan.figures[0].separate);
     assert_eq!(plan.figures[1].metrics, [0]);
 
-    // The threshold is in the unit the signal is converted to; the number has a unit of its own.
+    // The threshold is in the unit that the signal is converted to; the metric has another unit.
     let text = SCENARIO
         .replace("kind = \"rms\"", "kind = \"crossing\"\nthreshold = 3.0")
         .replace("kind = \"peak\"", "kind = \"share\"\nthreshold = 0.05")
@@ -721,7 +721,7 @@ fn findings_are_checks_and_texts_with_numbers() {
     assert_eq!(
         seen,
         [
-            // A change where the paper has one, from its values or printed; else a value. All points where none is named.
+            // The paper's change, printed or from its values, otherwise its value. Without a point, all points.
             of(Expect::PaperChange, "active@slow", "passive@slow"),
             of(Expect::PaperChange, "active@fast", "active@slow"),
             of(Expect::PaperValue, "passive@slow", ""),
@@ -834,7 +834,7 @@ fn the_json_has_the_agreed_layout() {
     );
 }
 
-/// An input with an invalid constant is not reported as unconnected too.
+/// An input with an invalid constant is not also reported as unconnected.
 #[test]
 fn a_wrong_constant_is_the_only_mistake() {
     let text = SCENARIO.replacen("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", 1);
@@ -1042,19 +1042,19 @@ fn missing_fmus_are_one_mistake() {
         let help = miette::Diagnostic::help(problem).unwrap().to_string();
         (problem.line(), help, miette::Diagnostic::labels(problem).unwrap().count())
     };
-    let pack = "`chassis pack scenarios/step.toml` builds all that this scenario needs";
+    let pack = "`chassis pack scenarios/step.toml` builds all FMUs that this scenario needs";
     let (line, help, marks) = mistake(SCENARIO, &[]);
     assert_eq!(line, "scenarios/step.toml:11:7: 3 FMUs are not in memory: Driver, Steering, Vehicle");
     assert_eq!((help.as_str(), marks), (pack, 1));
     let (line, help, _) = mistake(SCENARIO, &["Driver", "Vehicle"]);
     assert_eq!(line, "scenarios/step.toml:16:7: there is no Steering.fmu in memory");
     assert_eq!(help, pack);
-    // A typo is corrected, whether or not the right FMU is packed; FMUs from elsewhere cannot be built.
+    // The help corrects a typo, whether or not the right FMU is packed. FMUs from elsewhere cannot be built.
     let slip = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Vehicl\"");
     assert_eq!(mistake(&slip, &["Driver", "Steering"]).1, "did you mean `Vehicle`?");
     assert_eq!(mistake(&slip, &["Driver"]).1, format!("`Vehicl`: did you mean `Vehicle`?\n{pack}"));
     let other = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Somebodys\"");
-    let elsewhere = "name the folder of FMUs that are not built in this workspace with --fmus";
+    let elsewhere = "if an FMU is not built in this workspace, give its folder with --fmus";
     assert_eq!(mistake(&other, &["Driver", "Steering"]).1, elsewhere);
 }
 
@@ -1074,7 +1074,7 @@ fn a_swap_that_breaks_the_wiring_is_named() {
         "scenarios/step.toml:36:14: Mute has no output `driver.steer`, which Driver has; nothing writes the input \
          `driver.steer` of `steering`, in case `other` (fmu.driver = \"Mute\")"
     );
-    // The connection names it; that its input has no writer follows.
+    // Only the connection is reported; that its input has no writer is a consequence.
     let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.speed\"", "name=\"speed\""));
     let connection =
         "scenarios/step.toml:26:8: `driver` has no output `driver.speed`, which Driver has, in case `other`";
@@ -1118,7 +1118,7 @@ fn a_stop_that_is_too_late_is_marked() {
     assert_eq!(marked("9e4"), ["9e4", "2"], "stop and every");
 }
 
-/// Input time series replace outputs; components that nothing needs any more are dropped.
+/// Input time series replace outputs; components that are no longer needed are dropped.
 #[test]
 fn inputs_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -1150,7 +1150,8 @@ fn inputs_from_a_file() {
     let unit = "in.csv: columns without a unit are taken in that of the variable: ";
     assert!(plan.warnings.iter().any(|warning| warning.contains(unit)), "{:?}", plan.warnings);
 
-    // One input of one component only: the other readers keep the driver. It takes precedence over a constant.
+    // A column for one input of one component: the other readers keep the driver. A column takes precedence over a
+    // constant.
     let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n2,10,0.3\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
     assert_eq!(run.components.len(), 3);
@@ -1188,7 +1189,7 @@ fn items_from_a_file() {
     }
 }
 
-/// The times and each signal have a column of their own name.
+/// No two columns have the same name, and no signal that of the times.
 #[test]
 fn names_of_columns_are_told_apart() {
     let text = "<ScalarVariable name=\"time\" valueReference=\"9000\" causality=\"output\"><Real/></ScalarVariable>\
@@ -1220,7 +1221,7 @@ fn parameter_set(values: &[(&str, f64, Option<&str>)]) -> String {
     ParameterSet { name: "test".into(), parameters }.to_xml(&["deg", "rad", "m"].map(unit)).unwrap()
 }
 
-/// A scenario beside its parameter sets: that of the scenario, of the component `driver` and of the case `active`.
+/// Resolves a scenario with parameter sets for the scenario, the component `driver` and the case `active`.
 fn plan_with_sets(text: &str, sets: [&str; 3]) -> Result<Plan, ResolveError> {
     let folder = tempfile::tempdir().unwrap();
     for (name, content) in ["scenario", "component", "case"].iter().zip(sets) {
@@ -1254,11 +1255,11 @@ fn parameter_sets_are_layers_of_their_own() {
         }
     };
     let (amplitude, mass) = ("steer.amplitude", "vehicle.mass");
-    assert_eq!(value(&text, "passive@slow#3", "vehicle", mass), 1200.0, "the component's own stands above the set");
+    assert_eq!(value(&text, "passive@slow#3", "vehicle", mass), 1200.0, "the component's value overrides the set");
     assert_eq!(
         value(&text, "active@slow#3", "driver", amplitude),
         0.3,
-        "the case's set stands above the component's own"
+        "the case's set overrides the component's value"
     );
     let bare = text.replacen(", \"steer.amplitude\" = { value = 30.0, unit = \"deg\" }", "", 1);
     // 0.5 rad in degrees, to the last digit or two of the conversion
@@ -1315,7 +1316,7 @@ fn an_included_file_is_part_of_the_scenario() {
     let whole = plan();
     assert_eq!((&found.runs, &found.metrics, &found.figures), (&whole.runs, &whole.metrics, &whole.figures));
     assert_eq!(found.findings, whole.findings);
-    // Parameters override those of the components.
+    // The scenario's `parameters` override those of the components.
     let found =
         plan_of_files(&two_files("parameters.driver = { maneuver = 2 }\n")).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let maneuver = |plan: &Plan| {

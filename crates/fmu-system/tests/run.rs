@@ -1,4 +1,4 @@
-//! Running and failing, on FMUs built from C in a temporary folder.
+//! Runs, complete and failed, with FMUs built from C in a temporary folder.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -68,7 +68,7 @@ fn run(plan: &Plan, fmus: &Fmus, id: &str) -> Recording {
     master::execute(&plan.simulation, run, fmus).unwrap()
 }
 
-/// The same recurrence in Rust: (x, y) after each step.
+/// The recurrence of the ring in Rust: (x, y) after each step.
 fn oscillator(gain: f64, order: Order) -> Vec<(f64, f64)> {
     let (mut x, mut y) = (1.0_f64, 0.0_f64);
     let mut rows = vec![(x, y)];
@@ -151,7 +151,7 @@ fn input_series_jump_at_equal_times() {
     assert_eq!(recording.column(0).unwrap(), expected);
 }
 
-/// Reference: the straight line y = t, of which each step has the value in its middle.
+/// The reference is the straight line y = t; each step gets the value at its middle.
 #[test]
 fn a_replaced_signal_is_recorded_as_the_wire_has_it() {
     let folder = ring();
@@ -159,7 +159,7 @@ fn a_replaced_signal_is_recorded_as_the_wire_has_it() {
     let options = Options { inputs: Some(file.clone()), ..Options::default() };
     let middle = |k: u32| (f64::from(k) - 0.5) * 0.01;
     let text = RING.replace("\"velocity:count\", \"velocity:moved\"", "");
-    // Of the output, of the output of one component, and of the only input that reads it.
+    // The column names the output, the output of one component, or the only input that reads it.
     for column in ["y", "velocity:y", "position:y"] {
         std::fs::write(&file, format!("time,{column}\n0,0\n1,1\n")).unwrap();
         let plan = plan(&folder, &text, &options);
@@ -172,12 +172,12 @@ fn a_replaced_signal_is_recorded_as_the_wire_has_it() {
         for k in 1..=100 {
             assert!((y[k as usize] - middle(k)).abs() < 1e-15, "{column}, row {k}: {}", y[k as usize]);
         }
-        // The sum of the middles is the integral of the line.
+        // The sum over the midpoint values is the integral of the line.
         assert!((x[100] - 1.5).abs() < 1e-14, "{}", x[100]);
     }
 }
 
-/// Reference: as above, without a component whose output it is.
+/// The reference is the same line. No component has the output.
 #[test]
 fn an_input_from_a_file_is_recorded_without_any_component() {
     let folder = ring();
@@ -220,7 +220,7 @@ fn parameters_can_be_changed_between_runs() {
     assert_eq!(recording.columns, run(&plan, &fmus, "stiff").columns);
 }
 
-/// Reference: the cases of the scenario. A sample sets the same values.
+/// The reference is the scenario's cases, which set the same values as the samples.
 #[test]
 fn samples_are_what_the_scenario_would_say() {
     let folder = ring();
@@ -252,14 +252,14 @@ fn samples_are_what_the_scenario_would_say() {
     // The change reaches the run of the baseline, too.
     let row = execute(vec![change("velocity", "gain", -1.0)], "stiff");
     assert_eq!(row.result, Ok(vec![Some(free), Some(0.0), Some(free / 2.0)]));
-    // An input that keeps its value: x = 1 + 2 y over a second. A component that the case omits is ignored.
+    // A constant input: x = 1 + 2 y after a second. A component that the case omits is ignored.
     let row = execute(vec![change("position", "y", 4.0), change("velocity", "gain", 3.0)], "alone");
     assert_eq!(row.result, Ok(vec![None, None, None]));
     let changed = batch.changed(index("alone"), &[change("position", "y", 4.0)]).unwrap();
     assert_eq!(changed.components[0].constants[0].value, Value::Real(4.0));
 
     for (wrong, expected) in [
-        (change("position", "y", 1.0), "`position`: the input `y` does not keep one value, another signal writes it"),
+        (change("position", "y", 1.0), "`position`: the input `y` cannot be set: another signal writes it"),
         (change("velocity", "gian", 1.0), "`velocity`: Velocity has no parameter `gian`"),
         (change("velocity", "gain", 11.0), "`velocity`: `gain` is 11.0, expected at most 10"),
     ] {

@@ -1,4 +1,4 @@
-//! Runs step by step, on FMUs built from C in a temporary folder. Steps forward are covered by the tests of the master.
+//! Runs advanced step by step, with FMUs built from C in a temporary folder. The tests of the master cover plain runs.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -60,7 +60,7 @@ fn rest(session: &mut Session) -> Vec<f64> {
     rows
 }
 
-/// Reference: the run without going back.
+/// The reference is the run without restoring.
 #[test]
 fn a_restored_session_repeats_its_steps_and_input_series() {
     let folder = ring(&[]);
@@ -90,7 +90,8 @@ fn a_restored_session_repeats_its_steps_and_input_series() {
     }
 }
 
-/// Reference: the recurrence with the value that is set. The operations are the same, so the bits are.
+/// The reference is the recurrence with the value that is set. It has the same operations, so the results are
+/// bit-identical.
 #[test]
 fn an_overwritten_input_replaces_its_connection_in_both_orders() {
     let folder = ring(&[]);
@@ -107,7 +108,7 @@ fn an_overwritten_input_replaces_its_connection_in_both_orders() {
             x += 0.01 * (1.0 * 0.5);
             assert_eq!(row, x);
         }
-        // In the state from before, the connection applies.
+        // In the state saved before the overwriting, the connection applies.
         session.restore(&wired).unwrap();
         let recording = master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
         assert_eq!(rest(&mut session), recording.column(0).unwrap()[1..]);

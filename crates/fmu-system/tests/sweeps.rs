@@ -91,7 +91,7 @@ fn mistakes_of_sweeps_are_named() {
         ("values = [36.0, 72.0]", "values = []", "expected at least one value"),
         ("values = [36.0, 72.0]", "values = [36.0, 36.0]", "appears twice"),
         (second, "", "the second axis of the sweep needs a `parameter` and `values`, too"),
-        ("[sweep]", &format!("{point}[sweep]"), "its points are not written one by one"),
+        ("[sweep]", &format!("{point}[sweep]"), "which generate its points: remove this [[point]]"),
         ("heat_map", "sweep", "is shown by a figure of kind \"heat_map\""),
         ("unit = \"km/h\"", "unit = \"rad\"", "rad"),
     ];
@@ -103,7 +103,7 @@ fn mistakes_of_sweeps_are_named() {
     let (first, _) = SCENARIO.split_once("[sweep.second]").unwrap();
     let found = plan_of(first).unwrap_err();
     assert!(found.contains("needs a [sweep] with a `second` axis"), "{found}");
-    // Points that are written one by one.
+    // Points that are listed one by one.
     let written = |points: &str| {
         let (head, _) = SCENARIO.split_once("[sweep]").unwrap();
         plan_of(&format!(
@@ -114,5 +114,5 @@ fn mistakes_of_sweeps_are_named() {
     let both = format!("{point}second = 2.0\n");
     assert_eq!(written(&both).unwrap().points[0].second, Some(2.0));
     let twice = format!("{both}{}", both.replace("\"a\"", "\"b\""));
-    assert!(written(&twice).unwrap_err().contains("two points are at the same place"));
+    assert!(written(&twice).unwrap_err().contains("two points have the same values"));
 }

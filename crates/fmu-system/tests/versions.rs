@@ -71,7 +71,8 @@ fn column<'a>(plan: &Plan, recording: &'a Recording, name: &str) -> &'a [f64] {
     recording.column(plan.columns.iter().position(|column| column.name == name).unwrap()).unwrap()
 }
 
-/// The integral of the outputs of the steps before; the last bits are those of the C library's exponential function.
+/// The reference is the sum over the outputs of the previous steps. The last bits depend on the C library's exponential
+/// function.
 #[test]
 fn a_system_of_both_versions_follows_the_closed_form() {
     let folder = folder();
@@ -202,7 +203,7 @@ fn a_component_for_model_exchange_only_is_a_mistake() {
     let line = line.lines().find(|line| line.contains("<CoSimulation")).unwrap();
     Decay { edits: &[(line, "")], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
     let mistakes = plan(&folder, &scenario(FmiVersion::V3)).unwrap_err();
-    let expected = "has no interface for co-simulation, by which a scenario steps its FMUs";
+    let expected = "has no co-simulation interface; scenarios need one to step their FMUs";
     assert!(mistakes[0].ends_with(expected), "{mistakes:?}");
 }
 
@@ -230,7 +231,7 @@ title = "Only"
 signals = ["first:y", "first:twin", "second:y"]
 "#;
 
-/// y = k u. Every name of FMI 3.0 works, of inputs, outputs and parameters. Inputs of type String keep their start values.
+/// y = k u. Aliases of inputs, outputs and parameters work like names. Inputs of type String keep their start values.
 #[test]
 fn aliases_are_names() {
     let folder = TempDir::new().unwrap();

@@ -5,17 +5,17 @@ use super::{DataError, Mistake, REPORTED, Table};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Default names of the column of times; the first that exists is used.
+/// Default names of the time column; the first that exists is used.
 const TIMES: [&str; 3] = ["time", "Time", "t"];
 
-/// The column of times, and their shift.
+/// Settings of the time column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TimeColumn {
     /// Name of the column; `None` for the first of `time`, `Time` and `t`.
     pub column: Option<String>,
-    /// Its unit; `None` for that in the file, else s.
+    /// Unit of the times; `None` for the unit in the file, or s without one.
     pub unit: Option<String>,
-    /// Position of time 0.
+    /// Shift of the times.
     pub offset: Offset,
     /// Event that becomes time 0 before the offset is added.
     pub trigger: Option<Trigger>,
@@ -26,9 +26,9 @@ pub struct TimeColumn {
 /// Shift of the times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Offset {
-    /// Offset to add, s.
+    /// Adds an offset, s.
     Add(f64),
-    /// The first row is at 0.
+    /// Moves the first row to 0.
     First,
 }
 
@@ -43,16 +43,16 @@ impl Default for Offset {
 pub struct Trigger {
     /// A column.
     pub column: String,
-    /// The level that it crosses, in the unit of the file.
+    /// Level that the column crosses, in the unit of the file.
     pub level: f64,
-    /// True if it falls below the level, false if it rises above it.
+    /// True for falling below the level, false for rising above it.
     pub falls: bool,
 }
 
 /// Treatment of rows with equal times.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Duplicates {
-    /// They are a mistake.
+    /// Equal times are a mistake.
     #[default]
     Error,
     /// The signal jumps: the first row is the left limit, the last one holds from there on.
@@ -70,18 +70,18 @@ pub enum Duplicates {
 pub struct Clock {
     /// Index of the column.
     pub(crate) column: usize,
-    /// Times, s, nondecreasing; equal ones are a jump.
+    /// Times, s, nondecreasing; equal times are a jump.
     times: Arc<[f64]>,
-    /// The rows of each time; `None` if each has its own, all in order.
+    /// The rows of each time; `None` if every row has its own time.
     rows: Option<Vec<Range<usize>>>,
 }
 
-/// Conversion of a column into a signal: sign * (scale * cell + offset), then its unit, then the delay, then the zero.
+/// Conversion of a column to a signal: sign * (scale * cell + offset), then unit, delay and zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel<'a> {
     /// Name of the column.
     pub column: &'a str,
-    /// Unit after scale and offset; `None` for that in the file, else that of the variable.
+    /// Unit after scale and offset; `None` for the unit in the file, or that of the variable without one.
     pub unit: Option<&'a str>,
     /// Factor.
     pub scale: f64,
@@ -89,14 +89,14 @@ pub struct Channel<'a> {
     pub offset: f64,
     /// 1 or -1.
     pub sign: f64,
-    /// Delay of the column, s: its values are those of earlier times.
+    /// Delay of the column, s; it is subtracted from the times.
     pub delay: f64,
-    /// Interval, s, whose mean is subtracted.
+    /// Interval, s; the mean over it is subtracted.
     pub zero: Option<[f64; 2]>,
 }
 
 impl<'a> Channel<'a> {
-    /// A column as it is.
+    /// A column without conversion.
     pub fn new(column: &'a str) -> Self {
         Self { column, unit: None, scale: 1.0, offset: 0.0, sign: 1.0, delay: 0.0, zero: None }
     }
@@ -105,14 +105,14 @@ impl<'a> Channel<'a> {
 /// Samples of a signal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
-    /// Times, s, nondecreasing; equal ones are a jump. Signals without missing cells and delay share those of their
-    /// clock.
+    /// Times, s, nondecreasing; equal times are a jump. A signal without missing cells and delay shares the times of
+    /// its clock.
     pub times: Arc<[f64]>,
     /// A value for each time, in the unit of the variable.
     pub values: Arc<[f64]>,
     /// Number of missing cells.
     pub missing: usize,
-    /// Conversion of the values of the file.
+    /// Conversion of the values in the file.
     pub conversion: Conversion,
 }
 
@@ -122,18 +122,18 @@ impl Clock {
         &self.times
     }
 
-    /// The rows of a time.
+    /// The rows with the time of this index.
     fn rows(&self, index: usize) -> Range<usize> {
         self.rows.as_ref().map_or(index..index + 1, |rows| rows[index].clone())
     }
 }
 
 impl Table {
-    /// The times.
+    /// Reads the time column.
     ///
     /// # Errors
-    /// There is no column of times, a time is missing or invalid, times decrease, or two are equal where that is an
-    /// error.
+    /// There is no time column, a time is missing or invalid, times decrease, or two are equal with
+    /// [`Duplicates::Error`].
     pub fn times(&self, options: &TimeColumn) -> Result<Clock, DataError> {
         let fail = |row: Option<usize>, message: String, help: &str| {
             let mistake = Mistake { line: row.map(|row| self.line(row)), message, help: Some(help.to_owned()) };
@@ -153,7 +153,7 @@ impl Table {
                         1 => {
                             "the first line names the columns, separated by tab, `;`, `,` or `|`: remove the lines above it"
                         }
-                        _ => "call the column of times `time`, `Time` or `t`",
+                        _ => "name the time column `time`, `Time` or `t`",
                     };
                     return fail(None, message, help);
                 }
@@ -174,7 +174,7 @@ impl Table {
             return fail(
                 Some(row),
                 format!("the time is missing at line {}", self.line(row)),
-                "give every row a time, or remove it",
+                "give every row a time, or remove rows without one",
             );
         }
         let mut times: Vec<f64> = column.cells.iter().map(|cell| conversion.factor * cell).collect();
@@ -287,7 +287,7 @@ impl Table {
             let (sum, count) = within.fold((0.0, 0_u32), |(sum, count), (_, value)| (sum + value, count + 1));
             if count == 0 {
                 let message =
-                    format!("the column `{name}` has no sample from {from} s to {to} s, whose mean is its zero");
+                    format!("the column `{name}` has no sample from {from} s to {to} s, the interval of its `zero`");
                 return Err(DataError::new(&self.file, message, Some("choose an interval with samples".into())));
             }
             for value in &mut values {

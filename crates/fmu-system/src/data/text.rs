@@ -76,7 +76,7 @@ pub(super) struct Rows<'t> {
 }
 
 impl<'t> Rows<'t> {
-    /// Returns the rows from the header on, and the line of the header: the first row, or the line with a given number.
+    /// Returns the rows from the header on, and the header: the line with the given number, or the first row.
     pub(super) fn new(text: &'t str, header: Option<usize>) -> (Self, Option<&'t str>) {
         let mut rows = Self { rest: text, line: 1, delimiter: ',' };
         while header.is_some_and(|header| rows.line < header) && !rows.rest.is_empty() {
@@ -104,7 +104,7 @@ impl<'t> Rows<'t> {
         None
     }
 
-    /// Reads a row; returns its line number, or that of an unclosed quotation mark as an error.
+    /// Reads a row and returns its line number; the error is the line of an unclosed quotation mark.
     pub(super) fn next(&mut self, cells: &mut Vec<Cow<'t, str>>) -> Option<Result<usize, usize>> {
         cells.clear();
         let line = self.skip_to_row()?;
@@ -159,7 +159,7 @@ pub(super) enum Cell {
     Other,
 }
 
-/// Texts of missing cells, besides the empty one.
+/// Texts that mark a missing cell. An empty cell is missing too.
 const MISSING: [&str; 8] = ["nan", "na", "n/a", "null", "none", "-", "--", "#n/a"];
 
 pub(super) fn cell(text: &str, decimal: char) -> Cell {

@@ -3,7 +3,7 @@
 use fmu_import::description::{BaseUnit, DisplayUnit, ModelDescription, Variable};
 use std::f64::consts::PI;
 
-/// Powers of kg, m, s, A, K and rad of a quantity, and its units: name, factor and offset to SI.
+/// The exponents of kg, m, s, A, K and rad in a quantity, and its units: name, factor and offset to SI.
 type Quantity = ([i32; 6], &'static [(&'static str, f64, f64)]);
 
 const QUANTITIES: [Quantity; 17] = [
@@ -32,7 +32,7 @@ const QUANTITIES: [Quantity; 17] = [
             ("mph", 0.447_04, 0.0),
         ],
     ),
-    // `g` is the unit, not the gravity of a vehicle model: exact.
+    // `g` is standard gravity, exact by definition, not the gravity parameter of a vehicle model.
     ([0, 1, -2, 0, 0, 0], &[("m/s2", 1.0, 0.0), ("mm/s2", 1e-3, 0.0), ("g", 9.806_65, 0.0)]),
     (
         [0, 0, 1, 0, 0, 0],
@@ -88,7 +88,7 @@ pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
     a[..7] == b[..7]
 }
 
-/// The unit that values are converted to: that of a variable.
+/// The unit of a variable, to which values are converted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Target {
     /// Its name; `None` accepts values in any unit, unconverted.
@@ -101,7 +101,7 @@ pub struct Target {
     pub is_relative: bool,
 }
 
-/// Conversion from another unit to that of the target: factor * value + offset.
+/// Conversion from another unit to the target unit: factor * value + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conversion {
     /// Factor.
@@ -124,7 +124,7 @@ impl Target {
         let unit = variable.unit.as_deref();
         let declared = unit.and_then(|name| description.unit(name)).and_then(|unit| unit.base);
         let known = unit.and_then(find);
-        // A tool that omits the radian still declares the name.
+        // Some tools omit the radian from the exponents; the name then gives the angle.
         let lacks_angle = declared.zip(known).is_some_and(|(declared, known)| {
             is_same_without_angle(declared.exponents, known.exponents) && declared.factor == known.factor
         });
@@ -170,13 +170,13 @@ impl Target {
         ))
     }
 
-    /// Lists the known units of the same quantity. Names of similar letters are often those of other units: mrad, mPa and MPa.
+    /// Lists the known units of the same quantity. Spelling is no guide: mPa and MPa are different units.
     fn alternatives(&self) -> String {
         let Some(base) = self.base else { return String::new() };
         let is_same =
             |[kg, m, s, ampere, kelvin, rad]: [i32; 6]| [kg, m, s, ampere, kelvin, 0, 0, rad] == base.exponents;
         let same = QUANTITIES.iter().find(|(powers, _)| is_same(*powers));
         let names: Vec<&str> = same.iter().flat_map(|(_, units)| units.iter().map(|(name, ..)| *name)).collect();
-        if names.is_empty() { String::new() } else { format!("known are {}. ", names.join(", ")) }
+        if names.is_empty() { String::new() } else { format!("known units: {}. ", names.join(", ")) }
     }
 }

@@ -61,7 +61,8 @@ pub(super) fn structure(system: &System) -> io::Result<String> {
     let attributes = [
         ("xmlns:ssd", DESCRIPTION),
         ("xmlns:ssc", COMMON),
-        // Here and not where they are used: libcosim takes every attribute of osp:Algorithm for an algorithm.
+        // Declared here rather than where they are used, because libcosim takes every attribute of osp:Algorithm for an
+        // algorithm.
         ("xmlns:oms", OMS),
         ("xmlns:osp", OSP),
         ("version", system.version()),

@@ -1,4 +1,4 @@
-//! Arithmetic of named numbers: metrics of metrics, and inequalities of parameters in studies.
+//! Arithmetic with named numbers: metrics computed from metrics, and inequalities between parameters in studies.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -6,13 +6,13 @@ use std::ops::Range;
 
 const DEPTH: usize = 50;
 
-/// An expression. It is written with `+`, `-`, `*`, `/`, `^`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
-/// `min(x, y)` and `max(x, y)`, the last two also of more numbers.
+/// An expression. It is written with `+`, `-`, `*`, `/`, `^`, parentheses, numbers, names of metrics, and the functions
+/// `abs(x)`, `sqrt(x)`, `min(x, y)` and `max(x, y)`, the last two also with more arguments.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Expression {
     text: String,
-    /// In postfix order: operands, then what is done with them.
+    /// In postfix order: operands, then the operation.
     #[serde(skip)]
     steps: Vec<Step>,
 }
@@ -22,11 +22,11 @@ enum Step {
     Number(f64),
     /// A named number, by its index.
     Name(usize),
-    // Of the last operand.
+    // Applied to the last operand.
     Negative,
     Abs,
     Sqrt,
-    // Of the last two operands.
+    // Applied to the last two operands.
     Plus,
     Minus,
     Times,
@@ -63,7 +63,7 @@ pub enum Problem {
 }
 
 impl Expression {
-    /// Reads an expression; `index` finds the number of a name.
+    /// Parses an expression; `index` returns the index of a name.
     ///
     /// # Errors
     /// The text is not an expression, or contains a name that `index` does not find.
@@ -95,8 +95,8 @@ impl Expression {
         })
     }
 
-    /// Computes the number from those of the metrics of a run. `None` if a metric has none, or if the result is not finite, as after a
-    /// division by 0.
+    /// Computes the value from the values of the metrics. `None` if one of them is undefined, or if the result is not
+    /// finite, as after a division by 0.
     pub fn value(&self, metric: impl Fn(usize) -> Option<f64>) -> Option<f64> {
         self.evaluate(metric).filter(|value| value.is_finite())
     }
@@ -133,13 +133,13 @@ impl Expression {
 }
 
 impl ExpressionError {
-    /// An error at the character at a place.
+    /// An error that marks the character at `place`.
     pub fn at(text: &str, place: usize, expected: &'static str) -> Self {
         Self { problem: Problem::Expected(expected), place: character(text, place) }
     }
 }
 
-/// Place of the character at a place; empty at the end.
+/// The bytes of the character at `at`; empty at the end of the text.
 fn character(text: &str, at: usize) -> Range<usize> {
     at..at + text[at..].chars().next().map_or(0, char::len_utf8)
 }
@@ -199,7 +199,7 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
         Ok(())
     }
 
-    /// A sign binds less than a power: -x^2 is -(x^2).
+    /// A sign binds less tightly than a power: -x^2 is -(x^2).
     fn signed(&mut self) -> Parsed {
         self.depth += 1;
         if self.depth > DEPTH {
@@ -311,7 +311,7 @@ mod tests {
         parse(text).unwrap().value(|index| [Some(8.0), Some(2.0), None][index])
     }
 
-    /// By hand.
+    /// Expected values computed by hand.
     #[test]
     fn expressions_follow_the_rules_of_arithmetic() {
         for (text, expected) in [

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Computation of a metric from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
 ///
-/// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not finite give no number, but
-/// an error. Sums are rounded once ([`Summation::Exact`]).
+/// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not finite are an
+/// error. Sums are rounded once ([`Summation::Exact`]).
 ///
 /// The unit of the number is that of the signal unless an entry says otherwise, see [`Kind::unit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -77,7 +77,7 @@ impl Kind {
         )
     }
 
-    /// The formula in words, of the rows x\[i\] of a window.
+    /// The formula in words.
     pub fn formula(self) -> &'static str {
         match self {
             Self::Rms => "square root of the mean of the squares",
@@ -99,11 +99,10 @@ impl Kind {
             Self::MagnitudeShare => "share of the rows whose magnitude is above the threshold",
             Self::Overshoot => "largest value as a share of the last one, minus 1",
             Self::RiseTime => {
-                "time from the first row to the first one that has the share given by the threshold of the last value"
+                "time from the first row to the first one that reaches the threshold, a share of the last value"
             }
             Self::SettlingTime => {
-                "time from the first row to the one from which on the values stay within the share given by the threshold of the \
-                 last value"
+                "time from the first row until the values stay within the threshold, a share of the last value, of that value"
             }
         }
     }
@@ -113,7 +112,7 @@ impl Kind {
         self.of_values(&[0.0], Summation::InOrder).is_some()
     }
 
-    /// Returns true if there is a value for each row of a window: that of the window that ends there.
+    /// Returns true if the kind has running values: for each row of a window, the value of the window that ends there.
     pub fn has_running_values(self) -> bool {
         matches!(self, Self::Rms | Self::Mean | Self::Integral)
     }

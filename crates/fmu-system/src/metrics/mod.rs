@@ -22,8 +22,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Rows that lie outside of a window by less than this share of a step are in it: the times t\[k\] = start + k step are
-/// rounded.
+/// A row that lies outside a window by less than this share of a step counts as inside, because the times t\[k\] =
+/// start + k step are rounded.
 const WINDOW_SLACK: f64 = 1e-6;
 
 /// Columns of a recording by their index. A run need not have all of them.
@@ -44,18 +44,19 @@ pub struct Definition {
     pub window: Option<[f64; 2]>,
     /// Condition that ends the window early.
     pub until: Option<Until>,
-    /// Index of the column that is subtracted before.
+    /// Index of the column that is subtracted first.
     pub minus: Option<usize>,
-    /// True if the signal of the run of the case's baseline is subtracted first; no number for a case without one.
+    /// True if the signal of the baseline's run is subtracted first. The metric is undefined for a case without a
+    /// baseline.
     pub from_baseline: bool,
     /// Frequencies of [`Kind::BandPower`], Hz: from <= f < to.
     pub band: Option<[f64; 2]>,
     /// Level that the kind refers to, in the unit the signal is converted to.
     pub threshold: Option<f64>,
-    /// Factor that the signal is multiplied with before.
+    /// Factor for the signal, after the subtractions.
     #[schemars(extend("default" = 1.0))]
     pub factor: f64,
-    /// Offset that is added to it then.
+    /// Offset, added after the multiplication.
     #[schemars(extend("default" = 0.0))]
     pub offset: f64,
 }
@@ -83,13 +84,13 @@ pub enum Combine {
     Squares,
 }
 
-/// The end of a window: the rows from the first one on where a signal is above or below a level do not count. Without such a
-/// row in the window there is no number.
+/// Early end of a window: before the first row in which a signal is above or below a level. Without such a row, the
+/// metric is undefined.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Until {
     /// Index of the column.
     pub column: usize,
-    /// Above the level, else below.
+    /// True for above the level, false for below.
     pub above: bool,
     /// Level, in the unit of the column.
     pub level: f64,
@@ -102,14 +103,14 @@ impl Definition {
         self.columns.iter().copied().chain(self.minus).chain(until)
     }
 
-    /// Computes the number of a run from its rows at rising times, s, recorded with a communication step, s.
+    /// Computes the metric of a run from its rows. `times` are rising, and `step` is the communication step, both in s.
     ///
     /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`], or not finite; a column is missing; or there is no
     /// baseline.
     ///
     /// # Errors
-    /// The window contains no row or a value that is not finite, the kind needs a threshold or band or more rows, or a column
-    /// has another number of rows than the times.
+    /// The window contains no row or a value that is not finite, the kind needs a threshold or band or more rows, or a
+    /// column has more or fewer rows than the times.
     pub fn value(
         &self,
         times: &[f64],
@@ -151,13 +152,13 @@ impl Definition {
         Ok(number.filter(|number| number.is_finite()))
     }
 
-    /// The numbers of the windows that begin with that of the metric and end at each row of it.
+    /// The running values: for each row of the metric's window, the metric of the part of the window that ends there.
     ///
     /// `Ok(None)`: a column is missing, or the run has less than two rows in the window.
     ///
     /// # Errors
-    /// The kind has no running values, the window contains a value that is not finite, or a column has another number of rows
-    /// than the times.
+    /// The kind has no running values, the window contains a value that is not finite, or a column has more or fewer
+    /// rows than the times.
     pub fn running(&self, times: &[f64], columns: &Columns<'_>, step: f64) -> Result<Option<Running>, String> {
         if !self.kind.has_running_values() {
             return Err("this kind has no running values".to_owned());
@@ -284,7 +285,7 @@ mod tests {
         assert!(window(&times, Some([0.3, 0.1]), 0.1).is_empty());
     }
 
-    /// By hand; squares and a root of small numbers, so the results are exact.
+    /// Expected values computed by hand. They are exact: squares and a root of small numbers.
     #[test]
     fn kinds_of_values() {
         let values = [-4.0, 2.0, -2.0, 0.0];
@@ -344,7 +345,7 @@ mod tests {
                 assert!(base().running(&times, &columns, 1.0).is_err(), "{kind:?}");
             }
         }
-        // Finite values whose number is not: their squares are beyond the largest double.
+        // Finite values with an infinite metric: their squares are beyond the largest double.
         let huge = [1e300, 1e300];
         let columns = Columns::from([(0, huge.as_slice())]);
         assert_eq!(definition(Kind::MeanSquare).value(&[0.0, 1.0], &columns, None, 1.0), Ok(None));
@@ -373,7 +374,8 @@ mod tests {
         Kind::SettlingTime,
     ];
 
-    /// Steps in the order that the documentation gives: combine, subtract, subtract the baseline, convert. By hand.
+    /// The steps are in the documented order: combine, subtract, subtract the baseline, convert. Expected values
+    /// computed by hand.
     #[test]
     fn a_signal_is_made_in_order() {
         let times = [0.0, 1.0, 2.0];

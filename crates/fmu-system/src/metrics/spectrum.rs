@@ -5,7 +5,7 @@ use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
-/// Length of a segment as a share of the whole: eight segments that overlap by half fit in.
+/// Length of a segment as a share of the signal: eight segments that overlap by half fit in.
 const SEGMENT: f64 = 2.0 / 9.0;
 
 const MIN_ROWS: usize = 4;
@@ -13,14 +13,14 @@ const MIN_ROWS: usize = 4;
 /// A one-sided power spectral density, without the frequency 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
-    /// Frequencies k/(N dt), Hz: k = 1, 2, … N/2, where N rows of the distance dt make a segment.
+    /// Frequencies k/(N dt), Hz: k = 1, 2, … N/2, for segments of N rows that are dt apart.
     pub frequencies: Vec<f64>,
     /// Density at each frequency: square of the signal's unit per Hz.
     pub densities: Vec<f64>,
 }
 
 impl Spectrum {
-    /// Power in the band [from, to): sum of the densities in it, times the distance of the frequencies.
+    /// Power in the band [from, to): sum of the densities in it, times the spacing of the frequencies.
     pub fn power(&self, [from, to]: [f64; 2]) -> f64 {
         let rows = self.frequencies.iter().zip(&self.densities);
         sum::exact(rows.filter(|(f, _)| (from..to).contains(*f)).map(|(_, density)| *density)) * self.frequencies[0]
@@ -30,10 +30,11 @@ impl Spectrum {
 /// Estimates the power spectral density of a signal with evenly spaced rows by Welch's method (P. D. Welch, IEEE Trans. Audio
 /// Electroacoust. 15, 1967).
 ///
-/// Segments of N = floor(2/9 of the rows) rows start every floor(N/2) rows. The mean of each is subtracted; then it is multiplied by the
-/// periodic Hann window w\[i\] = 0.5 - 0.5 cos(2 pi i/N). The density is the mean over the segments of 2 dt |X\[k\]|^2/sum(w^2), where X is
-/// the discrete Fourier transform and dt = (last - first time)/(rows - 1). The highest frequency of an even N is its own mirror image and
-/// has half of it. The frequency 0 is omitted, because the mean is subtracted.
+/// Segments of N = floor(2/9 of the rows) rows start every floor(N/2) rows. The mean of each is subtracted; then it is
+/// multiplied by the periodic Hann window w\[i\] = 0.5 - 0.5 cos(2 pi i/N). The density is the mean over the segments
+/// of 2 dt |X\[k\]|^2/sum(w^2), where X is the discrete Fourier transform and dt = (last - first time)/(rows - 1). For
+/// an even N, the highest frequency is its own mirror image and gets half the density. The frequency 0 is omitted,
+/// because the mean is subtracted.
 ///
 /// The transform uses no vector instructions, so the result does not depend on the machine.
 ///
@@ -112,7 +113,7 @@ struct Segments<const N: usize> {
     frequencies: Vec<f64>,
     /// Bins of the frequencies, by segment and signal.
     bins: Vec<[Vec<Complex<f64>>; N]>,
-    /// Factor from a squared bin to a density.
+    /// Factor that converts a squared bin to a density.
     scale: f64,
     /// True if the last frequency is its own mirror image.
     is_even: bool,
@@ -122,7 +123,7 @@ impl<const N: usize> Segments<N> {
     fn of(times: &[f64], signals: [&[f64]; N]) -> Result<Self, String> {
         let size = (times.len() as f64 * SEGMENT) as usize;
         if size < MIN_ROWS {
-            return Err(format!("{} rows are too few for a spectrum, which takes 18", times.len()));
+            return Err(format!("a spectrum needs at least 18 rows, got {}", times.len()));
         }
         for signal in signals {
             super::same_length(signal, times)?;

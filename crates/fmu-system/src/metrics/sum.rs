@@ -69,7 +69,8 @@ fn rounded(partials: &[f64]) -> f64 {
     {
         (sum, error) = two_sum(sum, partial);
     }
-    // Half a unit in the last place was rounded to even. What is left decides otherwise if it has the same sign.
+    // A tie was rounded to even. If the next partial sum has the sign of the rounding error, the other neighbor is
+    // nearer.
     if let Some(next) = rest.next()
         && (next < 0.0) == (error < 0.0)
     {
@@ -90,7 +91,8 @@ mod tests {
         exact(values.iter().copied())
     }
 
-    /// By hand: cancellation, loss in sequential summation, and ties that the smallest number decides.
+    /// Expected values computed by hand: cancellation, loss in sequential summation, and ties that the smallest number
+    /// decides.
     #[test]
     fn sums_are_rounded_once() {
         assert_eq!(sum(&[]), 0.0);

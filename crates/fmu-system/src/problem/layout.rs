@@ -18,10 +18,9 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
     let known: Vec<&str> = quoted.collect();
     let renamed = RENAMED.iter().find(|(old, new)| unknown == Some(old) && known.contains(new));
     let help = match renamed {
-        None if message == "duplicate key" => Some(
-            "A list that is written as `name = [...]` takes its entries there; or write all of them as `[[name]]`"
-                .to_owned(),
-        ),
+        None if message == "duplicate key" => {
+            Some("write all entries of a list inside `name = [...]`, or all of them as `[[name]]`".to_owned())
+        }
         Some((old, new)) => Some(format!("`{old}` is called `{new}` now")),
         None => unknown.and_then(|name| suggestion(name, known)),
     };
@@ -56,7 +55,7 @@ fn wrong_type(message: &str, key: Option<&str>) -> Option<String> {
         "f64" | "f32" | "floating point" => "a number",
         "i64" | "i32" => "a whole number",
         "u8" => "a whole number from 0 to 255",
-        "u32" | "u64" | "usize" => "a whole number from 0 on",
+        "u32" | "u64" | "usize" => "a whole number of at least 0",
         "a boolean" => "true or false",
         "a sequence" => "a list",
         "a map" => "a table",

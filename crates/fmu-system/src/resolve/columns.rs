@@ -44,7 +44,7 @@ impl Resolver<'_> {
                         columns.push(column(member, variable, shared));
                         continue;
                     };
-                    // As with wires: if the FMU of one case declares no unit, the unit of another case applies.
+                    // If the FMU of one case declares no unit, the unit of another case applies, as for connections.
                     match (&known.plan.unit, &variable.unit) {
                         (None, Some(_)) => *known = column(member, variable, shared),
                         (Some(other), Some(unit)) if other != unit => self.problems.add(
@@ -65,7 +65,7 @@ impl Resolver<'_> {
         columns
     }
 
-    /// Gives a column the name component:variable if its plain name is that of the times or of another column.
+    /// Gives a column the name component:variable if its plain name is `time` or that of another column.
     fn tell_apart(&mut self, columns: &mut [Column]) {
         let mut taken = BTreeSet::from(["time".to_owned()]);
         for column in columns {
@@ -103,7 +103,7 @@ impl Resolver<'_> {
         }
         if inputs().next().is_some() {
             let message = format!("`{}` is an input, not an output", pattern.get_ref());
-            let help = "record the output that writes it; an input is recorded if a file writes it (`--inputs`)";
+            let help = "record the output that writes it; only inputs that a file writes (`--inputs`) are recorded";
             self.problems.add_with_help(pattern.span(), message, Some(help.to_owned()));
             return true;
         }

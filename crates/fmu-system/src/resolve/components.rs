@@ -38,7 +38,7 @@ impl<'a> Resolver<'a> {
                 if let Some(place) = component.steady()
                     && let Err(message) = steady::check(&found.description)
                 {
-                    let help = "leave `start` out, or start a component steady that has states".to_string();
+                    let help = "remove `start`, or set it for a component with states".to_string();
                     self.problems.add_with_help(place, message, Some(help));
                 }
                 let replaced = other.map(|other| {
@@ -70,7 +70,7 @@ impl<'a> Resolver<'a> {
         match source.find(name) {
             Ok(Some(found)) if found.description.co_simulation.is_none() => {
                 let message =
-                    format!("{} has no interface for co-simulation, by which a scenario steps its FMUs", found.path);
+                    format!("{} has no co-simulation interface; scenarios need one to step their FMUs", found.path);
                 self.problems.add(span, message);
                 None
             }
@@ -131,10 +131,10 @@ impl<'a> Resolver<'a> {
             }
         }
         if !ours.is_empty() {
-            hints.push(format!("`chassis pack {}` builds all that this scenario needs", self.problems.file()));
+            hints.push(format!("`chassis pack {}` builds all FMUs that this scenario needs", self.problems.file()));
         }
         if elsewhere {
-            hints.push("name the folder of FMUs that are not built in this workspace with --fmus".to_string());
+            hints.push("if an FMU is not built in this workspace, give its folder with --fmus".to_string());
         }
         // Mark the names that may be wrong; if there are none, mark the first missing one.
         let wrong = missing.iter().filter(|(name, _)| unknown.contains(name));

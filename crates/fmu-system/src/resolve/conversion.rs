@@ -6,7 +6,7 @@ use fmu_import::description::{BaseType, BaseUnit, Variable};
 
 const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 };
 
-/// An end of a wire: a component and a variable of it.
+/// An end of a connection: a component and one of its variables.
 pub(super) type Place<'a> = (&'a CaseComponent<'a>, &'a Variable);
 
 /// Checks that an output may write an input of the same name: same base type, same unit of measure where both have one.
@@ -14,8 +14,9 @@ pub(super) fn compatible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
     from.1.mismatch(to.1).map_or(Ok(()), |[output_is, input_is]| Err(mismatch(from, to, &output_is, &input_is)))
 }
 
-/// Checks that an explicit connection may join an output and an input: compatible ones, and a Boolean with a Real that
-/// has no unit of measure. Masters convert as they do for any Boolean on the bus: true is 1, and above 0.5 is true.
+/// Checks that an explicit connection may join an output and an input: they are compatible, or one is Boolean and the
+/// other a Real without unit of measure. Masters convert as they do for any Boolean on the bus: true is 1, and above
+/// 0.5 is true.
 pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
     if between(from.1, to.1).is_none() {
         return compatible(from, to);

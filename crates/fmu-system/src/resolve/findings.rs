@@ -1,9 +1,9 @@
 //! Findings: claims of a paper, the metrics of the runs that verify them, and texts with these numbers.
 //!
-//! A scenario writes cells of the table of metrics as `metric.case`, with a sweep `metric.case@point`; without the point
-//! all points are meant. `/case`, `/case@point` or `/metric.case@point` after a cell names the cell to compare with;
-//! the default is the baseline of the case. A text contains numbers as `{cell:format}`. Nothing is computed here: the
-//! plan contains references, which the reader of the results resolves.
+//! A scenario refers to cells of the table of metrics as `metric.case`, or `metric.case@point` with a sweep; without
+//! the point, it means all points. `/case`, `/case@point` or `/metric.case@point` after a cell names the cell to
+//! compare with; the default is the baseline of the case. A text contains numbers as `{cell:format}`. Nothing is
+//! computed here: the plan contains references, which the reader of the results resolves.
 
 use crate::problem::Collector;
 use crate::report::{Cell, Check, Expect, Finding, Format, Part, Text, word};
@@ -134,7 +134,7 @@ impl Resolver<'_> {
         if let Some(against) = against
             && against.metric == cell.metric
         {
-            // A change as written names the other cell, or leaves it to the baseline.
+            // A written change names the other cell, or means the baseline.
             let written = |key: &str| {
                 key == cell.key()
                     || key == change_key(cell, against)
@@ -207,7 +207,7 @@ impl Resolver<'_> {
         found
     }
 
-    /// Cells of `case@point` or `case`: that of the point `here`, or of all points.
+    /// Cells for `case@point`, or for `case`: the one at the point `here`, or those at all points.
     fn cells(&mut self, metric: usize, rest: &str, here: Option<&str>, span: &Range<usize>) -> Option<Vec<Cell>> {
         let scenario = self.scenario;
         let (case, point) = match rest.split_once('@') {

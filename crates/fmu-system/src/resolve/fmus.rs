@@ -22,7 +22,7 @@ pub trait Descriptions {
     /// Finds the FMU with this file stem; `None` if there is none.
     ///
     /// # Errors
-    /// It exists but cannot be read; the message contains the reason.
+    /// The FMU exists but cannot be read; the message contains the reason.
     fn find(&self, name: &str) -> Result<Option<Found>, String>;
 
     /// File stems of all FMUs.

@@ -1,4 +1,4 @@
-//! The file of `--inputs`: signals that its columns write, and their values.
+//! The file given with `--inputs`: the signals that its columns write, and their values.
 
 use crate::data::unit::Target;
 use crate::data::{Channel, Clock, DataError, Duplicates, Format, Mistake, Signal, Table, TimeColumn};
@@ -54,9 +54,10 @@ struct Replacement {
     inputs: Vec<String>,
 }
 
-/// Minimum number of samples of a signal for the check for gaps: the samples of a handwritten profile may have any distance.
+/// Minimum number of samples for the check for gaps. Fewer samples are probably a handwritten profile with uneven
+/// spacing.
 const SAMPLED: usize = 20;
-/// A distance between samples of more than this many times the usual one is a gap. The rest is for roundings.
+/// Samples that are further apart than this many usual intervals have a gap between them. The 1e-6 allows for rounding.
 const GAP: f64 = 5.0 + 1e-6;
 
 impl Inputs {
@@ -87,7 +88,7 @@ impl Inputs {
         })
     }
 
-    /// Column of a signal, of any component or of one.
+    /// Column for a signal of any component, or of the given one.
     pub(super) fn column(&self, component: Option<&str>, signal: &str) -> Option<usize> {
         let is_name = |name: &str| match component {
             None => name == signal,
@@ -159,7 +160,7 @@ impl Inputs {
     /// Checks that a signal has values for the whole run. A held signal has values until the last row.
     fn check_span(&mut self, name: &str, signal: &Signal, interpolation: Interpolation) {
         let Simulation { start, stop, step, .. } = self.simulation;
-        // Times are rounded, too.
+        // Times are rounded: allow for it.
         let slack = |time: f64| (1e-9 * step).max(4.0 * f64::EPSILON * time.abs());
         let first = signal.times[0];
         if first > start + slack(start) {
@@ -186,7 +187,7 @@ impl Inputs {
                 let end = plain(start + steps * step);
                 let hold = "`--after-end hold` keeps the last value";
                 let help =
-                    if steps > 0.0 { format!("`--stop {end}` ends the run before, {hold}") } else { hold.to_owned() };
+                    if steps > 0.0 { format!("`--stop {end}` ends the run earlier; {hold}") } else { hold.to_owned() };
                 self.note(message, Some(help));
             }
         }
@@ -233,7 +234,7 @@ impl Inputs {
         let role = if variable.causality == Causality::Output { "output" } else { "input" };
         let name = self.name(*column);
         let whole = |value: f64| {
-            // From 2^53 on, a number of the file may have been rounded to an integer.
+            // From 2^53 on, a number in the file may have been rounded to an integer.
             let is_whole = value.fract() == 0.0 && value.abs() < (1_u64 << f64::MANTISSA_DIGITS) as f64;
             Some(value as i64).filter(|whole| is_whole && variable.integers().contains(whole))
         };
@@ -241,7 +242,7 @@ impl Inputs {
             let rule = match variable.base_type {
                 BaseType::Integer => match whole(*value) {
                     None if variable.integers().contains(&(i64::from(i32::MAX) + 1)) => {
-                        format!("is {}, of which a file gives whole numbers below 2^53", variable.data_type)
+                        format!("is {}, which takes only whole numbers below 2^53 from a file", variable.data_type)
                     }
                     None => format!("is {}", variable.base_type),
                     Some(number) => format!("is an enumeration: {}", parameter::check_item(variable, number).err()?),
@@ -271,7 +272,7 @@ impl Inputs {
         });
         if let Some(message) = misfit {
             let help = Some(format!(
-                "correct the value, or name the column `COMPONENT:{}` of another component",
+                "correct the value, or name the column `COMPONENT:{}` to write only the input of another component",
                 variable.name
             ));
             self.note(message, help);
@@ -280,7 +281,8 @@ impl Inputs {
         }
     }
 
-    /// Reports the mistakes in the file. Columns that write nothing are ignored, unless they name an input or nearly a signal.
+    /// Reports the mistakes in the file. Columns that write nothing are ignored, unless their name is that of an input
+    /// or resembles that of a signal.
     pub(super) fn finish(
         mut self,
         inputs: &[String],
@@ -363,7 +365,7 @@ mod tests {
             .map_or(String::new(), |error| error.mistakes[0].message.clone())
     }
 
-    /// Reference: an interval without a value is named; a held signal has its last value until the last row.
+    /// The message contains the interval without a value. A held signal keeps its last value until the last row.
     #[test]
     fn a_signal_covers_the_run() {
         let (linear, hold) = (Interpolation::Linear, Interpolation::Hold);
@@ -389,7 +391,7 @@ mod tests {
         assert!(warnings[0].ends_with("in.csv: `a` ends at 0.25 s; its last value holds until 1 s"), "{warnings:?}");
     }
 
-    /// Reference: a gap is a distance of more than five usual ones between samples that are interpolated.
+    /// A gap is a distance of more than five usual intervals between samples that are interpolated.
     #[test]
     fn gaps_between_samples_are_reported() {
         let warnings = |times: &mut dyn Iterator<Item = f64>, interpolation: Interpolation| {

@@ -121,7 +121,7 @@ impl Resolver<'_> {
         } else {
             metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone())
         };
-        // Checked to be there.
+        // The checks of the scenario require it.
         let kind = metric.kind?;
         let definition = Definition {
             columns: indices,
@@ -142,7 +142,7 @@ impl Resolver<'_> {
         Some((Source::Signals(definition), kind.unit(unit.as_deref())))
     }
 
-    /// Warns if the first row, with the start value of a discrete-time model, alone breaks the requirement.
+    /// Warns if the first row alone, which holds the start value of a discrete-time model, violates the requirement.
     fn first_row(&mut self, metric: &scenario::Metric, of: &Definition, systems: &[System<'_>], column: &Column) {
         let is_plain = of.combine.is_none() && of.minus.is_none() && !of.from_baseline && !column.plan.from_file;
         let is_first_in = of.window.is_none_or(|[from, _]| from <= 0.0);
@@ -246,7 +246,7 @@ impl Resolver<'_> {
     fn until(&mut self, until: &scenario::Until, systems: &[System<'_>], columns: &[Column]) -> Option<metrics::Until> {
         let column = self.column_index(&until.signal, systems, columns)?;
         let (factor, offset) = self.conversion(until.unit.as_ref(), &columns[column].plan)?;
-        // Checked to be one of the two.
+        // The checks of the scenario require one of the two.
         let level = until.above.or(until.below)?;
         Some(metrics::Until { column, above: until.above.is_some(), level: (level - offset) / factor })
     }

@@ -1,4 +1,4 @@
-//! The runs: cases, in them points, in them seeds.
+//! Makes the runs, ordered by case, then point, then seed.
 
 use super::system::{Column, Resolver, System, context};
 use crate::{run, scenario};

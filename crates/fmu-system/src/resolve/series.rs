@@ -1,4 +1,4 @@
-//! Inputs that columns of the file of `--inputs` write, and outputs that they replace.
+//! Connects columns of the `--inputs` file to the inputs that they write and the outputs that they replace.
 
 use super::inputs::Feed;
 use super::pattern::is_match;
@@ -70,7 +70,7 @@ impl Resolver<'_> {
             let target = Target::of(&member.found.description, member.variable(v));
             let Some(inputs) = &mut self.inputs else { return };
             let Feed { column, interpolation, .. } = inputs.feeds[feed];
-            // In the unit of the output, which a connection may not share with its reader.
+            // Use the unit of the output: the input at the other end of a connection may have another.
             if let Some(feed) = inputs.feed(column, &target, interpolation) {
                 system.replaced.insert((m, v), feed);
             }

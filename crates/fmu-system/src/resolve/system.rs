@@ -18,7 +18,7 @@ use std::path::Path;
 pub(super) struct CaseComponent<'a> {
     pub(super) component: &'a Component,
     pub(super) found: Found,
-    /// Set if the case names another FMU than the component.
+    /// Set if the case replaces the component's FMU.
     pub(super) replaced: Option<Replaced>,
     /// Inputs in the order of the description, each with its source.
     pub(super) inputs: Vec<(usize, Source)>,
@@ -161,10 +161,7 @@ pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name
     }
     let mut texts = members().flat_map(|member| member.all(Causality::Output).map(|(_, variable)| variable));
     if let Some(text) = texts.find(|text| text.base_type == BaseType::String && matches(name, &text.name)) {
-        return format!(
-            "`{}` is a String; numbers and Booleans are recorded only: an enumeration has names, too",
-            text.name
-        );
+        return format!("`{}` is a String; only numbers, Booleans and enumerations can be recorded", text.name);
     }
     if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
         return format!("did you mean `{other}:{name}`?");

@@ -48,7 +48,7 @@ impl Resolver<'_> {
                 places.push(place);
             }
             self.problems.set_context(None);
-            // A parameter with an effect in one case is set for that case.
+            // If one case reads all outputs, the parameters may be set for that case.
             if places.is_empty() || places.iter().any(|place| place.unread.is_empty()) {
                 continue;
             }
@@ -59,7 +59,7 @@ impl Resolver<'_> {
             let (certain, open): (Vec<_>, Vec<_>) = self
                 .set_parameters(component)
                 .into_iter()
-                // Another FMU of a case does not take over all of them.
+                // An FMU that replaces the component's own does not take over all of them.
                 .filter(|(parameter, _)| applied(parameter))
                 .partition(|(parameter, _)| {
                     places.iter().all(|place| affects_only(&place.member.found.description, parameter, &place.unread))

@@ -162,7 +162,9 @@ impl Resolver<'_> {
                 None => return Some(variable),
                 Some([own, other]) => format!("it is {other} there, {own} in the FMU of the component"),
             },
-            (Ok(_), _) => format!("the FMU of the component, {}, has none to compare", member.component.fmu.get_ref()),
+            (Ok(_), _) => {
+                format!("the FMU of the component, {}, has no such parameter", member.component.fmu.get_ref())
+            }
             (Err(_), _) => format!("{} has no such parameter", description.model_name),
         };
         let message = format!("{file}`{name}` is not carried over: {why}");

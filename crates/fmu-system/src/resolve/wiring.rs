@@ -15,13 +15,14 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// An end of a connection: component and variable; `None` if the case has none. `Err`: a mistake was reported.
+/// An end of a connection: component and variable; `None` if the case does not have them. `Err`: a mistake was
+/// reported.
 type End = Result<Option<(usize, usize)>, ()>;
 type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
 /// Outputs that connections name, by the input that they write. `Err`: a mistake was reported.
 type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
 
-/// Change of the source of an input by the FMU that a case sets for a component.
+/// How the FMU that a case sets for a component changes the source of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Change {
     /// The component's own FMU has no such input.
@@ -32,7 +33,7 @@ enum Change {
     LostOutput,
 }
 
-/// The component whose FMU makes one of these changes for an input of the reader.
+/// Finds the component whose replaced FMU makes one of these changes to an input of `reader`.
 fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -> Option<(usize, Change)> {
     let has = |description: &ModelDescription, causality| {
         description.variable(input).is_some_and(|variable| variable.causality == causality)
@@ -166,7 +167,7 @@ impl<'a> Resolver<'a> {
             let near = inputs
                 .iter()
                 .find_map(|name| suggestion(name, outputs.keys().copied()))
-                .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
+                .map_or(String::new(), |s| format!("; there is an output with a similar name: {s}"));
             let which = if inputs.len() == 1 { "it" } else { "them" };
             let writers = fmus_with(source, Causality::Output, &inputs)
                 .map_or(String::new(), |names| format!("; FMUs that write {which}: {names}"));

@@ -83,7 +83,7 @@ mod tests {
         let tens = (-324..=308).map(|power| format!("1e{power}").parse().unwrap());
         let twos = (-1074..=1023).map(|power| 2.0_f64.powi(power));
         for value in special.into_iter().chain(tens).chain(twos) {
-            // The notation changes at powers of ten: both neighbors, too.
+            // The notation changes at powers of ten, so test both neighbors too.
             let bits = value.to_bits();
             for near in [bits.saturating_sub(1), bits, bits + 1] {
                 assert_as_debug(f64::from_bits(near));
@@ -101,7 +101,7 @@ mod tests {
             (state >> 32) as u32
         };
         for _ in 0..200_000 {
-            // Any double; one of the range of signals; one with few digits.
+            // Any double, one in the range of signals, one with few digits.
             let (high, low) = (random(), random());
             assert_as_debug(f64::from_bits(u64::from(high) << 32 | u64::from(low)));
             let unit = f64::from(low) / f64::from(u32::MAX) - 0.5;

@@ -1,4 +1,4 @@
-//! The outcome of each run of a scenario: the file `status.json` beside their rows.
+//! The outcome of each run of a scenario: the file `status.json` next to the CSV files.
 
 use super::file_name;
 use crate::failure::{Failure, FailureKind};
@@ -18,12 +18,12 @@ pub struct RunStatuses {
     pub runs: Vec<RunStatus>,
 }
 
-/// Outcome of a run. Only a run that is `completed` has the rows of a whole run.
+/// Outcome of a run. Only a `completed` run has all its rows.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct RunStatus {
-    /// Its id.
+    /// Id of the run.
     pub run: String,
-    /// Its file of rows; `None` if there is no row.
+    /// Name of its CSV file; `None` if no row was recorded.
     pub file: Option<String>,
     /// `completed`, `terminated` by an FMU, `discarded` or `failed`.
     pub status: Cow<'static, str>,

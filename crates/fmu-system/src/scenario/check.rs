@@ -209,9 +209,9 @@ impl Scenario {
         }
         let (no_signals, no_metrics) = (figure.signals.is_empty(), figure.metrics.is_empty());
         if kind.is_of_signals() && (no_signals || !no_metrics) {
-            problems.add(at, format!("a figure of kind \"{name}\" has `signals`, no `metrics`"));
+            problems.add(at, format!("a figure of kind \"{name}\" takes `signals`, not `metrics`"));
         } else if !kind.is_of_signals() && (no_metrics || !no_signals) {
-            problems.add(at, format!("a figure of kind \"{name}\" has `metrics`, no `signals`"));
+            problems.add(at, format!("a figure of kind \"{name}\" takes `metrics`, not `signals`"));
         } else if matches!(kind, Sweep | HeatMap) && self.points.is_empty() {
             problems.add(at, format!("a figure of kind \"{name}\" needs a [sweep]"));
         } else if kind == HeatMap && self.sweep.as_ref().is_some_and(|sweep| sweep.second.is_none()) {
@@ -219,7 +219,7 @@ impl Scenario {
         } else if kind == Sweep && self.sweep.as_ref().is_some_and(|sweep| sweep.second.is_some()) {
             problems.add(at, "a [sweep] of two axes is shown by a figure of kind \"heat_map\"");
         } else if !kind.is_of_signals() && figure.window.is_some() {
-            problems.add(at, "the `window` of a figure of metrics is that of the metrics");
+            problems.add(at, "a figure of metrics has no `window`: each metric has its own");
         }
         for name in figure.metrics.iter().filter(|_| kind == Running) {
             let metric = self.metrics.iter().find(|m| m.name == *name);

@@ -84,7 +84,7 @@ pub(crate) struct Written {
     /// Variants of the system that are compared.
     #[serde(rename = "case", default)]
     pub(crate) cases: Vec<Case>,
-    /// Points of the sweep, one by one.
+    /// Points of the sweep, listed one by one.
     #[serde(rename = "point", default)]
     pub(crate) points: Vec<Point>,
     /// Axis of a sweep.
@@ -99,7 +99,7 @@ pub(crate) struct Written {
     /// Figures of the page.
     #[serde(rename = "figure", default)]
     pub(crate) figures: Vec<Figure>,
-    /// Claims that the runs confirm or not.
+    /// Claims that the runs confirm or refute.
     #[serde(rename = "finding", default)]
     pub(crate) findings: Vec<WrittenFinding>,
 }
@@ -134,17 +134,17 @@ pub(crate) struct Component {
     /// Constants for inputs that no component writes; `*` stands for any characters.
     #[serde(default)]
     pub(crate) inputs: Values,
-    /// Start; declared if absent.
+    /// Start values: declared (default) or steady.
     pub(crate) start: Option<Spanned<Start>>,
 }
 
-/// Start of a component.
+/// Start values of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Start {
-    /// With its declared start values.
+    /// The declared start values.
     Declared,
-    /// In the steady state of its first inputs.
+    /// The steady state for the inputs at the start of the run.
     Steady,
 }
 
@@ -170,7 +170,7 @@ pub(crate) struct Case {
     pub(crate) baseline: Option<Spanned<String>>,
     /// Path of a parameter set of `component:parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
-    /// Parameters by component, on top of those of the components.
+    /// Parameters by component, which override those of the components.
     #[serde(default)]
     pub(crate) parameters: ValuesByComponent,
     /// Other FMUs by component.
@@ -188,7 +188,7 @@ pub(crate) struct Case {
 #[derive(Debug)]
 pub(crate) struct Replacement {
     pub(crate) fmu: String,
-    /// True if the component's own parameters apply to it, as far as it has them.
+    /// True if the other FMU gets the component's parameters, as far as it has them.
     pub(crate) keep_parameters: bool,
 }
 
@@ -204,7 +204,7 @@ impl JsonSchema for Replacement {
                 "fmu": { "type": "string", "description": "File name of the FMU without `.fmu`." },
                 "keep_parameters": {
                     "type": "boolean",
-                    "description": "True if the component's own parameters apply to it, as far as it has them."
+                    "description": "True if the other FMU gets the component's parameters, as far as it has them."
                 }
             },
             "required": ["fmu"],
@@ -252,9 +252,9 @@ pub(crate) struct Point {
     pub(crate) name: Spanned<String>,
     /// Title.
     pub(crate) title: String,
-    /// Place on the axis of the sweep.
+    /// Value on the axis of the sweep.
     pub(crate) value: Spanned<f64>,
-    /// Place on the second axis of the sweep.
+    /// Value on the second axis of the sweep.
     pub(crate) second: Option<Spanned<f64>>,
     /// Parameters by component.
     #[serde(default)]
@@ -307,11 +307,11 @@ pub(crate) struct Seeds {
 pub(crate) struct Record {
     /// Outputs as `component:signal`, `component:pattern`, or a pattern for all components.
     pub(crate) signals: Vec<Spanned<String>>,
-    /// Every n-th step; 1 if absent.
+    /// Number of steps between two rows; 1 if absent.
     pub(crate) every: Option<Spanned<i64>>,
 }
 
-/// A number of the results.
+/// A number computed from each run.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Metric {
@@ -328,9 +328,9 @@ pub(crate) struct Metric {
     pub(crate) combine: Option<Spanned<Combine>>,
     /// Weights of the signals.
     pub(crate) weights: Option<Spanned<Vec<f64>>>,
-    /// Computation from the signal.
+    /// Kind of number computed from the signal.
     pub(crate) kind: Option<Kind>,
-    /// A formula of other metrics, instead of signals and a kind.
+    /// Formula with other metrics, instead of signals and a kind.
     pub(crate) value: Option<Spanned<String>>,
     /// Level that the kind refers to, in `unit`.
     pub(crate) threshold: Option<Spanned<f64>>,
@@ -349,15 +349,15 @@ pub(crate) struct Metric {
     pub(crate) unit: Option<Spanned<String>>,
     /// Decimal places shown.
     pub(crate) digits: Option<Spanned<u8>>,
-    /// Numbers of the paper.
+    /// Numbers from the paper.
     pub(crate) paper: Option<Paper>,
     /// Required minimum, in `unit`.
     pub(crate) min: Option<Spanned<f64>>,
     /// Required maximum, in `unit`.
     pub(crate) max: Option<Spanned<f64>>,
-    /// Cases for which it is required; all if absent.
+    /// Cases that must meet the requirement; all if absent.
     pub(crate) required_of: Option<Spanned<Vec<Spanned<String>>>>,
-    /// Share of the runs that must keep it, above 0 and up to 1; all if absent.
+    /// Share of the runs that must meet the requirement, above 0 and up to 1; 1 if absent.
     pub(crate) share: Option<Spanned<f64>>,
     /// Source of the requirement.
     pub(crate) required_by: Option<Spanned<String>>,
@@ -405,20 +405,20 @@ pub(crate) struct Figure {
     pub(crate) kind: FigureKind,
     /// Cases shown; all if absent.
     pub(crate) cases: Option<Spanned<Vec<Spanned<String>>>>,
-    /// A panel for every case; kind time only.
+    /// True for a panel for every case; kind time only.
     pub(crate) separate: Option<Spanned<bool>>,
     /// Signals, for kinds that show signals.
     #[serde(default)]
     pub(crate) signals: Vec<Spanned<String>>,
-    /// Signal drawn dashed beside each of them.
+    /// Signal drawn dashed in every panel; kind time only.
     pub(crate) against: Option<Spanned<String>>,
     /// Signal drawn over a second vertical axis.
     pub(crate) right: Option<Spanned<String>>,
     /// Signal or metric on the abscissa.
     pub(crate) over: Option<Spanned<String>>,
-    /// All panels have the same scale; kinds time, spectrum and xy only.
+    /// True if all panels have the same scales; kinds time, spectrum and xy only.
     pub(crate) same_scale: Option<Spanned<bool>>,
-    /// A unit of length is as long on both axes; kind xy only.
+    /// True if both axes have the same scale; kind xy only.
     pub(crate) equal_axes: Option<Spanned<bool>>,
     /// Frequencies shown, Hz.
     pub(crate) band: Option<Spanned<[f64; 2]>>,
@@ -442,7 +442,7 @@ pub(crate) struct Figure {
 pub(crate) struct WrittenFinding {
     /// Claim of the paper; `{cell:format}` inserts a number.
     pub(crate) claim: Spanned<String>,
-    /// Results of the runs and their reason.
+    /// What the runs show, and why.
     pub(crate) explanation: Spanned<String>,
     /// True if no paper makes the claim.
     #[serde(default)]
@@ -464,7 +464,7 @@ pub(crate) struct WrittenCheck {
 }
 
 impl Scenario {
-    /// Names of all FMUs of all cases, with their places.
+    /// Names of the FMUs in all cases, with their places.
     pub(crate) fn fmus(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         let of_components = self.components.iter().map(|u| (u.fmu.as_str(), u.fmu.span()));
         let of_cases = self.cases.iter().flat_map(|c| c.fmu.values());
@@ -485,7 +485,7 @@ impl Component {
 }
 
 impl Metric {
-    /// All its signals.
+    /// The signal or signals of the metric.
     pub(crate) fn all_signals(&self) -> impl Iterator<Item = &Spanned<String>> {
         self.signal.iter().chain(&self.signals)
     }

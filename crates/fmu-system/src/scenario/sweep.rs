@@ -1,4 +1,4 @@
-//! Sweeps: the points of the values of one or two parameters, and the checks of points.
+//! Sweeps: generates points from the values of one or two parameters, and checks points.
 
 use super::layout::{Given, Point, Scenario, Sweep, Values, ValuesByComponent};
 use crate::problem::Collector;
@@ -85,7 +85,7 @@ pub(super) fn points(sweep: Option<&Spanned<Sweep>>, written: &[Point], problems
         return Vec::new();
     };
     if let Some(point) = written.first() {
-        problems.add(point.name.span(), "the sweep has `values`: its points are not written one by one");
+        problems.add(point.name.span(), "the sweep has `values`, which generate its points: remove this [[point]]");
         return Vec::new();
     }
     let at = first.values.span();
@@ -144,7 +144,7 @@ impl Scenario {
                 Some(second) => {
                     let place = |other: &Point| (*other.value.get_ref(), other.second.as_ref().map(|s| *s.get_ref()));
                     if self.points[..i].iter().any(|other| place(other) == place(point)) {
-                        problems.add(second.span(), "two points are at the same place of the sweep");
+                        problems.add(second.span(), "two points have the same values on the axes of the sweep");
                     }
                 }
                 None => (),

@@ -7,12 +7,12 @@ use crate::spanned::Spanned;
 use fmu_import::names::{any_of, suggestion};
 use std::fmt::Display;
 
-/// Columns that the tables have beside those of the factors.
+/// Columns of the tables that are not factors.
 const TAKEN: [&str; 10] =
     ["sample", "case", "point", "seed", "status", "time", "component", "variable", "message", "seconds"];
 /// Samples of a study without `runs`.
 const SAMPLES: i64 = 100;
-/// Smallest part of a distribution that its limits may leave.
+/// Smallest part of a distribution that its limits can leave.
 const SMALLEST_PART: f64 = 1e-9;
 
 impl Method {
@@ -45,14 +45,14 @@ fn value<T: Copy>(written: &Option<Spanned<T>>) -> Option<T> {
 struct Checks<'a>(&'a mut Collector);
 
 impl Checks<'_> {
-    /// Reports something that is there, but must not be.
+    /// Reports a key that must be absent.
     fn absent<T>(&mut self, written: &Option<Spanned<T>>, message: impl Into<String>) {
         if let Some(written) = written {
             self.0.add(written.span(), message);
         }
     }
 
-    /// Reports a number that does not keep a rule.
+    /// Reports a number that breaks a rule.
     fn rule<T: Copy + Display>(
         &mut self,
         name: &str,
@@ -98,7 +98,7 @@ impl Study {
         }
         checks.finite("stop", &self.stop);
         checks.at_least("runs", &self.runs, 1);
-        // SALib and the samplers of Optuna take 32 bits.
+        // SALib and the samplers of Optuna accept only 32-bit seeds.
         let most = if *self.method.get_ref() == Method::Sample { i64::MAX } else { i64::from(u32::MAX) };
         checks.rule("seed", &self.seed, |seed| (0..=most).contains(&seed), format!("0 to {most}"));
         self.check_method(checks);
@@ -139,11 +139,11 @@ impl Study {
             None => checks.0.add(self.method.span(), format!("method {name} needs a table [search]")),
         }
         if method == Method::Sweep {
-            checks.absent(&self.runs, "a sweep has as many samples as its values make, it takes no `runs`");
+            checks.absent(&self.runs, "the values of a sweep determine the number of samples: remove `runs`");
             let mut sizes = self.vary.iter().map(Factor::size);
             let first = sizes.next();
             if value(&self.design) == Some(Design::List) && sizes.any(|size| Some(size) != first) {
-                checks.absent(&self.design, "design list needs as many values of each factor as of the others");
+                checks.absent(&self.design, "design list needs the same number of values for every factor");
             }
         }
         for factor in self.vary.get_ref() {
@@ -311,10 +311,10 @@ impl Factor {
             all.len() == levels.len() && all.iter().all(|w| w.is_finite() && *w >= 0.0) && all.iter().any(|w| *w > 0.0)
         };
         let wrong = self.weights.clone().filter(|weights| !is_valid(weights.get_ref()));
-        checks.absent(&wrong, format!("expected {} weights of at least 0, one above it", levels.len()));
+        checks.absent(&wrong, format!("expected {} weights of at least 0, one of them above 0", levels.len()));
     }
 
-    /// Checks the numbers of a distribution: those that it needs, and no others.
+    /// Checks that a distribution has the keys that it needs, and no others.
     fn check_numbers(&self, distribution: Option<Distribution>, checks: &mut Checks<'_>) {
         let what = distribution.map_or("a list of values".to_owned(), |d| format!("distribution {}", word(d)));
         let (needed, allowed) = distribution.map_or((&[] as &[_], &[] as &[_]), Distribution::keys);
@@ -359,12 +359,13 @@ impl Factor {
         }
     }
 
-    /// Part of a normal or lognormal distribution between its limits; `None` of other distributions, and if numbers are missing.
+    /// Part of a normal or lognormal distribution between its limits; `None` for other distributions, and if keys are
+    /// missing.
     fn part(&self) -> Option<f64> {
         let deviation = value(&self.deviation).filter(|deviation| *deviation > 0.0)?;
         let below = |limit: f64| match value(&self.distribution)? {
             Distribution::Normal => Some((limit - value(&self.mean)?) / deviation),
-            // Zero is infinitely far down.
+            // The logarithm of 0 is minus infinity, which is right here.
             Distribution::Lognormal => Some(libm::log(limit.max(0.0) / value(&self.median)?) / deviation),
             _ => None,
         };

@@ -24,7 +24,7 @@ fn check_names<'a>(
     }
 }
 
-/// All combinations of the values of factors that are FMUs, each with the place of its last value.
+/// All combinations of the FMUs that factors list, each with the place of its last FMU.
 fn choices(factors: &[Factor]) -> Vec<(Vec<OtherFmu>, Option<Range<usize>>)> {
     let keep_parameters = factors.iter().any(|factor| factor.keep_parameters);
     let mut all = vec![(Vec::new(), None)];
@@ -67,7 +67,7 @@ impl Study {
                     return Ok(());
                 }
                 Err(error) => match place {
-                    // A mistake of the scenario itself.
+                    // A mistake in the scenario itself.
                     None => return Err(error.into()),
                     Some(place) => problems.add(place, error.lines().join("\n")),
                 },
@@ -167,12 +167,12 @@ impl Factor {
         let at = self.variable.as_ref().map_or(0..0, Spanned::span);
         if distribution == Some(Distribution::Seed) {
             if base_type != BaseType::Integer {
-                problems.add(at, format!("`{name}` is {base_type}, a seed is an Integer"));
+                problems.add(at, format!("`{name}` is {base_type}; a seed must be an Integer"));
             }
             return;
         }
         if self.relative && (base_type != BaseType::Real || own.is_none()) {
-            problems.add(at, format!("`{name}` has no Real value of its own that a relative value could multiply"));
+            problems.add(at, format!("`{name}` has no Real value for a relative value to multiply"));
             return;
         }
         if distribution.is_some_and(|d| d != Distribution::Grid) && base_type != BaseType::Real {

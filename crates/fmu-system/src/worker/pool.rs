@@ -14,8 +14,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{SendError, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 
-/// Workers that execute runs, each at most one at a time. They are started when they are needed and stay until the pool is
-/// dropped, with the libraries they have loaded. Every run has instances of its own, so nothing depends on their number.
+/// Workers that execute runs, each at most one at a time. They are started when they are needed and stay until the pool
+/// is dropped, with the libraries they have loaded. Every run has its own instances, so the results do not depend on
+/// the number of workers.
 #[derive(Debug)]
 pub struct Pool {
     settings: Settings,
@@ -30,7 +31,7 @@ pub struct Pool {
 pub struct Task {
     /// The run.
     pub run: Run,
-    /// Names of its columns, and the file to write them to, an absolute path; `None`: they are returned.
+    /// Names of its columns, and the file to write them to, an absolute path; `None` to return the signals.
     pub csv: Option<(Vec<String>, PathBuf)>,
 }
 
@@ -126,12 +127,12 @@ impl Pool {
                 let has_rows = outcome.as_ref().map_or_else(|failure| failure.recorded.is_some(), |_| true);
                 match part {
                     Some(part) if has_rows => {
-                        // Nobody receives where no thread could be started.
+                        // Nobody receives if the publishing thread could not be started.
                         if let Err(SendError(file)) = written.send(Written { index, run, part, outcome }) {
                             file.publish(finish);
                         }
                     }
-                    // Whatever a process has left of it.
+                    // Remove what the process may have left of the file.
                     unused => {
                         unused.iter().for_each(Part::remove);
                         finish(index, outcome);
@@ -140,12 +141,12 @@ impl Pool {
             }
         };
         std::thread::scope(|scope| {
-            // A thread of its own waits for the disk, while the worker executes the next run. No more files wait than
+            // A separate thread waits for the disk, while the worker executes the next run. No more files wait than
             // there are workers.
             let (written, files) = sync_channel::<Written>(self.workers.len());
             let _ = std::thread::Builder::new()
                 .spawn_scoped(scope, move || files.into_iter().for_each(|file| file.publish(finish)));
-            // This thread works too, so that something is done even if there is no other.
+            // This thread executes runs too, in case no other thread can be started.
             let Some((first, others)) = self.workers.split_first() else { return };
             for slot in others.iter().take(count.saturating_sub(1)) {
                 let (work, written) = (&work, written.clone());
@@ -166,8 +167,8 @@ impl Pool {
         slot.as_mut().ok_or_else(String::new)
     }
 
-    /// Executes a run. If its process ends, what it has recorded is lost with it: if the rows are for a file, the run is repeated
-    /// up to there, with the same calls.
+    /// Executes a run. If its process ends, what it has recorded is lost: if the rows are for a file, the run is
+    /// repeated up to the failure, with the same calls.
     fn run_or_repeat(
         &self,
         slot: &mut Option<Process>,
@@ -185,9 +186,10 @@ impl Pool {
             };
             let done = ((time - simulation.start) / simulation.step).round() as u64;
             let until = Simulation { steps: done.min(simulation.steps), ..*simulation };
-            // The instances are not terminated: this may have crashed, and an FMU may reject it before the stop time.
+            // The instances are not terminated: termination may have crashed, and an FMU may reject it before the stop
+            // time.
             let repeated = self.run(slot, &until, run, csv, true, steps);
-            // The process still contains them.
+            // The process still contains the instances.
             *slot = None;
             let recorded = repeated.map_or_else(|failure| failure.recorded, |recording| Some(Box::new(recording)));
             Failure { recorded, ..failure }
@@ -242,7 +244,7 @@ impl Pool {
                 });
                 let recorded = recorded.transpose().map_err(|_| unexpected(slot))?;
                 if failure.kind == FailureKind::Fatal {
-                    // No instance of that FMU may be used any more in its process.
+                    // No instance of that FMU may be used again in this process.
                     *slot = None;
                 }
                 Err(Failure { run: id.clone(), recorded, ..failure })

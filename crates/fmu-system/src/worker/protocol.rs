@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::io;
 use std::sync::Arc;
 
-/// Slot of an input series, number of rows, interpolation, and true if it has the times of the one before.
+/// Slot of an input series, number of rows, interpolation, and true if it shares the times of the previous series.
 pub(super) type Series = (usize, usize, Interpolation, bool);
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -22,7 +22,7 @@ pub(super) enum Request {
         simulation: Simulation,
         /// Its series are in the body.
         run: Box<Run>,
-        /// Slots of the input series, number of rows, interpolation, and true if one has the times of the one before.
+        /// The input series.
         series: Vec<Series>,
         /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish the file.
         csv: Option<(Vec<String>, Part)>,
@@ -57,8 +57,8 @@ pub(super) enum Response {
     /// The request failed.
     Failed {
         failure: Failure,
-        /// Number of rows before it, and which columns they have; they are in the body unless they were written to the file.
-        /// `None`: there are none.
+        /// Number of rows before the failure, and which columns they have. The rows are in the body unless they were
+        /// written to the file. `None` without rows.
         rows: Option<(usize, Vec<bool>)>,
     },
 }
@@ -104,13 +104,13 @@ pub(super) fn series(list: &[Series], mut body: &[f64]) -> io::Result<Vec<InputS
 }
 
 impl Response {
-    /// A recording as header and body, which is to be sent as one.
+    /// A recording as header and body.
     pub(super) fn recorded(recording: Recording) -> (Self, Vec<Vec<f64>>) {
         let ((rows, columns), body, messages, seconds) = parts(recording);
         (Self::Recorded { rows, columns, messages, seconds }, body)
     }
 
-    /// A failure as header and body: the rows before it.
+    /// A failure as header, and the rows before it as body.
     pub(super) fn failed(mut failure: Failure) -> (Self, Vec<Vec<f64>>) {
         let (rows, body) = match failure.recorded.take() {
             None => (None, Vec::new()),

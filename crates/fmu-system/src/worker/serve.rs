@@ -1,4 +1,4 @@
-//! The side of the worker.
+//! The worker's side.
 
 use super::protocol::{self, Request, Response};
 use crate::failure::Failure;
