@@ -154,7 +154,7 @@ def test_rows_of_earlier_runs_are_replaced_by_those_that_are_taken(tmp_path: Pat
     # Neither are those of a run that cannot be read.
     (source / "good.csv").unlink()
     taken, said = run(tmp_path, "--from-csv", source)
-    assert "has no results of ramp" in said
+    assert "has no results for ramp" in said
     assert {status["status"] for status in taken.values()} == {"failed"}
     assert not (out / "good.csv").exists()
 

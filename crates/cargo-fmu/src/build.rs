@@ -49,13 +49,14 @@ impl Options {
     }
 }
 
-/// Environment variable that asks the macro `fmu::model` for symbols, without the name of the library.
+/// Prefix of the environment variable that makes the macro `fmu::model` export symbols; the name of the library
+/// follows.
 const EXPORT: &str = "FMU_EXPORT_";
 
 /// Export data that the macro builds into a shipped library.
 #[derive(Clone, Debug)]
 pub(crate) struct Export {
-    /// Type of the model, as a crate may have several.
+    /// Name of the model's type, because a crate may have several models.
     pub(crate) model: String,
     pub(crate) guid: String,
     /// Version of FMI, 2 or 3.
@@ -114,7 +115,7 @@ const PROFILE: [&str; 5] = [
 const DEBUG_PROFILE: [&str; 3] =
     ["profile.fmu-debug.inherits=\"dev\"", "profile.fmu-debug.debug=\"full\"", "profile.fmu-debug.opt-level=0"];
 
-/// The profile of libraries that describe their models: they are called once, so all that counts is how long they take to build.
+/// The profile of libraries that describe their models. They are called once, so only the build time matters.
 const DESCRIBE_PROFILE: [&str; 4] = [
     "profile.fmu-describe.inherits=\"dev\"",
     "profile.fmu-describe.opt-level=0",
@@ -149,7 +150,7 @@ fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
     while !left.is_empty() {
         let needs = |model: &Model| left.iter().any(|other| model.dependencies.contains(&other.package));
         let (later, now): (Vec<&Model>, Vec<&Model>) = left.iter().partition(|model| needs(model));
-        // Package dependencies have no cycles, so there is always one that needs no other.
+        // Package dependencies have no cycles, so there is always a package that needs no other.
         rounds.push(now);
         left = later;
     }
@@ -173,7 +174,7 @@ impl Package {
     }
 }
 
-/// The packages of the workspace and all that they depend on.
+/// The packages of the workspace and all their dependencies.
 pub(crate) fn packages(workspace: &Workspace, options: &Options) -> Result<Vec<Package>> {
     #[derive(Deserialize)]
     struct Metadata {
@@ -218,7 +219,8 @@ struct Target {
 }
 
 impl Artifact {
-    /// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
+    /// Name and version, from `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named
+    /// like the package.
     pub(crate) fn name_and_version(&self) -> Option<(&str, &str)> {
         let (url, fragment) = self.package_id.rsplit_once('#')?;
         Some(fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment)))
@@ -275,8 +277,8 @@ fn artifact(libraries: &BTreeMap<String, PathBuf>, model: &Model) -> Result<Path
     libraries.get(&model.package).cloned().ok_or_else(|| miette!("cargo built no library of {}", model.package))
 }
 
-/// Flags for the compiler that the user has set: by the environment, else in the configuration of cargo, where those of the
-/// target come before those of every build.
+/// Compiler flags that the user has set in the environment, otherwise in the configuration of cargo, where flags for
+/// the target come before flags for every build.
 fn user_flags(root: &Path, target: &str) -> Vec<OsString> {
     let split = |flags: &std::ffi::OsStr, separator: char| -> Vec<OsString> {
         flags.to_string_lossy().split(separator).filter(|flag| !flag.is_empty()).map(OsString::from).collect()
@@ -315,18 +317,18 @@ pub(crate) const PORTABLE: &str = "--portable";
 pub(crate) struct Builder {
     pub(crate) platform: Platform,
     pub(crate) linker: Linker,
-    /// Target of the compiler; none: that of this machine, for which the compiler is asked when it is needed.
+    /// Target of the compiler; `None` for this machine, whose target the compiler reports when it is needed.
     pub(crate) target: Option<&'static str>,
-    /// Toolchain with the sources of its standard library, which is built along; none: the one in use.
+    /// Toolchain that builds its standard library from sources; `None` for the toolchain in use.
     pub(crate) toolchain: Option<Toolchain>,
-    /// Program that is called like cargo; none: the cargo of the toolchain.
+    /// Program to call instead of cargo; `None` for the toolchain's cargo.
     pub(crate) program: Option<PathBuf>,
     pub(crate) environment: Vec<(String, OsString)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Linker {
-    /// That of this machine; on a Mac also for the other processor.
+    /// This machine's linker; on a Mac also for the other processor.
     Native,
     /// zig, for old distributions of Linux and for other processors.
     Zig,
@@ -336,9 +338,9 @@ pub(crate) enum Linker {
     Lld,
 }
 
-/// Returns one builder per platform, in platform order, after a check that its tools are installed. With `portable`, the option
-/// or setting that asks for it, the Linux binary of this machine's processor loads on old distributions, too. Those for other
-/// processors always do.
+/// Returns one builder per platform, in platform order, after checking that its tools are installed. With `portable`,
+/// the option or setting that requests it, the Linux binary for this machine's processor also loads on old
+/// distributions. Binaries for other processors always do.
 ///
 /// # Errors
 /// A platform cannot be built here; the message lists what is missing and how to install it.
@@ -381,9 +383,9 @@ pub(crate) fn builders(
             ))
         }
         (Platform::X86_64Darwin | Platform::Aarch64Darwin, _) => Err(miette!(
-            help = "Run the same command on a Mac, where darwin64 is the default. Binaries of the same sources have the same \
-                    GUID, so those of the Mac can be added to this FMU; the guide shows the commands (Packing for several \
-                    platforms).",
+            help = "Run the same command on a Mac, where darwin64 is the default. Binaries built from the same sources have \
+                    the same GUID, so those of the Mac can be added to this FMU; the guide shows the commands (Packing for \
+                    several platforms).",
             "a binary for {} cannot be built on {}: only a Mac has the linker and the libraries of macOS",
             platform.name(),
             this.name()
@@ -409,7 +411,7 @@ fn one_folder_each(wanted: &[Platform]) -> Result<()> {
 }
 
 impl Builder {
-    /// By the cargo in use.
+    /// A builder that calls the cargo in use.
     pub(crate) fn new(platform: Platform, target: Option<&'static str>) -> Self {
         Self { platform, linker: Linker::Native, target, toolchain: None, program: None, environment: Vec::new() }
     }
@@ -433,18 +435,19 @@ impl Builder {
         let mut parts = Vec::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform.name();
-        // Such as an exporter that is not published.
+        // For example, an exporter that is not published.
         let outside = packages.iter().filter(|package| package.source.is_none());
         let outside: Vec<_> = outside.filter(|package| !package.folder().starts_with(&workspace.root)).collect();
         for (model, export) in models.iter().zip(exports) {
             let mut command = self.command(workspace, options, &outside)?;
-            // Without the ordinary library, for which cargo would leave out link-time optimization.
+            // Only the cdylib: with the ordinary library too, cargo would skip link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
             command.env(format!("{EXPORT}{}", model.library), export.to_string());
             let mut flags = library_flags(self.platform, &model.name);
             if !options.debug {
-                // Paths below the workspace are relative in its other packages. As a flag of all of them it would differ between two
-                // packages that share a target folder, and cargo would build the exporter again for each.
+                // Only for this package; in the others, paths below the workspace are relative. As a flag for all
+                // packages it would differ between two workspaces that share a target folder, and cargo would rebuild
+                // the exporter for each.
                 flags.push(format!("--remap-path-prefix={}=/workspace", workspace.root.display()));
             }
             let built =
@@ -458,7 +461,7 @@ impl Builder {
         Ok((libraries, parts))
     }
 
-    /// A call of cargo, without packages.
+    /// The cargo command, without the packages to build.
     fn command(&self, workspace: &Workspace, options: &Options, outside: &[&Package]) -> Result<Command> {
         let platform = self.platform;
         let mut folder = workspace.target.join("fmu-build");
@@ -483,8 +486,8 @@ impl Builder {
         options.apply(&mut command);
         let mut flags = user_flags(&workspace.root, &target);
         flags.extend(linker_flags(platform, self.linker == Linker::Native));
-        // Paths of this machine are replaced in the binaries. The last match wins: a package may be in a folder of the
-        // others.
+        // Paths of this machine are replaced in the binaries. The last match wins: a package may be inside one of the
+        // other folders.
         let known = [(cargo_home(), "/cargo"), (Some(workspace.target.clone()), "/target"), (sources, "/rust")];
         let known = known.into_iter().filter_map(|(from, to)| Some((from?, to.to_owned())));
         let all = known
@@ -501,7 +504,6 @@ impl Builder {
     }
 }
 
-/// Adds settings of cargo.
 fn settings(command: &mut Command, values: &[&str]) {
     for value in values {
         command.args(["--config", value]);
@@ -521,7 +523,7 @@ fn linker_flags(platform: Platform, is_native: bool) -> Vec<OsString> {
     }
 }
 
-/// Flags for the library of one model only; dependencies are not rebuilt for the next one.
+/// Flags for the library of one model only, so dependencies are not rebuilt for the next model.
 ///
 /// A macOS library contains its own name, by default its path on the machine that links it.
 fn library_flags(platform: Platform, name: &str) -> Vec<String> {
@@ -610,7 +612,7 @@ mod tests {
         );
     }
 
-    /// The forms of cargo's documentation, "Package ID Specifications".
+    /// The forms are from cargo's documentation, "Package ID Specifications".
     #[test]
     fn identities_of_packages_are_read() {
         for (id, name, version) in [

@@ -9,12 +9,12 @@ use crate::variables::{lengths, start};
 
 const STYLE: &str = include_str!("documentation.css");
 
-/// Text in HTML.
+/// Escapes text for HTML.
 pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Removes links to other files of the repository, and its pictures, which an FMU does not contain. Their text stays.
+/// Removes pictures and links to other files in the repository, because an FMU does not contain them. Their text stays.
 fn without_relative_links<'a>(events: impl Iterator<Item = Event<'a>>) -> impl Iterator<Item = Event<'a>> {
     let is_here = |url: &str| !["https:", "http:", "mailto:", "#"].iter().any(|start| url.starts_with(start));
     let (mut in_link, mut in_picture) = (false, false);
@@ -81,15 +81,15 @@ fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) 
     let mut text = String::from("<p>");
     if description.co_simulation.is_some() {
         text += "In co-simulation, the communication step may have any length above 0 and may vary. A step whose result is not a \
-                 finite number restores what was before it and returns PREFIXError. ";
+                 finite number restores the state before the step and returns PREFIXError. ";
     }
     if description.model_exchange.is_some() {
         text += "In model exchange, a derivative or event indicator that is not a finite number returns PREFIXDiscard, so that the \
                  solver can try a shorter step. ";
     }
     text += "The start time is free. Parameters are set before or in Initialization Mode, tunable ones also between steps and in \
-             Event Mode. Any other rejected call returns PREFIXError, changes nothing and says in the log what, where and what was \
-             expected. ";
+             Event Mode. Any other rejected call returns PREFIXError, changes nothing and logs the variable and \
+             the rule that it breaks. ";
     let mut interfaces = [&description.co_simulation, &description.model_exchange].into_iter().flatten();
     let is_serializable = interfaces.any(|unit| unit.can_serialize_fmu_state);
     text += if is_serializable {

@@ -1,4 +1,4 @@
-//! Error reports: an FMU that an error is about cannot control the terminal by its names and messages.
+//! Error reports: names and messages from an FMU cannot control the terminal.
 
 use std::error::Error;
 use std::fmt;
@@ -20,7 +20,7 @@ impl ReportHandler for Handler {
         if report.related.is_empty() {
             return self.0.debug(&report, f);
         }
-        // A list of mistakes. miette would begin each with `Error:`, as the list begins already.
+        // A list of mistakes. miette would begin each with `Error:`, but the list has that heading already.
         writeln!(f, "{report}")?;
         for mistake in &report.related {
             writeln!(f)?;

@@ -46,7 +46,7 @@ struct Opened {
     problem: Option<ArchiveError>,
 }
 
-/// Opens an FMU. One that other commands reject is still read if its description is in the right place.
+/// Opens an FMU. An FMU that other commands reject is still read if its description is in the right place.
 fn open(path: &Path) -> Result<Opened, ArchiveError> {
     const NAME: &str = "modelDescription.xml";
     let lossy = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
@@ -193,7 +193,7 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     interfaces
 }
 
-/// Variables that this command neither reads nor sets.
+/// Prints the variables that other commands neither read nor set.
 fn opaque(description: &ModelDescription) {
     let variables = &description.opaque_variables;
     if variables.is_empty() {

@@ -68,11 +68,11 @@ enum Cli {
     Linearize(linearize::Arguments),
     /// Find the steady state of an FMU at an operating point, and the drive torques that hold it
     ///
-    /// Newton's method with the exact Jacobian of the FMU finds the values at which the derivatives of all states vanish, to 1e-10 of the
-    /// nominal value per second. States that only integrate others, such as position and heading, drift and keep their start values. A
-    /// state given by `--set` is held, and a free input (`--free`) keeps it there. The speed of a plant with pedals is always held. Its drive
-    /// torques share one free value unless you set them. Without a steady state, the command prints a state that keeps changing and exits
-    /// with 1.
+    /// Newton's method with the exact Jacobian of the FMU finds the values at which the derivatives of all states
+    /// vanish, to 1e-10 of the nominal value per second. States that only integrate other states, such as position and
+    /// heading, drift and keep their start values. A state given by `--set` is held, and a free input (`--free`) keeps
+    /// it there. The speed of a plant with pedals is always held. Its drive torques share one free value unless you set
+    /// them. Without a steady state, the command prints a state that keeps changing and exits with 1.
     Trim(trim::Arguments),
     /// Create a package with a working model
     New(new::Arguments),
@@ -84,14 +84,14 @@ enum Cli {
 /// Runs the command with the arguments of this process.
 pub fn main() -> miette::Result<()> {
     errors::install()?;
-    // As a subcommand of cargo the program gets its own name as the first argument.
+    // Cargo passes the name of the subcommand as the first argument.
     let arguments = std::env::args_os().enumerate().filter(|(i, argument)| *i != 1 || argument != "fmu");
     let arguments: Vec<_> = arguments.map(|(_, argument)| argument).collect();
     if let Some((old, new)) = MOVED.iter().find(|(old, _)| arguments.get(1).is_some_and(|given| given == old)) {
         return Err(miette!("`cargo fmu {old}` is called `{new}` now"));
     }
     let command = Cli::parse_from(arguments);
-    // The temporary folders of a worker are those of the process that started it.
+    // A worker uses the temporary folders of the process that started it.
     if !matches!(command, Cli::Worker(_)) {
         fmu_import::temporary::remove_on_signals().into_diagnostic()?;
     }

@@ -91,7 +91,7 @@ fn toolchain(platform: Platform, linker: Linker) -> Vec<Component> {
     );
     match linker {
         Linker::Native if platform.is_linux() => parts.push(gcc),
-        // Other libraries they link belong to the system; WebAssembly links none.
+        // Their other libraries belong to the system; WebAssembly links none.
         Linker::Native | Linker::Lld => {}
         Linker::Zig => parts.push(part(
             "zig: compiler_rt, libunwind, start-up code of glibc",
@@ -164,7 +164,7 @@ fn linked(artifact: &Artifact, workspace: &Workspace, packages: &[Package]) -> R
     {
         Some(package) => (package.license.clone(), package.repository.clone()),
         None if is_local => return Ok(None),
-        // A dependency of a standard library that is built along.
+        // A dependency of the standard library, if that is built from sources.
         None => {
             let reading = || format!("reading {}", artifact.manifest_path.display());
             let text = std::fs::read_to_string(&artifact.manifest_path).into_diagnostic().wrap_err_with(reading)?;
@@ -214,7 +214,8 @@ fn is_license(name: &str) -> bool {
         && !extension.is_some_and(|extension| ["rs", "toml", "json", "py", "sh"].contains(&extension))
 }
 
-/// A list of the components in the format CycloneDX 1.6, without a time or a serial number: the same for the same FMU.
+/// A list of the components in the format CycloneDX 1.6, without time and serial number: the same FMU gives the same
+/// list.
 pub(crate) fn sbom(components: &BTreeSet<Component>, model: &Model) -> String {
     let is_own = |component: &&Component| component.is_member && component.name == model.package;
     let own = components.iter().find(is_own).map(Component::cyclonedx);
@@ -276,7 +277,7 @@ fn entry(
     }
     let _ = write!(
         text,
-        "\nThe binaries contain software of others. The copyright notices and license texts are in\n{NOTICES}.\n\n"
+        "\nThe binaries contain third-party software. The copyright notices and license texts are in\n{NOTICES}.\n\n"
     );
     let rows = others.iter().map(|component| {
         let license = if component.license.is_empty() { "not declared" } else { &component.license };
@@ -308,7 +309,8 @@ fn notices(others: &[&Component]) -> String {
         }
     }
     let line = "=".repeat(80);
-    let mut notices = String::from("Copyright notices and license texts of the software of others in the binaries.\n");
+    let mut notices =
+        String::from("Copyright notices and license texts of the third-party software in the binaries.\n");
     for (_, text, places) in places {
         let _ = write!(notices, "\n{line}\n{}\n{line}\n\n{}\n", places.join("\n"), text.trim_matches('\n').trim_end());
     }
@@ -416,7 +418,7 @@ mod tests {
         assert_eq!(
             files["license.txt"],
             "The license of Demo is MIT.\nIts text is in this folder: LICENSE-MIT.txt.\nIt also covers these parts of \
-             the same project: helper 1.0.0.\n\nThe binaries contain software of others. The copyright notices and \
+             the same project: helper 1.0.0.\n\nThe binaries contain third-party software. The copyright notices and \
              license texts are in\nthird-party-notices.txt.\n\n\
              alien 1.0.0     MIT           https://example.org/alien\n\
              bare 1.0.0      not declared  https://example.org/bare\n\

@@ -150,7 +150,7 @@ fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> 
 /// Returns the folder of the new package. A plain name belongs in the folder that the workspace sets for this kind of model.
 fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
     let is_plain = path.components().count() == 1;
-    // The settings call the kinds as the command line does.
+    // The settings use the command line's names for the kinds.
     let kind = kind.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
     let parent = workspace
         .filter(|_| is_plain)

@@ -24,7 +24,7 @@ macro_rules! errln {
     ($($text:tt)*) => { $crate::output::write_error(format_args!($($text)*)) };
 }
 
-/// Ends the program if nobody reads any more.
+/// Writes to the standard output. Ends the program if nobody reads it.
 pub fn write(text: Arguments<'_>) {
     write_raw(escaped(&text.to_string()).as_bytes());
 }
@@ -51,7 +51,7 @@ fn write_raw(bytes: &[u8]) {
     }
 }
 
-/// A word for a POSIX shell, as Python's `shlex.quote` writes it.
+/// Quotes a word for a POSIX shell, as Python's `shlex.quote` does.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "@%+=:,./-_".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

@@ -99,7 +99,7 @@ impl Settings {
     }
 }
 
-/// Treatment of FMUs of an earlier call.
+/// Treatment of FMUs from an earlier call.
 #[derive(Clone, Copy, PartialEq)]
 enum Existing {
     Replaced,
@@ -384,7 +384,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 /// Icon of a model without one: FMI 3.0 recommends an icon.
 const ICON: &[u8] = include_bytes!("icon.png");
 
-/// The files of the FMU beside its description.
+/// The files of the FMU except its description.
 fn files(
     model: &Model,
     libraries: &[(Platform, PathBuf)],
@@ -440,7 +440,7 @@ fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>, commit: Option<&[u8]>) 
     Ok(zip.finish().into_diagnostic()?.into_inner())
 }
 
-/// Adds the files of a folder and the folders in it.
+/// Adds the files in a folder and its subfolders.
 fn add_folder(folder: &Path, entry: &str, files: &mut BTreeMap<String, Vec<u8>>) -> Result<()> {
     let reading = || format!("reading {}", folder.display());
     for item in std::fs::read_dir(folder).into_diagnostic().wrap_err_with(reading)? {

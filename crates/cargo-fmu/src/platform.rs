@@ -25,7 +25,7 @@ pub(crate) enum Platform {
 impl Platform {
     const ALL: [Self; 6] =
         [Self::Linux64, Self::Win64, Self::Aarch64Linux, Self::X86_64Darwin, Self::Aarch64Darwin, Self::Wasm32];
-    /// Platform of `darwin64` on the command line: this Mac; on other machines that of the standard.
+    /// Platform that `darwin64` means on the command line: on a Mac its own, elsewhere the one in the standard.
     const DARWIN64: Self =
         if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
 
@@ -107,7 +107,7 @@ impl Platform {
     }
 }
 
-/// The names of both versions of FMI are accepted.
+/// The command line accepts the names of both FMI versions.
 impl ValueEnum for Platform {
     fn value_variants<'a>() -> &'a [Self] {
         &Self::ALL

@@ -1,6 +1,6 @@
 //! A Rust that builds the standard library along with a model, for platforms without a compiled one.
 //!
-//! The option of cargo is not stable. `RUSTC_BOOTSTRAP` admits it, for the one call of cargo only.
+//! Cargo's option for this is unstable. `RUSTC_BOOTSTRAP` enables it for this one call of cargo.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub(crate) struct Toolchain {
 }
 
 impl Toolchain {
-    /// Looks in the folder that [`Platform::variable`] names, and without it in the toolchain in use and in `/usr`.
+    /// Looks in the folder in [`Platform::variable`]; without this variable, in the toolchain in use and in `/usr`.
     pub(crate) fn find(platform: Platform) -> Result<Self, String> {
         let mut rejected = Vec::new();
         for root in candidates(&platform.variable()) {
@@ -46,7 +46,7 @@ impl Toolchain {
     /// Makes a program that calls cargo use this toolchain, and include the standard library in the build.
     pub(crate) fn build_library(&self, command: &mut Command) {
         command.env("CARGO", self.program("cargo")).env("RUSTC", self.program("rustc"));
-        // They belong to the cargo that runs this program.
+        // These variables belong to the cargo that runs this program.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("LD_LIBRARY_PATH");
         command.args(["-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
     }
@@ -84,7 +84,7 @@ fn program(root: &Path, name: &str) -> PathBuf {
     root.join("bin").join(name)
 }
 
-/// Folders of toolchains: the one that the variable names; else the one in use and that of the system.
+/// Folders of toolchains: the one in the variable, otherwise those of the toolchain in use and of the system.
 fn candidates(variable: &str) -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os(variable) {
         return vec![PathBuf::from(named)];

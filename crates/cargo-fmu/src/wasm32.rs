@@ -1,7 +1,7 @@
 //! Builds WebAssembly: a Rust with the sources of its standard library, and the linker `rust-lld`.
 //!
-//! The compiled standard library for this target ends at a panic, in a trap without a message. One that is built with
-//! `-C panic=unwind` lets the C interface turn a panic into an error status, as on every other platform.
+//! With the compiled standard library for this target, a panic ends in a trap without a message. A standard library
+//! built with `-C panic=unwind` lets the C interface turn a panic into an error status, as on every other platform.
 
 use std::path::{Path, PathBuf};
 
@@ -13,14 +13,14 @@ use crate::toolchain::{self, PACKAGES, Toolchain};
 
 const TARGET: &str = Platform::Wasm32.target();
 const LINKER: &str = "rust-lld";
-/// Names another linker, for this program and for cargo.
+/// Environment variable with another linker, for this program and for cargo.
 const VARIABLE: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
 
-/// Flags for the compiler and its linker. An importer adds its callbacks to the table of functions, which therefore is exported and
-/// may grow.
+/// Flags for the compiler and its linker. An importer adds its callbacks to the table of functions, which therefore is
+/// exported and can grow.
 pub(crate) const FLAGS: [&str; 3] = ["-Cpanic=unwind", "-Clink-arg=--export-table", "-Clink-arg=--growable-table"];
 
-/// Looks for what is needed.
+/// Looks for the toolchain and the linker.
 ///
 /// # Errors
 /// Something is missing; the message names it, the places searched, and the way to install it.

@@ -1,8 +1,9 @@
 //! Builds for Windows on another system, with mingw-w64: by the Rust in use if it has a standard library for Windows, otherwise by a Rust
 //! with the sources of its standard library.
 //!
-//! The target with a compiled standard library, `x86_64-pc-windows-gnu`, is that of rustup. The other one is
-//! `x86_64-win7-windows-gnu`: with that of newer Windows a hash map takes its random numbers from a library that Windows 7 and Wine 8 lack.
+//! The target with a compiled standard library, `x86_64-pc-windows-gnu`, is that of rustup. The other target is
+//! `x86_64-win7-windows-gnu`: with the target for newer Windows, a hash map takes its random numbers from a library
+//! that Windows 7 and Wine 8 lack.
 
 use miette::{Result, miette};
 
@@ -16,7 +17,8 @@ const ORDINARY: &str = "x86_64-pc-windows-gnu";
 const TARGET: &str = Platform::Win64.target();
 const LINKER: &str = "x86_64-w64-mingw32-gcc";
 
-/// Looks for what is needed. A toolchain that the user names comes first, then the standard library of the Rust in use.
+/// Looks for the linker and a toolchain. A toolchain that the user names comes first, then the standard library of the
+/// Rust in use.
 ///
 /// # Errors
 /// Something is missing; the message names it, the places searched, and the way to install it.

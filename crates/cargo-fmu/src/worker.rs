@@ -1,4 +1,5 @@
-//! The subcommand `worker`: processes that execute FMUs for the other commands, and the options of these about them.
+//! The subcommand `worker`: processes that execute FMUs for the other commands, and the options that these commands
+//! share.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -11,14 +12,14 @@ use fmu_import::terminal::line;
 use fmu_import::worker::{Launch, Settings, memory_share};
 use miette::{IntoDiagnostic, Result, WrapErr};
 
-/// Arguments of the hidden subcommand `worker`: the job, and the file in which calls of FMUs are announced.
+/// Arguments of the hidden subcommand `worker`: the job, and the file in which calls to FMUs are announced.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     job: String,
     board: PathBuf,
 }
 
-/// A kind of work, and the function that does it; the path is that of the file in which calls of FMUs are announced.
+/// A kind of work, and the function that does it; the path is that of the file in which calls to FMUs are announced.
 pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
 
 /// Works for the process that started this one, in one of the given jobs.
@@ -91,7 +92,7 @@ fn memory(text: &str) -> Result<Memory, String> {
     }
 }
 
-/// Options of other commands, without a library of Python.
+/// The defaults of the command line, without a Python library from the environment.
 impl Default for Options {
     fn default() -> Self {
         Self { timeout: DEFAULT_TIMEOUT, libpython: None, memory: None, sandbox: false, no_sandbox: false }
@@ -139,11 +140,12 @@ impl Options {
         self.no_sandbox
     }
 
-    /// Settings of some workers that start this program. `lines` takes what FMUs print, and notes about the workers, each once.
+    /// Settings for a number of workers, which are processes of this program. `lines` takes what FMUs print, and notes
+    /// about the workers, each once.
     pub fn settings(&self, lines: Lines, workers: NonZeroUsize) -> Result<Settings> {
         let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;
         if let Some(library) = self.libpython.as_ref().filter(|library| !library.is_file()) {
-            return Err(miette::miette!("there is no file {}, the library of Python", library.display()));
+            return Err(miette::miette!("there is no file {}, the Python library of --libpython", library.display()));
         }
         let printing = Arc::clone(&lines);
         let noted = Mutex::new(HashSet::new());

@@ -50,11 +50,11 @@ pub struct Settings {
     pub descriptions: Option<PathBuf>,
     /// Folders of new models by kind: `continuous`, `discrete`, `stateful`.
     pub new: BTreeMap<String, PathBuf>,
-    /// Convention of the names of variables; without it any name that FMI allows is accepted.
+    /// Convention for the names of variables; without it any name that FMI allows is accepted.
     pub names: Option<Names>,
 }
 
-/// A convention of the names of variables.
+/// A convention for the names of variables.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Names {
@@ -161,7 +161,7 @@ impl Workspace {
             .collect()
     }
 
-    /// The models among FMUs; others come from elsewhere.
+    /// The models of this workspace among FMUs.
     pub(crate) fn models_of(&self, fmus: &BTreeSet<String>) -> Vec<Model> {
         self.models.iter().filter(|model| fmus.contains(&model.name)).cloned().collect()
     }
@@ -173,7 +173,7 @@ impl Workspace {
             let text = String::from_utf8(output.stdout).ok()?;
             (output.status.success() && !text.is_empty()).then_some(text)
         };
-        // A workspace in an ignored folder of another checkout is not part of that.
+        // A workspace in an ignored folder of another checkout is not part of that checkout.
         git(&["ls-files", "--", "Cargo.toml"])?;
         let status = git(&["status", "--porcelain=v2", "--branch", "--", "."])?;
         // Before the first commit this is a word in parentheses.

@@ -17,7 +17,7 @@ const PYTHON: &str = "CARGO_ZIGBUILD_PYTHON_PATH";
 
 /// For this machine and others with its processor, from glibc 2.17 on.
 ///
-/// `reason` names the option or setting that asks for it.
+/// `reason` is the option or setting that requests such binaries.
 ///
 /// # Errors
 /// cargo-zigbuild or zig is missing; the message names the one that was found and how to install the other.
@@ -76,14 +76,15 @@ pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
     }
 }
 
-/// A build with cargo-zigbuild, and the Python beside it, if that one has the package `ziglang`.
+/// A builder with cargo-zigbuild and, if it has the package `ziglang`, the Python next to cargo-zigbuild.
 fn builder(platform: Platform, (program, python): (PathBuf, Option<PathBuf>), toolchain: Option<Toolchain>) -> Builder {
     let environment = python.into_iter().map(|python| (PYTHON.to_owned(), python.into_os_string())).collect();
     let native = Builder::new(platform, Some(platform.target()));
     Builder { linker: Linker::Zig, toolchain, program: Some(program), environment, ..native }
 }
 
-/// cargo-zigbuild in `.venv` at the top of the workspace or on the PATH, and the Python beside it if that one has zig.
+/// cargo-zigbuild in `.venv` at the top of the workspace or on the PATH, and the Python next to it if this Python has
+/// zig.
 fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(root.join(".venv/bin")).chain(std::env::split_paths(&path));
@@ -109,7 +110,7 @@ fn has_ziglang(python: &Path) -> bool {
     python.is_file() && toolchain::runs(python, &["-m", "ziglang", "version"])
 }
 
-/// True if cargo-zigbuild finds zig by itself. The places are in the order of its search.
+/// True if cargo-zigbuild finds zig by itself. Looks in the same places in the same order.
 fn has_zig() -> bool {
     let named = |variable: &str, program: &str| std::env::var_os(variable).unwrap_or_else(|| program.into());
     toolchain::runs(named(PYTHON, "python3"), &["-m", "ziglang", "version"])

@@ -131,7 +131,7 @@ fn decay_is_trimmed_by_either_interface() {
     assert!(table.contains("Stability: stable, largest real part of a pole -2.0000 1/s\n"), "{table}");
 }
 
-/// Names on the board of calls are those of the version: a crash is named.
+/// The message about a crash contains the function name of the FMI version.
 #[test]
 fn a_crash_in_fmi_3_is_named() {
     let folder = tempfile::tempdir().unwrap();

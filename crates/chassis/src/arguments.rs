@@ -19,7 +19,7 @@ pub(crate) struct Folders {
 }
 
 impl Folders {
-    /// The FMUs in the folders. Of those that are missing, the current workspace, if any, can build its own.
+    /// The FMUs in the folders, and the names of those that the current workspace, if any, can build.
     pub(crate) fn source(&self) -> FmuFolder {
         source(&self.places())
     }
@@ -44,8 +44,8 @@ pub(crate) fn source(places: &[PathBuf]) -> FmuFolder {
 fn usual() -> PathBuf {
     let here = std::env::current_dir().unwrap_or_default();
     let above = || here.ancestors().skip(1).map(|folder| folder.join(PACKED)).find(|folder| folder.is_dir());
-    // In the repository the program is in `target`, in a wheel it is in a folder beside that of the FMUs. Another workspace may have
-    // models of the same names.
+    // In the repository the program is in `target`, in a wheel it is in a folder next to the folder of the FMUs.
+    // Another workspace may have models with the same names.
     let own = || {
         if here.ancestors().any(|folder| folder.join("Cargo.toml").exists()) {
             return None;
@@ -73,7 +73,7 @@ impl Jobs {
     }
 }
 
-/// Accepts some words, each with its help and its value.
+/// Parser for fixed words, each with its help and its value.
 pub(crate) fn one_of<T: Copy + Send + Sync>(
     words: &'static [(&'static str, &'static str, T)],
 ) -> impl TypedValueParser<Value = T> {

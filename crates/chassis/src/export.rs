@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
                 && Path::new(path).is_file()
             {
                 let name = format!("{}:{}", component.name, setting.name);
-                errln!("note: `{name}` is {path}, a file of this machine that the files do not contain");
+                errln!("note: `{name}` is {path}, a file on this machine that the export does not contain");
             }
         }
     }

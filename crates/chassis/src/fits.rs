@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let systems = systems(&descriptions(&arguments.fmus.places())?);
     if systems.plants.is_empty() {
-        return Err(miette!("there is no plant: none of the FMUs has continuous states, blocks for any signal aside"));
+        return Err(miette!("there is no plant: apart from blocks for any signal, no FMU has continuous states"));
     }
     for name in &arguments.names {
         let mut known = systems.plants.iter().chain(&systems.components);

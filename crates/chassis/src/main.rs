@@ -1,4 +1,4 @@
-//! `chassis`: plans and runs systems of FMUs, carries out studies, and drives vehicles through standard maneuvers.
+//! `chassis`: plans and runs systems of FMUs, runs studies, and drives vehicles through standard maneuvers.
 
 mod arguments;
 mod bench;
@@ -62,24 +62,24 @@ enum Cli {
     Export(export::Arguments),
     /// Run a study: a scenario many times with varying values, or a search for the best parameters
     ///
-    /// Studies with `[[vary]]` are sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on this machine or on a
-    /// cluster; they need the Python package `chassis_fmu`. Studies with `[[parameter]]` search with PACSA, a genetic algorithm or CMA-ES;
-    /// only their page needs it. The exit code is 1 if a requirement is not met or nothing feasible was found, and 2 if the study could
-    /// not run.
+    /// Studies with `[[vary]]` are sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on
+    /// this machine or on a cluster; they need the Python package `chassis_fmu`. Studies with `[[parameter]]` search
+    /// with PACSA, a genetic algorithm or CMA-ES; only their page needs the package. The exit code is 1 if a
+    /// requirement is not met or nothing feasible was found, and 2 if the study could not run.
     Study(study::Arguments),
     /// Test bench: drive standard maneuvers, or evaluate recorded ones
     #[command(subcommand)]
     Bench(bench::Command),
     /// Show which FMUs fit which plants by their signals
     ///
-    /// A plant is an FMU with continuous states. An FMU that writes inputs of one with more states is an actuator instead. A
-    /// block whose signals have no units, and names that no other FMU has, is not a plant either. An output connects to the
-    /// input of the same name, type and unit of measure.
+    /// A plant is an FMU with continuous states. An FMU that writes inputs of an FMU with more states is an actuator
+    /// instead. A block whose signals have no units, and names that no other FMU has, is not a plant either. An output
+    /// connects to the input of the same name, type and unit of measure.
     ///
-    /// An FMU that is not a plant fits a plant under two conditions: the plant or other fitting FMUs write all of its inputs,
-    /// and it writes an input of the plant or of an FMU that acts on the plant. `idle` marks an FMU whose inputs are written
-    /// but whose outputs do not act on the plant. `lacks 3` marks one with three inputs that nothing writes; a scenario can set
-    /// them to constants. Other plants are ignored.
+    /// An FMU that is not a plant fits a plant under two conditions: the plant or other fitting FMUs write all of its
+    /// inputs, and it writes an input of the plant or of an FMU that acts on the plant. `idle` marks an FMU whose
+    /// inputs are written but whose outputs do not act on the plant. `lacks 3` marks an FMU with three inputs that
+    /// nothing writes; a scenario can set them to constants. Other plants are ignored.
     ///
     /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
     /// reads has no effect.
@@ -93,7 +93,7 @@ enum Cli {
         #[command(flatten)]
         settings: pack::Settings,
     },
-    /// Write a short scenario of a plant that runs
+    /// Write a short scenario for a plant, ready to run
     New(new::Arguments),
     /// Build the lab, a static site that simulates vehicles and controllers in a browser
     Lab {
@@ -131,7 +131,7 @@ fn main() -> Result<()> {
         return Err(miette!("`chassis {old}` is called `chassis {new}` now"));
     }
     let command = Cli::parse();
-    // The temporary folders of a worker are those of the process that started it.
+    // A worker uses the temporary folders of the process that started it.
     if !matches!(command, Cli::Worker(_)) {
         fmu_import::temporary::remove_on_signals().into_diagnostic()?;
     }
@@ -139,7 +139,7 @@ fn main() -> Result<()> {
     if let Err(report) = &result
         && is_about_data(report)
     {
-        // As with the arguments: nothing was run.
+        // The same exit code as for wrong arguments: nothing was run.
         eprintln!("Error: {report:?}");
         std::process::exit(2);
     }
@@ -179,7 +179,7 @@ fn run(command: &Cli) -> Result<()> {
     }
 }
 
-/// Names of the FMUs of a scenario, or of the scenario of a study.
+/// Names of the FMUs in a scenario, or in the scenario of a study.
 fn fmus(file: &Path) -> Result<BTreeSet<String>> {
     if !fmu_study::study::is_study(file) {
         return Ok(fmu_names(file)?);

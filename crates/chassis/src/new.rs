@@ -1,4 +1,4 @@
-//! `chassis new`: a short scenario of a plant that runs, to be changed.
+//! `chassis new`: writes a short scenario for a plant, as a start for the user's own.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ const DRIVER: &str = "Driver";
 const ROAD: &str = "Road";
 
 const RECORDED: usize = 4;
-/// Outputs of a vehicle that are preferred.
+/// Outputs of a vehicle that are recorded if it has them, in this order.
 const WANTED: [&str; 4] = ["vehicle.yaw_rate", "vehicle.lateral_acceleration", "vehicle.sideslip", "body.roll"];
 
 #[derive(clap::Args, Debug)]
@@ -82,8 +82,8 @@ fn place(path: &Path) -> PathBuf {
     folder.map_or_else(|| path.to_owned(), |folder| folder.join(path))
 }
 
-/// Path of the schema that editors read, seen from a scenario: the one in the repository that this program was built in, and true; or one
-/// beside the scenario.
+/// Path of the JSON Schema for editors, relative to a scenario: the one in the repository that this program was built
+/// in, and true, or one next to the scenario, and false.
 fn schema(file: &Path) -> Result<(String, bool)> {
     let file = std::path::absolute(file).into_diagnostic()?;
     let inside = python::root().and_then(|root| Some(file.strip_prefix(root).ok()?.components().count()));
@@ -93,7 +93,7 @@ fn schema(file: &Path) -> Result<(String, bool)> {
     })
 }
 
-/// An FMU that must be there.
+/// Finds an FMU that must exist.
 fn needed(name: &str, fmus: &FmuFolder) -> Result<std::sync::Arc<ModelDescription>> {
     match fmus.find(name).map_err(|message| miette!("{name}.fmu: {message}"))? {
         Some(found) => Ok(found.description),
@@ -154,7 +154,7 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     let title =
         maneuver.map_or_else(|| plant.to_owned(), |maneuver| format!("{plant}: {}", maneuver.replace('_', " ")));
 
-    // Tables of their own: whoever continues the file can add further ones, such as those of the documentation.
+    // Separate tables, so that users can append further ones, such as those in the documentation.
     let mut parts = vec![
         format!("title = \"{title}\""),
         format!("[simulation]\nstop = {stop:?}\nstep = {step:?}"),
@@ -205,8 +205,8 @@ fn check_maneuver(name: &str, driver: &ModelDescription) -> Result<()> {
     Err(miette!("{DRIVER} has no maneuver `{name}`, expected {}{hint}", any_of(&names)))
 }
 
-/// Constants for inputs that nothing writes, with their start values. Inputs of one prefix that have the same value share a
-/// pattern, unless it fits one of the `others`.
+/// Constants for inputs that nothing writes, with their start values. Inputs with the same prefix and value share a
+/// pattern, unless it matches one of the `others`.
 fn constants(inputs: &[&Variable], others: &[&Variable]) -> Vec<String> {
     let mut groups: Vec<(&str, Vec<&Variable>)> = Vec::new();
     for input in inputs {

@@ -11,7 +11,7 @@ use fmu_system::run::Order;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Maximum number of outputs of a component listed by name; of more, only the number is shown.
+/// Maximum number of outputs of a component that are listed by name. If there are more, only their number is shown.
 const LISTED_OUTPUTS: usize = 6;
 
 #[derive(Debug, Args)]
@@ -125,7 +125,7 @@ fn order(plan: &Plan) -> Vec<&str> {
     }
     let mut found = Vec::new();
     while !left.is_empty() {
-        // The first one that no run executes another one before.
+        // The first component that is first among those left in every run that has it.
         let is_next = |name: &&str| {
             orders.iter().filter(|o| o.contains(name)).all(|o| o.iter().find(|n| left.contains(n)) == Some(name))
         };
@@ -157,8 +157,8 @@ fn components(plan: &Plan) -> Vec<String> {
     table(&rows)
 }
 
-/// The wires of a case: component, input, source. Inputs that differ in their last part only, with sources that differ in the
-/// same way, share a row.
+/// The connections of a case: component, input, source. Inputs whose names differ only in the last part share a row if
+/// their sources differ in the same way.
 fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
     let mut rows: Vec<([String; 3], Vec<String>)> = Vec::new();
     let mut indices: HashMap<[String; 3], usize> = HashMap::new();

@@ -7,10 +7,10 @@ use std::process::{Command, Stdio};
 use cargo_fmu::output::quoted;
 use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
 
-/// Names the Python that has the package; the command of the package sets it.
+/// Environment variable with the Python that has the package; the package's command sets it.
 const VARIABLE: &str = "CHASSIS_PYTHON";
 
-/// Remedy without the package.
+/// Remedy if the package is missing.
 const HELP: &str =
     "Install the wheel of the package `chassis-fmu`, or call the command inside the repository after `scripts/setup`.";
 
@@ -47,12 +47,12 @@ impl Python {
     pub(crate) fn call(&self, module: &str, arguments: &[String], input: Option<&str>) -> Result<i32> {
         let starting = || format!("starting {}", self.program.display());
         let mut command = Command::new(&self.program);
-        // It is for FMUs; a virtual environment finds its packages without it.
+        // PYTHONHOME is for FMUs; a virtual environment finds its packages without it.
         command.env_remove("PYTHONHOME").args(["-m", &format!("chassis_fmu.{module}")]).args(arguments);
         command.stdin(if input.is_some() { Stdio::piped() } else { Stdio::inherit() });
         let mut child = command.spawn().into_diagnostic().wrap_err_with(starting)?;
         if let (Some(text), Some(mut pipe)) = (input, child.stdin.take()) {
-            // A Python that ends early has said why.
+            // If Python ends early, it has printed the reason.
             let _ = pipe.write_all(text.as_bytes());
         }
         let status = child.wait().into_diagnostic().wrap_err_with(starting)?;
@@ -78,14 +78,14 @@ pub(crate) fn exit(code: i32) -> ! {
     std::process::exit(code)
 }
 
-/// This call as a command, without some options that have no value. Files of the repository that this program was built in are named from
-/// its top.
+/// This call as a command, without the given flags. Paths in the repository that this program was built in are relative
+/// to its top.
 pub(crate) fn command_without(options: &[&str]) -> String {
     let arguments = std::env::args().skip(1).filter(|argument| !options.contains(&argument.as_str()));
     ["chassis".to_owned()].into_iter().chain(arguments.map(|argument| named(&argument))).collect::<Vec<_>>().join(" ")
 }
 
-/// An argument of a command; a file of the repository that this program was built in is named from its top.
+/// An argument of a command; a path in the repository that this program was built in becomes relative to its top.
 pub(crate) fn named(argument: &str) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let root = root().filter(|root| *root != here);

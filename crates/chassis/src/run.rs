@@ -88,7 +88,7 @@ impl Arguments {
     /// Python, if tables and a page are made or FMPy executes the runs.
     fn python(&self) -> miette::Result<Option<Python>> {
         if self.engine == Engine::Fmpy {
-            // A process in the sandbox cannot become Python.
+            // A process in the sandbox cannot start Python.
             if self.workers.given().iter().any(|(name, _)| *name == "--sandbox") {
                 return Err(miette!(
                     "--sandbox only applies to the native master; leave out --sandbox or --engine fmpy"
@@ -102,7 +102,7 @@ impl Arguments {
         Ok(if self.no_page { None } else { Python::find_or_note() })
     }
 
-    /// The request to Python for tables and page. A run without numbers in `results` is not complete.
+    /// The request to Python for tables and page. Runs without metrics in `results` are incomplete.
     fn page_request(&self, plan: &Plan, folder: &Path, results: &Results<'_>) -> miette::Result<String> {
         let incomplete = results.statuses.runs.iter().filter(|run| run.status != "completed");
         let cut = [
@@ -162,7 +162,7 @@ impl Incomplete {
     }
 }
 
-/// Numbers of the complete runs, and verdicts on them.
+/// Metrics of the complete runs, and verdicts on them.
 struct Results<'a> {
     statuses: RunStatuses,
     numbers: RunNumbers<'a>,
@@ -211,7 +211,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let folder = arguments.out.join(&plan.name);
     let runs = folder.join("runs");
     if arguments.engine == Engine::Fmpy {
-        // The native master finds them itself.
+        // The native master finds the steady states itself.
         find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
     }
     let (statuses, Incomplete { failures, ended }) = match &arguments.from_csv {
@@ -223,7 +223,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         write_whole(path, requirements::junit(&plan, &results.verdicts, &failures).as_bytes())?;
     }
     let python = python.filter(|_| {
-        // The page of an earlier call is better than one of failures only.
+        // Keep the page of an earlier call rather than make one that contains only failures.
         let is_empty = failures.len() == plan.runs.len();
         if is_empty {
             errln!("note: no page is made, because all runs failed");
@@ -254,7 +254,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
 }
 
-/// Takes the rows of recorded runs from a folder, or from its folder `runs`.
+/// Copies the files of recorded runs from a folder, or from its folder `runs`.
 fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
     if !source.is_dir() {
         return Err(miette!("--from-csv {}: no such folder", source.display()));
@@ -302,7 +302,7 @@ fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuse
     let incomplete = Incomplete::of(&statuses);
     let statuses = write_statuses(statuses, folder)?;
     if let Some((_, first)) = incomplete.failures.first().filter(|_| incomplete.failures.len() == plan.runs.len()) {
-        return Err(miette!("{} has no results of {}: {first}", source.display(), plan.name));
+        return Err(miette!("{} has no results for {}: {first}", source.display(), plan.name));
     }
     Ok((statuses, incomplete))
 }
@@ -335,7 +335,8 @@ fn write_statuses(statuses: Vec<RunStatus>, folder: &Path) -> miette::Result<Run
     Ok(statuses)
 }
 
-/// Executes the runs by a master. Returns their outcomes, and messages that say where a run failed and which rows it has.
+/// Executes the runs with a master. Returns their outcomes, and messages with the place of a failure and the rows that
+/// the run has.
 fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
     try_to_write(folder)?;
@@ -344,7 +345,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = arguments.jobs.count();
-    // An FMU may change the folder of its process.
+    // The path is absolute, because an FMU may change the working directory.
     let target = absolute(folder)?;
     let mut settings = arguments.workers.settings(lines, jobs)?;
     if let Some(writable) = &mut settings.sandbox {
@@ -395,7 +396,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
 fn grouped(failures: &[(String, String)]) -> String {
     let mut groups: Vec<(String, &str)> = Vec::new();
     for (run, message) in failures {
-        // They begin with the run.
+        // The messages begin with the run.
         let reason = message.strip_prefix(&format!("run {run}")).unwrap_or(message);
         match groups.iter_mut().find(|(_, known)| *known == reason) {
             Some((runs, _)) => runs.push_str(&format!(", {run}")),
@@ -417,7 +418,7 @@ fn described(failure: &Failure) -> String {
     }
 }
 
-const NO_FAIL: &str = "With `--no-fail` the exit code is 0 nevertheless.";
+const NO_FAIL: &str = "With `--no-fail` the exit code is 0 anyway.";
 
 /// Prints the verdicts on the requirements. Returns the number of those that are not met.
 fn print_verdicts(plan: &Plan, verdicts: &[Verdict<'_>]) -> usize {
@@ -440,7 +441,7 @@ fn print_verdicts(plan: &Plan, verdicts: &[Verdict<'_>]) -> usize {
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.
 fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
-    // Those of `--parquet`, too: Python replaces them only when it makes a page.
+    // Parquet files too: Python replaces them only when it makes a page.
     let files = plan.runs.iter().map(results::file_name).flat_map(|csv| {
         let parquet = Path::new(&csv).with_extension("parquet").to_string_lossy().into_owned();
         [csv, parquet]

@@ -1,4 +1,4 @@
-//! `chassis study`: carries out a study.
+//! `chassis study`: runs a study.
 
 use clap::Args;
 use fmu_import::terminal::escaped;
@@ -97,7 +97,7 @@ impl Arguments {
         given.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name)
     }
 
-    /// The request to Python, which carries out studies with `[[vary]]`.
+    /// The request to Python, which runs studies with `[[vary]]`.
     fn request(&self) -> Result<String> {
         if self.budget.is_some() {
             return Err(miette!("--budget is for studies without [[vary]]; --runs N sets the number of samples"));
@@ -204,7 +204,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(option) = arguments.of_samples() {
         eprintln!(
             "error: {} has no [[vary]]: PACSA, GA and CMA-ES run on this machine, without {option}. --budget N sets the number of \
-             evaluations, --jobs N that of processes; method = \"optimize\" with [search] and [[vary]] takes --dask and --runs",
+             evaluations, --jobs N the number of processes; method = \"optimize\" with [search] and [[vary]] takes --dask and --runs",
             escaped(&arguments.study.display().to_string())
         );
         python::exit(UNABLE);

@@ -182,9 +182,9 @@ fn an_fmu_is_validated() {
     assert!(findings.starts_with("Ramp.fmu: ") && findings.contains(" errors, no warning"), "{findings}");
     assert!(findings.contains("error: fmi2CancelStep: is not exported"), "{findings}");
     assert!(findings.contains("error: variable `x`: is not listed in ModelStructure/Outputs"), "{findings}");
-    // What it does is well.
+    // Its behavior is correct.
     assert!(!findings.contains("fmi2Reset:") && !findings.contains("error: two instances"), "{findings}");
-    // What was looked at: its nine variables, and what it promises to do.
+    // The report lists what was checked: the nine variables, and the behavior.
     assert!(
         findings.contains(
             "\n  description: 25 elements checked against the schema; variables: 9; entries of the model structure: 0"
@@ -272,7 +272,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     contains(&error, "--portable applies to Linux binaries, but --platforms lists no Linux platform");
 }
 
-/// A workspace with a package of this name that becomes an FMU; nothing of it is built.
+/// A workspace with a package of this name that could be packed as an FMU.
 fn workspace_with_model(package: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     let library = folder.path().join(package).join("src");
@@ -360,7 +360,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     assert!(error.contains("`portable = true` in [workspace.metadata.fmu] of Cargo.toml asks for"), "{error}");
     assert!(error.contains("cargo-zigbuild is neither in"), "{error}");
     assert!(error.contains("Run `scripts/setup --all`") && error.contains("pass --no-portable"), "{error}");
-    // It concerns linux64 alone, and the command line has the last word.
+    // The setting applies only to linux64, and the command line takes precedence.
     assert!(pack(&portable, &["--no-portable"]).contains(NO_MODEL));
     assert!(pack(&portable, &["--portable", "--no-portable"]).contains(NO_MODEL));
     assert!(pack(&portable, &["--no-portable", "--portable"]).contains("--portable asks for linux64 binaries"));
@@ -411,7 +411,7 @@ kind = "pacsa"
 kind = "cmaes"
 "#;
 
-/// A ramp of many steps, so that a study takes its time, and the study.
+/// A folder with a study of a ramp. The ramp has many steps, so that the study takes long enough to be interrupted.
 #[cfg(unix)]
 fn study() -> TempDir {
     let folder = folder(&SCENARIO.replace("step = 0.25", "step = 1e-5").replace("[\"x\"]", "[\"x\"]\nevery = 1000"));
@@ -473,7 +473,8 @@ fn a_study_is_carried_out() {
     assert!(text(&output.stderr).contains("study.toml:20:8"), "{}", text(&output.stderr));
 }
 
-/// Killed, without a chance to tidy up, once there are so many evaluations; gone on with by another number of threads.
+/// The study is killed after some evaluations, without a chance to clean up, and resumed with another number of
+/// processes.
 #[cfg(unix)]
 #[test]
 fn a_killed_study_goes_on_to_the_same_results() {
@@ -487,7 +488,7 @@ fn a_killed_study_goes_on_to_the_same_results() {
     let expected = read(&whole);
 
     let killed = study();
-    // The same FMU to the byte: a compiler may write its paths or the time into it.
+    // Copy the FMU: a second build may differ, because a compiler may embed paths or the time.
     let fmu = "target/fmu/Ramp.fmu";
     std::fs::copy(whole.path().join(fmu), killed.path().join(fmu)).unwrap();
     for lines in [5, 30, 90] {
@@ -512,7 +513,8 @@ fn a_killed_study_goes_on_to_the_same_results() {
     assert_eq!(read(&killed), expected);
 }
 
-/// An FMU that is only a description, with Real variables `name causality unit`, the first of them perhaps a state.
+/// Writes an FMU that contains only a description, with Real variables `name causality unit`. With `has_state`, the
+/// first one is a state.
 fn described(folder: &Path, name: &str, variables: &[&str], has_state: bool) {
     let variables: String = variables
         .iter()
@@ -572,7 +574,7 @@ fn systems_are_shown_as_a_matrix() {
 
     let (is_fine, _, error) = systems(&["Stering"]);
     assert!(!is_fine && error.contains("there is no FMU named 'Stering'; did you mean `Steering`?"), "{error}");
-    // Without a folder, that of packed FMUs.
+    // Without `--fmus`, the folder of packed FMUs is used.
     std::fs::create_dir(folder.path().join("target")).unwrap();
     std::fs::rename(theirs, folder.path().join("target/fmu")).unwrap();
     let output = command(folder.path(), &["fits"]);
@@ -638,7 +640,7 @@ fn mistakes_of_studies_are_marked() {
     }
 }
 
-/// A study without `[[vary]]` has none of the options of the others.
+/// A study without `[[vary]]` rejects the options of studies with samples.
 #[test]
 fn options_of_samples_belong_to_studies_with_samples() {
     let calls =
@@ -647,7 +649,7 @@ fn options_of_samples_belong_to_studies_with_samples() {
     insta::assert_snapshot!(printed);
 }
 
-/// Without the package of Python there are results, but no page; what needs the package says so.
+/// Without the Python package there are results, but no page. Options that need the package fail with a message.
 #[cfg(unix)]
 #[test]
 fn a_page_needs_python() {
@@ -665,7 +667,7 @@ fn a_page_needs_python() {
     }
 }
 
-/// Commands of earlier versions end with the new name, options that have moved, too.
+/// Commands and options of earlier versions fail with a message that contains the new name.
 #[test]
 fn renamed_commands_say_so() {
     let folder = TempDir::new().unwrap();

@@ -152,7 +152,7 @@ fn places(bytes: &[u8], what: &[u8]) -> Vec<usize> {
 fn header(mut bytes: Vec<u8>, name: &str, [local, central]: [usize; 2], change: impl Fn(&mut [u8])) -> Vec<u8> {
     let at = places(&bytes, name.as_bytes());
     let [first, second] = at[..] else { panic!("{name} is not there twice: {at:?}") };
-    // The fixed part of a local header has 30 bytes, of a central one 46.
+    // The fixed part of a local header has 30 bytes, that of a central header 46.
     change(&mut bytes[first - 30 + local..]);
     change(&mut bytes[second - 46 + central..]);
     bytes
@@ -338,7 +338,7 @@ fn ambiguous_archives_are_rejected() {
     bytes[at..].copy_from_slice(&length);
     bytes.extend(&other);
     rejected("an archive in the comment", &bytes, Archive, "it has several end records");
-    // An end record of zip64 that states an entry less.
+    // An end record of zip64 that states one entry fewer.
     let (bytes, end) = (sound.bytes(), 22);
     let (front, end) = bytes.split_at(bytes.len() - end);
     let [size, start] = [12, 16].map(|at| u64::from(u32::from_le_bytes(end[at..at + 4].try_into().unwrap())));
@@ -351,7 +351,7 @@ fn ambiguous_archives_are_rejected() {
     wide.extend(1_u32.to_le_bytes());
     let bytes = [front, &wide, end].concat();
     rejected("an end record of zip64", &bytes, Archive, "its end record states 3 entries, that of zip64 2");
-    // Two names of one content.
+    // Two names for the same content.
     let bytes = header(sound.bytes(), "resources/note.txt", [30, 30], |_| ());
     let last = *places(&bytes, b"resources/note.txt").last().unwrap();
     let mut bytes = bytes;
@@ -553,7 +553,7 @@ fn a_wrong_study_leaves_nothing_behind() {
     }
 }
 
-/// Only `check` reports them; the other commands do not use these values.
+/// Only `check` reports these values; the other commands do not use them.
 #[test]
 fn wild_numbers_in_a_description_are_found_by_the_check() {
     let sound = Sound::new();

@@ -62,7 +62,7 @@ fn status(folder: &Path) -> Value {
     serde_json::from_str::<Value>(&text).unwrap()["runs"][0].clone()
 }
 
-/// A page without numbers does not replace that of an earlier call. A report of tests does.
+/// A page without numbers does not replace the page of an earlier call. A JUnit file does.
 #[test]
 fn no_page_is_made_without_a_complete_run() {
     use std::os::unix::fs::PermissionsExt;
@@ -200,7 +200,7 @@ fn a_run_that_crashes_keeps_its_rows() {
     }
 }
 
-/// A value that is not finite fails the run even on a wire that is not recorded.
+/// A value that is not finite fails the run even if the signal is not recorded.
 #[test]
 fn a_wire_that_is_not_finite_fails_the_run() {
     let other = "[[component]]\nname = \"q\"\nfmu = \"Zoo\"\nparameters = { habit = \"none\" }\n\

@@ -31,7 +31,7 @@ fn message(output: &Output) -> String {
     text.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// The document that is all of the standard output.
+/// The standard output, which must be one JSON document.
 #[track_caller]
 fn document(output: &Output) -> Value {
     assert_eq!(output.status.code(), Some(0), "{}", message(output));
@@ -60,12 +60,12 @@ fn metrics_are_printed_as_one_document() {
     flate2::read::GzDecoder::new(&*std::fs::read(path).unwrap()).read_to_string(&mut text).unwrap();
     let (_folder, plain) = recording(&text);
     assert_eq!(evaluate(&["step_steer", &plain]).stdout, output.stdout);
-    // From a spreadsheet: a byte order mark, and ends of lines of Windows.
+    // A file from a spreadsheet has a byte order mark and Windows line ends.
     let (_folder, windows) = recording(&format!("\u{feff}{}", text.replace('\n', "\r\n")));
     assert_eq!(evaluate(&["step_steer", &windows]).stdout, output.stdout);
 }
 
-/// All options of the reference data are accepted, those that describe a recording, too.
+/// All options in the reference data are accepted, also those that describe a recording.
 #[test]
 fn every_evaluator_reads_its_recording() {
     let text = std::fs::read_to_string(reference("evaluators.json")).unwrap();
@@ -75,7 +75,7 @@ fn every_evaluator_reads_its_recording() {
         let options = entry["options"].to_string();
         let evaluator = entry["evaluator"].as_str().unwrap();
         let found = document(&evaluate(&[evaluator, path.to_str().unwrap(), "--options", &options]));
-        // Theory beside the expected metrics.
+        // `closed_form` is additional theory, not a metric.
         let expected = entry["expected"].as_object().unwrap().iter().filter(|(metric, _)| *metric != "closed_form");
         for (metric, expected) in expected {
             let found = found.get(metric).unwrap_or_else(|| panic!("{name}: {metric} is missing"));
@@ -85,8 +85,8 @@ fn every_evaluator_reads_its_recording() {
     }
 }
 
-/// The recording as a logger writes it: other names, units, decimal commas, text beside the numbers. Expected: that of
-/// the reference, whose numbers have nine digits.
+/// A recording as a logger writes it: other names, units, decimal commas, text next to numbers. The expected metrics
+/// are those of the reference, whose numbers have nine digits.
 #[test]
 fn a_file_of_a_logger_gives_the_same_metrics() {
     let path = reference("step_steer.csv.gz");
@@ -121,7 +121,7 @@ fn a_file_of_a_logger_gives_the_same_metrics() {
     assert!(message.contains("note: the column `Gier` is converted to rad/s (factor 0.017453293)"), "{message}");
 }
 
-/// Expected: the reference; every tenth row is lost, and the response is smooth.
+/// Every tenth row is lost. The expected metrics are those of the reference, because the response is smooth.
 #[test]
 fn rows_that_are_lost_are_interpolated_by_option() {
     let path = reference("step_steer.csv.gz");
@@ -141,7 +141,7 @@ fn rows_that_are_lost_are_interpolated_by_option() {
     assert_eq!(message.matches("note: the rows are interpolated every").count(), 1, "{message}");
 }
 
-/// A name in the vehicle file is one of a signal, or is noted; it is never ignored.
+/// A name in the vehicle file that no evaluator reads is reported, never ignored.
 #[test]
 fn names_of_signals_in_a_vehicle_file_are_checked() {
     let (folder, path) = recording("time,driver.steer\n");

@@ -1,5 +1,5 @@
-//! FMUs that reach beyond their process: what they start ends with their worker, the sandbox denies what could harm others, and
-//! what they change of their process is found.
+//! FMUs that affect more than their own instance: processes that they start end with their worker, the sandbox denies
+//! what could harm others, and the check finds what they change in their process.
 #![cfg(target_os = "linux")]
 
 #[path = "../../../tests/zoo/zoo.rs"]
@@ -60,8 +60,8 @@ fn run(folder: &Path, options: &[&str]) -> (bool, String) {
     (output.status.success(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// Starts a program for which some system calls do not exist, as on a kernel that is older than they are:
-/// `older CALLS PROGRAM...`, with the numbers of the calls separated by commas.
+/// Starts a program for which some system calls do not exist, as on an older kernel: `older CALLS PROGRAM...`, with the
+/// numbers of the calls separated by commas.
 const OLDER_KERNEL: &str = r#"
 #include <errno.h>
 #include <linux/filter.h>
@@ -121,7 +121,7 @@ fn survivors(folder: &Path) -> Vec<String> {
 
 #[test]
 fn nothing_that_an_fmu_started_outlives_the_command() {
-    // A copy that continues ends by itself, or is ended.
+    // A forked copy of the worker (`copy`) can end by itself or be ended.
     let left = ["fork", "daemon", "chain", "guards", "headless"].map(|habit| (habit, true));
     for (habit, is_left) in left.into_iter().chain([("copy", false)]) {
         let folder = folder(&Zoo { at: 0.5, ..Zoo::new(habit) });
@@ -133,12 +133,12 @@ fn nothing_that_an_fmu_started_outlives_the_command() {
         assert_eq!(survivors(folder.path()), [""; 0], "{habit}");
         assert!(is_success, "{habit}: {said}");
         assert!(said.contains("that an FMU had started") || !is_left, "{habit}: {said}");
-        // None of these starts a program: what is left is this one.
+        // None of these FMUs starts a program, so a process that is left is a copy of this program.
         assert!(said.contains("(a copy of chassis)") || !is_left, "{habit}: {said}");
     }
 }
 
-/// The supervisor ends them also when a step takes too long, and when the FMU crashes.
+/// The supervisor also ends these processes when a step takes too long or the FMU crashes.
 #[test]
 fn nothing_outlives_a_worker_that_hangs_or_crashes() {
     for habit in ["daemon_hang", "daemon_crash"] {
@@ -191,7 +191,7 @@ fn the_sandbox_denies_what_could_harm_others_and_reports_it() {
     }
 }
 
-/// Another thread could make the path lead elsewhere, so the sandbox denies this in the FMU's own folder, too.
+/// Another thread could make the path lead elsewhere, so the sandbox denies this even in the FMU's own folder.
 #[test]
 fn a_denied_mode_of_a_temporary_file_is_reported() {
     let folder = folder(&Zoo::new("unpack"));

@@ -183,7 +183,7 @@ fn lines(error: &StudyError) -> String {
     }
 }
 
-/// The mean over two runs of 2 rms(x)/0.5 in a window plus 3 (rms(y)/2)^2, written out once more.
+/// The mean over two runs of 2 rms(x)/0.5 in a window plus 3 (rms(y)/2)^2, computed independently of the study.
 fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
     let options = Options { stop: Some(0.8), ..Options::default() };
     let plan = resolve(&place.path(scenario), &FmuFolder::new([place.folder.path()]), &options).unwrap();
@@ -209,7 +209,7 @@ fn a_study_from_the_file_to_the_results() {
     let names: Vec<_> = summary.methods.iter().map(|m| m.method.name.as_str()).collect();
     assert_eq!(names, ["pacsa", "ga", "yardstick"]);
     assert_eq!(summary.runs, ["free", "inverted"]);
-    // The same sums in the same order, but for the factors.
+    // The same sums in the same order, except that the factors are applied at other places.
     assert!((summary.baseline.outcome.objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
     assert_eq!(summary.baseline.values, [Some(1.0), Some(1.0)], "the start values of the FMUs");
     let compared: Vec<_> = summary.comparisons.iter().map(|c| c.title.as_str()).collect();
@@ -228,7 +228,7 @@ fn a_study_from_the_file_to_the_results() {
         best = best.min(found.objective);
     }
 
-    // The optimum as a parameter set, applied by a scenario: the same objective, to the bit.
+    // A scenario with the optimum as its parameter set gives the bit-identical objective.
     let with_set = SCENARIO.replacen("title", "parameter_set = \"out/study/best.ssv\"\ntitle", 1);
     std::fs::write(place.path("tuned.toml"), with_set).unwrap();
     let method = summary.methods.iter().find(|m| Some(&m.method.name) == summary.best.as_ref()).unwrap();
@@ -249,8 +249,8 @@ fn results_do_not_depend_on_the_number_of_processes() {
     assert!(one == place.results("out2") && one == place.results("out5"));
 }
 
-/// Interrupted at any place: within the second method, the history cut off in a line, the checkpoint older than the
-/// history.
+/// The interruption can be anywhere: within the second method, in a line of the history, or between a checkpoint and
+/// later lines of the history.
 #[test]
 fn going_on_equals_never_stopping() {
     let place = Place::new();
@@ -301,7 +301,7 @@ fn results_are_not_lost_by_a_slip() {
     assert!(place.results("out") == before);
 }
 
-/// A smaller budget would leave out what was found later.
+/// A smaller budget would drop evaluations that exist.
 #[test]
 fn a_smaller_budget_is_rejected() {
     let place = Place::new();
@@ -314,7 +314,7 @@ fn a_smaller_budget_is_rejected() {
     assert!(error.contains("history.csv has 60 evaluations, more than the budget of 59"), "{error}");
     assert!(error.contains("a budget of at least 60; `--overwrite` starts over"), "{error}");
     assert!(place.results("out") == before);
-    // Another target neither: what is there is used to its end.
+    // A new target does not drop them either: all existing evaluations are used.
     let early = STUDY.replacen("evaluations = 60", "evaluations = 60\ntarget = 1e5", 1);
     let summary = place.execute(&early, 2, "out", Existing::Resume).unwrap();
     assert_eq!(summary.methods.iter().map(|m| m.progress.evaluations).collect::<Vec<_>>(), [60; 3]);
@@ -357,7 +357,7 @@ fn a_wrong_case_is_one_mistake() {
     assert!(error.ends_with("study.toml:3:10: unknown case `fre`") && error.lines().count() == 1, "{error}");
 }
 
-/// A component that does not write the signal: the one that does is suggested.
+/// If the component does not write the signal, the message suggests the one that does.
 #[test]
 fn a_wrong_component_of_a_signal_is_named() {
     let place = Place::new();
@@ -367,8 +367,8 @@ fn a_wrong_component_of_a_signal_is_named() {
     assert_eq!(help, "did you mean `velocity:y`? Otherwise add it to `signals` of its [record]");
 }
 
-/// Runs that fail, leave a limit or overflow, and candidates that violate the constraints: bad, finite, with a reason; the
-/// study continues to its end.
+/// Runs that fail, exceed a limit or overflow, and candidates that violate the constraints, get a bad but finite
+/// objective and a reason. The study continues to its end.
 #[test]
 fn what_is_not_feasible_is_bad_and_no_more() {
     let place = Place::new();
@@ -380,7 +380,7 @@ fn what_is_not_feasible_is_bad_and_no_more() {
     assert_eq!(summary.methods[0].progress.infeasible, infeasible);
     assert!((1..60).contains(&infeasible));
 
-    // A limit that the gains of some candidates pass; another penalty.
+    // A limit that the gains of some candidates exceed, and another penalty.
     let text = STUDY.replacen("magnitude = 40.0", "magnitude = 1.5", 1).replacen("stop", "penalty = 777.0\nstop", 1);
     place.execute(&text, 2, "limit", Existing::Error).unwrap();
     let history = read("limit");
@@ -421,7 +421,7 @@ fn judgments_become_weights() {
     assert_eq!(study.judged.unwrap().ratio, 0.0);
 }
 
-/// A method of several seeds is as many methods with the same settings.
+/// A method with several seeds becomes one method per seed, with the same settings.
 #[test]
 fn a_method_runs_with_several_seeds() {
     let place = Place::new();
@@ -562,7 +562,7 @@ fn what_the_study_needs_must_be_there() {
     assert!(matches!(place.read(STUDY, 1), Err(StudyError::Scenario(_))));
 }
 
-/// A relative path starts at the folder of the scenario; the content of the file decides, as that of an FMU.
+/// A relative path starts at the folder of the scenario. A changed file is a changed study, like a changed FMU.
 #[test]
 fn a_file_that_an_fmu_reads_is_part_of_the_study() {
     let place = Place::new();

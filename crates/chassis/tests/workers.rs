@@ -291,7 +291,7 @@ fn a_study_goes_on_when_an_fmu_ends_its_process() {
 }
 
 #[cfg(target_os = "linux")]
-/// Waits for something that another process does.
+/// Waits until another process has done something.
 fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     let begin = std::time::Instant::now();
     while !is_so() {
@@ -386,7 +386,7 @@ fn an_ignored_hangup_stays_ignored() {
 
 #[test]
 fn an_fmu_in_python_says_what_it_needs() {
-    // The real interface, without Python: the undefined symbol is a function or an object.
+    // Symbols from Python's C interface, undefined without Python: a function and an object.
     for (declarations, step) in [
         ("int Py_IsInitialized(void);", "if (Py_IsInitialized() != 7) return 3"),
         ("extern int _Py_NoneStruct;", "if (_Py_NoneStruct != 7) return 3"),

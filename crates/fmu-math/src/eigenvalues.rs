@@ -18,9 +18,9 @@ pub fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let schur = |m| Schur::try_new(m, f64::EPSILON, 100 * n).map(|schur| schur.unpack().1);
     let direct = schur(m.clone()).map(|t| quasi_diagonal(&t));
     let mut values = direct.or_else(|| {
-        // nalgebra's iteration has no exceptional shifts and sometimes stalls, above all with
-        // eigenvalues in pairs +-x, as of a Hamiltonian matrix. The inverse of M - s I has the
-        // eigenvalues 1 / (x - s), for which it converges.
+        // nalgebra's iteration has no exceptional shifts and sometimes stalls, above all with eigenvalues in pairs +-x,
+        // such as those of a Hamiltonian matrix. The inverse of M - s I has the eigenvalues 1 / (x - s), for which it
+        // converges.
         [1.5, -2.5].into_iter().find_map(|factor| {
             let s = factor * m.norm();
             let inverse = (m - DMatrix::identity(n, n) * s).try_inverse()?;

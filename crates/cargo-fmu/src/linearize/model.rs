@@ -24,18 +24,18 @@ pub(crate) struct Signal {
     pub(crate) unit: Option<String>,
 }
 
-/// A pole, or a pair of conjugate ones.
+/// A real pole, or a pair of conjugate poles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Mode {
     /// Real part of the pole, 1/s; 0 for a pole that is 0 up to rounding.
     pub(crate) real: f64,
-    /// Imaginary part, 1/s; of a pair the positive one.
+    /// Imaginary part, 1/s; for a pair, the positive one.
     pub(crate) imaginary: f64,
     /// Natural frequency: magnitude over 2 pi, Hz.
     pub(crate) frequency: f64,
     /// Damping ratio: minus the real part over the magnitude. `None` for a pole at 0.
     pub(crate) damping: Option<f64>,
-    /// Time in which the mode decays to 1/e, s. `None` for one that does not decay.
+    /// Time in which the mode decays to 1/e, s. `None` for a mode that does not decay.
     pub(crate) time_constant: Option<f64>,
 }
 
@@ -172,7 +172,7 @@ impl LinearModel {
     }
 }
 
-/// A signal with its unit; elements of arrays have that of the array.
+/// A signal with its unit; an element of an array has the array's unit.
 fn signal(description: &ModelDescription, name: String) -> Signal {
     let of = |name: &str| description.variables.iter().find(|variable| variable.name == name);
     let variable = of(&name).or_else(|| of(name.split('[').next().unwrap_or_default()));

@@ -5,9 +5,9 @@ use std::io::Write as _;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Largest word of a number.
+/// Largest word that represents a number.
 const LARGEST: f64 = 65534.0;
-/// The word of a number that does not exist.
+/// The word for a missing number.
 const MISSING: u16 = 65535;
 
 /// Name of the only case.
@@ -22,7 +22,7 @@ pub(super) struct Column {
     log: bool,
 }
 
-/// One pair of axes, each with title, unit and `true` if it is logarithmic, and a curve, or crosses, by their two columns.
+/// A panel: two axes, each with title, unit and `true` if it is logarithmic, and a curve or crosses from two columns.
 pub(super) fn panel(title: &str, axes: [(&str, &str, bool); 2], [x, y]: [Column; 2], is_joined: bool) -> Value {
     let axis = |(title, unit, log): (&str, &str, bool)| {
         let units = [json!({"name": unit, "factor": 1.0, "offset": 0.0})];
@@ -44,7 +44,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// Adds numbers, of a logarithmic axis as logarithms.
+    /// Adds numbers; for a logarithmic axis, their logarithms.
     pub(super) fn column(&mut self, values: &[f64], log: bool) -> Column {
         let numbers: Vec<f64> = values.iter().map(|value| if log { value.log10() } else { *value }).collect();
         let known = || numbers.iter().copied().filter(|value| value.is_finite());

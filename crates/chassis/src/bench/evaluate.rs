@@ -14,7 +14,6 @@ use miette::{Result, miette};
 
 use cargo_fmu::{errln, out, outln};
 
-/// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
   chassis bench evaluate step_steer run.csv
@@ -115,7 +114,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Checks the name of a signal in a vehicle file. Notes one that no evaluator reads, which may be for `chassis bench run`.
+/// Checks the name of a signal in a vehicle file. Prints a note if no evaluator reads it: it may be for
+/// `chassis bench run`.
 fn check_signal(name: &str) -> std::result::Result<(), String> {
     if name.contains('*') {
         return Err(format!("has a pattern, `{name}`: name each signal"));

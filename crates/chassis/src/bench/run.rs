@@ -113,7 +113,7 @@ const SUITES: [(&str, &str, Suite); 5] = [
     ("ride", "Ride on rough roads", Suite::Ride),
 ];
 
-/// The name of an FMU, and its place among all of `--with` and `--base`.
+/// The name of an FMU, and its position among the options `--with` and `--base`.
 #[derive(Debug, Clone)]
 struct Placed {
     name: String,
@@ -434,7 +434,7 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
     let has_both = assessment.systems.len() > 1;
     print_systems(assessment);
     for suite in Suite::ALL {
-        // A maneuver that was left out is listed below.
+        // Maneuvers that were left out are listed below the metrics.
         let is_shown = |row: &&Row| row.suite == suite && row.id.contains('.');
         let rows: Vec<&Row> = assessment.metrics.iter().filter(is_shown).collect();
         if rows.is_empty() {
@@ -506,7 +506,7 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
     if !assessment.assumed.is_empty() {
         let signals: Vec<String> =
             assessment.assumed.iter().map(|(signal, unit)| format!("`{signal}` ({unit})")).collect();
-        errln!("note: the plant declares no unit of {}: they are taken as such", signals.join(", "));
+        errln!("note: the plant declares no unit of {}; the units in parentheses are assumed", signals.join(", "));
     }
     print_loose_ends(assessment, source);
     let count = |wanted: Verdict| assessment.metrics.iter().filter(|row| row.verdict == wanted).count();
@@ -520,7 +520,7 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
     }
 }
 
-/// Warns of controllers without a reader or a writer, and names FMUs that would be one.
+/// Warns about controllers whose outputs nothing reads and inputs that nothing writes, and names FMUs that would.
 fn print_loose_ends(assessment: &Assessment, source: &FmuFolder) {
     let with =
         |verb: &str, names: Option<String>| names.map_or(String::new(), |names| format!("; FMUs that {verb}: {names}"));

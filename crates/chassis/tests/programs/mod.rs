@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Commands of `cargo fmu`; all others are of `chassis`.
 const EXPORTER: [&str; 6] = ["check", "inspect", "linearize", "new", "pack", "trim"];
 
-/// The program with a command. That of another package is there if the workspace is tested.
+/// The program that has a command. The program of another package exists if the whole workspace is tested.
 pub(crate) fn program(command: &str) -> PathBuf {
     let chassis = PathBuf::from(env!("CARGO_BIN_EXE_chassis"));
     if !EXPORTER.contains(&command) {
