@@ -197,7 +197,7 @@ fn the_model_structure() {
     let (before, rest) = entry.split_once("dependencies=\"").expect("dependencies");
     let (_, after) = rest.split_once('"').expect("their end");
     let none = outputs.replacen(entry, &format!("{before}dependencies=\"\"{after}"), 1);
-    rescue().describe(outputs, &none).has(Severity::Error, "which its dependencies in Outputs do not name");
+    rescue().describe(outputs, &none).has(Severity::Error, "which is missing from its dependencies in Outputs");
     let open = outputs.replacen(entry, &format!("{before}{after}"), 1);
     rescue().describe(outputs, &open).has(Severity::Warning, "has no `dependencies`");
     // An output that is a state follows no input.

@@ -488,11 +488,11 @@ impl Continuous for Hiding {
     assert_eq!(
         errors,
         [
-            "error: variable `slow`: changes with `hidden`, which its dependencies in InitialUnknowns do not name; seen with \
+            "error: variable `slow`: depends on `hidden`, which is missing from its dependencies in InitialUnknowns; seen with \
              `leakage` = 1",
-            "error: variable `y`: changes with `first`, which its dependencies in Outputs do not name; seen with \
+            "error: variable `y`: depends on `first`, which is missing from its dependencies in Outputs; seen with \
              `feedthrough` = 4",
-            "error: variable `der(x)`: changes with `second`, which its dependencies in Derivatives do not name; seen with \
+            "error: variable `der(x)`: depends on `second`, which is missing from its dependencies in Derivatives; seen with \
              `damping` = 2",
         ]
     );

@@ -21,16 +21,16 @@ use std::cell::Cell;
 use std::sync::Arc;
 
 const STEPS: usize = 40;
-/// Most internal steps of an FMU with a fixed internal step size in one communication step.
+/// Maximum number of internal steps in a communication step, for an FMU with a fixed internal step size.
 const MOST_PARTS: f64 = 1000.0;
 /// Fewest steps of a useful trial run.
 const FEWEST_STEPS: usize = 4;
 
 /// Largest difference due to rounding errors, relative to the peak of an output.
 const ROUNDING: f64 = 1e-12;
-/// Largest difference due to a solver where the default experiment has no tolerance: the default of many tools.
+/// Largest difference due to a solver if the default experiment has no tolerance: the default of many tools.
 const TOLERANCE: f64 = 1e-4;
-/// Least peak that differences are relative to.
+/// Smallest peak to which differences are related.
 const SMALL: f64 = 1e-9;
 
 type Report<'a> = &'a mut dyn FnMut(Event);
@@ -101,14 +101,14 @@ pub(super) fn check(
     trial.all(checked, report);
 }
 
-/// Start and communication step of the trials, s: those of the default experiment, as far as it has them.
+/// Start and communication step of the trials, s: those of the default experiment, if it has them.
 fn start_and_step(description: &ModelDescription) -> (f64, f64) {
     let experiment = description.default_experiment;
     let start = experiment.start_time.filter(|time| time.is_finite()).unwrap_or(0.0);
     let duration = experiment.stop_time.map(|stop| stop - start).filter(|d| d.is_finite() && *d > 0.0);
     let step = experiment.step_size.filter(|step| step.is_finite() && *step > 0.0);
     let step = step.or(duration.map(|duration| duration / 1000.0)).unwrap_or(0.01);
-    // A step of many internal steps is slow and reveals no more than one of a few.
+    // A step with many internal steps is slow and reveals no more than a step with a few.
     let parts = description.co_simulation.as_ref().and_then(|unit| unit.fixed_internal_step_size);
     let longest = parts.map(|part| MOST_PARTS * part).filter(|longest| *longest > 0.0);
     (start, longest.map_or(step, |longest| step.min(longest)))
@@ -140,7 +140,7 @@ fn describe(error: &CallError) -> String {
     if said.is_empty() { problem.to_owned() } else { format!("{problem} ({earlier}\"{}\")", said.join("\", \"")) }
 }
 
-/// Returns the finding about a missing derivative. A discarded call means that it is not finite there.
+/// Returns the finding about a missing derivative. A discarded call means that the derivative is not finite there.
 fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
     let problem = describe(error);
     if error.is_discarded() {
@@ -252,9 +252,11 @@ impl Trial<'_> {
         }
     }
 
-    /// Number of steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation.
+    /// Number of steps of a run. One instance can take twice as many. The number is smaller if the FMU ends the
+    /// simulation.
     ///
-    /// It may do so by fmi2Discard and fmi2Terminated, or by the outcome of fmi3DoStep. Other failures are found by `runs`.
+    /// The FMU may do so by fmi2Discard and fmi2Terminated, or by the outcome of fmi3DoStep. Other failures are found
+    /// by `runs`.
     fn length(&self) -> usize {
         let Ok(mut instance) = self.started("length") else { return STEPS };
         for k in 0..2 * STEPS {
@@ -308,7 +310,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Inputs that change from step to step, by the size of their start values.
+    /// Inputs that change from step to step, in proportion to their start values.
     fn input(&self, k: usize) -> Vec<f64> {
         let value = |(j, &i): (usize, &usize)| {
             let start = self.start_of(i);
@@ -447,7 +449,8 @@ fn instantiation(
     true
 }
 
-/// True for a scalar whose start value fits into a value; the trials vary such variables one by one.
+/// True for a scalar, not an alias, with a start value that [`Value`] can represent. The trials vary such variables one
+/// by one.
 fn is_plain(variable: &Variable) -> bool {
     !variable.is_array() && variable.alias_of.is_none() && variable.other_start.is_none()
 }
@@ -458,7 +461,7 @@ fn is_same_derivative(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())
 }
 
-/// Magnitude that changes of a value are relative to.
+/// Magnitude to which changes of a value are related.
 fn size(value: f64) -> f64 {
     value.abs().max(1.0)
 }

@@ -1,5 +1,5 @@
-//! Validates FMUs made with any tool: does the description keep the rules of FMI 2.0 or 3.0, and does the binary do what
-//! the description says, for co-simulation and model exchange?
+//! Validates FMUs made with any tool: does the description follow the rules of FMI 2.0 or 3.0, and does the binary do
+//! what the description promises, in co-simulation and model exchange?
 //!
 //! The rules of the description are in FMI 2.0.4, sections 2.2, 3.3 and 4.3, and in FMI 3.0.2, section 2.4; `rules`
 //! checks them. Validators that only read XML cannot know whether a start value is the real one, whether an output
@@ -103,7 +103,7 @@ impl fmt::Display for Finding {
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
-        // Both may contain text of the FMU, no line of which must look like another finding.
+        // Both may contain text from the FMU, in which no line must look like another finding.
         let (subject, message) = (terminal::line(&self.subject), terminal::indented(&self.message, "    "));
         write!(f, "{severity}: {subject}: {message}")
     }
@@ -117,7 +117,7 @@ pub enum Event {
     Trying {
         /// Name of the trial.
         trial: String,
-        /// Question that a crash in it answers.
+        /// Question that a crash in this trial answers.
         topic: Topic,
     },
     /// A finding.
@@ -212,7 +212,7 @@ const MAX_FINDINGS: usize = 1000;
 
 /// Checks a `.fmu` file.
 ///
-/// The binary is loaded and runs in this process, so call it in a process of its own where a crash matters.
+/// The binary is loaded and runs in this process, so call this function in a separate process if a crash matters.
 pub fn check(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
     let (mut reported, mut errors, mut warnings) = (0, 0, 0);
     let mut report_some = |event| {
@@ -266,7 +266,7 @@ fn imports(module: &Path) -> Option<Finding> {
     let names = Names::read(&std::fs::read(module).ok()?)?;
     let message = || {
         format!(
-            "the module for WebAssembly imports {}; FMI has functions that it exports only",
+            "the WebAssembly module imports {}; importers provide no functions, so an FMU must not import any",
             names.imports.join(", ")
         )
     };
@@ -341,7 +341,7 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
         });
         match loaded {
             Ok(library) => libraries.push((interface, library)),
-            // One file may be the library of both.
+            // One file may be the library of both interfaces.
             Err(problem) if problems.contains(&problem) => (),
             Err(problem) => {
                 if is_first {
@@ -381,6 +381,6 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
 }
 
 fn missing(function: &str, fmi: FmiVersion) -> Finding {
-    let message = format!("is not exported by the binary; all functions of FMI {fmi} have to be there");
+    let message = format!("is not exported by the binary; all functions of FMI {fmi} must be exported");
     Finding::error(function, message)
 }

@@ -23,7 +23,7 @@ pub(super) fn check(text: &str, description: &ModelDescription, report: Report<'
     general(description, report);
     definitions(description, report);
     let known = Known::new(description);
-    // The rules of an alias are those of its variable.
+    // An alias follows the rules of its variable.
     for variable in description.variables.iter().filter(|variable| variable.alias_of.is_none()) {
         rules_of_variable(description, variable, &known, report);
     }
@@ -46,7 +46,7 @@ fn written_attributes(root: &Element, report: Report<'_>) {
             let message = format!("has initial=\"{initial}\", but causality=\"{causality}\" may have none");
             report(Finding::error(variable_named(name), message));
         }
-        // Other causalities may not be discrete either, which the rules of the variable find.
+        // Other causalities may not be discrete either; the rules of the variable report that.
         let can_be_discrete = matches!(causality, None | Some("input" | "output" | "local"));
         let of_type =
             ["Integer", "Boolean", "String", "Enumeration"].into_iter().find(|name| element.child(name).is_some());
@@ -139,7 +139,7 @@ fn is_date_time(text: &str) -> bool {
     numbers(date, '-', &[4, 2, 2]) && numbers(time, ':', &[2, 2, 2]) && is_fraction && is_zone
 }
 
-/// Lookup tables for what variables refer to, independent of the number of definitions.
+/// Lookup tables for the definitions that variables refer to.
 struct Known<'a> {
     display_units: HashSet<(&'a str, &'a str)>,
     /// Values of the items of each enumeration.
@@ -160,7 +160,7 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Units are defined once each.
+/// Checks that each unit is defined once.
 fn definitions(description: &ModelDescription, report: Report<'_>) {
     let mut names = HashSet::new();
     for unit in description.units.iter().filter(|unit| !names.insert(&unit.name)) {
@@ -195,7 +195,7 @@ fn rules_of_variable(description: &ModelDescription, variable: &Variable, known:
     }
     let is_initial_allowed = match causality {
         Causality::Parameter | Causality::StructuralParameter => initial == Some(Initial::Exact),
-        // FMI 3.0 allows no other; FMI 2.0 allows none, which `written_attributes` checks.
+        // FMI 3.0 allows only these; FMI 2.0 allows no `initial`, which `written_attributes` checks.
         Causality::Input if description.fmi == FmiVersion::V3 => matches!(initial, None | Some(Initial::Exact)),
         Causality::CalculatedParameter => initial != Some(Initial::Exact),
         _ => true,
@@ -269,7 +269,7 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
 fn is_structured(name: &str) -> bool {
     let inner = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')'));
     let Some(inner) = inner else { return is_identifier(name) };
-    // A derivative of an array element has a comma in its index, that of a higher order one behind it.
+    // The index of an array element may contain a comma; a derivative of higher order has a comma after the index.
     let (variable, order) = match inner.rsplit_once(',') {
         Some((variable, order)) if !order.ends_with(']') => (variable, order),
         _ => (inner, "1"),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The job of workers that [`serve`].
+/// Job name of workers that [`serve`].
 pub const JOB: &str = "check";
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ struct Request(PathBuf, Options);
 enum Response {
     /// Progress or a finding of a check; more follows.
     Event(Event),
-    /// All is done.
+    /// The check is done.
     Done,
 }
 

@@ -1,4 +1,4 @@
-//! `check` on FMUs built from C in a temporary folder, with behavior that ours never have.
+//! `check` on FMUs built from C in a temporary folder, with behavior that no FMU exported by this project has.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -30,7 +30,7 @@ fn an_fmu_may_end_the_simulation() {
     let build = |ends, flags| Build { ends, flags, ..Build::new("Ends", "u", "x") };
     let states = "canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"";
     assert_eq!(found(&build(None, states)), []);
-    // In the second half of the 80 steps of 0.01 s that one instance takes, and in the first.
+    // The FMU ends in the second half of the 80 steps of 0.01 s that one instance takes, then in the first half.
     assert_eq!(found(&build(Some((0.5, true)), states)), []);
     assert_eq!(found(&build(Some((0.2, true)), states)), []);
     let discarded = found(&build(Some((0.5, false)), states));
@@ -58,7 +58,7 @@ fn lines(build: &Build) -> Vec<String> {
 const FLAGS: &str = "canHandleVariableCommunicationStepSize=\"true\" canInterpolateInputs=\"true\" \
                      maxOutputDerivativeOrder=\"2\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"";
 
-/// Lines that a defect adds to those of the FMU without it.
+/// Lines that a defect adds to the lines about the FMU without the defect.
 fn added(defects: &[&str], flags: &str, edits: &[(&str, &str)]) -> Vec<String> {
     let sound = ["SLOPES=2"];
     let build = Build { flags, edits, defects: &sound, ..Build::new("Fault", "u", "x") };
@@ -80,7 +80,7 @@ fn only(found: &[String], expected: &str) {
     assert!(matches!(found, [line] if line.starts_with(expected)), "{expected:?} was expected, not {found:#?}");
 }
 
-/// FMI 2.0.4, section 2.1.6: after fmi2Reset the FMU is as after fmi2Instantiate; all start values are the ones of the
+/// FMI 2.0.4, section 2.1.6: after fmi2Reset the FMU is as after fmi2Instantiate; all start values are those in the
 /// description.
 #[test]
 fn a_reset_that_keeps_something_is_found() {
@@ -98,7 +98,7 @@ fn a_reset_that_keeps_something_is_found() {
     }
 }
 
-/// FMI 2.0.4, section 2.1.8: a state has everything that the further steps depend on, parameters and inputs included.
+/// FMI 2.0.4, section 2.1.8: a state has everything that later steps depend on, including parameters and inputs.
 #[test]
 fn a_state_that_lacks_something_is_found() {
     for (defect, expected) in [
@@ -113,7 +113,7 @@ fn a_state_that_lacks_something_is_found() {
     }
 }
 
-/// A difference is a note as large as rounding errors, a warning within the tolerance, and an error beyond.
+/// A difference is a note up to rounding errors, a warning up to the tolerance, and an error above.
 #[test]
 fn a_state_that_goes_on_otherwise_is_graded() {
     let otherwise = "fmi2SetFMUstate: a restored state continues differently; first `x`: ";
@@ -177,7 +177,7 @@ fn capabilities_that_are_not_there_are_found() {
     assert!(bytes_only.iter().any(|line| line.starts_with("error: canSerializeFMUstate: ")), "{bytes_only:#?}");
 }
 
-/// Directional derivatives are asked for also where the model structure leaves none that is nonzero, and by states.
+/// The check also requests directional derivatives if all are 0 by the model structure, and with respect to states.
 #[test]
 fn directional_derivatives_that_are_rejected_are_found() {
     const STATE: &str = "<ScalarVariable name=\"rate\" valueReference=\"0\"><Real derivative=\"2\"/></ScalarVariable>\n</ModelVariables>";
@@ -225,11 +225,11 @@ fn initial_unknowns_that_follow_more_than_they_name_are_found() {
         let defects = [format!("FOLLOW={follow}")];
         let defects: Vec<&str> = defects.iter().map(String::as_str).collect();
         let found = lines(&Build { edits: &edits, defects: &defects, ..Build::new("Fault", "u", "x") });
-        found.into_iter().filter(|line| line.contains("InitialUnknowns do not name")).collect::<Vec<_>>()
+        found.into_iter().filter(|line| line.contains("missing from its dependencies")).collect::<Vec<_>>()
     };
     let line = |unknown: &str, known: &str| {
         format!(
-            "error: variable `{unknown}`: changes with `{known}`, which its dependencies in InitialUnknowns do not name"
+            "error: variable `{unknown}`: depends on `{known}`, which is missing from its dependencies in InitialUnknowns"
         )
     };
     let sum = "i->v.real[1]=i->v.real[3]+i->v.real[0]+i->v.boolean[0]+strlen(i->label)";

@@ -42,9 +42,9 @@ fn defects_of_model_exchange_are_found() {
         (
             two,
             "FOREVER",
-            "error: fmi2NewDiscreteStates: needs another update after 1000 of them: the event at 0 s does not end",
+            "error: fmi2NewDiscreteStates: needs another update after 1000 updates: the event at 0 s does not end",
         ),
-        (three, "FOREVER", "error: fmi3UpdateDiscreteStates: needs another update after 1000 of them"),
+        (three, "FOREVER", "error: fmi3UpdateDiscreteStates: needs another update after 1000 updates"),
         (two, "NOT_FINITE", "error: fmi2GetDerivatives: gives NaN for `x` at the start"),
         (three, "NOT_FINITE", "error: fmi3GetContinuousStateDerivatives: gives NaN for `x` at the start"),
         (
@@ -85,7 +85,7 @@ fn defects_of_model_exchange_are_found() {
         (
             three,
             "UNEXPORTED",
-            "error: fmi3ActivateModelPartition: is not exported by the binary; all functions of FMI 3.0 have to be there",
+            "error: fmi3ActivateModelPartition: is not exported by the binary; all functions of FMI 3.0 must be exported",
         ),
         (three, "EARLY", "error: runs: fmi3DoStep returned before the end of the step, which was not allowed"),
         (three, "ENDS=0.02", "warning: fmi3DoStep: ends the simulation within 8 steps of 0.01 s"),
@@ -120,7 +120,7 @@ fn writes_without_elements_are_found() {
     }
 }
 
-/// The states of such an FMU have no variables: their derivatives are named instead.
+/// The states of such an FMU have no variables, so messages name the derivatives instead.
 #[test]
 fn derivatives_without_a_state_of_their_size_are_checked() {
     let [two, three] = [FmiVersion::V2, FmiVersion::V3];
@@ -183,7 +183,7 @@ fn rules_of_descriptions_of_fmi_3() {
         (
             "reinit=\"true\"",
             "reinitialize=\"true\"",
-            "error: <Float64>, line 12: FMI 3.0 knows no attribute `reinitialize` here",
+            "error: <Float64>, line 12: FMI 3.0 has no attribute `reinitialize` here",
         ),
         (
             "<Output valueReference=\"1\" dependencies=\"\"/>",
@@ -198,7 +198,7 @@ fn rules_of_descriptions_of_fmi_3() {
         (
             "<Output valueReference=\"5\" dependencies=\"1 4\"/>",
             "<Output valueReference=\"5\" dependencies=\"1\"/>",
-            "error: variable `y`: changes with `u`, which its dependencies in Output do not name",
+            "error: variable `y`: depends on `u`, which is missing from its dependencies in Output",
         ),
         (
             "<EventIndicator valueReference=\"7\"",

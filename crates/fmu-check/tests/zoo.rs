@@ -1,4 +1,4 @@
-//! FMUs with the habits of other tools: what the loader takes, and what `check` reports.
+//! FMUs with the habits of other tools: what the loader accepts, and what `check` reports.
 #![cfg(unix)]
 
 #[path = "../../../tests/zoo/zoo.rs"]
@@ -123,7 +123,7 @@ fn a_step_that_takes_much_stack_is_reported() {
     assert_eq!(topic, Topic::Simulation);
 }
 
-/// Times are from the start on; an FMU that fails from a later one has a warning.
+/// Times are counted from the start. An FMU that fails only from a later start time gets a warning.
 #[test]
 fn another_start_time_is_tried() {
     for fmi in VERSIONS {
@@ -157,7 +157,7 @@ fn resets_are_two_findings() {
     }
 }
 
-/// FMI 2.0.4, section 2.2.1: `modelIdentifier` is a C identifier. Other names of files work all the same.
+/// FMI 2.0.4, section 2.2.1: `modelIdentifier` is a C identifier. Other file names work anyway.
 #[test]
 fn identifiers_that_are_not_of_c_are_findings() {
     for fmi in VERSIONS {

@@ -7,7 +7,8 @@ use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Vari
 use fmu_system::run::{Component, Run, Setting};
 use std::collections::BTreeMap;
 
-/// Adjustable numbers of a run. Inputs whose names differ in the last part only, such as the friction at each wheel, are one.
+/// Adjustable numbers of a run. Inputs whose names differ only in the last part, such as the friction at each wheel,
+/// share one.
 pub(crate) fn of_run(run: &Run, fmus: &Fmus) -> Vec<Adjustable> {
     run.components
         .iter()
@@ -57,7 +58,7 @@ fn group(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(group, _)| group)
 }
 
-/// Names of the inputs of an id, which may be `component:group.*`.
+/// Names of the inputs that an id means, which may be `component:group.*`.
 pub(crate) fn variables(component: &Component, name: &str) -> Vec<String> {
     match name.strip_suffix(".*") {
         Some(wanted) => {
@@ -98,7 +99,7 @@ fn adjustable(
     }
 }
 
-/// Declared limits, as far as a slider can use them; else three times the value.
+/// Declared limits if a slider can use them, otherwise three times the value.
 fn limits(variable: &Variable, value: f64) -> (f64, f64) {
     if variable.base_type == BaseType::Boolean {
         return (0.0, 1.0);

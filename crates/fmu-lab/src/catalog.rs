@@ -11,10 +11,10 @@ use serde_json::{Value as Json, json};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Id of the maneuver of an FMU that runs without others, and name of its component.
+/// Id of the maneuver for an FMU that runs alone, and name of its component.
 pub(crate) const ALONE: &str = "alone";
 
-/// FMUs that are part of every system, and those that only explicit connections join to others.
+/// FMUs that are not offered as controllers: they are part of every system, or need explicit connections.
 const OTHERS: [&str; 6] = ["Driver", "PathDriver", "Road", "Sensor", "Actuator", "BrakeAndDriveActuators"];
 
 /// Ids and titles of the roads: flat, and the classes of ISO 8608.
@@ -77,7 +77,7 @@ pub(crate) fn catalog(fmus: &Fmus, systems: &Systems, scenarios: &[Scenario]) ->
         let is_controller = |vehicle: &Vehicle| vehicle.controllers.iter().any(|controller| controller.fmu == *name);
         vehicles.iter().any(|vehicle| vehicle.fmu == *name || is_controller(vehicle))
     };
-    // FMUs that fit no vehicle run without others.
+    // FMUs that fit no vehicle run alone.
     let alone: Vec<String> = fmus.dropped.iter().filter(|name| !is_part(name)).cloned().collect();
     vehicles.extend(alone.iter().filter_map(|name| lone(name, fmus)));
     let alone = (!alone.is_empty())
@@ -128,7 +128,7 @@ fn names(description: &ModelDescription, causality: Causality) -> BTreeSet<&str>
     variables.map(|variable| variable.name.as_str()).collect()
 }
 
-/// An FMU that runs without others.
+/// An FMU that runs alone.
 fn lone(name: &str, fmus: &Fmus) -> Option<Vehicle> {
     let description = fmus.descriptions.get(name)?;
     Some(Vehicle {
@@ -196,7 +196,8 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
     })
 }
 
-/// Controllers of the paper: those of the vehicle's scenario that has most of the fitting ones, in the last case that has them.
+/// Controllers of the paper: those of the vehicle's scenario with the most fitting controllers, in the last case that
+/// has them.
 fn defaults(vehicle: &str, controllers: &[&String], scenarios: &[Scenario]) -> Vec<String> {
     let mut best: Vec<String> = Vec::new();
     for scenario in scenarios.iter().filter(|scenario| scenario.vehicle == vehicle && !scenario.id.starts_with("swap_"))

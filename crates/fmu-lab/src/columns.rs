@@ -42,7 +42,7 @@ pub(crate) fn show_all(run: &mut Run, fmus: &Fmus, plant: &str) -> Vec<Shown> {
         }
     }
     for shown in &mut shown {
-        // The drawing looks for the plant's signals by their own names.
+        // The drawing finds the plant's signals by their plain names.
         if count[&shown.variable] > 1 && shown.component != plant {
             shown.column.name = format!("{}:{}", shown.component, shown.variable);
         }
@@ -69,7 +69,7 @@ pub(crate) fn display(description: &ModelDescription, variable: &Variable) -> Di
     let own = variable.unit.as_deref().unwrap_or_default();
     let units = description.display_units(variable);
     let wanted = variable.display_unit.as_ref().and_then(|name| units.iter().find(|unit| unit.name == *name));
-    // A factor alone does not show units with an offset.
+    // The page has no offsets, so it cannot show units with one.
     match wanted.filter(|unit| unit.offset == 0.0) {
         Some(unit) => Display::new(&unit.name, unit.factor),
         None => Display::new(own, 1.0),

@@ -20,7 +20,7 @@ pub(crate) struct Driver {
     readers: BTreeMap<String, Vec<Input>>,
     /// Front steering angle at full lock, rad.
     largest_steer: f64,
-    /// Of a plant with prescribed speed, m/s.
+    /// Speed of a plant with prescribed speed, m/s.
     pub(crate) speed: f64,
     /// `None` while the visitor does not drive.
     pub(crate) driving: Option<Driving>,
@@ -57,7 +57,7 @@ impl Driver {
     pub(crate) fn step(&mut self, step: f64) -> Vec<(&'static str, f64)> {
         let Some(driving) = self.driving else { return Vec::new() };
         let change = ACCELERATION * driving.throttle - DECELERATION * driving.brake;
-        // Plants with prescribed speed have equations that divide by it.
+        // Plants with prescribed speed have equations that divide by the speed.
         self.speed = (self.speed + change * step).max(1.0);
         SIGNALS.into_iter().filter_map(|signal| Some((signal, self.value(signal)?))).collect()
     }

@@ -31,7 +31,7 @@ pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String
     Ok((format!("{}_wasm32.ssp", system.name), file.into_inner()))
 }
 
-/// An archive with what the lab has of an FMU.
+/// An archive with the description and the module of an FMU.
 fn fmu(file: &str, fmus: &Fmus) -> io::Result<Vec<u8>> {
     let name = name_of(file);
     let description = fmus.described(file).zip(fmus.text(name));

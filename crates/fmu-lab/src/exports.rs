@@ -46,7 +46,7 @@ pub(crate) fn module(fmu: &str) -> Vec<u8> {
     }
 }
 
-/// There is no worker.
+/// Outside of WebAssembly there is no worker.
 #[cfg(not(target_family = "wasm"))]
 pub(crate) fn module(_fmu: &str) -> Vec<u8> {
     Vec::new()
@@ -61,7 +61,7 @@ pub extern "C" fn lab_allocate(size: usize) -> *mut u8 {
 /// Frees memory of [`lab_allocate`].
 ///
 /// # Safety
-/// The memory is from there, with this size, and is freed once.
+/// The memory is from [`lab_allocate`], with this size, and is freed once.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lab_free(memory: *mut u8, size: usize) {
     // SAFETY: promised by the caller.
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn lab_free(memory: *mut u8, size: usize) {
 /// Answers a request. Returns the length of the response; that of a failure is negative.
 ///
 /// # Safety
-/// Both pointers are to as many bytes as stated, which nothing else changes.
+/// Each pointer is to as many bytes as stated, which nothing else changes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lab_request(text: *const u8, length: usize, body: *const u8, size: usize) -> isize {
     // SAFETY: promised by the caller.

@@ -1,4 +1,4 @@
-//! Prepares systems to run, by their parts or from scenarios.
+//! Prepares systems to run, from parts or from scenarios.
 
 use crate::adjust;
 use crate::catalog::{self, ALONE, Scenario};
@@ -166,7 +166,7 @@ fn of_scenario(scenario: &Scenario, case: &str, seed: i32) -> Result<Prepared, F
     let plan = &scenario.plan;
     let known = plan.cases.iter().find(|known| known.name == case);
     let known = known.ok_or_else(|| Failure::new(format!("`{}` has no case `{case}`", scenario.id)))?;
-    // Of a sweep the first point; without such a seed the first one.
+    // Takes the first point of a sweep, and the first seed if the scenario does not have the requested one.
     let of_case: Vec<&Run> = plan.runs.iter().filter(|run| run.case == case).collect();
     let run = of_case.iter().find(|run| run.seed == Some(seed)).or(of_case.first()).copied();
     let run = run.ok_or_else(|| Failure::new(format!("`{}` has no run of the case `{case}`", scenario.id)))?;

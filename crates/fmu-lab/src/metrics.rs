@@ -1,4 +1,4 @@
-//! Numbers of the runs so far.
+//! Metrics of the runs so far.
 
 use crate::free::Source;
 use crate::requests::Metric;
@@ -54,7 +54,7 @@ fn of_scenario(systems: &[Recorded<'_>]) -> Vec<Metric> {
                     let known = plan.cases.iter().find(|known| known.name == case(system));
                     let baseline = known.and_then(|known| known.baseline.as_deref());
                     let other = systems.iter().position(|other| Some(case(other)) == baseline);
-                    // The baseline may be behind.
+                    // The baseline may have fewer rows.
                     let rows = times.len();
                     let of_baseline = other.filter(|other| systems[*other].recording.time.len() >= rows).map(|other| {
                         all[other].iter().map(|(column, values)| (*column, &values[..rows])).collect::<Columns<'_>>()

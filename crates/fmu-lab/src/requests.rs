@@ -21,7 +21,7 @@ pub(crate) enum Request {
         name: String,
         description: String,
     },
-    /// Ends the systems that run and makes others. Response: `Opened`, or `Needs`.
+    /// Ends the running systems and opens others. Response: `Opened`, or `Needs`.
     Open {
         setup: Setup,
         /// FMUs whose modules are there.
@@ -41,7 +41,7 @@ pub(crate) enum Request {
     Drive {
         driving: Driving,
     },
-    /// Numbers of the runs so far. Response: list of [`Metric`].
+    /// Metrics of the runs so far. Response: list of [`Metric`].
     Metrics,
     /// The recording as CSV, which is the body.
     Csv {

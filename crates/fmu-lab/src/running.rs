@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 
 /// Time between two saved states, s.
 const BETWEEN_STATES: f64 = 1.0;
-/// Least time between two rows for the page, s.
+/// Minimum time between two rows for the page, s.
 const BETWEEN_ROWS: f64 = 0.01;
 
 /// Action of the visitor while a system runs. It is kept, because rewinding to a time between two saved states repeats it.
@@ -47,7 +47,7 @@ pub(crate) struct Running {
     /// The driver at the start.
     first_driver: Option<Driver>,
     pub(crate) simulation: Simulation,
-    /// With a slot for each output.
+    /// The run, with a slot for each output.
     pub(crate) run: Run,
     pub(crate) shown: Vec<Shown>,
     session: Session,
@@ -151,7 +151,7 @@ impl Running {
             }
         }
         let ended = self.session.step();
-        // An FMU that ends the simulation at the end of the step has made it.
+        // An FMU that ends the simulation at the end of the step has made the step.
         let is_whole = ended.as_ref().err().is_none_or(|error| error.kind == FailureKind::Terminated);
         if is_whole && self.session.steps() > step {
             self.record();
@@ -235,7 +235,7 @@ impl Running {
         variable.ok_or_else(|| Failure::new(format!("the system has no `{component}:{name}`")))
     }
 
-    /// Returns the input, whose value is set from here from now on.
+    /// Returns a handle of the input, whose value the visitor sets from now on.
     fn overwrite(&mut self, component: &str, name: &str) -> Result<Overwrite, Failure> {
         let key = (component.to_owned(), name.to_owned());
         if let Some(input) = self.overwrites.get(&key) {
@@ -327,7 +327,7 @@ impl Running {
         self.recording.columns.iter_mut().flatten().for_each(|column| column.truncate(rows));
     }
 
-    /// Stops a system whose code has failed elsewhere.
+    /// Stops a system after a failure outside of its steps.
     pub(crate) fn fail(&mut self, message: &str) {
         let time = self.time();
         self.stopped = Some(Stopped { time, component: String::new(), message: message.to_owned() });

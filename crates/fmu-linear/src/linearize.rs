@@ -1,4 +1,4 @@
-//! Linear models of FMUs with continuous states, by their directional derivatives, or by differences in model exchange.
+//! Linear models of FMUs with continuous states, from directional derivatives, or from differences in model exchange.
 
 use fmu_import::archive::Archive;
 use fmu_import::description::{BaseType, Causality, DataType, Initial, Interface, ModelDescription, Value, Variable};
@@ -24,8 +24,8 @@ pub struct Linear {
     pub by_differences: bool,
 }
 
-/// Step of central differences, relative to the value or its nominal value: the cube root of the rounding error, at which rounding and
-/// truncation errors are about equal; for doubles (1e-16), and for a variable that is a Float32 (6e-8).
+/// Step of central differences for doubles and for Float32, relative to the value or its nominal value. It is the cube
+/// root of the rounding error (1e-16 and 6e-8), at which rounding and truncation errors are about equal.
 const DIFFERENCE: [f64; 2] = [6e-6, 4e-3];
 /// Largest number of iterations of the first event.
 const ROUNDS: usize = 100;
@@ -48,7 +48,7 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     }
     if !has_derivatives && !has_differences {
         return cannot(
-            "it has neither directional derivatives nor the interface for model exchange, by which differences replace them; \
+            "it has neither directional derivatives nor the interface for model exchange, which differences need; \
              export it with one of the two",
         );
     }
@@ -167,7 +167,7 @@ pub(crate) fn interface(description: &ModelDescription) -> (Interface, bool) {
     }
 }
 
-/// The scalar variable of a name, and its index.
+/// Finds the scalar variable with a name, and its index.
 pub(crate) fn find<'d>(description: &'d ModelDescription, name: &str) -> Result<(usize, &'d Variable), String> {
     let index = description.index(name).ok_or_else(|| {
         let near = suggestion(name, description.variables.iter().map(|variable| variable.name.as_str()));

@@ -1,9 +1,9 @@
 //! Steady states of FMUs with continuous states, by Newton's method on the exact Jacobian.
 //!
-//! A steady state is a point at which the derivatives of all states vanish, but for those that only integrate others: nothing
-//! depends on the position and the heading of a vehicle, so they drift. Equations are scaled by the nominal values of the
-//! states. `plant` evaluates the FMU in Initialization Mode, so that a steady state is one in which the FMU can be started;
-//! `newton` solves.
+//! A steady state is a point at which the derivatives of all states vanish, except for states that only integrate other
+//! states: nothing depends on the position and the heading of a vehicle, so they drift. Equations are scaled by the
+//! nominal values of the states. `plant` evaluates the FMU in Initialization Mode, so that the FMU can be started in a
+//! steady state; `newton` solves the equations.
 
 mod newton;
 mod plant;
@@ -21,9 +21,9 @@ use std::path::Path;
 /// Largest derivative at a steady state, relative to the nominal value, 1/s.
 pub const TOLERANCE: f64 = 1e-10;
 
-/// The speed state that a pedal plant holds, and its name in a plant of prescribed speed.
+/// The speed state that is held in a plant with pedals, and its name in a plant with prescribed speed.
 const SPEED: [&str; 2] = ["vehicle.speed", "driver.speed"];
-/// The inputs that keep the speed of a pedal plant.
+/// Prefix of the inputs that hold the speed of a plant with pedals.
 const DRIVE: &str = "drive_torque.";
 
 /// A steady state.
@@ -33,16 +33,16 @@ pub struct SteadyState {
     pub states: Vec<TrimmedState>,
     /// The inputs that were free, with their values in the units of the variables.
     pub inputs: Vec<(String, f64)>,
-    /// Variables and values, in their units, with which the FMU starts in this state: parameters and inputs as given, states,
-    /// free inputs. Drifting states that were not given are not among them.
+    /// Variables and values, in their units, with which the FMU starts in this state: parameters and inputs as given,
+    /// states, free inputs. Drifting states are included only if given.
     pub starts: Vec<(String, Value)>,
     /// Largest derivative of a state at rest, relative to its nominal value, 1/s.
     pub residual: f64,
-    /// States that the equations leave open, so that they keep their start values: the steady state is one of many.
+    /// States that the equations do not determine. They keep their start values; the steady state is one of many.
     pub undetermined: Vec<String>,
-    /// Jacobian of the derivatives of the states that do not drift with respect to these, column by column.
+    /// Jacobian of the derivatives of the states that do not drift with respect to these states, column by column.
     pub jacobian: Vec<f64>,
-    /// Steps of the solver.
+    /// Number of solver steps.
     pub iterations: usize,
 }
 
@@ -72,7 +72,7 @@ pub enum StateRole {
     Rests,
     /// It rests, at a value that was given.
     Held,
-    /// It integrates others, and no other state depends on it.
+    /// It integrates other states, and no other state depends on it.
     Drifts,
 }
 
@@ -83,7 +83,7 @@ pub struct Request {
     pub given: Vec<(usize, Value)>,
     /// States that keep a value; `None` for their start value.
     pub held: Vec<(usize, Option<f64>)>,
-    /// Inputs that are sought. Those of a group have one value.
+    /// Inputs that are sought. The inputs of a group share one value.
     pub free: Vec<Vec<usize>>,
     /// Time, s.
     pub time: f64,
@@ -92,8 +92,9 @@ pub struct Request {
 impl Request {
     /// Creates the request for names and values. `free` are groups of inputs that are sought.
     ///
-    /// A state that is given is held. A plant with the state `vehicle.speed` holds it in any case, and without `free` its inputs
-    /// `drive_torque.*` are sought, as long as none of them is given. `driver.speed` names the speed of such a plant, too.
+    /// A state that is given is held. A plant with the state `vehicle.speed` holds it in any case, and without `free`
+    /// its inputs `drive_torque.*` are sought, as long as none of them is given. `driver.speed` also means the speed of
+    /// such a plant.
     pub fn new(
         description: &ModelDescription,
         settings: &[(String, String)],
@@ -181,7 +182,7 @@ pub fn check(description: &ModelDescription) -> Result<(), String> {
     let (_, has_derivatives) = interface(description);
     if !has_derivatives || description.derivatives.is_empty() {
         return Err(format!(
-            "{model} has no steady state: it lists no continuous states with directional derivatives (only plants do)"
+            "{model} has no steady state: it lists no continuous states with directional derivatives, which a plant does"
         ));
     }
     for unknown in &description.derivatives {
@@ -218,7 +219,7 @@ pub fn trim(path: &Path, settings: &[(String, String)], free: &[Vec<String>]) ->
     Ok(steady)
 }
 
-/// Finds the steady state of an FMU, with instances from `instantiate`, of which one lives at a time.
+/// Finds the steady state of an FMU, with instances from `instantiate`, one at a time.
 pub fn steady(
     description: &ModelDescription,
     request: &Request,

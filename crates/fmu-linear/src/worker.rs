@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The job of workers that [`serve`].
+/// Job name of workers that [`serve`].
 pub const JOB: &str = "linear";
 
 #[derive(Debug, Serialize, Deserialize)]

@@ -5,7 +5,7 @@
 //! largest eigenvalue shows how far the judgments contradict each other.
 //!
 //! Reference: Applied Sciences 2020, 10, 1852, equations 26 to 28 and Table 3; Saaty, The Analytic Hierarchy Process,
-//! 1980. Equation 27 lacks the division by the order in print.
+//! 1980. In print, equation 27 lacks the division by the order.
 
 /// Mean consistency index of random matrices of order 1 to 8 (Table 3); 9 and 10 are Saaty's.
 const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.45, 1.49];
@@ -13,7 +13,7 @@ const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.
 /// Judgments with a consistency ratio above this are rejected.
 const MAX_RATIO: f64 = 0.10;
 
-/// Maximum deviation from 1 of the product of an entry and its counterpart: room for 0.333333.
+/// Maximum deviation from 1 of the product of an entry and its counterpart. It allows 0.333333 for 1/3.
 const RECIPROCAL_SLACK: f64 = 1e-5;
 
 /// Weights and how consistent the judgments are.
@@ -25,7 +25,7 @@ pub struct Weights {
     pub lambda_max: f64,
     /// Consistency index (lambda_max - n)/(n - 1).
     pub index: f64,
-    /// Consistency ratio: the index over that of random judgments; 0 for up to two features.
+    /// Consistency ratio: the index divided by that of random judgments; 0 for up to two features.
     pub ratio: f64,
 }
 
@@ -102,8 +102,8 @@ fn multiply(matrix: &[Vec<f64>], q: &[f64]) -> Vec<f64> {
     matrix.iter().map(|row| row.iter().zip(q).map(|(t, q)| t * q).sum()).collect()
 }
 
-/// Power iteration. A positive matrix has one eigenvalue of largest magnitude and a positive eigenvector to it, so it
-/// converges from any positive start; ours are within a factor of 9 of each other, so a few dozen steps are enough.
+/// Power iteration. A positive matrix has a single eigenvalue of largest magnitude, with a positive eigenvector, so the
+/// iteration converges from any positive start. Judgments are between 1/9 and 9, so a few dozen steps are enough.
 fn principal_eigenvector(matrix: &[Vec<f64>]) -> Vec<f64> {
     let mut q = vec![1.0 / matrix.len() as f64; matrix.len()];
     for _ in 0..1000 {
@@ -135,8 +135,8 @@ mod tests {
         ]
     }
 
-    /// Reference: an eigenvalue solver of another program on the same matrix, printed with four digits (hence half a
-    /// unit of the last digit).
+    /// Reference: the eigenvalue solver of another program, printed with four digits. The tolerance is half a unit in
+    /// the last digit.
     #[test]
     fn the_ride_matrix() {
         let w = weights(&ride()).unwrap();
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn the_ride_weights_are_those_of_table_4() {
         let gamma = [1.0, 0.6079, 826.56, 13_225.0, 184_819.6, 9_184.0];
-        // tau_4 lost its decimal point in print: 2100.00
+        // In print, tau_4 lacks its decimal point: 2100.00.
         let table_4 = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
         let w = weights(&ride()).unwrap();
         for i in 0..6 {

@@ -9,17 +9,17 @@ use crate::search::{Evaluate, Random, Stop, ranking};
 use libm::{exp, log, pow, sqrt};
 use nalgebra::{DMatrix, DVector};
 
-/// Version of the points that a seed gives; histories of another one are not continued.
+/// Version of the search: another version gives other points for a seed, so its histories are not continued.
 pub(crate) const VERSION: &str = "2";
-/// Doublings of the population, at most: more than any budget reaches.
+/// Maximum number of doublings of the population, more than any budget reaches.
 const MAX_DOUBLINGS: u32 = 10;
 /// Standard deviations, relative to the first, and differences of objectives below which the search has converged.
 const CONVERGED: f64 = 1e-12;
 /// Standard deviations, relative to the first, above which the search has left the ranges behind.
 const DIVERGED: f64 = 1e4;
-/// Iterations of the eigenvalues for each of them, at most; about three are usual.
+/// Maximum number of iterations per eigenvalue; about three are usual.
 const MAX_SWEEPS: usize = 100;
-/// Condition number of the covariance matrix that no longer has meaning in double precision.
+/// Condition number above which the covariance matrix is meaningless in double precision.
 const MAX_CONDITION: f64 = 1e14;
 
 /// Settings.
@@ -78,10 +78,11 @@ struct Strategy {
     n: f64,
     /// Weights from the best point to the worst; those of the worse half are negative.
     w: Vec<f64>,
-    /// Points with positive weights, and their variance effective number.
+    /// Number of points with positive weights, and the variance-effective number.
     mu: usize,
     mu_eff: f64,
-    /// Rates of learning: paths of step size and covariance, rank-one and rank-mu update; damping of the step size.
+    /// Learning rates of the paths of step size and covariance, and of the rank-one and rank-mu update; damping of the
+    /// step size.
     c_sigma: f64,
     c_c: f64,
     c_1: f64,
@@ -147,12 +148,12 @@ impl Strategy {
         }
     }
 
-    /// (38) to (40): the point of independent normal numbers.
+    /// (38) to (40): the point for independent normal numbers.
     fn point(&self, z: &DVector<f64>) -> DVector<f64> {
         &self.m + self.sigma * (&self.b * self.d.component_mul(z))
     }
 
-    /// (41) to (47): the distribution after the objectives of a population.
+    /// (41) to (47): updates the distribution with the objectives of a population.
     fn update(&mut self, points: &[DVector<f64>], objectives: &[f64]) {
         let order = ranking(objectives);
         let y: Vec<DVector<f64>> = order.iter().map(|i| (&points[*i] - &self.m) / self.sigma).collect();
@@ -182,7 +183,7 @@ impl Strategy {
             let w = if *w >= 0.0 { *w } else { w * self.n / square.max(f64::MIN_POSITIVE) };
             self.c.ger(self.c_mu * w, y, y, 1.0);
         }
-        // Without eigenvalues, as of numbers that are not finite, this search ends.
+        // If there are no eigenvalues, for example because elements are not finite, this search ends.
         match self.c.clone().try_symmetric_eigen(f64::EPSILON, MAX_SWEEPS * self.m.len()) {
             Some(eigen) => {
                 self.b = eigen.eigenvectors;
@@ -196,8 +197,8 @@ impl Strategy {
         self.spread = objectives[order[order.len() - 1]] - objectives[order[0]];
     }
 
-    /// Of the criteria of appendix B.3: ConditionCov, TolFun, Stagnation, TolX and TolXUp. NoEffectAxis and NoEffectCoord
-    /// say the same as TolX where all parameters are shares of a range.
+    /// Applies the criteria ConditionCov, TolFun, Stagnation, TolX and TolXUp of appendix B.3. NoEffectAxis and
+    /// NoEffectCoord are equivalent to TolX if all parameters are shares of a range.
     fn has_converged(&self) -> bool {
         let last = 10 + (30.0 * self.n / self.w.len() as f64).ceil() as usize;
         let recent = &self.best[self.best.len().saturating_sub(last)..];
@@ -212,7 +213,7 @@ impl Strategy {
     }
 }
 
-/// True if of the last generations the newest 30 % are no better than the oldest 30 %, by their medians.
+/// True if, among the last generations, the median of the newest 30 % is no better than the median of the oldest 30 %.
 fn is_no_better(history: &[f64], window: usize) -> bool {
     let median = |values: &[f64]| values[ranking(values)[values.len() / 2]];
     let Some(start) = history.len().checked_sub(window) else { return false };
@@ -232,9 +233,9 @@ mod tests {
         }
     }
 
-    /// Reference: class `CMA` of the Python package cmaes 0.13.1 with its `_EPS` of (46) set to 0, which got the same five
-    /// populations of eight points. It counts one generation more in the settling of the path, which decides nothing
-    /// here; the rest is rounding.
+    /// Reference: class `CMA` of the Python package cmaes 0.13.1 with its `_EPS` of (46) set to 0, which got the same
+    /// five populations of eight points. It counts one generation more until the path has settled, which has no effect
+    /// here; the remaining differences are rounding errors.
     #[test]
     fn five_populations_move_the_distribution_as_in_another_implementation() {
         let mut state = 1_u32;
@@ -276,7 +277,8 @@ mod tests {
         assert!(is_no_better(&falling, 5));
     }
 
-    /// 20,000 numbers: the standard error of mean and variance is 0.007 and 0.01; four of them.
+    /// With 20,000 numbers, the standard errors of mean and variance are 0.007 and 0.01; four standard errors are
+    /// allowed.
     #[test]
     fn numbers_are_normal() {
         let z = normal(&mut Random::new(1, 0, 0), 20_000);

@@ -3,7 +3,7 @@
 //! | file in OUT/STUDY | content |
 //! |---|---|
 //! | `METHOD/history.csv` | every evaluation, appended as it happens |
-//! | `METHOD/state.json` | hash of the inputs of the history, and progress; replaced after every generation |
+//! | `METHOD/state.json` | hash of what the history depends on, and progress; replaced after every generation |
 //! | `METHOD/best.ssv` | the best values so far as an SSP parameter set; replaced when there are better ones |
 //! | `summary.json` | [`Summary`]; replaced after every method |
 //! | `best.ssv` | the best values of all methods |
@@ -27,10 +27,10 @@ use std::path::{Path, PathBuf};
 
 /// Version of the layout of the summary.
 const FORMAT: u32 = 3;
-/// Version of the history and its state. An older summary does not matter: it is regenerated from the history.
+/// Version of the history and its state. The summary has its own version, because it is regenerated from the history.
 const HISTORY_FORMAT: u32 = 1;
 
-/// Treatment of results of an earlier call.
+/// Treatment of results from an earlier call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
     /// Keep them and fail.
@@ -45,11 +45,11 @@ pub enum Existing {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum End {
-    /// Its last generation.
+    /// The last generation is done.
     Generations,
-    /// The budget.
+    /// The budget is spent.
     Budget,
-    /// The target.
+    /// The target is reached.
     Target,
 }
 
@@ -89,7 +89,7 @@ pub struct Summary {
     pub methods: Vec<MethodSummary>,
     /// Name of the method with the best values.
     pub best: Option<String>,
-    /// True if these are better than the scenario's own.
+    /// True if the best values are better than the scenario's.
     pub improved: bool,
 }
 
@@ -394,11 +394,11 @@ fn parameter_set(study: &Study, values: &[f64]) -> String {
         .flat_map(|fmu| &fmu.description().units)
         .cloned()
         .collect();
-    // Written to memory.
+    // Writing to memory cannot fail.
     set.to_xml(&units).unwrap_or_default()
 }
 
-/// Formats JSON with line breaks. The types here have no map with keys other than text, so it does not fail.
+/// Formats JSON with line breaks. All maps here have strings as keys, so it cannot fail.
 fn json<T: Serialize>(value: &T) -> String {
     serde_json::to_string_pretty(value).map(|text| text + "\n").unwrap_or_default()
 }

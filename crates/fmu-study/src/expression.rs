@@ -1,6 +1,6 @@
 //! Inequalities between arithmetic expressions, such as `m_u * n2 - m_s * n1 > 0`.
 //!
-//! Values that are not a number make an inequality false.
+//! NaN makes an inequality false.
 
 use fmu_system::metrics::{self, Expression, Problem};
 use std::ops::Range;
@@ -16,7 +16,7 @@ type Relation = fn(&f64, &f64) -> bool;
 
 const RELATIONS: [(&str, Relation); 4] = [("<=", f64::le), (">=", f64::ge), ("<", f64::lt), (">", f64::gt)];
 
-/// `left < right` and the like.
+/// An inequality such as `left < right`.
 #[derive(Debug, Clone)]
 pub(crate) struct Inequality {
     left: Expression,
@@ -50,7 +50,7 @@ impl Inequality {
 fn described(error: metrics::ExpressionError, variables: &[&str]) -> Mistake {
     let message = match error.problem {
         Problem::Unknown(name) if FUNCTIONS.contains(&name.as_str()) => {
-            format!("expected a parenthesis behind the function `{name}`")
+            format!("expected a parenthesis after the function `{name}`")
         }
         Problem::Unknown(name) => {
             let near = fmu_import::names::suggestion(&name, variables.iter().copied().chain(FUNCTIONS));
@@ -124,7 +124,7 @@ mod tests {
             ("2x > 1", "expected <, <=, > or >=", 1..2),
             ("x = 1", "expected <, <=, > or >=", 2..3),
             ("x ≥ 1", "expected <, <=, > or >=", 2..5),
-            ("abs x > 1", "expected a parenthesis behind the function `abs`", 0..3),
+            ("abs x > 1", "expected a parenthesis after the function `abs`", 0..3),
             ("sqrt(x, 1) > 1", "expected `)`", 6..7),
             (deep.as_str(), "nested more than 50 times", 50..51),
             (powers.as_str(), "nested more than 50 times", 100..101),
@@ -136,7 +136,7 @@ mod tests {
     }
 
     /// The stability conditions of the comfort law (Applied Sciences 2020, 10, 1852, equation 22, and the Routh term it
-    /// lacks) at both columns of Table 5, which fulfill them, and beside them.
+    /// lacks) at both columns of Table 5, which fulfill them, and at values that do not.
     #[test]
     fn stability_conditions_of_the_comfort_law() {
         let names = ["n1", "n2", "n3", "m_s", "m_u"];
@@ -145,8 +145,8 @@ mod tests {
         let all = |n1: f64, n2: f64, n3: f64| conditions.each_ref().map(|c| c.holds(&[n1, n2, n3, 1525.0, 50.0]));
         assert_eq!(all(-0.575, 0.6559, 0.0), [true; 4]);
         assert_eq!(all(-2.55, 9.7, -0.063), [true; 4]);
-        // The missing term alone: lambda^3 + 1.611 lambda^2 + 938.3 lambda + 4691 has a pair at +1.65 +- 30.9 j (a root
-        // finder of another program).
+        // Only the missing term fails: lambda^3 + 1.611 lambda^2 + 938.3 lambda + 4691 has a pair at +1.65 +- 30.9 j
+        // (root finder of another program).
         assert_eq!(all(-0.05, 5.0, -0.1), [true, true, true, false]);
         assert_eq!(all(1.0, 1.0, 0.0), [false, true, true, false]);
         assert_eq!(all(-1.0, 1.0, 0.1), [true, false, true, true]);

@@ -36,7 +36,7 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
         let wanted = settings.population - settings.elite;
         let mut children: Vec<Code> = Vec::with_capacity(wanted + 1);
         while children.len() < wanted {
-            // A stream per pair, identified by its first child.
+            // A random stream per pair, identified by its first child.
             let mut random = Random::new(seed, generation, children.len());
             let parents = [wheel.spin(random.uniform()), wheel.spin(random.uniform())].map(|i| codes[i].as_slice());
             let pair = if random.chance(settings.crossover) {
@@ -82,7 +82,7 @@ impl Wheel {
     }
 }
 
-/// The first `point` bits of one parent, the rest of the other.
+/// The first `point` bits of one parent, the other bits of the other parent.
 fn cross(head: &[u16], tail: &[u16], point: usize) -> Code {
     let (word, bit) = (point / BITS, point % BITS);
     let mut child = [&head[..word], &tail[word..]].concat();

@@ -44,7 +44,7 @@ pub struct Candidate {
 /// Progress of a method.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Progress {
-    /// Evaluations, all candidates counted, also those whose outcome was known before.
+    /// Number of evaluations, including candidates whose outcome was already known.
     pub evaluations: u64,
     /// Generations started.
     pub generations: u64,
@@ -66,14 +66,13 @@ pub struct Journal<'a> {
     budget: u64,
     target: Option<f64>,
     path: PathBuf,
-    /// Read from the file, not yet requested.
+    /// Rows that were read from the file and not yet requested.
     replay: std::vec::IntoIter<Row>,
     known: HashMap<Vec<u64>, Outcome>,
     log: Mutex<Log<'a>>,
     checkpoint: Checkpoint<'a>,
 }
 
-/// The file and what is written to it.
 struct Log<'a> {
     file: File,
     progress: Progress,
@@ -145,13 +144,13 @@ impl<'a> Journal<'a> {
         ExecutionError::io(&self.path)(cause)
     }
 
-    /// Takes the outcomes of the history, as far as it goes.
+    /// Takes outcomes from the history, as far as it goes.
     fn replayed(&mut self, candidates: &[Vec<f64>]) -> Result<Vec<Outcome>, ExecutionError> {
         let mut outcomes = Vec::new();
         for candidate in candidates {
             let Some((values, outcome)) = self.replay.next() else { break };
             if bits(&values) != bits(candidate) {
-                // Line 1 holds the names.
+                // Line 1 contains the names.
                 let line = usize::try_from(self.log().progress.evaluations).unwrap_or(usize::MAX) + outcomes.len() + 2;
                 let message = "this study would try other values here: the file belongs to another version of it";
                 return Err(ExecutionError::Line(self.path.clone(), line, message.to_owned()));
@@ -202,7 +201,7 @@ impl Evaluate for Journal<'_> {
             Some(at) => done[at].clone(),
             None => known.get(&bits(&new[i])).cloned(),
         };
-        // Rows are written in order, each as soon as it and all before it are done.
+        // Rows are written in order: each one when it and all rows before it are done.
         let results: Mutex<(usize, Vec<Option<Outcome>>)> = Mutex::new((0, vec![None; work.len()]));
         let advance = |finished: Option<(usize, Outcome)>| {
             let mut guard = lock(&results);
@@ -239,7 +238,8 @@ impl Evaluate for Journal<'_> {
             (self.checkpoint)(&progress)?;
         }
         let best = progress.best.as_ref().map(|b| b.objective);
-        // A history that went further, to another target, is used to its end: no better candidate is lost.
+        // If a history continues beyond the target, because it had another one, all of it is used: no better candidate
+        // is lost.
         if self.replay.len() == 0 && self.target.is_some_and(|target| best.is_some_and(|best| best <= target)) {
             return Err(Stop::Target);
         }
@@ -256,7 +256,7 @@ impl Log<'_> {
             return;
         }
         let line = line(self.progress.evaluations + 1, generation, values, outcome);
-        // One call per line, so that an interruption leaves at most one cut off line.
+        // One call per line, so that an interruption leaves at most one incomplete line.
         match line.and_then(|line| self.file.write_all(&line)) {
             Ok(()) => self.count(generation, values, outcome),
             Err(error) => self.failure = Some(error),
@@ -292,7 +292,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
 /// Number of whole evaluations in a history; a line that was cut off does not count.
 pub(crate) fn evaluations(path: &Path) -> Result<u64, ExecutionError> {
     let content = std::fs::read(path).map_err(ExecutionError::io(path))?;
-    // A row is a line, and so is the header.
+    // Each row is a line, and so is the header.
     Ok((content.iter().filter(|b| **b == b'\n').count() as u64).saturating_sub(1))
 }
 
@@ -301,7 +301,7 @@ fn header(parameters: &[Parameter]) -> String {
     names.extend(parameters.iter().map(|p| p.name.as_str()));
     names.extend(["objective", "feasible", "reason"]);
     let line = csv_line(names.iter().map(ToString::to_string));
-    // Written to memory from strings.
+    // Writing strings to memory cannot fail.
     line.map_or_else(|_| String::new(), |line| String::from_utf8_lossy(&line).into_owned())
 }
 
@@ -309,7 +309,7 @@ fn line(evaluation: u64, generation: u64, values: &[f64], outcome: &Outcome) -> 
     let mut fields = vec![evaluation.to_string(), generation.to_string()];
     fields.extend(values.iter().chain([&outcome.objective]).map(|v| format!("{v:?}")));
     fields.push(outcome.reason.is_none().to_string());
-    // A row is a line.
+    // A row must be a single line.
     fields.push(outcome.reason.as_deref().unwrap_or_default().replace(['\n', '\r'], " "));
     csv_line(fields.into_iter())
 }

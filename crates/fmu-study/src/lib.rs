@@ -11,10 +11,10 @@
 //! - [`execute`](execution::execute) runs a study and writes the results.
 //!
 //! # Evaluations
-//! Every candidate a method asks for is an evaluation and counts against the budget: also one that violates a constraint
-//! (no run is spent on it) and one that was tried before (its outcome is known). A candidate that violates a constraint,
-//! whose run fails, leaves a limit or gives no finite objective has the objective `penalty` of the study and is marked in
-//! the history; it never stops the study.
+//! Every candidate a method asks for is an evaluation and counts against the budget: also one that violates a
+//! constraint (no run is spent on it) and one that was tried before (its outcome is known). A candidate that violates a
+//! constraint, or whose run fails, exceeds a limit or gives no finite objective, gets the study's `penalty` as its
+//! objective and is marked in the history. It never stops the study.
 //!
 //! # Reproducibility
 //! The result is a function of the study, the scenario and the FMUs, bit-identical for any number of threads: every

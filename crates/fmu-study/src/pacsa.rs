@@ -140,7 +140,8 @@ fn mean(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Equations 30 and 31 by hand: affinities 8, 5, 3, 0 with mean 4, so (A - A_min)/(A_avg - A_min) is 2 and 1.25.
+    /// Equations 30 and 31 computed by hand: affinities 8, 5, 3, 0 with mean 4, so (A - A_min)/(A_avg - A_min) is 2 and
+    /// 1.25.
     #[test]
     fn better_antibodies_get_more_clones() {
         let settings = Settings::default();
@@ -155,7 +156,7 @@ mod tests {
         assert_eq!(cloning(&few, 50, &[5.0, 0.0, 8.0, 3.0], &[2, 0, 3, 1])[0].clones, 3);
     }
 
-    /// However bad the clones: they are taken best first, and at most n_p - 1 of them, so the best antibody stays.
+    /// Clones are taken best first, however bad they are, and at most n_p - 1 of them, so the best antibody stays.
     #[test]
     fn the_worst_are_replaced() {
         let order = ranking(&[1.0, 4.0, 2.0, 3.0]);
@@ -170,7 +171,7 @@ mod tests {
         assert_eq!(cloning(&settings, 3, &[2.0, 2.0], &[1, 0]), expected);
     }
 
-    /// Equation 32 by hand, both branches and the rounding.
+    /// Equation 32 computed by hand, both branches and the rounding.
     #[test]
     fn fewer_are_replaced_when_the_population_is_alike() {
         let settings = Settings::default();

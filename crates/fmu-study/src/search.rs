@@ -11,7 +11,7 @@ pub enum ExecutionError {
     /// Results exist.
     #[error("{} already exists: `--resume` continues it, `--overwrite` starts over", .0.display())]
     Exists(PathBuf),
-    /// The results are those of another study.
+    /// The results are from another study.
     #[error(
         "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` starts over", .0.display()
     )]
@@ -80,8 +80,8 @@ impl<F: FnMut(&[Vec<f64>]) -> Result<Vec<f64>, Stop>> Evaluate for F {
     }
 }
 
-/// Random numbers of one individual of one generation. Each has a ChaCha stream of its own, so that nothing depends on
-/// the order of work, and a number drawn more or less for one individual changes no other.
+/// Random numbers for one individual of one generation. Each individual has its own ChaCha stream, so results do not
+/// depend on the order of work, and drawing more numbers for one individual does not change the others.
 pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
@@ -144,7 +144,7 @@ pub(crate) fn affinity(objective: f64) -> f64 {
     1.0 / objective.max(1e-300)
 }
 
-/// Indices from the best to the worst; equals keep their order.
+/// Indices from the best to the worst; equal objectives keep their order.
 pub(crate) fn ranking(objectives: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..objectives.len()).collect();
     order.sort_by(|a, b| objectives[*a].total_cmp(&objectives[*b]));
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn codes_span_the_range() {
         assert_eq!(decode(&[0, u16::MAX]), [0.0, 1.0]);
-        // The code of the trap of the handling study: mu = 0.05 + 2.95 * 2^13/65535 = 0.41876.
+        // A value from the handling study: mu = 0.05 + 2.95 * 2^13/65535 = 0.41876.
         assert!((0.05 + 2.95 * decode(&[1 << 13])[0] - 0.418_756).abs() < 1e-6);
     }
 
@@ -177,7 +177,7 @@ mod tests {
         let mut code = vec![0; 10_000];
         mutate(&mut code, 0.1, &mut Random::new(1, 0, 0));
         let turned: u32 = code.iter().map(|c| c.count_ones()).sum();
-        // 160,000 bits: standard deviation sqrt(n p q) = 120; four of them.
+        // 160,000 bits have a standard deviation of sqrt(n p q) = 120; four standard deviations are allowed.
         assert!(turned.abs_diff(16_000) < 480, "{turned}");
         let before = code.clone();
         mutate(&mut code, 0.0, &mut Random::new(1, 0, 1));

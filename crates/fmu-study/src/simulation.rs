@@ -1,4 +1,4 @@
-//! Objectives by simulation: every candidate is a run of the scenario, or several, with other parameters.
+//! Objectives by simulation: every candidate is one or several runs of the scenario with other parameters.
 
 use crate::expression::Inequality;
 use crate::journal::{Objective, Outcome, lock};
@@ -16,7 +16,7 @@ use std::sync::Mutex;
 pub struct Term {
     /// Signal as named in the study.
     pub signal: String,
-    /// Kind of the number; one that needs neither a threshold nor times and is always defined.
+    /// Kind of number. It needs neither a threshold nor times and is always defined.
     pub kind: Kind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
@@ -30,7 +30,7 @@ pub struct Term {
 }
 
 impl Term {
-    /// Factor of the number: the weight over the reference, squared for a mean square.
+    /// Factor of the number: the weight divided by the reference, which is squared for a mean square.
     fn factor(&self) -> f64 {
         match self.kind {
             Kind::MeanSquare => self.weight / (self.reference * self.reference),
@@ -39,7 +39,7 @@ impl Term {
     }
 }
 
-/// A signal that must stay small; beyond, the run counts as diverged.
+/// A limit on a signal. A run that exceeds it counts as diverged.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub(crate) struct Limit {
     /// As named in the study.
@@ -81,7 +81,7 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Computes the outcome of values of the parameters (index, value) in some runs; constraints are not checked.
+    /// Computes the outcome of parameter values (index, value) in some runs, without checking constraints.
     pub(crate) fn outcome(&self, runs: &[Run], values: &[(usize, f64)]) -> Outcome {
         let outcome = Mutex::new(None);
         self.outcomes(runs, &[values.to_vec()], &|_, found| *lock(&outcome) = Some(found));
@@ -95,8 +95,8 @@ impl Simulation {
 
     /// Computes the outcomes of several sets of values, each in all of the runs.
     fn outcomes(&self, runs: &[Run], sets: &[Vec<(usize, f64)>], done: &(dyn Fn(usize, Outcome) + Sync)) {
-        // Every run is done even if one fails, and the first failure in their order is reported: nothing depends on the
-        // number of processes.
+        // All runs are executed even if one fails, and the first failure in their order is reported, so the outcome
+        // does not depend on the number of processes.
         type Objectives = Vec<Option<Result<f64, String>>>;
         let objectives: Vec<Mutex<Objectives>> = sets.iter().map(|_| Mutex::new(vec![None; runs.len()])).collect();
         let place = |index: usize| (index / runs.len(), index % runs.len());
@@ -203,7 +203,7 @@ impl Objective for Simulation {
 mod tests {
     use super::*;
 
-    /// Reference values square with a mean square: half the reference is a quarter of the weight.
+    /// For a mean square, the reference is squared: twice the reference means a quarter of the weight.
     #[test]
     fn references_normalize() {
         let term = |kind| Term { signal: String::new(), kind, window: None, weight: 3.0, reference: 2.0, column: 0 };

@@ -41,7 +41,7 @@ const BASELINE: &str = "As in the scenario";
 /// Settings of the processes that run the FMUs of a study, and their number.
 pub type Workers = (WorkerSettings, NonZeroUsize);
 
-/// A study with nothing left to look up.
+/// A completely resolved study.
 #[derive(Debug)]
 pub struct Study {
     /// File stem of the study.
@@ -56,7 +56,7 @@ pub struct Study {
     pub(crate) target: Option<f64>,
     /// Methods in their order.
     pub methods: Vec<Method>,
-    /// Title of the scenario's own values, which are always compared with.
+    /// Title of the scenario's own values, with which results are always compared.
     pub(crate) baseline: String,
     pub(crate) comparisons: Vec<Comparison>,
     /// Weights from judgments, if there are any.
@@ -72,8 +72,8 @@ pub fn is_study(path: &Path) -> bool {
     table(path).is_some_and(|table| table.contains_key("scenario"))
 }
 
-/// Returns true if a study varies values in samples, which `chassis_fmu.study` carries out: all but those of method `optimize` without
-/// `[[vary]]`. False if it cannot be read.
+/// Returns true if a study varies values in samples, which `chassis_fmu.study` runs: all but those of method `optimize`
+/// without `[[vary]]`. False if it cannot be read.
 pub fn has_samples(path: &Path) -> bool {
     table(path).is_some_and(|table| {
         table.contains_key("vary") || table.get("method").and_then(toml::Value::as_str) != Some("optimize")
@@ -114,7 +114,7 @@ struct Needs {
     factors: Vec<Factor>,
 }
 
-/// A varied factor, as far as it is the FMU of a component.
+/// A factor that varies the FMU of a component.
 #[derive(Debug, Deserialize)]
 struct Factor {
     fmu: Option<String>,

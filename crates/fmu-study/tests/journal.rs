@@ -1,4 +1,4 @@
-//! The history: its content, the effect of an interruption, and of the number of threads.
+//! The history: its content, and the effects of an interruption and of the number of threads.
 
 use fmu_study::journal::{Checkpoint, Journal, Objective, Outcome, Progress, Report};
 use fmu_study::search::{Evaluate, ExecutionError, Stop};
@@ -117,7 +117,7 @@ fn going_on_equals_never_stopping() {
     }
 }
 
-/// The budget may cut a generation; with a larger one the search continues as if it had been there from the start.
+/// The budget may cut a generation. With a larger budget, the search continues as if it had been larger from the start.
 #[test]
 fn a_larger_budget_goes_on() {
     let folder = TempDir::new().unwrap();
@@ -131,7 +131,7 @@ fn a_larger_budget_goes_on() {
         let (_, progress) = run(&short, method, &Bowl::new(2), 140);
         assert_eq!(progress, long_progress);
         assert_eq!(std::fs::read(&short).unwrap(), std::fs::read(&long).unwrap());
-        // Less than is there: the rest stays in the file.
+        // A budget below the number of existing evaluations: the others stay in the file.
         let (_, progress) = run(&short, method, &Bowl::new(2), 20);
         assert_eq!(progress.evaluations, 20);
         assert_eq!(std::fs::read(&short).unwrap(), std::fs::read(&long).unwrap());
@@ -148,7 +148,7 @@ fn the_target_ends_the_search() {
     assert!(journal.progress().best.unwrap().objective <= 0.01);
 }
 
-/// A candidate that was tried is known: within a generation and later.
+/// A candidate that was tried is known, in the same generation and later.
 #[test]
 fn nothing_is_computed_twice() {
     let folder = TempDir::new().unwrap();

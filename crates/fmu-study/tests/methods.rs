@@ -142,8 +142,8 @@ fn fingerprint(recorder: &Recorder) -> u64 {
     values.fold(0xcbf2_9ce4_8422_2325, |hash, v| (hash ^ v.to_bits()).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// The reference is the first version of each method (commit 88c023a, CMA-ES: version 0.2.0): results of earlier studies
-/// stay what they are.
+/// The reference is the first version of each method (commit 88c023a, CMA-ES: version 0.2.0): results of earlier
+/// studies do not change.
 #[test]
 fn searches_are_those_of_the_first_version() {
     let found = [pacsa_on, ga_on, cmaes_on].map(|search| fingerprint(&search(rosenbrock, 1)));

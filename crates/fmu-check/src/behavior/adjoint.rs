@@ -1,4 +1,4 @@
-//! Adjoint derivatives (FMI 3.0): the transpose of the directional ones.
+//! Adjoint derivatives (FMI 3.0): the transpose of the directional derivatives.
 
 use super::{CheckResult, Report, Trial, derivative_problem, found, is_same_derivative};
 use crate::Finding;
@@ -70,7 +70,7 @@ pub(super) fn compare(
         seed.fill(0.0);
         seed[j] = 1.0;
         let mut column = vec![0.0; m];
-        // An error is found by the trial of capabilities.
+        // The trial of capabilities reports an error.
         if instance.get_directional_derivative(&unknown, &known, &seed[..n], &mut column).is_err() {
             return;
         }

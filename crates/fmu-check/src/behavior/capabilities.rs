@@ -5,7 +5,7 @@ use crate::Finding;
 use fmu_import::description::{BaseType, Causality, Unknown};
 
 impl Trial<'_> {
-    /// Tests the capabilities that the description declares. States have a trial of their own.
+    /// Tests the capabilities that the description declares, except saved states, which have a separate trial.
     pub(super) fn capabilities(&self, report: Report<'_>) -> CheckResult<()> {
         let unit = self.description.co_simulation.clone().unwrap_or_default();
         let mut promise = |attribute: &str, result: CheckResult<()>| {
@@ -56,7 +56,7 @@ impl Trial<'_> {
             drop(self.started("memory").and_then(|mut instance| self.go(&mut instance, 0..2, 1)));
             if fmu_import::loader::memory_callbacks() != before {
                 let message =
-                    "is set, but the FMU calls allocateMemory or freeMemory of the master, which may be missing";
+                    "is set, but the FMU calls allocateMemory or freeMemory, which the master need not provide";
                 found(report, Finding::error("canNotUseMemoryManagementFunctions", message));
             }
         }
@@ -78,8 +78,9 @@ impl Trial<'_> {
         Ok(slope[0])
     }
 
-    /// Returns a directional derivative to request, the likeliest to be nonzero first. One that is 0 by the model structure
-    /// must be provided as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
+    /// Returns a directional derivative to request, preferably one that is probably not 0. Derivatives that are 0 by
+    /// the model structure must be provided as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and
+    /// continuous states.
     pub(super) fn question(&self) -> Option<Question> {
         let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real && !self.variable(*i).is_array();
         let real = |list: &[Unknown]| -> Vec<Unknown> {

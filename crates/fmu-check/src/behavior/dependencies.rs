@@ -9,7 +9,7 @@ use std::collections::{BTreeSet, HashSet};
 const POINTS: usize = 6;
 /// Largest range of a parameter whose values are all tried.
 const MOST_CHOICES: f64 = 8.0;
-/// Most values that are read in search of the dependencies of one list: some seconds.
+/// Maximum number of values read in the search for the dependencies of one list. It takes some seconds.
 const MOST_READ: usize = 50_000_000;
 
 #[derive(Clone)]
@@ -19,7 +19,7 @@ struct Choice {
 }
 
 impl Trial<'_> {
-    /// Returns an instance in Initialization Mode with another value of one parameter.
+    /// Returns an instance in Initialization Mode with another value for one parameter.
     fn configured(&self, name: &str, choice: Option<&Choice>) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         if let Some(Choice { parameter, value }) = choice {
@@ -277,7 +277,7 @@ impl Search<'_> {
         let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
         if is_missing && self.reported.insert((unknown, j)) {
             let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
-            let mut message = format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
+            let mut message = format!("depends on `{known}`, which is missing from its dependencies in {}", self.list);
             if let Some(Choice { parameter, value: Value::Real(value) }) = self.choice {
                 let parameter = &trial.variable(parameter).name;
                 message.push_str(&format!("; seen with `{parameter}` = {value}"));
@@ -292,7 +292,7 @@ impl Search<'_> {
 
     fn end(&self, report: Report<'_>) {
         if self.is_cut() {
-            let message = format!("were tried in part: they are too many, {MOST_READ} values were read");
+            let message = format!("were tried only in part, because there are too many: {MOST_READ} values were read");
             found(report, Finding::warning(format!("dependencies in {}", self.list), message));
         }
     }

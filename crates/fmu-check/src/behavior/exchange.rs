@@ -28,7 +28,7 @@ struct Exchange<'a> {
     /// Names of the elements of the states; of the derivatives if there are no such states.
     names: Vec<String>,
     options: &'a Options,
-    /// Parts of a step with which the integration stays finite.
+    /// Number of parts of a step with which the integration stays finite.
     parts: Cell<usize>,
     /// Time that the latest integration has reached, s.
     time: Cell<f64>,
@@ -108,7 +108,7 @@ pub(crate) fn check(
         report(Event::Checked(checked.clone()));
     };
     for (name, topic, stage) in stages {
-        // It runs once, and co-simulation needs no solver of the importer.
+        // The default experiment runs once, if possible in co-simulation, which needs no solver in the importer.
         if name == EXPERIMENT && co_simulation.is_some() {
             continue;
         }
@@ -182,16 +182,16 @@ impl Exchange<'_> {
             }
             if !update.is_needed_again {
                 instance.enter_continuous_time_mode()?;
-                // An event that is not after the present time would never be reached.
+                // An event that is not after the current time would never be reached.
                 if let Some(next) = update.next_event.filter(|next| next.is_nan() || *next <= time) {
                     let message =
-                        format!("defines the next event at {next} s, which is not after the present {time} s");
+                        format!("defines the next event at {next} s, which is not after the current time, {time} s");
                     return Err(self.broken("fmi2NewDiscreteStates", "fmi3UpdateDiscreteStates", message));
                 }
                 return Ok(Settled { next_event: update.next_event, is_over: false });
             }
         }
-        let message = format!("needs another update after {MOST_UPDATES} of them: the event at {time} s does not end");
+        let message = format!("needs another update after {MOST_UPDATES} updates: the event at {time} s does not end");
         Err(self.broken("fmi2NewDiscreteStates", "fmi3UpdateDiscreteStates", message))
     }
 
@@ -223,7 +223,7 @@ impl Exchange<'_> {
         Ok(indicators)
     }
 
-    /// States, derivatives, indicators and nominal values at the start.
+    /// Checks states, derivatives, indicators and nominal values at the start.
     fn values(&self, report: Report<'_>) -> Outcome<()> {
         let mut instance = self.started("values")?;
         if self.description.fmi == FmiVersion::V3 {
@@ -252,7 +252,7 @@ impl Exchange<'_> {
             }
         }
 
-        // The lists of the C functions are those of the description.
+        // The C functions must return the values of the variables in the description.
         let mut named = vec![0.0; states.len()];
         if !self.states.is_empty() {
             instance.get_real(&self.states, &mut named)?;
@@ -362,7 +362,7 @@ impl Exchange<'_> {
         Ok(self.differs(report, function, "when the state was saved its derivative was", &now, derivatives))
     }
 
-    /// Tests directional derivatives, and the adjoint ones of FMI 3.0.
+    /// Tests directional derivatives, and in FMI 3.0 adjoint derivatives.
     fn directional(&self, report: Report<'_>) -> Outcome<()> {
         if !self.unit.provides_directional_derivative && !self.unit.provides_adjoint_derivatives {
             return Ok(());
@@ -460,7 +460,7 @@ impl Exchange<'_> {
 }
 
 struct Settled {
-    /// Time of the next one, s.
+    /// Time of the next event, s.
     next_event: Option<f64>,
     is_over: bool,
 }

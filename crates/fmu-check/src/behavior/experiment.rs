@@ -71,7 +71,7 @@ impl Trial<'_> {
                 Err(error) => Err(error),
             }
         };
-        // Failures from the declared start on are found by other trials.
+        // Other trials report failures of a run from the declared start.
         if run(self) != Ok(None) {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! fmi2Reset and parallel instances: values set before a reset or in one instance must not appear after it or in another.
+//! fmi2Reset and parallel instances: values must not survive a reset or appear in another instance.
 
 use super::{CheckResult, Report, Trial, describe, found};
 use crate::Finding;
@@ -9,7 +9,7 @@ use fmu_import::loader::{CallProblem, Instance};
 enum Before {
     /// Every variable that can be set has another value.
     Settings,
-    /// The same, then as many steps as the FMU takes with these values.
+    /// Every variable that can be set has another value, then as many steps as the FMU takes with these values.
     SettingsAndSteps,
     /// A run with the start values, then other inputs and tunable parameters.
     StepsAndSettings,
@@ -134,7 +134,7 @@ impl Trial<'_> {
         let mut alone = self.started("alone")?;
         let expected = self.go(&mut alone, 0..self.steps, 1)?;
         drop(alone);
-        // Another one is stepped in between, from another time.
+        // In between, another instance makes steps from another time.
         let mut other = self.started("other")?;
         self.go(&mut other, 0..self.steps, 1)?;
         let mut outputs = Vec::new();

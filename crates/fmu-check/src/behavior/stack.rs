@@ -47,7 +47,7 @@ pub(super) fn warn_above_limit(report: Report<'_>, subject: &str, sizes: &[(&str
 
 /// Calls `f` and measures its stack in KiB. Returns `None` where the system does not count single pages.
 pub(super) fn taken<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
-    // An empty thread takes a few of them.
+    // A thread that does nothing takes a few pages.
     measured(|| ()).filter(|(_, size)| *size <= 32)?;
     measured(f)
 }
@@ -59,7 +59,7 @@ fn measured<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
     use std::io::{Read as _, Seek as _, SeekFrom};
 
     const PAGE: usize = 4096;
-    /// Too large for the stack to be one left behind by another thread.
+    /// So large that the thread gets a new stack, not one left behind by another thread.
     const PAGES: usize = 16 * 1024;
     /// Bits of a page that is in memory, or was moved out of it.
     const IN_USE: u64 = 0b11 << 62;
@@ -101,7 +101,7 @@ mod tests {
         fn array() {
             black_box([1_u8; 300 * 1024]);
         }
-        // Huge pages are as large as many arrays.
+        // Skipped on systems with huge pages, which are too coarse for the measurement.
         let size = |f: fn()| measured(f).expect("Linux tells the pages in use").1;
         if size(|| ()) <= 32 {
             let taken = size(array);

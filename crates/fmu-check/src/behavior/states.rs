@@ -1,4 +1,4 @@
-//! FMU states: saved, restored, as bytes.
+//! FMU states: saved, restored, and serialized.
 
 use super::{CheckResult, Report, Trial, found};
 use crate::Finding;
@@ -39,7 +39,7 @@ impl Trial<'_> {
         other.free_state(saved)
     }
 
-    /// Restores a state of the middle of a run; returns true if values and outputs are those of the first time.
+    /// Restores a state from the middle of a run; returns true if values and outputs are the same as the first time.
     fn go_on(
         &self,
         instance: &mut Instance,

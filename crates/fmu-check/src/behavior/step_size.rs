@@ -1,4 +1,4 @@
-//! The error of a solver of fixed step size, measured from outside: results with half of `max_step` against those with all of it.
+//! The error of a solver with fixed step size, estimated by comparing results with `max_step` and with half of it.
 
 use super::{CheckResult, Report, Trial, describe, found};
 use crate::Finding;
@@ -12,7 +12,7 @@ const MOST_STEPS: f64 = 20_000.0;
 const TOLERABLE: f64 = 1e-3;
 
 impl Trial<'_> {
-    /// Checks that the default experiment gives the same results with half of the integration step.
+    /// Checks that the default experiment gives the same results with half the integration step.
     pub(super) fn step_size(&self, report: Report<'_>) -> CheckResult<()> {
         let is_parameter = |variable: &&Variable| {
             variable.name == PARAMETER

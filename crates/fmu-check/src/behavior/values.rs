@@ -5,7 +5,7 @@ use fmu_import::description::{Causality, DataType, Initial, Value, Variability, 
 use fmu_import::loader::Instance;
 
 impl Trial<'_> {
-    /// Variables whose value at the start is the start value of the description.
+    /// Variables whose value at the start is the start value in the description.
     pub(super) fn exact(&self) -> Vec<usize> {
         self.filtered(|variable| {
             variable.start.is_some()
@@ -64,7 +64,7 @@ impl Trial<'_> {
         variables.iter().copied().filter(is_rejected).collect()
     }
 
-    /// The first variable whose values differ, with both, and the number of them.
+    /// The first variable whose values differ, both values, and the number of such variables.
     pub(super) fn difference(&self, variables: &[usize], before: &[Value], after: &[Value]) -> Option<Difference<'_>> {
         let mut differing = variables.iter().zip(before.iter().zip(after)).filter(|(_, (a, b))| !is_same(a, b));
         let (&i, (before, after)) = differing.next()?;

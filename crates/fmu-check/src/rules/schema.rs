@@ -175,14 +175,14 @@ pub(super) fn schema(element: &Element, fmi: FmiVersion, report: Report<'_>) -> 
     for name in element.attribute_names() {
         // Namespaces are declared by attributes, and their attributes have a colon.
         if !is_among(attributes, name) && !name.contains(':') && name != "xmlns" {
-            report(Finding::error(subject(), format!("FMI {fmi} knows no attribute `{name}` here")));
+            report(Finding::error(subject(), format!("FMI {fmi} has no attribute `{name}` here")));
         }
     }
     let order: Vec<&str> = children.split(' ').collect();
     let mut before: Option<(usize, &str)> = None;
     for child in &element.children {
         let Some(place) = order.iter().position(|known| *known == child.name) else {
-            report(Finding::error(subject(), format!("FMI {fmi} knows no element <{}> here", child.name)));
+            report(Finding::error(subject(), format!("FMI {fmi} has no element <{}> here", child.name)));
             continue;
         };
         match before {

@@ -1,12 +1,12 @@
 //! Newton's method with a line search, and steps of implicit Euler where it gets stuck.
 //!
-//! All unknowns and equations are relative to nominal values. Unknowns that the equations leave open keep their values, as
-//! Gaussian elimination with complete pivoting finds them.
+//! All unknowns and equations are relative to nominal values. Gaussian elimination with complete pivoting finds the
+//! unknowns that the equations do not determine. They keep their values.
 
 use super::TOLERANCE;
 use super::plant::{Plant, Start};
 
-/// Steps of Newton's method at most.
+/// Maximum number of steps of Newton's method.
 const NEWTON_STEPS: usize = 60;
 const HALVINGS: usize = 25;
 const EULER_STEPS: usize = 200;
@@ -25,9 +25,9 @@ pub(super) struct Solution {
     pub(super) restless: Option<(usize, f64, f64)>,
     /// The state whose value is outside the valid range of the model, and the value.
     pub(super) outside: Option<(usize, f64)>,
-    /// Indices of states that the equations leave open.
+    /// Indices of states that the equations do not determine.
     pub(super) undetermined: Vec<usize>,
-    /// Jacobian of the derivatives of the states that do not drift with respect to these, column by column.
+    /// Jacobian of the derivatives of the states that do not drift with respect to these states, column by column.
     pub(super) jacobian: Vec<f64>,
     pub(super) iterations: usize,
 }
@@ -48,7 +48,7 @@ struct System<'p, 'a> {
     nominal: Vec<f64>,
     /// States whose derivatives vanish.
     equations: Vec<usize>,
-    /// States, then groups of inputs after all states.
+    /// Indices of states, and of groups of inputs, which follow all states.
     unknowns: Vec<usize>,
     states: usize,
     iterations: usize,
@@ -135,8 +135,8 @@ impl System<'_, '_> {
         point.norm.is_finite().then_some(point)
     }
 
-    /// The step from the point at which the plant is, relative to the nominal values: Newton's, or that of implicit Euler of a
-    /// length in s. Also the unknowns that the equations leave open.
+    /// Computes the step from the plant's current point, relative to the nominal values: that of Newton's method, or of
+    /// implicit Euler with the given length, s. Also returns the unknowns that the equations do not determine.
     fn step(&mut self, from: &Point, euler: Option<f64>) -> Result<(Vec<f64>, Vec<usize>), String> {
         let (rows, columns) = (self.equations.len(), self.unknowns.len());
         let mut matrix = vec![vec![0.0; columns + 1]; rows];
@@ -208,8 +208,8 @@ impl System<'_, '_> {
     }
 }
 
-/// Solves linear equations with the right sides in the last column. Returns the solution, 0 for unknowns that are left open,
-/// and these.
+/// Solves linear equations with the right sides in the last column. Returns the solution, with 0 for undetermined
+/// unknowns, and the indices of these unknowns.
 fn eliminate(mut matrix: Vec<Vec<f64>>, columns: usize) -> (Vec<f64>, Vec<usize>) {
     let rows = matrix.len();
     let largest = |row: &Vec<f64>| row[..columns].iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
@@ -269,7 +269,7 @@ fn eliminate(mut matrix: Vec<Vec<f64>>, columns: usize) -> (Vec<f64>, Vec<usize>
 mod tests {
     use super::*;
 
-    /// Reference: the solution from which the right sides are computed; 1e-14 are roundings.
+    /// Reference: the solution from which the right sides are computed. The tolerance of 1e-14 allows for rounding.
     #[test]
     fn linear_equations_are_solved() {
         let expected = [3.0, -2.0, 0.5];
@@ -285,7 +285,7 @@ mod tests {
         assert!(open.is_empty(), "{open:?}");
     }
 
-    /// x + y = 3 and twice the same leave an unknown open; z is in no equation.
+    /// x + y = 3 and twice the same equation leave an unknown undetermined; z is in no equation.
     #[test]
     fn unknowns_without_an_equation_stay() {
         let (solution, open) = eliminate(vec![vec![1.0, 1.0, 0.0, 3.0], vec![2.0, 2.0, 0.0, 6.0]], 3);

@@ -1,4 +1,4 @@
-//! An FMU in Initialization Mode at states and inputs of our choice.
+//! An FMU in Initialization Mode at given states and inputs.
 
 use super::{Request, states};
 use fmu_import::c_api::Reference;
@@ -20,7 +20,7 @@ pub(super) struct State {
     /// Source of its start value.
     pub(super) start: Start,
     pub(super) held: Option<f64>,
-    /// True if it integrates others, and no state at rest depends on it.
+    /// True if it integrates other states, and no state at rest depends on it.
     pub(super) drifts: bool,
     /// Least and greatest value of the valid range of the model: those of the description, and a quarter turn of an angle.
     pub(super) range: [f64; 2],
@@ -39,7 +39,7 @@ fn bounds(variable: &Variable) -> [f64; 2] {
     [variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY)]
 }
 
-/// The valid range of a state. Roll or pitch beyond a quarter turn is that of a vehicle on its side.
+/// The valid range of a state. With roll or pitch beyond a quarter turn, a vehicle is on its side.
 fn range(description: &ModelDescription, variable: &Variable) -> [f64; 2] {
     let [low, high] = bounds(variable);
     if !matches!(variable.name.rsplit('.').next(), Some("roll" | "pitch")) {
@@ -57,11 +57,11 @@ fn range(description: &ModelDescription, variable: &Variable) -> [f64; 2] {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
-    /// Its own start value.
+    /// The state has a start value.
     Exact,
-    /// The FMU computes it from this parameter, among others: index of its variable.
+    /// The FMU computes the start value from this parameter, among others: index of its variable.
     Parameter(usize),
-    /// The FMU computes it.
+    /// The FMU computes the start value.
     Calculated,
 }
 
@@ -75,7 +75,7 @@ pub(super) struct Plant<'a> {
     derivatives: Vec<Reference>,
     /// Value of the parameter of each state that starts from one.
     parameters: Vec<f64>,
-    /// States and free inputs at which the FMU is.
+    /// Current states and free inputs of the FMU.
     x: Vec<f64>,
     inputs: Vec<f64>,
 }
@@ -88,7 +88,7 @@ fn real(value: Option<&Value>) -> f64 {
 }
 
 impl<'a> Plant<'a> {
-    /// The FMU at its start values with those of the request.
+    /// Creates the plant at its start values, changed by the request.
     pub(super) fn new(
         description: &'a ModelDescription,
         request: &'a Request,
@@ -232,7 +232,8 @@ impl<'a> Plant<'a> {
         Ok(values)
     }
 
-    /// Derivatives of the derivatives of all states with respect to a state, or a group of free inputs after these.
+    /// Partial derivatives of all state derivatives with respect to a state, or to a group of free inputs, whose
+    /// indices follow the states.
     pub(super) fn column(&mut self, index: usize) -> Result<Vec<f64>, String> {
         let knowns: Vec<Reference> = match index.checked_sub(self.states.len()) {
             None => vec![self.references[index]],
@@ -247,7 +248,8 @@ impl<'a> Plant<'a> {
         Ok(values)
     }
 
-    /// Calls the instance with the references of the derivatives. One that has returned an error is not used again.
+    /// Calls the instance with the references of the derivatives. An instance that has returned an error is not used
+    /// again.
     fn call(&mut self, call: impl FnOnce(&mut Instance, &[Reference]) -> Result<(), CallError>) -> Result<(), String> {
         let instance = self.instance.as_mut().ok_or("the FMU is not there")?;
         call(instance, &self.derivatives).map_err(|error| {
@@ -256,7 +258,7 @@ impl<'a> Plant<'a> {
         })
     }
 
-    /// Enters Initialization Mode at the point from the beginning, with the calls of a master before a run.
+    /// Starts anew and enters Initialization Mode at the current point, with the calls of a master before a run.
     fn initialize(&mut self) -> Result<(), String> {
         // One at a time: some FMUs allow no more.
         let used = self.instance.take().and_then(|mut used| used.reset().is_ok().then_some(used));
@@ -301,8 +303,8 @@ impl<'a> Plant<'a> {
         instance.get_real(&self.references, &mut self.x)
     }
 
-    /// Finds the parameters that calculated states start from: those called `initial`, on which the start value depends. Of
-    /// several the one that changes the fewest states.
+    /// Finds the parameters that calculated states start from: those with `initial` in their name on which the start
+    /// value depends. If there are several, the one that changes the fewest states.
     fn find_parameters(&mut self, start: &dyn Fn(usize) -> f64) -> Result<(), String> {
         if self.states.iter().all(|state| state.start == Start::Exact) {
             return Ok(());
@@ -371,8 +373,8 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// Dependencies of the derivatives of the states on the states, by the model structure; where it does not list them, by
-    /// the Jacobian here and at a point nearby.
+    /// Dependencies of the state derivatives on the states, from the model structure. Where it does not list them, they
+    /// are from the Jacobian at this point and at a point nearby.
     fn dependencies(&mut self) -> Result<Vec<Vec<bool>>, String> {
         let n = self.states.len();
         let listed: Vec<Option<&Vec<usize>>> =

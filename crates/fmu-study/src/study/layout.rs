@@ -24,34 +24,34 @@ pub(super) struct File {
     pub(super) method: Spanned<String>,
     /// Cases of the scenario that are evaluated; all if absent.
     pub(super) cases: Option<Vec<Spanned<String>>>,
-    /// Earlier end than that of the scenario, s.
+    /// Stop time, s, earlier than the scenario's.
     pub(super) stop: Option<Spanned<f64>>,
     /// The scenario's first n seeds; all if absent.
     pub(super) seeds: Option<Spanned<i64>>,
     /// Seed of the methods; 1 if absent.
     pub(super) seed: Option<Spanned<i64>>,
-    /// Objective of what is not feasible; 1e6 if absent.
+    /// Objective of candidates that are not feasible; 1e6 if absent.
     pub(super) penalty: Option<Spanned<f64>>,
     /// End of each method.
     pub(super) budget: Budget,
     /// Parameters that are searched.
     #[serde(rename = "parameter", default)]
     pub(super) parameters: Vec<ParameterEntry>,
-    /// Other names in constraints.
+    /// Constants by name, for constraints.
     #[serde(default)]
     pub(super) constants: BTreeMap<Spanned<String>, Spanned<f64>>,
-    /// Inequalities of parameters, checked before a run is spent.
+    /// Inequalities between parameters, checked before a candidate is run.
     #[serde(rename = "constraint", default)]
     pub(super) constraints: Vec<ConstraintEntry>,
-    /// Limits of signals; a run that passes one counts as diverged.
+    /// Limits on signals; a run that exceeds one counts as diverged.
     #[serde(rename = "limit", default)]
     pub(super) limits: Vec<LimitEntry>,
-    /// The objective, which is minimized: the sum of its terms, its mean over the runs.
+    /// The objective, which is minimized: the sum of its terms, averaged over the runs.
     pub(super) objective: Spanned<ObjectiveEntry>,
     /// Methods, one after the other.
     #[serde(rename = "search", default)]
     pub(super) methods: Vec<MethodEntry>,
-    /// Values to compare with, beside the scenario's own.
+    /// Values to compare with, in addition to the scenario's own.
     #[serde(rename = "compare", default)]
     pub(super) comparisons: Vec<CompareEntry>,
 }
@@ -83,7 +83,7 @@ pub(super) struct ParameterEntry {
     pub(super) log: bool,
 }
 
-/// An inequality of parameters.
+/// An inequality between parameters.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ConstraintEntry {
@@ -93,7 +93,7 @@ pub(super) struct ConstraintEntry {
     pub(super) inequality: Spanned<String>,
 }
 
-/// A limit of a signal.
+/// A limit on a signal.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LimitEntry {
@@ -107,7 +107,7 @@ pub(super) struct LimitEntry {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ObjectiveEntry {
-    /// Importance of each term over the others: 1 to 9, reciprocals such as "1/3" below the diagonal.
+    /// Importance of each term relative to the others: 1 to 9, reciprocals such as "1/3" below the diagonal.
     pub(super) judgments: Option<Spanned<Vec<Vec<Spanned<Judgment>>>>>,
     /// Terms.
     #[serde(rename = "term", default)]
@@ -130,7 +130,7 @@ pub(super) enum Judgment {
 pub(super) struct TermEntry {
     /// Recorded signal, as `component:signal`.
     pub(super) signal: Spanned<String>,
-    /// Computation, without band, threshold or times; its magnitude counts.
+    /// Kind of number, one that needs no band, threshold or times; its magnitude is used.
     pub(super) kind: Spanned<Kind>,
     /// Weight; absent with judgments.
     pub(super) weight: Option<Spanned<f64>>,

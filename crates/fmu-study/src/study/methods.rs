@@ -7,7 +7,7 @@ use fmu_system::problem::Collector;
 use fmu_system::spanned::Spanned;
 use std::ops::RangeInclusive;
 
-/// Largest population: it stays countable after the doublings of CMA-ES.
+/// Largest population. The doublings of CMA-ES do not overflow it.
 const MAX_POPULATION: i64 = 100_000;
 
 /// A method and its settings.

@@ -131,7 +131,7 @@ pub(super) fn terms(
         if !entry.kind.needs_only_values() {
             problems.add(
                 entry.kind.span(),
-                "a term has a kind without a threshold or times, and one that is always defined",
+                "the kind of a term must be always defined and need neither a threshold nor times",
             );
         }
         if let Some(window) = &entry.window {

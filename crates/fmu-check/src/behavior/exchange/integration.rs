@@ -8,8 +8,8 @@ use fmu_import::loader::{CallProblem, Instance, Status};
 use std::time::Instant;
 
 const STEPS: usize = 40;
-/// Largest number of parts of a step, if the solution is not finite with fewer, or the FMU asks for shorter ones.
-/// Stiff equations, which need millions of them, are integrated over a part of the time.
+/// Largest number of parts of a step, if the solution is not finite with fewer, or the FMU asks for shorter ones. Stiff
+/// equations, which need millions of parts, are integrated over a part of the time.
 const MOST_PARTS: usize = 1 << 24;
 /// Most parts of all steps.
 const MOST_STEPS: usize = 64 * STEPS;
@@ -22,7 +22,7 @@ impl Exchange<'_> {
             let mut instance = self.instance("integration")?;
             match self.integrate(&mut instance, parts) {
                 Ok(end) if end.states.iter().all(|state| state.is_finite()) => break (end.states, instance),
-                // A solver shortens its step then.
+                // Not finite or discarded: shorten the step, as a solver does.
                 Ok(_) => {}
                 Err(Failure::Call(error)) if matches!(error.problem, CallProblem::Status(Status::Discard)) => {}
                 Err(failure) => return Err(failure),
@@ -53,7 +53,7 @@ impl Exchange<'_> {
         let parts = self.parts.get();
         let count = (STEPS * parts).min(MOST_STEPS);
         let run = |start| self.integrate_over(&mut self.instance("start")?, &Span { start, stop: None, parts, count });
-        // Failures from the declared start on are found by other trials.
+        // Other trials report failures of a run from the declared start.
         if !run(self.start).is_ok_and(|end| end.states.iter().all(|state| state.is_finite())) {
             return Ok(());
         }
