@@ -488,12 +488,12 @@ impl Continuous for Hiding {
     assert_eq!(
         errors,
         [
-            "error: variable `slow`: depends on `hidden`, which is missing from its dependencies in InitialUnknowns; seen with \
-             `leakage` = 1",
+            "error: variable `slow`: depends on `hidden`, which is missing from its dependencies in InitialUnknowns; \
+             seen with `leakage` = 1",
             "error: variable `y`: depends on `first`, which is missing from its dependencies in Outputs; seen with \
              `feedthrough` = 4",
-            "error: variable `der(x)`: depends on `second`, which is missing from its dependencies in Derivatives; seen with \
-             `damping` = 2",
+            "error: variable `der(x)`: depends on `second`, which is missing from its dependencies in Derivatives; \
+             seen with `damping` = 2",
         ]
     );
 }
