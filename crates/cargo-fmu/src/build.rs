@@ -53,7 +53,6 @@ impl Options {
 /// follows.
 const EXPORT: &str = "FMU_EXPORT_";
 
-/// Export data that the macro builds into a shipped library.
 #[derive(Clone, Debug)]
 pub(crate) struct Export {
     /// Name of the model's type, because a crate may have several models.
@@ -195,7 +194,6 @@ fn host() -> Result<String> {
     host.map(str::to_owned).ok_or_else(|| miette!("`rustc -vV` does not name its host"))
 }
 
-/// A message of cargo about a build.
 #[derive(Deserialize)]
 #[serde(tag = "reason", rename_all = "kebab-case")]
 enum Message {
@@ -332,9 +330,7 @@ pub(crate) enum Linker {
     Native,
     /// zig, for old distributions of Linux and for other processors.
     Zig,
-    /// mingw-w64, for Windows.
     Mingw,
-    /// `rust-lld`, for WebAssembly.
     Lld,
 }
 

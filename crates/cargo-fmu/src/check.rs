@@ -30,7 +30,6 @@ pub(crate) struct Arguments {
     workers: worker::Options,
 }
 
-/// The findings whose errors give exit code 1.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
 enum FailOn {
     /// Both questions

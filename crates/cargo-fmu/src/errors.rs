@@ -100,7 +100,6 @@ impl Diagnostic for Safe<'_> {
     }
 }
 
-/// The cause of another error.
 #[derive(Debug)]
 struct Cause {
     message: String,

@@ -79,10 +79,7 @@ fn open(path: &Path) -> Result<Opened, ArchiveError> {
     }
 }
 
-/// Prints metadata and variables.
-///
-/// # Errors
-/// The file is not an FMU, or other commands reject it; the readable part is printed first.
+/// Prints metadata and variables. If other commands reject the FMU, prints the readable part first, then fails.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let Opened { text, platforms, problem } = open(&path).into_diagnostic()?;

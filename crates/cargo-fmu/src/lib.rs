@@ -27,7 +27,6 @@ mod zigbuild;
 use clap::Parser;
 use miette::{IntoDiagnostic as _, miette};
 
-/// Commands that have moved, and their names now.
 const MOVED: [(&str, &str); 11] = [
     ("system", "chassis export"),
     ("systems", "chassis fits"),

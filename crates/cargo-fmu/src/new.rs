@@ -35,7 +35,6 @@ pub(crate) struct Arguments {
     plant: Option<String>,
 }
 
-/// Services that run workflows.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Ci {
     /// GitHub Actions: .github/workflows/fmu.yml
@@ -54,7 +53,6 @@ impl Ci {
     }
 }
 
-/// Kinds of models.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum Kind {
     /// A continuous-time model: differential equations
@@ -80,7 +78,6 @@ impl Kind {
     }
 }
 
-/// Writes the package, the workflow, or both.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if matches!(arguments.kind, Kind::Scenario) || arguments.plant.is_some() {
         return Err(miette!("`cargo fmu new PATH --kind scenario` is called `chassis new PATH` now"));

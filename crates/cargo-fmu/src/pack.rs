@@ -249,11 +249,9 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
     Ok(())
 }
 
-/// Version of FMI, interfaces and arrays of FMUs.
 struct Format {
     version: i32,
     interfaces: Vec<Interface>,
-    /// Native arrays instead of scalars (FMI 3.0).
     arrays: bool,
 }
 
@@ -282,7 +280,6 @@ struct Description {
 }
 
 impl Description {
-    /// Export data of the shipped library.
     fn export(&self, format: &Format) -> Export {
         let has = |interface: &Interface| match interface {
             Interface::Cs => self.parsed.co_simulation.is_some(),
@@ -371,7 +368,6 @@ fn description_is_committed(folder: &Path, model: &Model, xml: &str, update: boo
     Ok(std::fs::read_to_string(&path).is_ok_and(|committed| committed == xml))
 }
 
-/// The text of the model's README; empty if there is none.
 fn readme(model: &Model) -> Result<String> {
     let path = model.folder.join("README.md");
     if path.exists() { Ok(String::from_utf8_lossy(&read(&path)?).into_owned()) } else { Ok(String::new()) }
@@ -440,7 +436,6 @@ fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>, commit: Option<&[u8]>) 
     Ok(zip.finish().into_diagnostic()?.into_inner())
 }
 
-/// Adds the files in a folder and its subfolders.
 fn add_folder(folder: &Path, entry: &str, files: &mut BTreeMap<String, Vec<u8>>) -> Result<()> {
     let reading = || format!("reading {}", folder.display());
     for item in std::fs::read_dir(folder).into_diagnostic().wrap_err_with(reading)? {

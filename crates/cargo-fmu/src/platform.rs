@@ -8,15 +8,10 @@ use miette::{Result, miette};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Platform {
-    /// Linux on x86-64.
     Linux64,
-    /// Windows on x86-64.
     Win64,
-    /// Linux on ARM64.
     Aarch64Linux,
-    /// macOS on x86-64.
     X86_64Darwin,
-    /// macOS on ARM64.
     Aarch64Darwin,
     /// WebAssembly with 32-bit addresses, for importers in browsers.
     Wasm32,

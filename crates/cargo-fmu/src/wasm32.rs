@@ -20,10 +20,7 @@ const VARIABLE: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
 /// exported and can grow.
 pub(crate) const FLAGS: [&str; 3] = ["-Cpanic=unwind", "-Clink-arg=--export-table", "-Clink-arg=--growable-table"];
 
-/// Looks for the toolchain and the linker.
-///
-/// # Errors
-/// Something is missing; the message names it, the places searched, and the way to install it.
+/// Looks for the toolchain and the linker. The error lists what is missing, the places searched, and how to install it.
 pub(crate) fn builder() -> Result<Builder> {
     let linker =
         std::env::var_os(VARIABLE).map(PathBuf::from).or_else(|| toolchain::in_use().and_then(|root| linker(&root)));

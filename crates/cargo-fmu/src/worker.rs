@@ -29,7 +29,6 @@ pub fn run(arguments: &Arguments, jobs: &[Job]) -> Result<()> {
     serve(&arguments.board).into_diagnostic().wrap_err("workers are started by other commands")
 }
 
-/// Default of the longest time for a step.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Options of the commands that start workers.

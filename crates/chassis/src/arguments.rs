@@ -35,7 +35,6 @@ impl Folders {
     }
 }
 
-/// The FMUs in some folders, as [`Folders::source`].
 pub(crate) fn source(places: &[PathBuf]) -> FmuFolder {
     let buildable = || Workspace::find().map_or(Vec::new(), |w| w.models.into_iter().map(|model| model.name).collect());
     FmuFolder::new(places).with_buildable(buildable)

@@ -28,7 +28,6 @@ pub(crate) struct Arguments {
     missing: bool,
 }
 
-/// Prints the table.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let systems = systems(&descriptions(&arguments.fmus.places())?);
     if systems.plants.is_empty() {

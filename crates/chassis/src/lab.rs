@@ -6,7 +6,6 @@ use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
 
 use crate::python::{exit, root};
 
-/// Builds the site, with options of `scripts/lab`.
 pub(crate) fn run(options: &[String]) -> Result<()> {
     let root = root().ok_or_else(|| {
         miette!(

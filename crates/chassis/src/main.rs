@@ -21,11 +21,9 @@ use miette::{IntoDiagnostic as _, Result, miette};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Commands that were renamed, and their names now.
 const RENAMED: [(&str, &str); 4] =
     [("assess", "bench run"), ("evaluate", "bench evaluate"), ("compat", "fits"), ("plan-schema", "schema plan")];
 
-/// The exit codes, below the help.
 const EXIT_CODES: &str = "Exit codes:
   0  success
   1  a run failed, a requirement or limit is not met, or a file has a mistake

@@ -37,7 +37,6 @@ pub(crate) struct Arguments {
     fmus: Folders,
 }
 
-/// Writes the scenario, with the extension `.toml`.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.path;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -93,7 +92,6 @@ fn schema(file: &Path) -> Result<(String, bool)> {
     })
 }
 
-/// Finds an FMU that must exist.
 fn needed(name: &str, fmus: &FmuFolder) -> Result<std::sync::Arc<ModelDescription>> {
     match fmus.find(name).map_err(|message| miette!("{name}.fmu: {message}"))? {
         Some(found) => Ok(found.description),

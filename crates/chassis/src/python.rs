@@ -10,7 +10,6 @@ use miette::{IntoDiagnostic as _, Result, WrapErr as _, miette};
 /// Environment variable with the Python that has the package; the package's command sets it.
 const VARIABLE: &str = "CHASSIS_PYTHON";
 
-/// Remedy if the package is missing.
 const HELP: &str =
     "Install the wheel of the package `chassis-fmu`, or call the command inside the repository after `scripts/setup`.";
 
@@ -38,7 +37,6 @@ impl Python {
         found
     }
 
-    /// As [`Self::find`].
     pub(crate) fn required(purpose: &str) -> Result<Self> {
         Self::find().ok_or_else(|| miette!(help = HELP, "{purpose} needs the Python package `chassis_fmu`"))
     }
@@ -72,7 +70,6 @@ pub(crate) fn serve_fmpy(board: &Path) -> std::io::Result<()> {
     fmu_import::worker::hand_over(board, command)
 }
 
-/// Ends this program with the exit code of another one.
 pub(crate) fn exit(code: i32) -> ! {
     fmu_import::temporary::remove();
     std::process::exit(code)

@@ -141,7 +141,6 @@ fn absolute(path: &Path) -> miette::Result<PathBuf> {
 
 #[derive(Default)]
 struct Incomplete {
-    /// Runs that failed.
     failures: Vec<(String, String)>,
     /// Runs that an FMU ended.
     ended: Vec<(String, String)>,
@@ -191,7 +190,6 @@ impl<'a> Results<'a> {
     }
 }
 
-/// Executes the scenario, and makes tables and page.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     if arguments.native {
         return Err(miette!("the native master is the default now, without `--native`; `--engine fmpy` chooses FMPy"));

@@ -180,7 +180,6 @@ impl Trial<'_> {
         Instance::instantiate(self.library, name, &self.description.guid, false)
     }
 
-    /// An instance in Initialization Mode.
     fn initializing(&self, name: &str) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         instance.setup_experiment(self.start, None)?;
@@ -342,7 +341,6 @@ impl Trial<'_> {
         Ok(outputs)
     }
 
-    /// Appends the values of all observed outputs, as numbers.
     fn read_outputs(&self, instance: &mut Instance, outputs: &mut Vec<f64>) -> CheckResult<()> {
         for &i in &self.observed {
             for value in instance.get_values(self.variable(i))? {

@@ -16,13 +16,11 @@ struct Request(PathBuf, Options);
 enum Response {
     /// Progress or a finding of a check; more follows.
     Event(Event),
-    /// The check is done.
     Done,
 }
 
-/// Works for the process that started this one, until the connection to it ends.
-///
-/// `board` is the file in which the calls are announced.
+/// Works for the process that started this one, until the connection to it ends. `board` is the file in which the calls
+/// are announced.
 pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }

@@ -47,7 +47,6 @@ pub(crate) fn title(name: &str) -> String {
     title
 }
 
-/// A scenario whose plan is known.
 #[derive(Debug)]
 pub(crate) struct Scenario {
     pub(crate) id: String,

@@ -54,7 +54,6 @@ fn is_shown(variable: &Variable) -> bool {
     variable.causality == Causality::Output && !variable.is_array() && variable.base_type != BaseType::String
 }
 
-/// A column of a variable.
 fn column(description: &ModelDescription, variable: &Variable) -> Column {
     Column {
         name: variable.name.clone(),
@@ -64,7 +63,6 @@ fn column(description: &ModelDescription, variable: &Variable) -> Column {
     }
 }
 
-/// The display unit of a variable.
 pub(crate) fn display(description: &ModelDescription, variable: &Variable) -> Display {
     let own = variable.unit.as_deref().unwrap_or_default();
     let units = description.display_units(variable);

@@ -8,13 +8,11 @@ use std::collections::BTreeMap;
 const ACCELERATION: f64 = 2.5;
 const DECELERATION: f64 = 6.0;
 
-/// Component and input.
 pub(crate) type Input = (String, String);
 
 /// A driver whose outputs the visitor replaces.
 #[derive(Debug, Clone)]
 pub(crate) struct Driver {
-    /// Name of the component.
     pub(crate) component: String,
     /// Inputs that read each of its outputs.
     readers: BTreeMap<String, Vec<Input>>,

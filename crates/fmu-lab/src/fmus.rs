@@ -17,7 +17,6 @@ use std::sync::Arc;
 /// Descriptions by name, in which the resolver looks up FMUs.
 pub(crate) type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 
-/// FMUs by name.
 #[derive(Debug, Default)]
 pub(crate) struct Fmus {
     pub(crate) descriptions: Descriptions,
@@ -32,7 +31,6 @@ pub(crate) fn name_of(path: &str) -> &str {
 }
 
 impl Fmus {
-    /// Adds an FMU by its description.
     pub(crate) fn add(&mut self, name: String, text: String) -> Result<(), Failure> {
         let description = ModelDescription::parse(&text)
             .map_err(|error| Failure::new(format!("{name}: modelDescription.xml: {error}")))?;
@@ -46,7 +44,6 @@ impl Fmus {
         self.descriptions.get(name_of(path))
     }
 
-    /// Text of a description.
     pub(crate) fn text(&self, name: &str) -> Option<&str> {
         self.texts.get(name).map(String::as_str)
     }

@@ -17,15 +17,11 @@ use std::path::Path;
 
 /// Source of the metrics of a system.
 pub(crate) enum Source {
-    /// Metrics of the scenario.
     Scenario { case: String },
-    /// The evaluator of the maneuver.
     Maneuver(Box<Single>),
-    /// There are none.
     Nothing,
 }
 
-/// A system to run.
 pub(crate) struct Prepared {
     pub(crate) title: String,
     pub(crate) vehicle: String,

@@ -28,7 +28,6 @@ pub struct Lab {
     systems: Vec<Open>,
 }
 
-/// A running system and its origin.
 struct Open {
     plan: Plan,
     source: Source,
@@ -49,7 +48,6 @@ fn json(response: &impl Serialize) -> Result<String, Failure> {
 }
 
 impl Lab {
-    /// Answers a request with its body.
     pub(crate) fn respond(&mut self, request: &[u8], body: &[u8]) -> Response {
         let request = match serde_json::from_slice(request) {
             Ok(request) => request,

@@ -11,7 +11,6 @@ use fmu_system::requirements;
 use fmu_system::run::Simulation;
 use serde_json::{Value as Json, json};
 
-/// A system and its recording.
 pub(crate) struct Recorded<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) simulation: &'a Simulation,

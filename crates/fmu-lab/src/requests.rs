@@ -29,7 +29,6 @@ pub(crate) enum Request {
     },
     /// Goes to a time. Response: `Sought`.
     Seek {
-        /// Time, s.
         time: f64,
     },
     Set {

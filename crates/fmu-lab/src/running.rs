@@ -20,9 +20,7 @@ const BETWEEN_ROWS: f64 = 0.01;
 /// Action of the visitor while a system runs. It is kept, because rewinding to a time between two saved states repeats it.
 #[derive(Debug, Clone)]
 pub(crate) enum Action {
-    /// Sets variables of a component.
     Set { component: String, variables: Vec<String>, value: f64 },
-    /// Steers, accelerates and brakes.
     Drive(Driving),
 }
 
@@ -44,7 +42,6 @@ pub(crate) struct Stopped {
 pub(crate) struct Running {
     /// Distinguishes the systems.
     modules: usize,
-    /// The driver at the start.
     first_driver: Option<Driver>,
     pub(crate) simulation: Simulation,
     /// The run, with a slot for each output.

@@ -13,24 +13,27 @@ pub const JOB: &str = "linear";
 #[derive(Debug, Serialize, Deserialize)]
 enum Request {
     /// Linearize a `.fmu` file with other values of these variables, by name.
-    Linearize { path: PathBuf, changes: Vec<(String, String)> },
-    /// Find the steady state of a `.fmu` file.
-    Trim { path: PathBuf, settings: Vec<(String, String)>, free: Vec<Vec<String>> },
+    Linearize {
+        path: PathBuf,
+        changes: Vec<(String, String)>,
+    },
+    Trim {
+        path: PathBuf,
+        settings: Vec<(String, String)>,
+        free: Vec<Vec<String>>,
+    },
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 enum Response {
     /// The linear model; its matrix is in the body.
     Linear(Linear),
-    /// The steady state.
     Trimmed(SteadyState),
-    /// The job failed.
     Failed(String),
 }
 
-/// Works for the process that started this one, until the connection to it ends.
-///
-/// `board` is the file in which the calls are announced.
+/// Works for the process that started this one, until the connection to it ends. `board` is the file in which the calls
+/// are announced.
 pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }

@@ -5,7 +5,6 @@
 use fmu_system::metrics::{self, Expression, Problem};
 use std::ops::Range;
 
-/// Reserved names.
 pub(crate) const FUNCTIONS: [&str; 4] = ["abs", "sqrt", "min", "max"];
 
 /// A text that is not an inequality: message, and place in the text, in bytes.

@@ -121,7 +121,6 @@ pub(crate) fn evaluate(evaluator: &mut dyn Evaluate, codes: &[Code]) -> Result<V
     evaluator.evaluate(&codes.iter().map(|code| decode(code)).collect::<Vec<_>>())
 }
 
-/// Bits per parameter.
 pub(crate) const BITS: usize = 16;
 
 /// Shares of the ranges: 0 is the lower bound, 65535 the upper.

@@ -42,7 +42,6 @@ impl Term {
 /// A limit on a signal. A run that exceeds it counts as diverged.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub(crate) struct Limit {
-    /// As named in the study.
     pub(crate) signal: String,
     /// Largest magnitude, in the unit of the signal.
     pub(crate) magnitude: f64,
@@ -76,7 +75,6 @@ pub struct Simulation {
     pub(crate) constraints: Vec<Constraint>,
     /// Values of the constants, after those of the symbols.
     pub(crate) constants: Vec<f64>,
-    /// Objective of infeasible candidates.
     pub(crate) penalty: f64,
 }
 

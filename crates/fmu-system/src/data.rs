@@ -32,7 +32,6 @@ const LOOKED_AT: usize = 100;
 const REPORTED: usize = 20;
 /// Delimiters; of two that are equally frequent, the first one is chosen.
 const DELIMITERS: [char; 4] = ['\t', ';', ',', '|'];
-/// The first bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// Format of a file. Fields that are `None` are detected.
@@ -153,10 +152,7 @@ impl Table {
         Self::parse(&file, &bytes, format)
     }
 
-    /// Reads the content of a file, plain or compressed with gzip. `file` names it in messages.
-    ///
-    /// # Errors
-    /// As [`Self::read`].
+    /// As [`Self::read`], for the content of a file. `file` names it in messages.
     pub fn parse(file: &str, bytes: &[u8], format: &Format) -> Result<Self, DataError> {
         let mut plain = Vec::new();
         let bytes = if bytes.starts_with(&GZIP) {

@@ -89,7 +89,6 @@ pub struct System {
 pub struct Component {
     /// Name.
     pub name: String,
-    /// The `.fmu` file.
     fmu: PathBuf,
     /// Its file name.
     pub file: String,
@@ -223,7 +222,6 @@ impl System {
         })
     }
 
-    /// Returns true if a component is of FMI 3.0.
     fn has_fmi_3(&self) -> bool {
         self.components.iter().any(|component| component.fmi == FmiVersion::V3)
     }

@@ -87,7 +87,7 @@ impl Fmus {
     /// Opens all FMUs of these runs, for a process whose workers load them: see [`Fmu::unpack`].
     ///
     /// # Errors
-    /// As [`Fmu::unpack`]; also if a GUID differs from the plan's.
+    /// As [`Self::load`].
     pub fn unpack(runs: &[Run]) -> Result<Self, FmusError> {
         Self::of_components(runs.iter().flat_map(|run| &run.components))
     }

@@ -148,7 +148,6 @@ fn named<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Variab
     Some(of.map_or(variable, |of| &description.variables[of]))
 }
 
-/// A name that is not a parameter.
 pub(crate) struct NoParameter {
     pub(crate) message: String,
     pub(crate) help: Option<String>,

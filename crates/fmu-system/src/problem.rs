@@ -63,7 +63,6 @@ pub struct Collector {
     included: Vec<(usize, Arc<NamedSource<String>>)>,
     problems: Vec<Noted>,
     warnings: Vec<Noted>,
-    /// The case being checked.
     context: Option<Context>,
     /// Number of contexts; a mistake found in all of them does not depend on them.
     contexts: usize,

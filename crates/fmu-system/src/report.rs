@@ -283,7 +283,6 @@ impl Format {
         matches!(self, Self::Threshold | Self::From | Self::To | Self::Band)
     }
 
-    /// Returns true if the number compares two cells.
     pub(crate) fn compares(self) -> bool {
         matches!(self, Self::Change | Self::By | Self::Ratio | Self::Difference | Self::PaperChange | Self::PaperBy)
     }

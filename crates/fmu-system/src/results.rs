@@ -11,7 +11,6 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes that are written at once.
 const CHUNK: usize = 1 << 16;
 
 /// File name of a run: its id with `@` and `#` replaced by `_`.
@@ -48,18 +47,12 @@ impl Part {
         Self { path: path.to_owned(), hidden }
     }
 
-    /// Writes the recording; see [`write_csv`].
-    ///
-    /// # Errors
-    /// The folder cannot be made or the part cannot be written. The part is then removed.
+    /// Writes the recording; see [`write_csv`]. If that fails, the part is removed.
     pub(crate) fn write(&self, names: &[String], recording: &Recording) -> io::Result<()> {
         self.or_remove(write_hidden(&self.hidden, names, recording))
     }
 
-    /// Syncs the file to the disk and gives it its name.
-    ///
-    /// # Errors
-    /// The data cannot be synced, or the file cannot be renamed. The part is then removed.
+    /// Syncs the file to the disk and gives it its name. If that fails, the part is removed.
     pub(crate) fn publish(&self) -> io::Result<()> {
         let stored = File::options().write(true).open(&self.hidden).and_then(|file| file.sync_all());
         self.or_remove(stored.and_then(|()| std::fs::rename(&self.hidden, &self.path)))

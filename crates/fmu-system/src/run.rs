@@ -218,11 +218,9 @@ pub struct Trial {
     pub(crate) component: String,
     /// Variants of the component in the runs, each once.
     pub(crate) variants: Vec<Variant>,
-    /// Parameters that are set.
     pub(crate) suspects: Vec<Suspect>,
 }
 
-/// A component of some run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Variant {
     pub(crate) component: Component,
@@ -230,7 +228,6 @@ pub(crate) struct Variant {
     pub(crate) read: Vec<String>,
 }
 
-/// A parameter, and where it is set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Suspect {
     pub(crate) name: String,

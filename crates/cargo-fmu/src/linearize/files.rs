@@ -4,7 +4,6 @@ use nalgebra::DMatrix;
 
 use super::model::{LinearModel, Signal};
 
-/// The complete model, with names.
 pub(crate) fn json(model: &LinearModel) -> serde_json::Value {
     let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };
     let names = |signals: &[Signal]| signals.iter().map(|signal| signal.name.clone()).collect::<Vec<_>>();

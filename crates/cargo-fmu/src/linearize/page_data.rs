@@ -10,7 +10,6 @@ const LARGEST: f64 = 65534.0;
 /// The word for a missing number.
 const MISSING: u16 = 65535;
 
-/// Name of the only case.
 const CASE: &str = "linear";
 
 #[derive(Serialize)]

@@ -402,7 +402,6 @@ fn notes(row: &Row, has_both: bool) -> Vec<String> {
     notes
 }
 
-/// Flags of runs and their descriptions.
 const EVENTS: [(&str, &str); 5] = [
     ("spun", "spun"),
     ("rolled_over", "rolled over"),

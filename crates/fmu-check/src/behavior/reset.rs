@@ -109,7 +109,6 @@ impl Trial<'_> {
         }
     }
 
-    /// Checks that two instances do not share values.
     pub(super) fn instances(&self, report: Report<'_>) -> CheckResult<()> {
         if self.is_single() {
             return Ok(());

@@ -90,7 +90,6 @@ impl Trial<'_> {
         candidates.into_iter().find(is_sound).unwrap_or_default()
     }
 
-    /// An instance that can be stepped, with other values of these parameters.
     fn configured_by(&self, parameters: &[usize], name: &str) -> CheckResult<Instance> {
         let mut instance = self.instance(name)?;
         self.change(&mut instance, parameters);

@@ -147,7 +147,6 @@ pub(super) fn has_starts(variable: &Variable) -> bool {
     is_exact && !variable.starts.is_empty()
 }
 
-/// The value of a scalar.
 pub(super) fn read(instance: &mut Instance, variable: &Variable) -> CheckResult<Value> {
     instance.get_values(variable).map(|mut values| values.remove(0))
 }

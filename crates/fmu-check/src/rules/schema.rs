@@ -60,7 +60,6 @@ fn known_2(element: &str) -> Option<(&'static str, &'static str)> {
     })
 }
 
-/// Attributes and children of an element in the schema of FMI 3.0; `None`: not one of its elements.
 fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
     macro_rules! variable {
         ($attributes:literal, $children:literal) => {

@@ -72,10 +72,8 @@ impl Expression {
         if end < text.len() { Err(ExpressionError::at(text, end, "an operator or the end")) } else { Ok(expression) }
     }
 
-    /// As [`Self::parse`], for the part of a text from `start` on; also returns the end of the expression.
-    ///
-    /// # Errors
-    /// As [`Self::parse`]; anything may follow the expression.
+    /// As [`Self::parse`], for the part of a text from `start` on; also returns the end of the expression, which
+    /// anything may follow.
     pub fn parse_from(
         text: &str,
         start: usize,

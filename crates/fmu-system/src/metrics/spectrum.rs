@@ -73,10 +73,7 @@ pub struct Transfer {
     pub coherence: Vec<f64>,
 }
 
-/// Estimates the cross power spectral density of two signals, with the segments and windows of [`spectrum`].
-///
-/// # Errors
-/// A segment would have fewer than 4 rows (18 rows are needed).
+/// Estimates the cross power spectral density of two signals, with the segments, windows and error of [`spectrum`].
 pub fn cross(times: &[f64], input: &[f64], output: &[f64]) -> Result<Cross, String> {
     let segments = Segments::of(times, [input, output])?;
     Ok(Cross {

@@ -10,10 +10,7 @@ use fmu_import::names::suggestion;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// Number of steps between two times.
-///
-/// # Errors
-/// It is not a whole number within a relative 1e-9, or it is above the limit.
+/// Number of steps between two times. An error if it is not whole, within a relative 1e-9, or above the limit.
 pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, String> {
     let ratio = (stop - start) / step;
     let steps = ratio.round();
@@ -286,7 +283,6 @@ impl Scenario {
 }
 
 impl Metric {
-    /// Checks its source: signals, or other metrics.
     fn check_source(&self, problems: &mut Collector) {
         let at = self.name.span();
         if let Some(value) = &self.value {

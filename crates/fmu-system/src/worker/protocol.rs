@@ -22,19 +22,16 @@ pub(super) enum Request {
         simulation: Simulation,
         /// Its series are in the body.
         run: Box<Run>,
-        /// The input series.
         series: Vec<Series>,
         /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish the file.
         csv: Option<(Vec<String>, Part)>,
         /// True for a run that has crashed or hung before: its instances are neither terminated nor freed.
         is_repeated: bool,
     },
-    /// Finds the steady states in which the components of a run start.
     Steady {
         simulation: Simulation,
         run: Box<Run>,
     },
-    /// Finds parameters without an effect.
     Trials {
         simulation: Simulation,
         trials: Vec<Trial>,
@@ -54,7 +51,6 @@ pub(super) enum Response {
         messages: Vec<(String, Message)>,
         seconds: f64,
     },
-    /// The request failed.
     Failed {
         failure: Failure,
         /// Number of rows before the failure, and which columns they have. The rows are in the body unless they were

@@ -193,14 +193,11 @@ struct Span {
     start: f64,
     stop: Option<f64>,
     parts: usize,
-    /// Number of parts in all.
     count: usize,
 }
 
 pub(super) struct End {
     states: Vec<f64>,
-    /// Time, s.
     time: f64,
-    /// True if it took too long.
     is_cut: bool,
 }
