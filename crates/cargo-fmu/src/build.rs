@@ -336,10 +336,7 @@ pub(crate) enum Linker {
 
 /// Returns one builder per platform, in platform order, after checking that its tools are installed. With `portable`,
 /// the option or setting that requests it, the Linux binary for this machine's processor also loads on old
-/// distributions. Binaries for other processors always do.
-///
-/// # Errors
-/// A platform cannot be built here; the message lists what is missing and how to install it.
+/// distributions. Binaries for other processors always do. The error lists what is missing and how to install it.
 pub(crate) fn builders(
     workspace: &Workspace,
     wanted: &[Platform],

@@ -18,10 +18,7 @@ const TARGET: &str = Platform::Win64.target();
 const LINKER: &str = "x86_64-w64-mingw32-gcc";
 
 /// Looks for the linker and a toolchain. A toolchain that the user names comes first, then the standard library of the
-/// Rust in use.
-///
-/// # Errors
-/// Something is missing; the message names it, the places searched, and the way to install it.
+/// Rust in use. The error lists what is missing, the places searched, and how to install it.
 pub(crate) fn builder() -> Result<Builder> {
     let mut missing = Vec::new();
     if !toolchain::runs(LINKER, &["--version"]) {
