@@ -39,7 +39,7 @@ pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
     found.ok_or_else(|| miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name))
 }
 
-/// The text of a description, as far as it can be read, and what is wrong with the archive.
+/// The readable text of a description, and the problem with the archive, if any.
 struct Opened {
     text: String,
     platforms: Vec<String>,

@@ -116,7 +116,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     pack(&workspace, models, &arguments.settings, Existing::Replaced)
 }
 
-/// Packs those of some FMUs that the current workspace has, and leaves out those that are up to date. Other names are ignored.
+/// Packs FMUs whose models are in the current workspace, unless they are up to date. Other names are ignored.
 pub fn pack_needed(fmus: &BTreeSet<String>, settings: &Settings) -> Result<()> {
     let workspace = find(settings)?;
     let models = workspace.models_of(fmus);
@@ -145,7 +145,7 @@ fn find(settings: &Settings) -> Result<Workspace> {
 fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existing: Existing) -> Result<()> {
     let format = arguments.format()?;
     let folder = arguments.folder(workspace);
-    // Before any build, so missing tools are reported at once.
+    // Before any build, so that missing tools are reported early.
     let builders = build::builders(workspace, &arguments.platforms, arguments.portable(workspace), format.version)?;
     if models.is_empty() {
         return Err(miette!(
@@ -179,7 +179,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
     let mut placeholders = Vec::new();
     for (i, (model, description)) in models.iter().zip(&descriptions).enumerate() {
         bar.set_message(model.name.clone());
-        // The descriptions of examples, and those of other formats, are not committed.
+        // Descriptions of examples and descriptions in other formats are not committed.
         let is_committed = model.is_default && format.is_default();
         if let Some(folder) = workspace.settings.descriptions.as_ref().filter(|_| is_committed)
             && !description_is_committed(

@@ -1,7 +1,7 @@
 //! Builds for Windows on another system, with mingw-w64: by the Rust in use if it has a standard library for Windows, otherwise by a Rust
 //! with the sources of its standard library.
 //!
-//! The target with a compiled standard library, `x86_64-pc-windows-gnu`, is that of rustup. The other target is
+//! Rustup's target with a compiled standard library is `x86_64-pc-windows-gnu`. The other target is
 //! `x86_64-win7-windows-gnu`: with the target for newer Windows, a hash map takes its random numbers from a library
 //! that Windows 7 and Wine 8 lack.
 

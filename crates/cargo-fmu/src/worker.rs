@@ -19,7 +19,7 @@ pub struct Arguments {
     board: PathBuf,
 }
 
-/// A kind of work, and the function that does it; the path is that of the file in which calls to FMUs are announced.
+/// A kind of work, and the function that does it. Its path is the file in which calls to FMUs are announced.
 pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
 
 /// Works for the process that started this one, in one of the given jobs.

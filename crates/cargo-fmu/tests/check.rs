@@ -18,7 +18,8 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-/// An FMU that runs, with a model identifier that the standard does not allow; and the reverse.
+/// An FMU that simulates but has a model identifier that the standard does not allow, and one that only follows the
+/// standard.
 #[test]
 fn the_two_questions_have_their_own_summary_and_exit_code() {
     let folder = tempfile::tempdir().unwrap();

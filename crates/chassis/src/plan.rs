@@ -45,7 +45,7 @@ fn counted(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
-/// A page of text: what is run, by which components, and where their inputs come from.
+/// A summary of the runs, their components, and the sources of the inputs.
 fn summary(plan: &Plan) -> String {
     let mut lines = vec![plan.title.clone()];
     let times = &plan.simulation;
@@ -108,7 +108,7 @@ fn summary(plan: &Plan) -> String {
     lines.join("\n")
 }
 
-/// The components in the order in which every run executes those that it has.
+/// All components, in an order that agrees with the execution order of every run.
 fn order(plan: &Plan) -> Vec<&str> {
     let mut orders: Vec<Vec<&str>> = Vec::new();
     for run in &plan.runs {

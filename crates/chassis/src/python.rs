@@ -18,7 +18,7 @@ pub(crate) struct Python {
 }
 
 impl Python {
-    /// The Python that called this program, or that of the repository that this program was built in.
+    /// The Python that called this program, or the Python of the repository that this program was built in.
     pub(crate) fn find() -> Option<Self> {
         let given = std::env::var_os(VARIABLE).map(PathBuf::from);
         let program = given.or_else(|| {

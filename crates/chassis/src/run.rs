@@ -409,7 +409,7 @@ fn described(failure: &Failure) -> String {
     let last = failure.recorded.as_ref().and_then(|recording| recording.time.last());
     let rows = last.map_or("no rows were written".to_owned(), |time| format!("the rows end at {time} s"));
     let message = failure.to_string();
-    // Log messages of the components follow in lines of their own.
+    // Log messages of the components follow on separate lines.
     match message.split_once('\n') {
         Some((first, logged)) => format!("{first}; {rows}\n{logged}"),
         None => format!("{message}; {rows}"),

@@ -23,7 +23,7 @@ use std::sync::Arc;
 const STEPS: usize = 40;
 /// Maximum number of internal steps in a communication step, for an FMU with a fixed internal step size.
 const MOST_PARTS: f64 = 1000.0;
-/// Fewest steps of a useful trial run.
+/// Minimum number of steps of a useful trial run.
 const FEWEST_STEPS: usize = 4;
 
 /// Largest difference due to rounding errors, relative to the peak of an output.

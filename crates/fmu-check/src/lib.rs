@@ -207,7 +207,7 @@ impl fmt::Display for Checked {
     }
 }
 
-/// Most findings that are reported; further ones are only counted. One fault may affect every variable.
+/// Maximum number of findings that are reported; further ones are only counted. One fault may affect every variable.
 const MAX_FINDINGS: usize = 1000;
 
 /// Checks a `.fmu` file.

@@ -70,7 +70,7 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Chec
             }
         }
         let Some(ended) = ended else { return Ok((findings, checked)) };
-        // The trial ran although it is to be skipped: the others need it.
+        // The trial ran although it is to be skipped, because the other trials need it.
         if options.skip.contains(&trial) {
             return Ok((findings, checked));
         }

@@ -54,7 +54,7 @@ fn lines(build: &Build) -> Vec<String> {
     lines
 }
 
-/// Everything but the directional derivatives, of which the sound FMU has only some.
+/// All capabilities except directional derivatives, because the FMU without defects has only some of them.
 const FLAGS: &str = "canHandleVariableCommunicationStepSize=\"true\" canInterpolateInputs=\"true\" \
                      maxOutputDerivativeOrder=\"2\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"";
 

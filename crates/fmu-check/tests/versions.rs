@@ -152,7 +152,7 @@ fn derivatives_without_a_state_of_their_size_are_checked() {
     }
 }
 
-/// An FMU for model exchange only, in which nothing is stepped, is checked as well.
+/// An FMU for model exchange only, without communication steps, is checked too.
 #[test]
 fn an_fmu_for_model_exchange_only_is_sound() {
     for (fmi, text) in [

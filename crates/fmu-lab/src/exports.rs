@@ -68,7 +68,7 @@ pub unsafe extern "C" fn lab_free(memory: *mut u8, size: usize) {
     drop(unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(memory, size)) });
 }
 
-/// Answers a request. Returns the length of the response; that of a failure is negative.
+/// Answers a request. Returns the length of the response, negated for a failure.
 ///
 /// # Safety
 /// Each pointer is to as many bytes as stated, which nothing else changes.

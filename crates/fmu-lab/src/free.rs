@@ -41,7 +41,7 @@ impl From<SetupError> for Failure {
     }
 }
 
-/// The systems of a setup: that of the visitor, and its twin.
+/// The systems of a setup: the visitor's system, and its twin.
 pub(crate) fn prepare(setup: &Setup, fmus: &Fmus, scenarios: &[Scenario]) -> Result<Vec<Prepared>, Failure> {
     let mut prepared = match &setup.system {
         System::Free { vehicle, controllers, maneuver, maneuver_values, road, seed } => {
@@ -103,7 +103,7 @@ fn free(
     })
 }
 
-/// An FMU without others, its inputs at their start values: a scenario with one component.
+/// A scenario with one component, whose inputs keep their start values.
 fn alone(fmus: &Fmus, name: &str) -> Result<Prepared, Failure> {
     let description = fmus.descriptions.get(name).ok_or_else(|| Failure::new(format!("there is no FMU {name}")))?;
     let experiment = &description.default_experiment;

@@ -137,7 +137,8 @@ impl Lab {
         for (index, mut system) in prepared.into_iter().enumerate() {
             let shown = show_all(&mut system.run, &self.fmus, &system.plant);
             let mut names: Vec<String> = system.plan.columns.iter().map(|column| column.name.clone()).collect();
-            // A scenario chooses its columns. A maneuver records the signals of the vehicle and the driver; those of the controllers follow.
+            // A scenario chooses its columns. A maneuver records the signals of the vehicle and the driver; the
+            // controllers' signals follow.
             if !matches!(system.source, Source::Scenario { .. }) {
                 for one in &shown {
                     if !system.run.columns.contains(&Some(one.slot)) {

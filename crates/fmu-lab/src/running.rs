@@ -171,7 +171,7 @@ impl Running {
         }
     }
 
-    /// Keeps the signals of this time, if it is that of a row.
+    /// Records the signals, if the current time is that of a row.
     fn record(&mut self) {
         let (step, time) = (self.session.steps(), self.session.time());
         if step.is_multiple_of(self.simulation.every) {

@@ -27,7 +27,7 @@ pub struct Linear {
 /// Step of central differences for doubles and for Float32, relative to the value or its nominal value. It is the cube
 /// root of the rounding error (1e-16 and 6e-8), at which rounding and truncation errors are about equal.
 const DIFFERENCE: [f64; 2] = [6e-6, 4e-3];
-/// Largest number of iterations of the first event.
+/// Maximum number of iterations of the first event.
 const ROUNDS: usize = 100;
 
 /// Linearizes an FMU at the start values with these changes. The binary is loaded into this process.

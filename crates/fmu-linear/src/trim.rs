@@ -173,10 +173,10 @@ fn states(description: &ModelDescription) -> impl Iterator<Item = usize> {
     description.derivatives.iter().filter_map(|unknown| description.variables[unknown.variable].derivative_of)
 }
 
-/// Checks whether a steady state can be found, as far as the description shows.
+/// Checks in the description whether a steady state can be found.
 ///
 /// # Errors
-/// It lists no states or no directional derivatives, or has arrays of states.
+/// The description lists no states or no directional derivatives, or has arrays of states.
 pub fn check(description: &ModelDescription) -> Result<(), String> {
     let model = &description.model_name;
     let (_, has_derivatives) = interface(description);

@@ -123,7 +123,7 @@ fn principal_eigenvector(matrix: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// The ride matrix from which Table 4 follows, order as in equation 24.
+    /// The ride matrix, which gives Table 4, in the order of equation 24.
     fn ride() -> Vec<Vec<f64>> {
         vec![
             vec![1.0, 4.0, 4.0, 4.0, 7.0, 7.0],

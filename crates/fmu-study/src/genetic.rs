@@ -9,15 +9,15 @@ use crate::search::{BITS, Code, Evaluate, Random, Stop, affinity, evaluate, firs
 /// Settings.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Settings {
-    /// Individuals, at least 2.
+    /// Number of individuals, at least 2.
     pub population: usize,
     /// Probability that two parents are crossed.
     pub crossover: f64,
     /// Mutation rate per bit.
     pub mutation: f64,
-    /// Number of the best that are kept unchanged, fewer than the population.
+    /// Number of the best individuals, which are kept unchanged; smaller than the population.
     pub elite: usize,
-    /// Generations.
+    /// Number of generations.
     pub generations: u32,
 }
 

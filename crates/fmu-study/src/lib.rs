@@ -11,8 +11,8 @@
 //! - [`execute`](execution::execute) runs a study and writes the results.
 //!
 //! # Evaluations
-//! Every candidate a method asks for is an evaluation and counts against the budget: also one that violates a
-//! constraint (no run is spent on it) and one that was tried before (its outcome is known). A candidate that violates a
+//! Every candidate that a method requests is an evaluation and counts against the budget, even if it violates a
+//! constraint, so that it is not run, or was tried before, so that its outcome is known. A candidate that violates a
 //! constraint, or whose run fails, exceeds a limit or gives no finite objective, gets the study's `penalty` as its
 //! objective and is marked in the history. It never stops the study.
 //!

@@ -11,23 +11,23 @@ use crate::search::{Code, Evaluate, Random, Stop, affinity, evaluate, first_gene
 /// Settings (step 1), with the paper's symbols.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Settings {
-    /// n_p: antibodies, at least 2.
+    /// n_p: number of antibodies, at least 2.
     pub population: usize,
-    /// n_s: number of the best that may be cloned.
+    /// n_s: number of the best antibodies, which can be cloned.
     pub selected: usize,
     /// n_m: base of the number of clones.
     pub clone_scale: usize,
-    /// Most clones of one antibody.
+    /// Maximum number of clones of one antibody.
     pub most_clones: usize,
     /// p_r_max: mutation rate per bit at the start.
     pub mutation_max: f64,
     /// p_r_min: mutation rate per bit at the end.
     pub mutation_min: f64,
-    /// lambda_max: most antibodies replaced in a generation.
+    /// lambda_max: maximum number of antibodies replaced in a generation.
     pub updates_max: f64,
-    /// lambda_min: antibodies replaced in the last generation.
+    /// lambda_min: number of antibodies replaced in the last generation.
     pub updates_min: f64,
-    /// x_max: generations.
+    /// x_max: number of generations.
     pub generations: u32,
 }
 

@@ -84,7 +84,7 @@ fn table(path: &Path) -> Option<toml::Table> {
     text(path).ok()?.parse().ok()
 }
 
-/// Returns the schema of a study: of one with `[[vary]]`, or of one that searches parameters.
+/// Returns the schema of studies, with `[[vary]]` or `[[parameter]]`.
 pub fn schema() -> Schema {
     fmu_system::schema::of_file::<Any>()
 }

@@ -84,8 +84,8 @@ fn random_on(function: Function, seed: u64) -> f64 {
 }
 
 /// Bounds of PACSA, GA and CMA-ES. They lie between what the methods reach and what random search reaches with the same
-/// budget, both over seeds 1 to 8: sphere 0.012, 0.21, 5e-15 against 0.59; Rosenbrock 5.1, 14.4, 3.97 against 25.8, where
-/// 3.97 is that of its local minimum near -1 in the first coordinate.
+/// budget, both over seeds 1 to 8: sphere 0.012, 0.21, 5e-15 against 0.59; Rosenbrock 5.1, 14.4, 3.97 against 25.8,
+/// where 3.97 is the local minimum near -1 in the first coordinate.
 #[test]
 fn the_methods_reach_what_random_search_does_not() {
     let functions: [(&str, Function, [f64; 3]); 2] =

@@ -162,7 +162,7 @@ impl Batch {
         pool.execute(&self.plan.simulation, runs.len(), &task, &|_| (), take);
     }
 
-    /// Executes the runs of a sample in this process. The FMUs must be loaded; one that crashes ends the process.
+    /// Executes the runs of a sample in this process. The FMUs must be loaded. If an FMU crashes, the process ends.
     pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
         let outcome = |run: &usize| {
             let failed = |error: String| Failure::new(&self.plan.runs[*run].id, error);

@@ -5,8 +5,8 @@
 //! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 with a component of FMI 3.0: the structure with connectors, units of measure and
 //!   connections, a parameter set for every component, the FMUs, and the annotations from which OMSimulator and libcosim take
 //!   the step (Ecos and FMPy take it from the caller),
-//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it; not with a component of FMI 3.0, which libcosim does
-//!   not support.
+//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs in the same folder; left out with a
+//!   component of FMI 3.0, which libcosim does not support.
 //!
 //! Constant inputs become start values in both. Neither format defines the order of the components within a step, the
 //! recording, or the metrics. Recorded outputs become connectors, so a tool that records all connectors also records
@@ -125,9 +125,9 @@ impl System {
     /// Makes a system from a run of a plan.
     ///
     /// # Errors
-    /// An FMU cannot be read or is not that of the plan, signals come from a file, the file name of an FMU is not valid in a URI, an
-    /// enumeration or an element of an array is set or connected, a connection converts between Real and Boolean, or a unit of measure has
-    /// two definitions.
+    /// An FMU cannot be read or has changed since the plan was made, signals come from a file, the file name of an FMU
+    /// is not valid in a URI, an enumeration or an element of an array is set or connected, a connection converts
+    /// between Real and Boolean, or a unit of measure has two definitions.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
         Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.with_elements().into()))
     }

@@ -93,8 +93,8 @@ pub struct Settable {
     pub units: Vec<DisplayUnit>,
 }
 
-/// Finds the parameter, variable with a start value of its own, or input of a component, in the first run that has it. `describe` returns
-/// the description of an FMU by its path in the plan.
+/// Finds the parameter, variable with a start value, or input of a component, in the first run that has it. `describe`
+/// returns the description of an FMU by its path in the plan.
 ///
 /// # Errors
 /// There is none; the message suggests another name.
@@ -124,7 +124,7 @@ pub fn settable_of<D: Deref<Target = ModelDescription>>(
     }))
 }
 
-/// Finds the parameter, variable with a start value of its own, or input of this name.
+/// Finds the parameter, variable with a start value, or input with this name.
 ///
 /// # Errors
 /// There is none; the message suggests another name.

@@ -64,7 +64,7 @@ pub struct Collector {
     problems: Vec<Noted>,
     warnings: Vec<Noted>,
     context: Option<Context>,
-    /// Number of contexts; a mistake found in all of them does not depend on them.
+    /// Number of contexts. The message of a mistake found in all of them does not name them.
     contexts: usize,
 }
 
@@ -262,7 +262,7 @@ mod tests {
         assert_eq!(help("title = `a`"), None);
     }
 
-    /// A mistake names the cases in which it was found, unless these are all cases; a special context is always named.
+    /// A message names the cases with the mistake, unless all cases have it. A special context is always named.
     #[test]
     fn contexts_are_named() {
         let context = |label: &str, is_special| Some(Context { label: label.to_string(), is_special });

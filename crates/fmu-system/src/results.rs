@@ -18,8 +18,8 @@ pub fn file_name(run: &Run) -> String {
     format!("{}.csv", run.id.replace(['@', '#'], "_"))
 }
 
-/// Writes `time` and the columns that the run has; `names` are those of all columns. Numbers have the shortest form that reads back as the
-/// same double. The file appears complete or not at all.
+/// Writes `time` and the columns that the run has; `names` are the names of all columns. Numbers have the shortest form
+/// that reads back as the same double. The file appears complete or not at all.
 ///
 /// # Errors
 /// The folder cannot be made or the file cannot be written; the message contains the path.
@@ -86,7 +86,7 @@ pub fn remove_parts(path: &Path) {
     }
 }
 
-/// Columns of a file, in the requested order; `None` for one that the run does not have.
+/// Columns of a file, in the requested order; `None` for a column that the run does not have.
 pub type Columns = Vec<Option<Vec<f64>>>;
 
 /// Reads columns of a file that [`write_csv`] has written: the times, and the columns by name.

@@ -36,7 +36,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
         }
     };
     let from = problems.add_source(&file, &text);
-    // Leading blanks shift its places to their position among those of all files.
+    // Leading blanks shift the places in this file behind those in the previous files.
     let moved = format!("{}{text}", " ".repeat(from));
     let part: Written = problems.parse_from(&moved, from)?;
     let texts = [("title", &part.title), ("description", &part.description), ("reference", &part.reference)];
@@ -80,7 +80,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
             match all.components.iter_mut().find(|component| component.name == name) {
                 Some(component) => {
                     for (parameter, value) in values {
-                        // Reinserted, because the place of the name must be that of the value.
+                        // Reinsert the name, whose place must be in the same file as the value.
                         component.parameters.remove(&parameter);
                         component.parameters.insert(parameter, value);
                     }

@@ -23,9 +23,9 @@
 //! from the bus.
 //!
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
-//! doubles, and an Integer beyond 2^53, which a double does not hold exactly, is an error. Integers that may have more than 32 bits
-//! have a call of their own. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is above 0.5. That is also how a
-//! connection converts between Real and Boolean.
+//! doubles, and an Integer beyond 2^53, which a double does not hold exactly, is an error. Integers that may have more
+//! than 32 bits have a separate call. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is
+//! above 0.5. That is also how a connection converts between Real and Boolean.
 
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
@@ -267,7 +267,7 @@ pub struct Session {
     /// Steps that are done.
     step: u64,
     board: Option<&'static Board>,
-    /// Messages of the call by which an FMU has ended the simulation, with the name of the component.
+    /// Messages from the call with which an FMU ended the simulation, with the name of the component.
     pub(crate) logged: Vec<(String, Message)>,
 }
 

@@ -14,7 +14,7 @@ use fmu_linear::trim::{self, Request};
 /// Maximum number of searches until the inputs stay the same.
 const ROUNDS: usize = 20;
 
-/// Checks that a component can start in a steady state, as far as its description shows.
+/// Checks in the description whether a component can start in a steady state.
 pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
     if description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative) {
         return trim::check(description);
@@ -31,7 +31,7 @@ impl Run {
         self.components.iter().any(|component| component.steady.as_ref().is_some_and(Vec::is_empty))
     }
 
-    /// Finds the steady states in which components start. A master finds those that are missing before a run.
+    /// Finds the steady states in which components start. A master does this before a run if they are missing.
     ///
     /// # Errors
     /// A run cannot be initialized, there is no steady state, or the inputs of a component keep changing with its start.

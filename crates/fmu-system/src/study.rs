@@ -247,7 +247,7 @@ struct Series {
 struct Search {
     /// Metric of the scenario.
     metric: Spanned<String>,
-    /// The extreme.
+    /// Extreme to search for.
     direction: Direction,
     /// Case whose metric is used; if absent, the extreme of all cases for `worst_case`, the worst of all cases for
     /// `optimize`.

@@ -81,7 +81,7 @@ pub fn with_unit(number: &str, unit: &str) -> String {
     if unit.is_empty() { number.to_owned() } else { format!("{number} {unit}") }
 }
 
-/// Limits, of which one may be missing, in a unit: `at least 1 s and at most 2 s`.
+/// Formats one or two limits with a unit: `at least 1 s and at most 2 s`.
 pub fn limits([min, max]: [Option<f64>; 2], unit: &str) -> String {
     let ends = [("at least", min), ("at most", max)];
     let ends = ends.into_iter().filter_map(|(word, limit)| Some((word, significant(limit?, 6))));

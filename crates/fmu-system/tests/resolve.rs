@@ -51,7 +51,7 @@ fn lines(error: &ResolveError) -> String {
     }
 }
 
-/// All mistakes of a scenario that has some, one per line and with their help.
+/// All mistakes in an invalid scenario, one per line, with their help.
 fn explained(plan: Result<Plan, ResolveError>) -> String {
     match plan.expect_err("a mistake") {
         ResolveError::Problems(problems) => {
@@ -124,7 +124,7 @@ fn through_the_follower(connections: &[[&str; 2]], inputs: &str, bias: &str) -> 
     resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default()).map_err(|error| lines(&error))
 }
 
-/// A variable without a unit fits every unit, also in an FMU that declares units for others.
+/// A variable without a unit fits every unit, even if its FMU declares units for other variables.
 #[test]
 fn a_variable_without_a_unit_passes_signals_of_every_unit() {
     let [from, to] = ["follower:command", "follower:value"];
@@ -227,7 +227,7 @@ fn another_fmu_starts_from_its_own_defaults() {
     // The parameters of the case itself apply.
     let (_, parameters, _) = settings("fmu.steering = \"OtherSteering\"\nparameters.steering = { mode = 2 }");
     assert_eq!(parameters, ["mode=2"]);
-    // Parameters in common are kept; the others give a warning.
+    // Parameters that both FMUs have are kept; others give a warning.
     let (_, parameters, warnings) = settings("fmu.steering = { fmu = \"OtherSteering\", keep_parameters = true }");
     assert_eq!(parameters, ["sample_time=0.01"]);
     assert_eq!(
@@ -1009,7 +1009,7 @@ fn mistakes_are_reported_with_their_place() {
     insta::assert_snapshot!(report.join("\n\n"));
 }
 
-/// FMUs in memory, and others that can be built.
+/// FMUs in memory, and names of FMUs that can be built.
 struct Workspace(BTreeMap<String, Arc<ModelDescription>>, &'static [&'static str]);
 
 impl Descriptions for Workspace {
@@ -1189,7 +1189,7 @@ fn items_from_a_file() {
     }
 }
 
-/// No two columns have the same name, and no signal that of the times.
+/// Columns have different names, and no signal is named like the time column.
 #[test]
 fn names_of_columns_are_told_apart() {
     let text = "<ScalarVariable name=\"time\" valueReference=\"9000\" causality=\"output\"><Real/></ScalarVariable>\
@@ -1290,7 +1290,7 @@ fn mistakes_in_parameter_sets_are_marked_where_the_file_is_named() {
     assert!(error.contains("cannot read") && error.contains("none.ssv"), "{error}");
 }
 
-/// Resolves a scenario of several files: their texts by name, the first one includes the others.
+/// Resolves a scenario that consists of several files, given by name and text. The first file includes the others.
 fn plan_of_files(files: &[(&str, String)]) -> Result<Plan, ResolveError> {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in files {

@@ -1,4 +1,4 @@
-//! Pictures of curves and points as SVG, for print and for browsers without JavaScript. Colors are those of the page.
+//! Pictures of curves and points as SVG, for print and for browsers without JavaScript, in the colors of the page.
 
 use std::fmt::Write as _;
 

@@ -5,7 +5,7 @@ use crate::Finding;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use fmu_import::loader::Instance;
 
-/// Most elements of unknowns and of knowns that are compared.
+/// Maximum number of elements of unknowns and of knowns that are compared.
 const MOST: usize = 100;
 
 impl Trial<'_> {

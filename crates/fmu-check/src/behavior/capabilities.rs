@@ -1,4 +1,4 @@
-//! Capabilities: each one that the description promises is tested once.
+//! Capabilities: tests each capability that the description promises once.
 
 use super::{CheckResult, Report, Trial, derivative_problem, describe, found};
 use crate::Finding;

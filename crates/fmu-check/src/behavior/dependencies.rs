@@ -82,7 +82,7 @@ impl Trial<'_> {
                 };
                 let is_sound = search.vary(self, j, &mut ready, report).is_ok();
                 instance = is_sound.then_some(ready);
-                // A value with which nothing can be read, such as the name of a missing file, proves nothing.
+                // A value that makes the FMU unreadable, such as the name of a missing file, proves nothing.
                 is_sound
             });
         }

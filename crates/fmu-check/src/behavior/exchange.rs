@@ -11,7 +11,7 @@ use fmu_import::loader::{CallError, Instance, Library};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Most updates of the discrete states in one event.
+/// Maximum number of updates of the discrete states in one event.
 const MOST_UPDATES: usize = 1000;
 #[derive(Clone)]
 struct Exchange<'a> {
@@ -290,7 +290,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Checks that the numbers of states and event indicators are those of the description.
+    /// Checks that the numbers of states and event indicators are those in the description.
     fn numbers(&self, instance: &mut Instance, report: Report<'_>) -> CheckResult<()> {
         for (function, number, expected) in [
             ("fmi3GetNumberOfContinuousStates", instance.get_number_of_states()?, instance.number_of_states()),

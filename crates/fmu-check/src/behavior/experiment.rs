@@ -5,7 +5,7 @@ use crate::{Finding, Topic};
 use fmu_import::loader::{CallError, CallProblem, Instance, Status};
 use std::time::Instant;
 
-/// Fraction of a step below which the rest of the experiment is a rounding error.
+/// Fraction of a step below which the remaining time of the experiment is a rounding error.
 const NOTHING: f64 = 1e-9;
 
 pub(super) const EXPERIMENT: &str = "the default experiment";

@@ -6,7 +6,7 @@ use fmu_import::description::{BaseType, Causality, Value, Variable};
 
 /// Parameter of FMUs that integrate in steps of a fixed size.
 const PARAMETER: &str = "max_step";
-/// Most communication steps of the default experiment that are compared.
+/// Maximum number of communication steps of the default experiment that are compared.
 const MOST_STEPS: f64 = 20_000.0;
 /// Difference, relative to the peak of the output, above which the results are unreliable: a tenth of a percent.
 const TOLERABLE: f64 = 1e-3;

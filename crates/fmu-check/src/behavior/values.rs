@@ -1,4 +1,4 @@
-//! Values of all types: those of an FMU, and others to set.
+//! Values of all types: reads those of an FMU, and chooses other values to set.
 
 use super::{CheckResult, Trial, is_plain, size};
 use fmu_import::description::{Causality, DataType, Initial, Value, Variability, Variable};
@@ -54,7 +54,7 @@ impl Trial<'_> {
         variables.iter().map(|&i| read(instance, self.variable(i))).collect()
     }
 
-    /// Sets variables to other values than those of the description. Returns those that the FMU rejected.
+    /// Sets variables to other values than their start values. Returns the variables whose value the FMU rejected.
     pub(super) fn change(&self, instance: &mut Instance, variables: &[usize]) -> Vec<usize> {
         let is_rejected = |i: &usize| {
             let variable = self.variable(*i);

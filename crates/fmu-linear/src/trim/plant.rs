@@ -22,7 +22,7 @@ pub(super) struct State {
     pub(super) held: Option<f64>,
     /// True if it integrates other states, and no state at rest depends on it.
     pub(super) drifts: bool,
-    /// Least and greatest value of the valid range of the model: those of the description, and a quarter turn of an angle.
+    /// Limits of the model's valid range: those in the description, and a quarter turn for an angle.
     pub(super) range: [f64; 2],
 }
 
@@ -34,7 +34,7 @@ impl State {
     }
 }
 
-/// Least and greatest value of a variable, as declared.
+/// Declared minimum and maximum of a variable.
 fn bounds(variable: &Variable) -> [f64; 2] {
     [variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY)]
 }
@@ -169,7 +169,7 @@ impl<'a> Plant<'a> {
         self.reach(x, &vec![true; x.len()])
     }
 
-    /// Finds the parameters with which the calculated states that are sought start there.
+    /// Finds the parameters with which the calculated states that are sought start at `x`.
     fn reach(&mut self, x: &[f64], is_sought: &[bool]) -> Result<(), String> {
         for _ in 0..ATTEMPTS {
             let off: Vec<usize> = (0..x.len())
@@ -218,7 +218,7 @@ impl<'a> Plant<'a> {
         Ok(())
     }
 
-    /// Least and greatest value of the parameter that a state starts from.
+    /// Minimum and maximum of the parameter that a state starts from.
     fn bounds_of_parameter(&self, state: usize) -> [f64; 2] {
         match self.states[state].start {
             Start::Parameter(index) => bounds(&self.description.variables[index]),
@@ -260,7 +260,7 @@ impl<'a> Plant<'a> {
 
     /// Starts anew and enters Initialization Mode at the current point, with the calls of a master before a run.
     fn initialize(&mut self) -> Result<(), String> {
-        // One at a time: some FMUs allow no more.
+        // One instance at a time: some FMUs allow only one.
         let used = self.instance.take().and_then(|mut used| used.reset().is_ok().then_some(used));
         let mut instance = used.map_or_else(|| (self.instantiate)(), Ok)?;
         self.set_all(&mut instance).map_err(|error| error.to_string())?;

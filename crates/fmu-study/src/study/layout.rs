@@ -103,7 +103,7 @@ pub(super) struct LimitEntry {
     pub(super) magnitude: Spanned<f64>,
 }
 
-/// Terms with weights, or with judgments from which the weights follow.
+/// Terms with weights, or with judgments that determine the weights.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ObjectiveEntry {
@@ -130,7 +130,7 @@ pub(super) enum Judgment {
 pub(super) struct TermEntry {
     /// Recorded signal, as `component:signal`.
     pub(super) signal: Spanned<String>,
-    /// Kind of number, one that needs no band, threshold or times; its magnitude is used.
+    /// Kind of number that needs no band, threshold or times. Its magnitude is used.
     pub(super) kind: Spanned<Kind>,
     /// Weight; absent with judgments.
     pub(super) weight: Option<Spanned<f64>>,
@@ -150,7 +150,7 @@ pub(super) struct MethodEntry {
     pub(super) name: Option<Spanned<String>>,
     /// Title.
     pub(super) title: Option<String>,
-    /// Seed; that of the study if absent.
+    /// Seed; if absent, the study's.
     pub(super) seed: Option<Spanned<i64>>,
     /// Seeds: the method runs once with each.
     pub(super) seeds: Option<Spanned<Vec<Spanned<i64>>>>,

@@ -13,7 +13,7 @@ const MAX_POPULATION: i64 = 100_000;
 /// A method and its settings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Method {
-    /// Name, that of its folder.
+    /// Name of the method and of its folder.
     pub name: String,
     /// Title.
     pub title: String,

@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 #[derive(Debug)]
 pub(crate) struct Comparison {
     pub(crate) title: String,
-    /// (index of the parameter, value); the others keep the scenario's values.
+    /// (index of the parameter, value). Other parameters keep the scenario's values.
     pub(crate) values: Vec<(usize, f64)>,
     pub(crate) runs: Vec<Run>,
 }

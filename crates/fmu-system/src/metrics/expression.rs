@@ -48,7 +48,7 @@ pub struct ExpressionError {
 /// Kind of error in an expression.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
-    /// A name that is not known.
+    /// An unknown name.
     #[error("unknown metric `{0}`")]
     Unknown(String),
     /// An operand is missing.

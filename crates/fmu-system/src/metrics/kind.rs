@@ -33,7 +33,7 @@ pub enum Kind {
     PeakToPeak,
     /// Standard deviation of the rows (divided by n): sqrt(sum((x\[i\] - mean)^2)/n).
     Deviation,
-    /// Number of rows whose value differs from that of the row before. Unit: 1.
+    /// Number of rows whose value differs from that of the previous row. Unit: 1.
     Changes,
     /// Integral over time: sum(x\[i\]) dt with dt = (t\[n-1\] - t\[0\])/(n - 1). Each row counts for the interval dt, the last
     /// one too. An error for a single row. Unit: that of the signal times s.

@@ -61,12 +61,12 @@ pub struct Definition {
     pub offset: f64,
 }
 
-/// Numbers of windows that end at each row.
+/// Running values of a metric: for windows that end at each row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Running {
     /// The rows.
     pub rows: Range<usize>,
-    /// A number for each.
+    /// A value for each row.
     pub values: Vec<f64>,
 }
 

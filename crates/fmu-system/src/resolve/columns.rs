@@ -8,7 +8,7 @@ use fmu_import::description::{Causality, Variable};
 use std::collections::{BTreeSet, HashMap};
 
 impl Resolver<'_> {
-    /// All recorded signals: components in the order of the scenario, variables in that of the FMU.
+    /// All recorded signals, in the order of the scenario's components and the FMUs' variables.
     pub(super) fn columns(&mut self, systems: &[System<'_>]) -> Vec<Column> {
         for pattern in &self.scenario.record.signals {
             let (component, text) = split_pattern(pattern.get_ref());

@@ -276,13 +276,13 @@ impl Resolver<'_> {
         if format.is_of_metric() {
             let metric = self.metric(of, &span)?;
             let written = &self.scenario.metrics[metric];
-            let has = match format {
-                Format::Threshold => written.threshold.is_some(),
-                Format::Band => written.band.is_some(),
-                _ => written.window.is_some(),
+            let (key, has) = match format {
+                Format::Threshold => ("threshold", written.threshold.is_some()),
+                Format::Band => ("band", written.band.is_some()),
+                _ => ("window", written.window.is_some()),
             };
             if !has {
-                self.problems.add(span, format!("the metric `{of}` has no such number"));
+                self.problems.add(span, format!("the metric `{of}` has no `{key}`"));
                 return None;
             }
             return Some(Part::Number { format, metric, cells: Vec::new(), against: Vec::new() });
@@ -296,7 +296,8 @@ impl Resolver<'_> {
                 _ => self.expect_of_paper(cell, against.get(index), false) == Some(Expect::PaperChange),
             };
             if !paper || !cells.iter().enumerate().all(|(index, cell)| wanted(index, cell)) {
-                self.problems.add(span, format!("the paper gives no such number for `{of}`"));
+                let what = if matches!(format, Format::Paper) { "value" } else { "change" };
+                self.problems.add(span, format!("the paper gives no {what} for `{of}`"));
                 return None;
             }
         }

@@ -13,7 +13,7 @@ use std::path::Path;
 /// Value of a signal after its last sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum AfterEnd {
-    /// Nothing: a file that ends before the run is a mistake.
+    /// None: a file that ends before the run is a mistake.
     #[default]
     Error,
     /// Its last value.

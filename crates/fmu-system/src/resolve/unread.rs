@@ -8,7 +8,7 @@ use fmu_import::description::{Causality, ModelDescription};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// A component in a case, and those of its outputs that nothing reads.
+/// A component in a case, and its outputs that nothing reads.
 struct Place<'a> {
     case: &'a str,
     member: &'a CaseComponent<'a>,
@@ -22,8 +22,8 @@ impl Place<'_> {
 }
 
 impl Resolver<'_> {
-    /// Warns about components and parameters without an effect, as far as the descriptions show it. Returns the trial runs that are needed
-    /// for the others.
+    /// Warns about components and parameters that have no effect according to the descriptions. Returns the trial runs
+    /// that are needed for other parameters.
     pub(super) fn unread(&mut self, systems: &[System<'_>], wirings: &[Wiring], runs: &[Run]) -> Vec<Trial> {
         let scenario = self.scenario;
         let mut trials = Vec::new();

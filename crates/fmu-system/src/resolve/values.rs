@@ -216,7 +216,7 @@ impl Resolver<'_> {
         values
     }
 
-    /// Constants of the inputs of a component: those of the case take precedence over those of the component.
+    /// Constants for the inputs of a component. Those in the case take precedence over those in the component.
     pub(super) fn constants(&mut self, case: &Case, member: &CaseComponent<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         for (level, is_of_component) in

@@ -78,7 +78,7 @@ pub(crate) struct Written {
     /// Components in the order of execution, plants last.
     #[serde(rename = "component", default)]
     pub(crate) components: Vec<Component>,
-    /// Connections beside those of signals with the same name.
+    /// Connections in addition to those between signals with the same name.
     #[serde(rename = "connection", default)]
     pub(crate) connections: Vec<Connection>,
     /// Variants of the system that are compared.
@@ -389,7 +389,7 @@ pub(crate) struct Paper {
     /// Changes in percent where the paper gives no values, by cell or by two cells.
     #[serde(default)]
     pub(crate) changes: BTreeMap<Spanned<String>, f64>,
-    /// Keys of the values used for calibration; the others are then predictions.
+    /// Keys of the values used for calibration; the other values are then predictions.
     pub(crate) calibrated: Option<Vec<Spanned<String>>>,
 }
 

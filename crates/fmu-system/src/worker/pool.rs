@@ -35,8 +35,8 @@ pub struct Task {
     pub csv: Option<(Vec<String>, PathBuf)>,
 }
 
-/// Receives the index of a task and its outcome. If the rows were written to a file, the recording, or that of a failure, contains only the
-/// time of the last row.
+/// Receives the index of a task and its outcome. If the rows were written to a file, the recording (or the failure's)
+/// contains only the time of the last row.
 pub type Finish<'a> = &'a (dyn Fn(usize, Result<Recording, Failure>) + Sync);
 
 /// A run whose file is written, but not published.

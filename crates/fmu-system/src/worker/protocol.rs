@@ -119,7 +119,8 @@ impl Response {
     }
 }
 
-/// Number of rows and flags of the columns that exist, the columns with the times first, and the rest of a recording.
+/// The parts of a recording: number of rows and a flag for each column that exists; times and columns; messages;
+/// seconds.
 type Parts = ((usize, Vec<bool>), Vec<Vec<f64>>, Vec<(String, Message)>, f64);
 
 fn parts(recording: Recording) -> Parts {

@@ -8,10 +8,10 @@ use fmu_import::loader::{CallProblem, Instance, Status};
 use std::time::Instant;
 
 const STEPS: usize = 40;
-/// Largest number of parts of a step, if the solution is not finite with fewer, or the FMU asks for shorter ones. Stiff
-/// equations, which need millions of parts, are integrated over a part of the time.
+/// Maximum number of parts of a step, if the solution is not finite with fewer, or the FMU requests shorter steps.
+/// Stiff equations, which need millions of parts, are integrated over a part of the time.
 const MOST_PARTS: usize = 1 << 24;
-/// Most parts of all steps.
+/// Maximum number of parts of all steps together.
 const MOST_STEPS: usize = 64 * STEPS;
 
 impl Exchange<'_> {
