@@ -254,7 +254,7 @@ pub(crate) fn artifacts(messages: &str) -> Result<Vec<Artifact>> {
     Ok(artifacts)
 }
 
-/// Copies the libraries of a round: a later round rebuilds those it depends on, without their exports.
+/// Copies the libraries of a round, because a later round that depends on them rebuilds them without their exports.
 fn kept(built: &[Artifact], round: &[&Model], folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
     let built = built.iter().filter_map(Artifact::library).collect();
     std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("making {}", folder.display()))?;
@@ -308,7 +308,7 @@ fn cargo_home() -> Option<PathBuf> {
     std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| std::env::home_dir().map(|home| home.join(".cargo")))
 }
 
-/// The option that asks for Linux binaries that load on old distributions.
+/// The option for Linux binaries that load on old distributions.
 pub(crate) const PORTABLE: &str = "--portable";
 
 #[derive(Debug)]

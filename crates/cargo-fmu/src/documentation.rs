@@ -67,7 +67,7 @@ pub(crate) const ICON_OF_FMI2: &str = "model.png";
 
 pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 
-/// Entry of the reference run. FMI 2.0 asks for folder names in `extra` that begin with a reversed domain name.
+/// Entry of the reference run. FMI 2.0 requires folder names in `extra` to begin with a reversed domain name.
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
 /// Entry of the commit that the FMU was packed from.

@@ -30,8 +30,8 @@ impl ReportHandler for Handler {
     }
 }
 
-/// A report whose text is escaped, except excerpts of files: those are scenarios and studies of the user. Codes, addresses
-/// and severities are left out, because reports of this program have none.
+/// A report whose text is escaped, except excerpts from files, which are the user's scenarios and studies. It has no
+/// codes, addresses and severities, because reports of this program have none.
 #[derive(Debug)]
 struct Safe<'a> {
     report: &'a dyn Diagnostic,

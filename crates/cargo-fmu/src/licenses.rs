@@ -114,7 +114,7 @@ fn toolchain(platform: Platform, linker: Linker) -> Vec<Component> {
 
 /// Packages linked into the library of each model.
 ///
-/// `built` are the parts of each library, `packages` those that the workspace depends on.
+/// `built` contains the parts of each library, `packages` the packages that the workspace depends on.
 pub(crate) fn components(
     builder: &Builder,
     workspace: &Workspace,
@@ -145,7 +145,7 @@ pub(crate) fn components(
     Ok(all)
 }
 
-/// The package of a linked part; none for the standard library's own crates, which are a part of the toolchain.
+/// The package of a linked part; `None` for the standard library's own crates, which belong to the toolchain.
 fn linked(artifact: &Artifact, workspace: &Workspace, packages: &[Package]) -> Result<Option<Component>> {
     /// A manifest as it is published, without inherited keys.
     #[derive(Deserialize)]

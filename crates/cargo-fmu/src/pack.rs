@@ -89,7 +89,8 @@ impl Settings {
         self.out.clone().unwrap_or_else(default)
     }
 
-    /// The option or setting that asks for portable Linux binaries: the command line decides, then the workspace.
+    /// The option or setting that requests portable Linux binaries. The command line takes precedence over the
+    /// workspace.
     fn portable(&self, workspace: &Workspace) -> Option<&'static str> {
         if self.portable {
             return Some(build::PORTABLE);

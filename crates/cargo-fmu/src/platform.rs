@@ -39,11 +39,11 @@ impl Platform {
         }
     }
 
-    /// Name; folders in FMI 2.0 and FMI 3.0; target of the compiler; extension of a library.
+    /// Returns the name, the folders in FMI 2.0 and 3.0, the target of the compiler, and the extension of a library.
     const fn words(self) -> [&'static str; 5] {
         match self {
             Self::Linux64 => ["linux64", "linux64", "x86_64-linux", "x86_64-unknown-linux-gnu", "so"],
-            // The target is that of Windows 7: see `win64`.
+            // The target for Windows 7: see `win64`.
             Self::Win64 => ["win64", "win64", "x86_64-windows", "x86_64-win7-windows-gnu", "dll"],
             Self::Aarch64Linux => {
                 ["aarch64-linux", "aarch64-linux", "aarch64-linux", "aarch64-unknown-linux-gnu", "so"]

@@ -96,7 +96,7 @@ struct Package {
 #[derive(Deserialize)]
 struct Dependency {
     name: String,
-    /// `dev` or `build`; none for a dependency of the library.
+    /// `dev` or `build`; `None` for a dependency of the library.
     kind: Option<String>,
 }
 
@@ -166,7 +166,8 @@ impl Workspace {
         self.models.iter().filter(|model| fmus.contains(&model.name)).cloned().collect()
     }
 
-    /// The commit that is checked out, with `-dirty` if the files of the workspace differ from it; none outside of a git checkout.
+    /// The commit that is checked out, with `-dirty` if files in the workspace differ from it; `None` outside of a git
+    /// checkout.
     pub(crate) fn commit(&self) -> Option<String> {
         let git = |arguments: &[&str]| {
             let output = Command::new("git").args(arguments).current_dir(&self.root).output().ok()?;

@@ -15,8 +15,8 @@ const PROGRAM: &str = "cargo-zigbuild";
 /// Environment variable for cargo-zigbuild: the Python with the package `ziglang`.
 const PYTHON: &str = "CARGO_ZIGBUILD_PYTHON_PATH";
 
-/// For this machine and others with its processor, from glibc 2.17 on. `reason` is the option or setting that requests
-/// such binaries. The error lists what is missing and how to install it.
+/// A builder for Linux with this machine's processor and glibc 2.17 or newer. `reason` is the option or setting that
+/// requests such binaries. The error lists what is missing and how to install it.
 pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<Builder> {
     let programs = programs(root).map_err(|problem| {
         miette!(
@@ -30,8 +30,8 @@ pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<
     Ok(builder(platform, programs, None))
 }
 
-/// For a Linux with another processor than this machine, or from another system. The error lists what is missing and
-/// how to install it.
+/// A builder for Linux with another processor than this machine's, or from another system. The error lists what is
+/// missing and how to install it.
 pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
     let (name, target) = (platform.name(), platform.target());
     let mut missing = Vec::new();

@@ -94,7 +94,7 @@ fn a_banner_does_not_fill_the_report() {
     }
 }
 
-/// `inspect` lists FMUs that other commands refuse, gives the reason, and exits with 1.
+/// `inspect` lists FMUs that other commands reject, prints the reason, and exits with 1.
 #[test]
 fn an_fmu_that_cannot_be_used_is_listed() {
     let folder = tempfile::tempdir().unwrap();

@@ -73,8 +73,8 @@ fn arrays_are_linearized_by_either_interface() {
     assert!(error.contains("--set v=1: `v` is an array of 3 elements; only scalars can be set"), "{error}");
 }
 
-/// x' = -k x and y = x + u at k = 2, u = 0.5: A, C and D are constant, so central differences have rounding errors only. Without model
-/// exchange there is nothing to take differences of.
+/// x' = -k x and y = x + u at k = 2, u = 0.5: A, C and D are constant, so central differences have rounding errors
+/// only. Without model exchange, differences cannot be computed.
 #[test]
 fn an_fmu_without_directional_derivatives_is_linearized_by_differences() {
     for (fmi, name, flag) in [

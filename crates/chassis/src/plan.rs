@@ -147,7 +147,7 @@ fn components(plan: &Plan) -> Vec<String> {
         let row = [component.name.clone(), fmu, parameters];
         match rows.iter().position(|known| known[0] == row[0]) {
             None => rows.push(row),
-            // Another FMU, in another case.
+            // The component has another FMU in another case.
             Some(at) if rows.iter().all(|known| known[..2] != row[..2]) => rows.insert(at + 1, row),
             Some(_) => (),
         }

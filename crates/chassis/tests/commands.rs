@@ -157,7 +157,7 @@ fn a_scenario_is_planned_and_run() {
     assert_eq!(result("steep.csv").unwrap(), "time,x\n0.0,0.0\n0.25,0.5\n0.5,1.0\n0.75,1.5\n1.0,2.0\n");
     assert_eq!(result("flat.csv").unwrap().lines().last(), Some("1.0,1.0"));
 
-    // A run that fails keeps its rows up to the failure, none of an earlier call, and is marked.
+    // A run that fails keeps its rows up to the failure, without rows from an earlier call, and is marked.
     let failing = SCENARIO.replace("gain = 0.5", "failure = 1");
     std::fs::write(folder.path().join("ramp.toml"), failing).unwrap();
     let output = command(folder.path(), &["run", "ramp.toml"]);
@@ -692,7 +692,7 @@ fn renamed_commands_say_so() {
     insta::assert_snapshot!(printed);
 }
 
-/// The committed schemas are those that the command prints, and the files of the repository name them.
+/// The committed schemas are the ones that the command prints, and the files in the repository refer to them.
 #[test]
 fn schemas_are_committed_and_named() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -1,4 +1,5 @@
-//! Damaged and hostile FMUs, given to every command that opens one: a message, an exit code, nothing left behind.
+//! Passes damaged and hostile FMUs to every command that opens FMUs. The command must print a message, return an exit
+//! code, and leave nothing behind.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -326,7 +327,7 @@ fn bombs_are_rejected() {
     rejected("zeros", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are accepted");
 }
 
-/// Programs that read zip files disagree about these: one may unpack other content than another has checked.
+/// Programs interpret these archives differently, so one program could unpack other content than another has checked.
 #[test]
 fn ambiguous_archives_are_rejected() {
     let sound = Sound::new();

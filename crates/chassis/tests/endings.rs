@@ -152,7 +152,7 @@ fn an_fmu_ends_the_simulation() {
     }
 }
 
-/// An end at the stop time loses nothing.
+/// If the FMU ends the simulation at the stop time, the run is complete.
 #[test]
 fn an_end_at_the_stop_time_is_a_whole_run() {
     let scenario = SCENARIO.replace("stop = 1.0", "stop = 0.5");

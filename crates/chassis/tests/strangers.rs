@@ -230,8 +230,8 @@ fn a_file_in_the_working_directory_is_kept_there_and_reported() {
     }
 }
 
-/// On kernels without Landlock or seccomp an FMU runs with what there is, and the report says what is missing. Reference: the
-/// numbers of the calls are those of the kernel (<https://docs.kernel.org/userspace-api/landlock.html>).
+/// On kernels without Landlock or seccomp, an FMU runs without that protection, and a note reports it. The numbers of
+/// the system calls are from the kernel's documentation (<https://docs.kernel.org/userspace-api/landlock.html>).
 #[test]
 fn an_older_kernel_is_a_note() {
     let call = if cfg!(target_arch = "x86_64") { 317 } else { 277 };
@@ -253,8 +253,8 @@ fn an_older_kernel_is_a_note() {
     }
 }
 
-/// A link in a folder that may be written to does not lead out of it, even if its target does not exist, nor does a folder that
-/// does not exist.
+/// FMUs cannot write through a link out of a writable folder, even if the target of the link does not exist, nor
+/// through a folder that does not exist.
 #[test]
 fn a_link_to_a_new_file_is_denied() {
     let outside = TempDir::new().unwrap();

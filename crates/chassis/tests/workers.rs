@@ -177,7 +177,7 @@ fn an_fmu_costs_its_run_only() {
     }
 }
 
-/// The called function is named, also outside of the step.
+/// Messages contain the called function, also outside of the step.
 #[test]
 fn the_call_is_named() {
     let declarations = "__attribute__((destructor)) static void at_the_end(void) { _exit(0); }";

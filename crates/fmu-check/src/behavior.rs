@@ -47,7 +47,7 @@ struct Trial<'a> {
     start: f64,
     inputs: Vec<usize>,
     outputs: Vec<usize>,
-    /// Outputs that runs are compared by: those that are real, integer or Boolean, and arrays of these.
+    /// Outputs that are compared between runs: real, integer and Boolean outputs, and arrays of these types.
     observed: Vec<usize>,
     /// Names of their elements.
     elements: Vec<String>,
@@ -416,7 +416,7 @@ impl Trial<'_> {
     }
 }
 
-/// Checks that instantiation succeeds with the GUID of the description and fails with another one.
+/// Checks that instantiation succeeds with the GUID in the description and fails with another GUID.
 fn instantiation(
     library: &Arc<Library>,
     description: &ModelDescription,

@@ -42,9 +42,9 @@ pub enum Severity {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Topic {
-    /// Does it simulate? It loads, starts and steps, gives numbers, and gives the same ones again.
+    /// Does the FMU simulate? It loads, starts and steps, and its results are finite and reproducible.
     Simulation,
-    /// Does it follow the standard? Everything else that FMI asks for or that the description promises.
+    /// Does the FMU follow the standard? Everything else that FMI requires or that the description promises.
     Standard,
 }
 

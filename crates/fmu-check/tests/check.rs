@@ -80,8 +80,8 @@ fn only(found: &[String], expected: &str) {
     assert!(matches!(found, [line] if line.starts_with(expected)), "{expected:?} was expected, not {found:#?}");
 }
 
-/// FMI 2.0.4, section 2.1.6: after fmi2Reset the FMU is as after fmi2Instantiate; all start values are those in the
-/// description.
+/// FMI 2.0.4, section 2.1.6: after fmi2Reset the FMU is in the same state as after fmi2Instantiate; all start values
+/// are those in the description.
 #[test]
 fn a_reset_that_keeps_something_is_found() {
     for (defect, expected) in [
@@ -167,7 +167,7 @@ fn capabilities_that_are_not_there_are_found() {
         let found = build(&[defect, if defect.starts_with("SLOPES") { "NONE" } else { "SLOPES=2" }]);
         assert!(found.iter().any(|line| line.starts_with(expected)), "{expected:?} was expected, not {found:#?}");
     }
-    // One instance at a time is enough if the description says so.
+    // An FMU may allow only one instance at a time if its description declares it.
     let single = |flags: &str| lines(&Build { flags, defects: &["SINGLE"], ..Build::new("Fault", "u", "x") });
     let is_rejected = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
     assert!(single("").iter().any(is_rejected));

@@ -116,7 +116,8 @@ pub extern "C" fn lab_body_size() -> usize {
     with(0, |state| state.body.len())
 }
 
-/// Advances a system by at most `steps` steps. Returns the number made: fewer at the end, -1 if it has failed now or before.
+/// Advances a system by at most `steps` steps. Returns the number of steps made, fewer at the end, or -1 if the system
+/// fails or has failed.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_advance(system: usize, steps: u32) -> i32 {
     let caught = catch_unwind(AssertUnwindSafe(|| STATE.with_borrow_mut(|state| state.lab.advance(system, steps))));

@@ -179,7 +179,7 @@ impl Strategy {
         let kept = 1.0 + self.c_1 * rest - self.c_1 - self.c_mu * self.w.iter().sum::<f64>();
         self.c.ger(self.c_1, &self.p_c, &self.p_c, kept);
         for ((w, y), square) in self.w.iter().zip(&y).zip(squares) {
-            // (46); all points of a flat objective can lie at the mean.
+            // (46). If the objective is flat, all points can be at the mean.
             let w = if *w >= 0.0 { *w } else { w * self.n / square.max(f64::MIN_POSITIVE) };
             self.c.ger(self.c_mu * w, y, y, 1.0);
         }

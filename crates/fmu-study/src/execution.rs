@@ -187,7 +187,7 @@ pub fn execute(
     Ok(summary)
 }
 
-/// Rejects histories of another study and those that the budget would cut.
+/// Rejects histories of another study, and histories that are longer than the budget.
 fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>) -> Result<(), ExecutionError> {
     let mut longest: Option<(u64, PathBuf)> = None;
     for method in &study.methods {

@@ -18,7 +18,7 @@
 //!
 //! # Reproducibility
 //! The result is a function of the study, the scenario and the FMUs, bit-identical for any number of threads: every
-//! individual of every generation has its own random numbers, and sums are taken in the order of the runs.
+//! individual of every generation has its own random numbers, and sums are computed in the order of the runs.
 
 pub mod ahp;
 pub mod cma_es;

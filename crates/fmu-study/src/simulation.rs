@@ -50,7 +50,7 @@ pub(crate) struct Limit {
     pub(crate) column: usize,
 }
 
-/// An inequality the parameters must fulfill before a run is spent on them.
+/// An inequality that the parameters must fulfill. Candidates that violate it are not run.
 #[derive(Debug, Clone)]
 pub(crate) struct Constraint {
     pub(crate) name: String,
@@ -73,7 +73,7 @@ pub struct Simulation {
     pub terms: Vec<Term>,
     pub(crate) limits: Vec<Limit>,
     pub(crate) constraints: Vec<Constraint>,
-    /// Values of the constants, after those of the symbols.
+    /// Values of the constants, which follow the parameters in the variables of inequalities.
     pub(crate) constants: Vec<f64>,
     pub(crate) penalty: f64,
 }

@@ -231,8 +231,9 @@ impl System {
         if self.has_fmi_3() { "2.0" } else { "1.0" }
     }
 
-    /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file, and with
-    /// components of FMI 2.0 only the configuration of libcosim. With `overwrite` it may hold the files of an earlier call.
+    /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file, and
+    /// with components of FMI 2.0 only the configuration of libcosim. With `overwrite`, the folder may contain the
+    /// files of an earlier call.
     ///
     /// # Errors
     /// The folder is not empty, or contains files that an earlier call did not write; a file cannot be read or written.

@@ -6,8 +6,8 @@
 //!   may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect, [`steady`]
 //!   finds the steady states in which components start,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
-//! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the numbers,
-//!   [`requirements`] gives verdicts on those that have limits, [`typography`] formats numbers and units,
+//! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the
+//!   numbers, [`requirements`] compares them with their limits, [`typography`] formats numbers and units,
 //! - [`data`] reads CSV files of any origin,
 //! - [`export`] writes a run for other masters, [`compat`] finds the FMUs whose signals fit a plant.
 //!

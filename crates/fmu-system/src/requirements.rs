@@ -365,7 +365,7 @@ mod tests {
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(0.0)], 2, Rows::All).status, Status::Open);
         assert_eq!(evaluate(AT_MOST, 1.0, &[], 1, Rows::All).status, Status::Open);
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 1, Rows::Cut(None)).status, Status::Open);
-        // One failure is enough, whatever the other runs give.
+        // One failure is enough, whatever the results of the other runs.
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 2, Rows::All).status, Status::Failed);
     }
 

@@ -154,8 +154,8 @@ pub struct InputSeries {
     pub slot: usize,
     /// Interpolation between its samples.
     pub interpolation: Interpolation,
-    /// Times, s, not falling; the first is not after the start. At equal times the signal jumps: the first sample is its left
-    /// limit, the last one holds from there on. Shared by the series of a file.
+    /// Nondecreasing times, s; the first is at or before the start. At equal times the signal jumps: the first sample
+    /// is its left limit, the last one holds from there on. Series from the same file share the times.
     #[serde(serialize_with = "as_sequence", deserialize_with = "from_sequence")]
     #[schemars(with = "Vec<f64>")]
     pub times: Arc<[f64]>,

@@ -15,7 +15,7 @@ use std::path::Path;
 /// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be read or
 /// does not have the layout of a scenario.
 ///
-/// The included files become sources of `problems`, and their places follow those of the files before.
+/// The included files become sources of `problems`. Places in a file follow the places in the previous files.
 pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Option<Scenario> {
     let own: Written = problems.parse(text)?;
     let mut files = Vec::new();
@@ -52,7 +52,8 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
     Some(part)
 }
 
-/// Merges the included files and the scenario's own: lists are concatenated, single tables are taken from the last file that has one.
+/// Merges the included files and the scenario. Lists are concatenated; a single table is taken from the last file that
+/// has it.
 fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Option<Scenario> {
     let (title, description, reference) = (own.title.clone(), own.description.clone(), own.reference.clone());
     let parameter_set = own.parameter_set.clone();

@@ -36,7 +36,7 @@ pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) ->
     }
 }
 
-/// Finds the steady states that components of runs start in, in a worker, so that another master can set them.
+/// Finds, in a worker, the steady states in which components start, so that another master can set them.
 ///
 /// # Errors
 /// The worker cannot be started, an FMU ends it, a run cannot be initialized, or there is no steady state.

@@ -283,7 +283,7 @@ fn round_brackets_hold_units_too() {
     assert_eq!(found, [("Time", Some("ms")), ("Yaw rate", Some("°/s")), ("Force (front)", None), ("a", Some("s"))]);
 }
 
-/// Lines above the header and delimiters at the end of rows are told apart from missing cells.
+/// Messages distinguish lines above the header and delimiters at the end of rows from missing cells.
 #[test]
 fn rows_of_other_lengths_have_a_remedy() {
     for (text, help) in [

@@ -21,7 +21,8 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
-/// A ring of two components, and a third that reads the first; one case replaces a component, another leaves one out.
+/// A ring of two components, and a third component that reads the first. One case replaces a component, another omits
+/// one.
 const SYSTEM: &str = r#"
 title = "Ring & more"
 [simulation]

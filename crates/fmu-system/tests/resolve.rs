@@ -105,7 +105,7 @@ const FOLLOWER: &str = "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"Foll
     <ScalarVariable name=\"value\" valueReference=\"3\" causality=\"output\"><Real/></ScalarVariable>\
     </ModelVariables><ModelStructure><Outputs><Unknown index=\"4\"/></Outputs></ModelStructure></fmiModelDescription>";
 
-/// Driver and vehicle, with a connection from the one to the other or through the follower.
+/// Driver and vehicle, connected directly or through the follower.
 fn through_the_follower(connections: &[[&str; 2]], inputs: &str, bias: &str) -> Result<Plan, String> {
     let follower = match connections.len() {
         1 => String::new(),
@@ -180,7 +180,8 @@ fn wires_constants_and_columns() {
     assert_eq!(steering[0].slot, slot_of("driver", 3));
     assert_eq!(steering[1].slot, slot_of("driver", 4));
     assert_eq!(steering[0].base_type, BaseType::Real);
-    // The vehicle: steer.front and driver.speed wired, friction constant, the left one its own.
+    // The vehicle's steer.front and driver.speed are connected. Its friction is constant, with another value on the
+    // left.
     let vehicle = component("vehicle");
     assert_eq!(vehicle.inputs.len(), 2);
     let constants: Vec<_> = vehicle.constants.iter().map(|c| (c.name.as_str(), c.value.clone())).collect();
@@ -291,7 +292,7 @@ fn mistakes_name_their_case() {
     let report =
         lines_of_case.map(|line| format!("{line}\n{}", explained(plan_of(&with_case(line), &Options::default()))));
     insta::assert_snapshot!(report.join("\n\n"));
-    // Patterns of recorded signals: in no case, or not with another FMU.
+    // Patterns of recorded signals that match in no case, or not with another FMU.
     let other = include_str!("data/Steering.xml").replace("steer.front", "steer.rear");
     let mut fmus = fmus();
     fmus.insert("Rear".into(), Arc::new(ModelDescription::parse(&other).unwrap()));
@@ -305,7 +306,7 @@ fn mistakes_name_their_case() {
     assert!(error.contains("`steering:steer.frnt`, in case `passive` and case `other` (fmu"), "{error}");
 }
 
-/// A named value, wherever a value is allowed.
+/// A value can be given by name wherever a value is allowed.
 #[test]
 fn values_by_name() {
     let text = with_case("parameters.vehicle = { \"tire.mode\" = \"linear\" }")
@@ -424,7 +425,8 @@ fn what_is_too_large_is_rejected_at_once() {
     assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 1000000"), "{error}");
 }
 
-/// Warns about outputs that nothing reads, and about their parameters as far as the model structure shows it.
+/// Warns about outputs that nothing reads, and about parameters that affect only these according to the model
+/// structure.
 #[test]
 fn what_nothing_reads_warns() {
     let structure =
@@ -438,7 +440,7 @@ fn what_nothing_reads_warns() {
         resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default())
             .unwrap_or_else(|e| panic!("{}", lines(&e)))
     };
-    // The steering, which alone reads the angle, is left out in all cases.
+    // The steering, the only reader of the angle, is left out in all cases.
     let text = SCENARIO
         .replace("without = [\"steering\"]\ninputs.vehicle = { \"steer.*\" = 0.0 }", "")
         .replace("title = \"Passive\"", "title = \"Passive\"\nwithout = [\"steering\"]")
@@ -457,7 +459,7 @@ fn what_nothing_reads_warns() {
     );
     let unread: Vec<_> = found.wiring[0].unread.iter().map(|s| s.variable.as_str()).collect();
     assert_eq!(unread, ["driver.steer"]);
-    // A superset of the dependencies, or none at all: nothing is certain, a trial run may decide.
+    // A superset of the dependencies, or no dependencies, proves nothing; a trial run can decide.
     for initial in ["<Unknown index=\"5\"/><Unknown index=\"6\"/>", ""] {
         let found = plan(initial, &text);
         assert_eq!(found.warnings, [""; 0]);
@@ -1138,7 +1140,7 @@ fn inputs_from_a_file() {
     assert_eq!(run.components[0].inputs[0].slot, run.series[1].slot);
     assert_eq!(run.components[0].inputs[1].slot, run.series[0].slot);
 
-    // The output that the file replaces is named, at each input that read it.
+    // A warning lists the output that the file replaces, and each input that read it.
     let at = |warnings: &[String], column: &str| {
         let found = warnings.iter().find(|warning| warning.contains(&format!("in.csv: `{column}` replaces")));
         found.map(|warning| warning.split_once("in.csv: ").unwrap().1.to_owned())

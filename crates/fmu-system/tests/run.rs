@@ -249,7 +249,7 @@ fn samples_are_what_the_scenario_would_say() {
     // A parameter of a case; the case without a baseline has no change from it.
     let row = execute(vec![change("velocity", "gain", -4.0)], "free");
     assert_eq!(row.result, Ok(vec![Some(y), None, Some(y / 2.0)]));
-    // The change reaches the run of the baseline, too.
+    // The change also applies to the baseline's run.
     let row = execute(vec![change("velocity", "gain", -1.0)], "stiff");
     assert_eq!(row.result, Ok(vec![Some(free), Some(0.0), Some(free / 2.0)]));
     // A constant input: x = 1 + 2 y after a second. A component that the case omits is ignored.

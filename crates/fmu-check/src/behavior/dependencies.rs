@@ -1,4 +1,4 @@
-//! Dependencies of the model structure: those observed are compared with those declared.
+//! Dependencies in the model structure: compares the declared dependencies with those observed.
 
 use super::{CheckResult, Report, Trial, found, size, values};
 use crate::Finding;
@@ -48,8 +48,8 @@ impl Trial<'_> {
             .collect()
     }
 
-    /// The ends of the ranges of real parameters, where equations may have another structure than at the start value: the
-    /// limits, or without limits a change as large as the value.
+    /// The ends of the ranges of real parameters: the limits, or without limits a change as large as the value.
+    /// Equations may have another structure there than at the start value.
     fn limits(&self) -> Vec<Choice> {
         let ends = |variable: &Variable| match variable.start {
             Some(Value::Real(start)) => {
@@ -201,10 +201,10 @@ struct Search<'a> {
     named: Vec<Option<HashSet<usize>>>,
     /// Variables with observed dependencies.
     followed: BTreeSet<usize>,
-    /// Pairs of unknown and known that were reported: several points show the same ones.
+    /// Pairs of unknown and known that were reported, because several points show the same pairs.
     reported: HashSet<(usize, usize)>,
     read: usize,
-    /// The parameter that has another value than at the start.
+    /// The parameter with another value than its start value.
     choice: Option<Choice>,
 }
 
@@ -225,7 +225,7 @@ impl Search<'_> {
             let before = trial.reals(instance, &self.variables)?;
             let kept = trial.reals(instance, &[j])?[0];
             for sign in [1.0, -1.0] {
-                // Rejected, perhaps because it is outside of the limits: proves nothing.
+                // A rejected value, perhaps outside of the limits, proves nothing.
                 if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
                     continue;
                 }
@@ -251,7 +251,7 @@ impl Search<'_> {
         let before = trial.values(instance, &self.variables)?;
         let kept = values::read(instance, variable)?;
         for value in values::changes(variable, &kept) {
-            // Rejected, perhaps because it is outside of the limits: proves nothing.
+            // A rejected value, perhaps outside of the limits, proves nothing.
             if instance.set_value(variable.reference, &value).is_err() {
                 continue;
             }

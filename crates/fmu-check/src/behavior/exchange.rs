@@ -137,7 +137,7 @@ pub(crate) fn check(
     let name = format!("{MODEL_EXCHANGE}state derivatives as in co-simulation");
     if let Some(other) = co_simulation.filter(|_| !options.skip.contains(&name)) {
         report(Event::trying(name.clone(), Topic::Standard));
-        // The derivatives need not be readable in co-simulation, and an error of another call was found before.
+        // The derivatives need not be readable in co-simulation, and other trials have reported errors of other calls.
         if let Ok(Some(finding)) = exchange.agreement(other) {
             found(report, finding);
         }
@@ -425,7 +425,7 @@ impl Exchange<'_> {
         Ok(self.started("end")?.terminate()?)
     }
 
-    /// Compares the derivatives at the start with those that an instance for co-simulation has.
+    /// Compares the derivatives at the start with those of an instance for co-simulation.
     fn agreement(&self, library: &Arc<Library>) -> Outcome<Option<Finding>> {
         let is_real = |unknown: &fmu_import::description::Unknown| {
             self.description.variables[unknown.variable].base_type == BaseType::Real

@@ -31,7 +31,7 @@ impl Trial<'_> {
         self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", report)
     }
 
-    /// Checks that after a reset every start value and the whole run are those of a fresh instance.
+    /// Checks that after a reset, every start value and a whole run are the same as in a fresh instance.
     fn resets(&self, cases: &[Before], when: &str, report: Report<'_>) -> CheckResult<()> {
         let variables = self.exact();
         let mut instance = self.initializing("fresh")?;

@@ -245,8 +245,8 @@ fn interval(times: &[f64]) -> Result<f64, String> {
     }
 }
 
-/// Rows at rising times, s, that lie in a window, both ends included; all rows without a window. `step` is the communication
-/// step, s.
+/// Returns the rows in a window, both ends included, or all rows without a window. `times` are rising, and `step` is
+/// the communication step, both in s.
 pub fn window(times: &[f64], window: Option<[f64; 2]>, step: f64) -> Range<usize> {
     let Some([from, to]) = window else { return 0..times.len() };
     let slack = WINDOW_SLACK * step;

@@ -143,7 +143,7 @@ mod tests {
         }
     }
 
-    /// A key of an earlier version is an error that gives the new name, but only where the new one is a key.
+    /// The error about a key from an earlier version contains the new name, but only where the new name is a key.
     #[test]
     fn renamed_keys_are_named() {
         #[derive(Debug, serde::Deserialize)]

@@ -37,7 +37,8 @@ pub trait Descriptions {
     fn place(&self) -> String;
 }
 
-/// Names up to three FMUs that have variables of these names and this causality, for a message; those with most come first.
+/// Lists up to three FMUs that have variables with these names and this causality, for a message. FMUs with most of
+/// them come first.
 pub fn fmus_with(source: &dyn Descriptions, causality: Causality, names: &[&str]) -> Option<String> {
     let has = |fmu: &String| {
         let found = source.find(fmu).ok()??;

@@ -400,7 +400,7 @@ mod tests {
             inputs.feed(1, &Target::default(), interpolation);
             inputs.finish(&[], &[], &[]).unwrap()
         };
-        // Times every 0.01 s without those between two rows.
+        // Times every 0.01 s, with gaps between two rows.
         let grid = |gaps: &'static [(u32, u32)]| {
             (0..=200).filter(|k| !gaps.iter().any(|(a, b)| (a..b).contains(&k) && a != k)).map(|k| f64::from(k) / 100.0)
         };
@@ -412,7 +412,7 @@ mod tests {
         let expected = "in.csv: `a` has no samples from 0.3 s to 0.8 s, and one shorter gap (they are usually 0.01 s apart); \
                         it is interpolated linearly there";
         assert!(matches!(&found[..], [warning] if warning.ends_with(expected)), "{found:?}");
-        // The run ends at 1 s; a signal that is held needs no samples; few points are a profile, not samples.
+        // The run ends at 1 s. A held signal needs no samples. A few points are a profile, not samples.
         assert_eq!(warnings(&mut grid(&[(130, 180)]), linear), [""; 0]);
         assert_eq!(warnings(&mut grid(&[(30, 80)]), hold), [""; 0]);
         assert_eq!(warnings(&mut [0.0, 0.1, 0.2, 0.3, 2.0].into_iter(), linear), [""; 0]);

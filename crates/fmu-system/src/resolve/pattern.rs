@@ -21,7 +21,7 @@ pub(super) fn matches(pattern: &str, name: &str) -> bool {
         return false;
     };
     let (middle, last) = rest.rsplit_once('*').unwrap_or(("", rest));
-    // The leftmost place for each part leaves most room for those that follow.
+    // The leftmost match of each part leaves the most text for the parts that follow.
     for part in middle.split('*') {
         let Some(at) = name.find(part) else {
             return false;

@@ -37,8 +37,9 @@ impl Resolver<'_> {
         Ok(Source::Series(feed))
     }
 
-    /// Marks the recorded outputs of a case that have the values of the file: those with the name of a used column, and those that have
-    /// lost all readers to one column. `lost` contains the column that replaces each lost wire.
+    /// Marks the recorded outputs of a case that get their values from the file: outputs with the name of a used
+    /// column, and outputs whose readers all read the same column instead. `lost` contains the column that replaces
+    /// each lost connection.
     pub(super) fn replace_recorded(&mut self, system: &mut System<'_>, lost: &[((usize, usize), usize)]) {
         let Some(inputs) = &self.inputs else { return };
         let sources = || system.members.iter().flat_map(|member| &member.inputs).map(|(_, source)| source);

@@ -22,7 +22,7 @@ pub(super) struct CaseComponent<'a> {
     pub(super) replaced: Option<Replaced>,
     /// Inputs in the order of the description, each with its source.
     pub(super) inputs: Vec<(usize, Source)>,
-    /// True if nothing needs it because signals come from a file.
+    /// True if the component is not needed because signals come from a file.
     pub(super) dropped: bool,
 }
 
@@ -149,7 +149,8 @@ pub(super) fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) ->
         .collect()
 }
 
-/// Returns a hint for a name that is not an output of a component, or of any: similar names, or else the existing ones.
+/// Returns a hint for a name that is not an output of the given component, or of any: similar names, otherwise all
+/// outputs.
 pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name: &str) -> String {
     const SHOWN: usize = 6;
     let members = || {

@@ -120,9 +120,9 @@ fn variants(places: &[Place<'_>], runs: &[Run]) -> Vec<Variant> {
     variants
 }
 
-/// Returns true if a parameter affects unread outputs only, according to the model structure. The structure lists the parameters on which
-/// an initial value depends; an output that it does not list may depend on any. A model with states may pass a parameter on later, so
-/// nothing is certain about it.
+/// Returns true if a parameter affects unread outputs only, according to the model structure. The structure lists the
+/// parameters on which an initial value depends; an output that it does not list may depend on any. A model with states
+/// may pass a parameter on later, so the structure proves nothing about it.
 fn affects_only(description: &ModelDescription, parameter: &str, unread: &BTreeSet<&str>) -> bool {
     let Some(parameter) = description.index(parameter) else { return false };
     let mut reaches_unread = false;

@@ -148,7 +148,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Reports inputs of a component without a writer; those that lost it by a swap are listed separately.
+    /// Reports inputs of a component without a writer. Inputs that lost their writer by a swap are listed separately.
     fn report_missing(
         &mut self,
         system: &System<'_>,

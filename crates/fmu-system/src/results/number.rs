@@ -57,7 +57,7 @@ mod tests {
         digits.trim_matches('0').to_owned()
     }
 
-    /// The reference is the standard library. It rounds up where two texts are equally near.
+    /// The reference is the standard library. If two texts are equally near, it rounds up.
     #[track_caller]
     fn assert_as_debug(value: f64) {
         let (ours, reference) = (written(value), format!("{value:?}"));

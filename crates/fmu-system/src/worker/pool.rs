@@ -65,7 +65,7 @@ impl Pool {
         Self { settings, job: JOB, fmus: fmus.clone(), needs_python, workers }
     }
 
-    /// The pool with workers of another job, which respond to the same requests.
+    /// Changes the job of the workers. Workers with the new job must respond to the same requests.
     #[must_use]
     pub fn with_job(self, job: &'static str) -> Self {
         Self { job, ..self }
@@ -91,8 +91,8 @@ impl Pool {
         }
     }
 
-    /// Executes `count` tasks, each made by `task` when a worker is free for it. `progress` is called now and then with the number of steps
-    /// since the previous call.
+    /// Executes `count` tasks, each made by `task` when a worker is free for it. `progress` is called from time to time
+    /// with the number of steps since the previous call.
     pub fn execute(
         &self,
         simulation: &Simulation,
