@@ -157,7 +157,7 @@ fn resets_are_two_findings() {
     }
 }
 
-/// FMI 2.0.4, section 2.2.1: `modelIdentifier` is a C identifier. Other file names work anyway.
+/// FMI 2.0.4, section 2.2.1: `modelIdentifier` must be a C identifier. FMUs with other identifiers are loaded anyway.
 #[test]
 fn identifiers_that_are_not_of_c_are_findings() {
     for fmi in VERSIONS {

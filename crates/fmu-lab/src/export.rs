@@ -22,7 +22,7 @@ pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String
     };
     let mut plan = plan.clone();
     plan.simulation = running.simulation;
-    // Outputs of the system are the columns of the plan, without those that only the CSV has.
+    // The system's outputs are the plan's columns, without the columns that only the CSV file has.
     let mut run = running.run.clone();
     run.columns.truncate(plan.columns.len());
     let system = System::described(&plan, &run, &describe).map_err(Failure::new)?;

@@ -86,7 +86,7 @@ pub struct Component {
     /// known yet. `None` for a component that starts as declared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steady: Option<Vec<Setting>>,
-    /// Inputs that keep one value.
+    /// Inputs that are held constant.
     pub constants: Vec<Setting>,
     /// Inputs read from the bus.
     pub inputs: Vec<Wire>,

@@ -18,7 +18,7 @@ struct Exchange<'a> {
     library: &'a Arc<Library>,
     description: &'a ModelDescription,
     unit: &'a Capabilities,
-    /// Time of the start and step of an integration, s.
+    /// Start time and step of an integration, s.
     start: f64,
     step: f64,
     /// Value references of the states and their derivatives; they may be arrays. Empty if the description does not give

@@ -1,4 +1,4 @@
-//! The layout of the file.
+//! The layout of a study file.
 
 use fmu_system::metrics::Kind;
 use fmu_system::spanned::Spanned;

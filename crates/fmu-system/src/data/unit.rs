@@ -91,7 +91,7 @@ pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
 /// The unit of a variable, to which values are converted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Target {
-    /// Its name; `None` accepts values in any unit, unconverted.
+    /// Name of the unit; `None` accepts values in any unit without conversion.
     pub name: Option<String>,
     /// The unit in SI; `None` if it is only known by its name.
     pub base: Option<BaseUnit>,

@@ -1,4 +1,4 @@
-//! The layout of the file.
+//! The layout of a scenario file.
 
 use crate::metrics::{Combine, Kind};
 use crate::report::{Expect, FigureKind, Level};
