@@ -162,7 +162,7 @@ pub(crate) struct Package {
     pub(crate) version: String,
     pub(crate) license: Option<String>,
     pub(crate) repository: Option<String>,
-    /// None for a local package.
+    /// Registry or repository; `None` for a local package.
     pub(crate) source: Option<String>,
     pub(crate) manifest_path: PathBuf,
 }

@@ -236,7 +236,10 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
     }
     for (model, description) in models.iter().zip(&descriptions) {
         for note in &description.notes {
-            errln!("note: in the model structure of {} everything depends on everything, because {note}", model.name);
+            errln!(
+                "note: the model structure of {} declares that everything depends on everything, because {note}",
+                model.name
+            );
         }
     }
     if !changed.is_empty() {
@@ -270,7 +273,7 @@ impl Format {
 }
 
 struct Description {
-    /// Name of its type.
+    /// Name of the model's type.
     model: String,
     xml: String,
     /// terminalsAndIcons.xml; empty in FMI 2.0.

@@ -32,7 +32,7 @@ pub struct Model {
 pub struct Workspace {
     /// Top folder.
     pub root: PathBuf,
-    /// `target`.
+    /// The folder `target`.
     pub target: PathBuf,
     /// All models, by name.
     pub models: Vec<Model>,

@@ -213,7 +213,7 @@ fn an_fmu_is_validated() {
 #[cfg(target_os = "linux")]
 #[test]
 fn what_other_platforms_lack_is_said_before_anything_is_built() {
-    // There is nothing to build in this workspace, which would be another mistake.
+    // This workspace has nothing to build, so a build would fail with another message.
     let folder = workspace("");
     let pack = |arguments: &[&str], path: &str| {
         let output = Command::new(program("pack"))
@@ -227,7 +227,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
             .output()
             .unwrap();
         assert!(!output.status.success());
-        // Long words are broken as well.
+        // Lines may break within long words.
         message(&output.stderr).replace(' ', "")
     };
     let contains = |error: &str, expected: &str| {
@@ -311,7 +311,7 @@ fn only_near_names_are_suggested() {
             assert!(missing.contains(&format!("there is no file {path}")), "{missing}");
         }
     }
-    // Not an archive, so the message shows the file of a name: FMI 2.0 if both are packed.
+    // The files are not archives, so the error shows which file a name stands for: FMI 2.0 if both are packed.
     for version in ["fmu3", "fmu"] {
         let packed = folder.path().join("target").join(version);
         std::fs::create_dir_all(&packed).unwrap();

@@ -293,7 +293,7 @@ fn results_are_not_lost_by_a_slip() {
         let error = place.execute(&STUDY.replacen(from, to, 1), 2, "out", Existing::Resume).unwrap_err().to_string();
         assert!(error.contains("belongs to another version of the study"), "{to}: {error}");
     }
-    // Another binary behind the same description.
+    // Another binary with the same description.
     let rebuilt = Build { states: false, ..Build::new("Velocity", "x", "y") };
     rebuilt.pack(place.folder.path());
     let error = place.execute(STUDY, 2, "out", Existing::Resume).unwrap_err().to_string();
@@ -348,7 +348,7 @@ fn the_scenarios_own_values_are_compared_with() {
     assert!(best.objective > summary.baseline.outcome.objective && !summary.improved);
 }
 
-/// Only the mistake itself: what the scenario records does not depend on the cases of the study.
+/// Only the wrong case is reported: what the scenario records does not depend on the cases of the study.
 #[test]
 fn a_wrong_case_is_one_mistake() {
     let place = Place::new();

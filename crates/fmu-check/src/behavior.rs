@@ -49,7 +49,7 @@ struct Trial<'a> {
     outputs: Vec<usize>,
     /// Outputs that are compared between runs: real, integer and Boolean outputs, and arrays of these types.
     observed: Vec<usize>,
-    /// Names of their elements.
+    /// Names of the elements of `observed`.
     elements: Vec<String>,
     instances: Cell<usize>,
     /// Number of steps of all instances.

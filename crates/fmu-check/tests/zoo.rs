@@ -64,7 +64,7 @@ fn messages_have_their_arguments() {
     }
 }
 
-/// The environment is only compared: any number may be there.
+/// The pointer to the environment is only compared, never read, so it may be any number.
 #[test]
 fn messages_with_a_foreign_environment_are_kept_and_reported() {
     for fmi in VERSIONS {

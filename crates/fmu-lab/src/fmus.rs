@@ -21,7 +21,7 @@ pub(crate) type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 pub(crate) struct Fmus {
     pub(crate) descriptions: Descriptions,
     texts: BTreeMap<String, String>,
-    /// Names of those that a visitor has dropped.
+    /// Names of the FMUs that a visitor has dropped onto the page.
     pub(crate) dropped: Vec<String>,
 }
 

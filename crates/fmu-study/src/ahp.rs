@@ -60,7 +60,7 @@ fn evaluate(matrix: &[Vec<f64>]) -> Weights {
     let n = matrix.len();
     let q = principal_eigenvector(matrix);
     let lambda_max = multiply(matrix, &q).iter().zip(&q).map(|(t, q)| t / q).sum::<f64>() / n as f64;
-    // Rounding may leave consistent judgments a hair below n.
+    // Rounding may make lambda_max of consistent judgments slightly less than n.
     let index = if n > 1 { ((lambda_max - n as f64) / (n as f64 - 1.0)).max(0.0) } else { 0.0 };
     let ratio = if n > 2 { index / RANDOM_INDEX[n - 1] } else { 0.0 };
     Weights { weights: q, lambda_max, index, ratio }
@@ -161,7 +161,7 @@ mod tests {
         }
     }
 
-    /// Consistent judgments are the ratios of the weights, and lambda_max is the order: both exact, so rounding only.
+    /// Consistent judgments are the ratios of the weights, and lambda_max is the order: only rounding errors remain.
     #[test]
     fn consistent_judgments_give_their_weights_back() {
         let expected = [0.6, 0.3, 0.1];

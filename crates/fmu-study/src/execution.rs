@@ -151,7 +151,7 @@ pub fn execute(
     existing: Existing,
     report: &(dyn Fn(&Method, &Progress) + Sync),
 ) -> Result<Summary, ExecutionError> {
-    // A study whose runs all fail would find nothing.
+    // If an FMU cannot be loaded, all runs would fail.
     study.simulation.pool.load().map_err(ExecutionError::Load)?;
     let folder = out.join(&study.name);
     let names = ["history.csv", "state.json", "best.ssv"];

@@ -148,7 +148,7 @@ mod tests {
         let clonings = cloning(&settings, 50, &[5.0, 0.0, 8.0, 3.0], &[2, 0, 3, 1]);
         let found: Vec<_> = clonings.iter().map(|c| (c.antibody, c.clones)).collect();
         assert_eq!(found, [(2, 4), (0, 2)]);
-        // Half way from 0.15 to 0.01; rounding only.
+        // The middle of 0.15 and 0.01, except for rounding errors.
         assert!(clonings.iter().all(|c| (c.rate - 0.08).abs() < 1e-15));
         let one = Settings { selected: 1, ..settings };
         assert_eq!(cloning(&one, 50, &[5.0, 0.0, 8.0, 3.0], &[2, 0, 3, 1]).len(), 1);

@@ -62,7 +62,7 @@ pub(crate) struct Constraint {
 #[derive(Debug)]
 pub struct Simulation {
     pub(crate) times: run::Simulation,
-    /// Unpacked.
+    /// The unpacked FMUs.
     pub(crate) fmus: Fmus,
     pub(crate) pool: Pool,
     /// The runs whose mean is the objective.

@@ -17,7 +17,7 @@ fn parameters() -> Vec<Parameter> {
         .into()
 }
 
-/// A bowl with a forbidden half, computed on some threads that finish in any order.
+/// A paraboloid that is infeasible where the first value is above 0.9, computed on threads that finish in any order.
 struct Bowl {
     threads: usize,
     computed: AtomicUsize,
@@ -35,7 +35,7 @@ impl Objective for Bowl {
         std::thread::scope(|scope| {
             for thread in 0..self.threads {
                 scope.spawn(move || {
-                    // Backwards, so that rows never come in their order.
+                    // In reverse, so that rows never arrive in order.
                     for (i, x) in candidates.iter().enumerate().rev().filter(|(i, _)| i % self.threads == thread) {
                         let objective = x.iter().map(|v| (v - 0.3).powi(2)).sum();
                         let outcome = if x[0] > 0.9 {

@@ -5,9 +5,9 @@ use fmu_study::{cma_es, genetic, pacsa};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Evaluations of every method.
+/// Number of evaluations of each method.
 const BUDGET: usize = 2000;
-/// Parameters.
+/// Number of parameters.
 const DIMENSION: usize = 6;
 
 /// A function on -2..2 in every coordinate.
@@ -23,7 +23,7 @@ fn rosenbrock(x: &[f64]) -> f64 {
     x.windows(2).map(|w| 100.0 * (w[1] - w[0] * w[0]).powi(2) + (1.0 - w[0]).powi(2)).sum()
 }
 
-/// Notes the objectives and ends the search after the budget.
+/// Records the objectives and ends the search after the budget.
 struct Recorder {
     function: Function,
     generations: Vec<Vec<f64>>,

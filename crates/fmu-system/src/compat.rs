@@ -94,7 +94,7 @@ impl fmt::Display for Missing {
 
 type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 
-/// Compares all FMUs with all plants; the key is the name that a scenario uses.
+/// Finds which FMUs fit which plants. The keys are the names that scenarios use.
 pub fn systems(fmus: &Descriptions) -> Systems {
     let (plants, components): (Vec<&str>, Vec<&str>) =
         fmus.keys().map(String::as_str).partition(|name| is_plant(fmus, name));

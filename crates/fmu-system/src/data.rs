@@ -315,7 +315,7 @@ impl Table {
             return Err(DataError::new(&self.file, format!("there are two columns `{name}`"), Some(help)));
         }
         if let (Some(unit), Some(other)) = (&column.unit, &column.contradiction) {
-            let message = format!("the column `{name}` has the unit `{other}` behind its name and `{unit}` below it");
+            let message = format!("the column `{name}` has the unit `{other}` after its name and `{unit}` below it");
             return Err(DataError::new(&self.file, message, Some("remove the wrong one".to_owned())));
         }
         if column.wrong.is_empty() {

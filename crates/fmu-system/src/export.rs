@@ -247,7 +247,7 @@ impl System {
             path: folder.to_path_buf(),
             cause: io::Error::new(io::ErrorKind::InvalidInput, "this is not a folder name"),
         })?;
-        // Beside the folder, so that it can be renamed.
+        // In the same parent folder, so that it can be renamed.
         let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         std::fs::create_dir_all(parent).map_err(at(parent))?;
         let work = tempfile::Builder::new().prefix(".system").tempdir_in(parent).map_err(at(parent))?;

@@ -24,7 +24,7 @@ pub enum FmusError {
         /// GUID of the plan.
         expected: String,
     },
-    /// A component does not start in a steady state.
+    /// No steady state can be found for a component.
     #[error("`{component}` cannot start in a steady state: {message}")]
     Steady {
         /// Name of the component.

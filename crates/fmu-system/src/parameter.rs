@@ -97,7 +97,7 @@ pub struct Settable {
 /// returns the description of an FMU by its path in the plan.
 ///
 /// # Errors
-/// There is none; the message suggests another name.
+/// There is no such variable; the message suggests another name.
 pub fn settable_of<D: Deref<Target = ModelDescription>>(
     plan: &Plan,
     describe: impl Fn(&str) -> Result<D, String>,
@@ -127,7 +127,7 @@ pub fn settable_of<D: Deref<Target = ModelDescription>>(
 /// Finds the parameter, variable with a start value, or input with this name.
 ///
 /// # Errors
-/// There is none; the message suggests another name.
+/// There is no such variable; the message suggests another name.
 pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, String> {
     let starts = |v: &&Variable| {
         v.variability != Variability::Constant && matches!(v.initial, Some(Initial::Exact | Initial::Approx))
@@ -229,7 +229,7 @@ pub(crate) fn check_item(variable: &Variable, value: i64) -> Result<(), String> 
     Err(format!("expected one of {}", listed(&named)))
 }
 
-/// Checks type, limits and items; the error names what does not fit.
+/// Checks type, limits and items; the message states which one is violated.
 pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
     let name = &variable.name;
     if variable.is_array() {

@@ -110,7 +110,7 @@ enum Analysis {
 struct Factor {
     /// Name of the factor and of its column in the tables.
     name: Spanned<String>,
-    /// Parameters, start values, or inputs that keep one value, as `component:variable`.
+    /// Parameters, start values, or constant inputs, as `component:variable`.
     variable: Option<Spanned<Names>>,
     /// Component whose FMU varies, instead of a variable.
     fmu: Option<Spanned<String>>,
@@ -237,7 +237,7 @@ struct Series {
     metric: Option<Spanned<String>>,
     /// Number of the worst runs of each case and point; 0 if absent.
     worst: Option<Spanned<i64>>,
-    /// Number of other runs of each case and point; 0 if absent.
+    /// Number of other runs of each case and point, chosen at random; 0 if absent.
     random: Option<Spanned<i64>>,
 }
 

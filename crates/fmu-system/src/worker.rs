@@ -19,7 +19,7 @@ use std::time::Duration;
 /// Job name of workers that [`serve`].
 pub const JOB: &str = "system";
 
-/// Time limit of all trials of a scenario. Ours take a fraction of a second.
+/// Time limit of all trials of a scenario. Those of the project's scenarios take a fraction of a second.
 const TRIALS: Duration = Duration::from_secs(20);
 
 /// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give none, which does no

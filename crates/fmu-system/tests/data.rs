@@ -256,7 +256,7 @@ fn what_is_not_used_may_hold_anything() {
     let error = signal("b").unwrap_err().to_string();
     assert_eq!(
         error,
-        "a.csv: the column `b` has the unit `deg` behind its name and `rad` below it; remove the wrong one"
+        "a.csv: the column `b` has the unit `deg` after its name and `rad` below it; remove the wrong one"
     );
     for (text, expected) in [
         ("zeit,a\n0,1\n", "a.csv: the file has no column `time`, but `zeit`, `a`; name the time column"),

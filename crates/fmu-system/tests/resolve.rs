@@ -143,7 +143,7 @@ fn a_variable_without_a_unit_passes_signals_of_every_unit() {
         };
         connections.into_iter().for_each(written);
     }
-    // Without it, the speed is not an angle.
+    // Without the follower, a speed would be connected to an angle.
     let error = through_the_follower(&[["driver:driver.speed", "vehicle:steer.front"]], "", "").unwrap_err();
     assert!(error.contains("is in m/s, but its target `vehicle:steer.front` is in rad"), "{error}");
     // The unit of its parameters is unknown.
@@ -459,7 +459,7 @@ fn what_nothing_reads_warns() {
     );
     let unread: Vec<_> = found.wiring[0].unread.iter().map(|s| s.variable.as_str()).collect();
     assert_eq!(unread, ["driver.steer"]);
-    // A superset of the dependencies, or no dependencies, proves nothing; a trial run can decide.
+    // A superset of the dependencies, or missing dependencies, is not enough for a warning; a trial run decides.
     for initial in ["<Unknown index=\"5\"/><Unknown index=\"6\"/>", ""] {
         let found = plan(initial, &text);
         assert_eq!(found.warnings, [""; 0]);

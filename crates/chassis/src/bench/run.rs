@@ -179,7 +179,8 @@ fn named(name: &str, folders: &mut Vec<PathBuf>) -> String {
     path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Assesses the plant, and makes a page. The exit code is 1 if a limit is not kept or a run failed, 2 if nothing could be run.
+/// Assesses the plant, and makes a page. The exit code is 1 if a limit is exceeded or a run failed, 2 if nothing could
+/// be run.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     if arguments.report_only {
         let python = Python::required("a page")?;

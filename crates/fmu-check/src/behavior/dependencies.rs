@@ -193,11 +193,11 @@ impl Trial<'_> {
 }
 
 struct Search<'a> {
-    /// List of the model structure.
+    /// Name of the list in the model structure.
     list: &'static str,
     unknowns: Vec<&'a Unknown>,
     variables: Vec<usize>,
-    /// Their dependencies; `None`: all knowns.
+    /// Declared dependencies of each unknown; `None` stands for all knowns.
     named: Vec<Option<HashSet<usize>>>,
     /// Variables with observed dependencies.
     followed: BTreeSet<usize>,

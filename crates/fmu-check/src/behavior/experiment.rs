@@ -61,7 +61,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Runs from the middle of the default experiment. An FMU may reject this, which its users should know.
+    /// Runs from the middle of the default experiment. An FMU may reject this, but its users should know.
     pub(super) fn another_start(&self, report: Report<'_>) -> CheckResult<()> {
         let run = |trial: &Self| {
             let mut instance = trial.started("start")?;

@@ -98,7 +98,7 @@ impl Trial<'_> {
         match outputs {
             Ok(None) => false,
             Ok(Some(outputs)) => {
-                let message = format!("{when}, does not restore the start: the same run differs after it");
+                let message = format!("{when}, does not restore the start: the same run then has other results");
                 self.compare(report, self.function("fmi2Reset", "fmi3Reset"), &message, &fresh.outputs, &outputs)
             }
             Err(error) => {

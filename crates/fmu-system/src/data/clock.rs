@@ -41,7 +41,7 @@ impl Default for Offset {
 /// Event that defines time 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trigger {
-    /// A column.
+    /// Name of the column.
     pub column: String,
     /// Level that the column crosses, in the unit of the file.
     pub level: f64,

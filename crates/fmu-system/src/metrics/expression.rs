@@ -187,7 +187,7 @@ impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
         self.chain(Self::signed, [('*', Step::Times), ('/', Step::Over)])
     }
 
-    /// Operands with operators of the same precedence, from the left.
+    /// Parses operands that are joined by operators of the same precedence, from left to right.
     fn chain(&mut self, operand: fn(&mut Self) -> Parsed, operators: [(char, Step); 2]) -> Parsed {
         operand(self)?;
         while let Some((_, step)) = operators.into_iter().find(|(sign, _)| self.takes(*sign)) {

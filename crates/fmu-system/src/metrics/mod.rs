@@ -313,7 +313,7 @@ mod tests {
         }
     }
 
-    /// Whatever the kind, a window with a value that is not finite has no number; outside of the window it does not matter.
+    /// For every kind, a value that is not finite is an error within the window, and does not matter outside of it.
     #[test]
     fn a_value_that_is_not_finite_gives_no_number() {
         let times: Vec<f64> = (0..40).map(f64::from).collect();

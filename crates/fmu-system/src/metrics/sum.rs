@@ -5,8 +5,8 @@
 pub enum Summation {
     /// Rounded once: the result is the double nearest to the exact sum, for any order of the numbers.
     Exact,
-    /// After each number, in their order. The objectives of studies are computed in this way, because a study is continued
-    /// from its journal only if its objectives stay bit-identical.
+    /// Rounded after each number, in order. The objectives of studies are computed in this way, because a study is
+    /// continued from its journal only if its objectives stay bit-identical.
     InOrder,
 }
 

@@ -160,7 +160,7 @@ impl Inputs {
     /// Checks that a signal has values for the whole run. A held signal has values until the last row.
     fn check_span(&mut self, name: &str, signal: &Signal, interpolation: Interpolation) {
         let Simulation { start, stop, step, .. } = self.simulation;
-        // Times are rounded: allow for it.
+        // Tolerance, because times are rounded.
         let slack = |time: f64| (1e-9 * step).max(4.0 * f64::EPSILON * time.abs());
         let first = signal.times[0];
         if first > start + slack(start) {

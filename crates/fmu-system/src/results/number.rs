@@ -3,8 +3,8 @@
 /// Maximum length of a number in bytes: `-2.2250738585072014e-308`.
 pub(super) const MAX_LENGTH: usize = 24;
 
-/// Appends the shortest text that reads back as the same double, in the notation of `{:?}` and in a quarter of its time.
-/// Of two shortest texts that are equally near, it writes the one with the even digit, as Python does: the files of the
+/// Appends the shortest text that reads back as the same double, in the notation of `{:?}` but four times faster. Of
+/// two shortest texts that are equally near, it writes the one with the even digit, as Python does: the files of the
 /// FMPy master have the same bytes.
 pub(super) fn push(text: &mut Vec<u8>, value: f64) {
     let mut buffer = zmij::Buffer::new();
@@ -14,14 +14,14 @@ pub(super) fn push(text: &mut Vec<u8>, value: f64) {
     if (1e-5..1e-4).contains(&magnitude) {
         push_fifth_place(text, number);
     } else if magnitude >= 1e16 {
-        // 1e+16: 1e16
+        // `1e+16` becomes `1e16`.
         text.extend(number.iter().filter(|sign| **sign != b'+'));
     } else {
         text.extend_from_slice(number);
     }
 }
 
-/// `0.0000123`: `1.23e-5`
+/// Appends `0.0000123` as `1.23e-5`.
 fn push_fifth_place(text: &mut Vec<u8>, number: &[u8]) {
     let digits = match number.strip_prefix(b"-") {
         Some(digits) => {

@@ -401,7 +401,7 @@ pub(crate) struct Figure {
     pub(crate) name: Spanned<String>,
     /// Title.
     pub(crate) title: String,
-    /// Contents.
+    /// What the figure shows.
     pub(crate) kind: FigureKind,
     /// Cases shown; all if absent.
     pub(crate) cases: Option<Spanned<Vec<Spanned<String>>>>,

@@ -20,7 +20,7 @@ pub(super) enum Request {
     Load,
     Run {
         simulation: Simulation,
-        /// Its series are in the body.
+        /// The run, without its series, which are in the body.
         run: Box<Run>,
         series: Vec<Series>,
         /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish the file.

@@ -48,7 +48,7 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Integrates from the middle of the default experiment. An FMU may reject this, which its users should know.
+    /// Integrates from the middle of the default experiment. An FMU may reject this, but its users should know.
     pub(super) fn another_start(&self, report: Report<'_>) -> Outcome<()> {
         let parts = self.parts.get();
         let count = (STEPS * parts).min(MOST_STEPS);
