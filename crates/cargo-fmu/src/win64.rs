@@ -1,5 +1,5 @@
-//! Builds for Windows on another system, with mingw-w64: by the Rust in use if it has a standard library for Windows, otherwise by a Rust
-//! with the sources of its standard library.
+//! Builds for Windows on another system, with mingw-w64. Uses the current toolchain if it has a standard library for
+//! Windows, otherwise a toolchain with the sources of the standard library.
 //!
 //! Rustup's target with a compiled standard library is `x86_64-pc-windows-gnu`. The other target is
 //! `x86_64-win7-windows-gnu`: with the target for newer Windows, a hash map takes its random numbers from a library

@@ -333,7 +333,7 @@ fn hanging(folder: &Path, arguments: &[&str], signals: &[&str]) -> (std::process
 /// Returns true if a process exists and is not a zombie.
 fn is_alive(number: &str) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
-    // After the name in parentheses.
+    // The state follows the name, which is in parentheses.
     status.rsplit_once(") ").is_some_and(|(_, state)| !state.starts_with('Z'))
 }
 

@@ -11,7 +11,7 @@ use std::ops::{Deref, Range};
 pub struct Spanned<T>(serde_spanned::Spanned<T>);
 
 impl<T> Spanned<T> {
-    /// A value at a place.
+    /// Creates a value with its place.
     pub fn new(span: Range<usize>, value: T) -> Self {
         Self(serde_spanned::Spanned::new(span, value))
     }

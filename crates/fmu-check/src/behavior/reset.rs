@@ -42,7 +42,7 @@ impl Trial<'_> {
         for before in cases {
             let mut instance = self.used(*before)?;
             match instance.reset() {
-                // A value was fatal: there is nothing left to reset.
+                // A value made the FMU return the status fatal, after which it cannot be reset.
                 Err(error) if error.problem == CallProblem::Dead => continue,
                 reset => reset?,
             }

@@ -35,7 +35,7 @@ impl CaseComponent<'_> {
         &self.found.description.variables[index]
     }
 
-    /// Variables of a causality that can travel on the bus, by index.
+    /// Variables of a causality that can be connected, by index.
     pub(super) fn wirable(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {
         self.all(causality).filter(|(_, v)| v.base_type != BaseType::String && !v.is_array())
     }
