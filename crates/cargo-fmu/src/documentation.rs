@@ -9,7 +9,6 @@ use crate::variables::{lengths, start};
 
 const STYLE: &str = include_str!("documentation.css");
 
-/// Escapes text for HTML.
 pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -84,7 +84,6 @@ impl Sound {
         Self { description: String::from_utf8(read("modelDescription.xml")).unwrap(), binary: read(&binary()) }
     }
 
-    /// The entries of the archive.
     fn entries(&self) -> Vec<(String, Vec<u8>)> {
         vec![
             ("modelDescription.xml".to_owned(), self.description.clone().into_bytes()),
@@ -183,7 +182,6 @@ fn command(folder: &Path, command: &str) -> Output {
     Output { stderr: std::fs::read(folder.join("stderr")).unwrap(), ..output }
 }
 
-/// Names of the files and folders in a folder.
 fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap();
     let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();

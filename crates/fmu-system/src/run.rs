@@ -214,7 +214,6 @@ impl Recording {
 /// outputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
-    /// Name of the component.
     pub(crate) component: String,
     /// Variants of the component in the runs, each once.
     pub(crate) variants: Vec<Variant>,

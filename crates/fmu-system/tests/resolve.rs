@@ -505,7 +505,6 @@ fn options_change_the_plan() {
     assert!(error.contains("are 0.5 steps of 0.001 s, which must be a whole number above 0"), "{error}");
 }
 
-/// Returns the definition of a metric of signals.
 fn definition(metric: &Metric) -> &Definition {
     match &metric.source {
         Source::Signals(definition) => definition,

@@ -68,7 +68,6 @@ pub enum Duplicates {
 /// Times of a table.
 #[derive(Debug)]
 pub struct Clock {
-    /// Index of the column.
     pub(crate) column: usize,
     /// Times, s, nondecreasing; equal times are a jump.
     times: Arc<[f64]>,
