@@ -100,8 +100,8 @@ impl Interface {
     }
 }
 
-/// The profile of the binaries: small self-contained libraries. Panics unwind so that the C interface can turn them into an
-/// error status.
+/// The profile of the binaries: small self-contained libraries. Panics unwind so that the C interface can turn them
+/// into an error status.
 const PROFILE: [&str; 5] = [
     "profile.fmu.inherits=\"release\"",
     "profile.fmu.lto=\"fat\"",
@@ -141,8 +141,8 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
     models.iter().map(|model| artifact(&libraries, model)).collect()
 }
 
-/// Groups of models that do not depend on each other: a library that exports its model cannot be linked into another one
-/// that does.
+/// Groups of models that do not depend on each other: a library that exports its model cannot be linked into another
+/// one that does.
 fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
     let mut rounds: Vec<Vec<&Model>> = Vec::new();
     let mut left: Vec<&Model> = models.iter().collect();
@@ -505,8 +505,8 @@ fn settings(command: &mut Command, values: &[&str]) {
 
 /// Flags for the compiler that are the same for all models of a platform.
 ///
-/// `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; on Windows and macOS they
-/// stay inside anyway. Windows libraries get no timestamp, so builds are reproducible.
+/// `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; on Windows and macOS
+/// they stay inside anyway. Windows libraries get no timestamp, so builds are reproducible.
 fn linker_flags(platform: Platform, is_native: bool) -> Vec<OsString> {
     match platform {
         Platform::Linux64 | Platform::Aarch64Linux => vec!["-Clink-arg=-Wl,-Bsymbolic".into()],

@@ -1,4 +1,4 @@
-//! The command `cargo fmu`: packs models into FMUs, inspects, checks and linearizes FMUs, writes new models from a template.
+//! The command `cargo fmu`: packs models into FMUs, inspects, checks and linearizes FMUs, creates models.
 //!
 //! The command `chassis`, for systems of FMUs, shares the public modules.
 
@@ -54,14 +54,15 @@ enum Cli {
     Inspect(inspect::Arguments),
     /// Validate FMUs from any tool: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
     ///
-    /// The binary is loaded and run in a separate process, on Linux in a sandbox, so a crash is reported as a finding. The check covers start
-    /// values, repeated runs, the whole default experiment, another start time, two instances, reset, saved states, dependencies, and whatever
-    /// else the description promises. Model exchange is run with a built-in solver: states, derivatives, event indicators and events.
+    /// The binary is loaded and run in a separate process, on Linux in a sandbox, so a crash is reported as a finding.
+    /// The check covers start values, repeated runs, the whole default experiment, another start time, two instances,
+    /// reset, saved states, dependencies, and whatever else the description promises. Model exchange is run with a
+    /// built-in solver: states, derivatives, event indicators and events.
     ///
-    /// Each finding belongs to one of two questions: does the FMU simulate, and does it follow the standard? The exit code is 1 if errors were
-    /// found; `--fail-on` selects the question that counts. The default experiment is cut short after `--timeout`, with a note. Results that
-    /// differ but should not are a note up to 1e-12 of the peak (rounding), a warning up to the tolerance of the default experiment (1e-4
-    /// without one), and an error above.
+    /// Each finding belongs to one of two questions: does the FMU simulate, and does it follow the standard? The exit
+    /// code is 1 if errors were found; `--fail-on` selects the question that counts. The default experiment is cut
+    /// short after `--timeout`, with a note. Results that differ but should not are a note up to 1e-12 of the peak
+    /// (rounding), a warning up to the tolerance of the default experiment (1e-4 without one), and an error above.
     Check(check::Arguments),
     /// Linearize an FMU at an operating point: modes, A, B, C, D, Bode plots
     Linearize(linearize::Arguments),

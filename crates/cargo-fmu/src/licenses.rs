@@ -1,8 +1,8 @@
-//! `documentation/licenses` of an FMU: the license of the model, and the notices of everything linked into its libraries.
+//! `documentation/licenses` of an FMU: the license of the model, and notices of all that its libraries contain.
 //!
-//! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). The list of linked crates comes
-//! from the messages of the build, so it contains those that `-Z build-std` compiles into the standard library. The texts come from the crates'
-//! sources, which are on the disk because they have just been compiled. So nothing has to be installed or downloaded.
+//! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). The list of linked crates
+//! comes from the messages of the build, so it contains those that `-Z build-std` compiles into the standard library.
+//! The texts come from the crates' sources, which have just been compiled, so nothing has to be downloaded.
 
 use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};

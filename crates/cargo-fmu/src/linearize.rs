@@ -28,26 +28,27 @@ pub struct Arguments {
     fmu: String,
     /// Set a parameter, an input or a state, such as driver.speed=9.7; may be repeated
     ///
-    /// These values define the operating point, in the units of the FMU. A Boolean is true or false; an enumeration takes the
-    /// names of its values.
+    /// These values define the operating point, in the units of the FMU. A Boolean is true or false; an enumeration
+    /// takes the names of its values.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
     /// Linearize at the steady state of this operating point, found as by `cargo fmu trim`
     #[arg(long)]
     trim: bool,
-    /// Free inputs that share one unknown value, such as drive_torque.rl,drive_torque.rr; may be repeated for further values
-    /// [default: all `drive_torque.*` of a plant with pedals]
+    /// Free inputs that share one unknown value, such as drive_torque.rl,drive_torque.rr; may be repeated for further
+    /// values [default: all `drive_torque.*` of a plant with pedals]
     ///
     /// Only with `--trim`.
     #[arg(long, value_name = "INPUT[,INPUT…]", requires = "trim")]
     free: Vec<String>,
     /// Also write the linear model to this file, whose extension selects the format; may be repeated
     ///
-    /// .json contains everything, .csv one matrix [A B; C D] with names, .mat is for MATLAB, Octave and SciPy, and .html is a
-    /// page with poles and Bode plots.
+    /// .json contains everything, .csv one matrix [A B; C D] with names, .mat is for MATLAB, Octave and SciPy, and
+    /// .html is a page with poles and Bode plots.
     #[arg(long, value_name = "FILE")]
     out: Vec<PathBuf>,
-    /// Add a Bode plot from an input to an output to the page; may be repeated [default: the first three connected pairs]
+    /// Add a Bode plot from an input to an output to the page; may be repeated [default: the first three connected
+    /// pairs]
     ///
     /// Only with `--out FILE.html`.
     #[arg(long, value_name = "INPUT:OUTPUT", requires = "out")]
@@ -176,8 +177,8 @@ fn print_matrix(title: &str, of: &str, matrix: &DMatrix<f64>, rows: &[Signal], c
 mod tests {
     use super::*;
 
-    /// A mass of 2 kg on a spring of 200 N/m with a damper of 4 N s/m, and the integral of its position: natural frequency
-    /// 10 rad/s, damping ratio 0.1.
+    /// A mass of 2 kg on a spring of 200 N/m with a damper of 4 N s/m, and the integral of its position: natural
+    /// frequency 10 rad/s, damping ratio 0.1.
     pub(super) fn oscillator() -> LinearModel {
         let description =
             fmu_import::description::ModelDescription::parse(include_str!("../../fmu-import/tests/data/decay2.xml"))

@@ -1,4 +1,4 @@
-//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model, and a workflow for its workspace.
+//! `cargo fmu new`: a working package, to be changed into a model, and a workflow for its workspace.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -144,7 +144,7 @@ fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> 
     Ok(())
 }
 
-/// Returns the folder of the new package. A plain name belongs in the folder that the workspace sets for this kind of model.
+/// Returns the folder of the new package. For a plain name, it is in the workspace's folder for this kind of model.
 fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
     let is_plain = path.components().count() == 1;
     // The settings use the command line's names for the kinds.

@@ -1,5 +1,5 @@
-//! Printing for people and pipes: text of an FMU cannot control the terminal, and a reader that has seen enough, such as
-//! `head`, is not a failure.
+//! Printing for people and pipes: text of an FMU cannot control the terminal, and a reader that has seen enough, such
+//! as `head`, is not a failure.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal as _, Write as _};

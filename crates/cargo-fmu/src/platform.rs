@@ -62,8 +62,8 @@ impl Platform {
     /// Folder below `binaries/` in FMI 2.0.
     ///
     /// FMI 2.0.4, section 2.3, names the x86 platforms and refers to the tuples of FMI 3.0 for all others. Macs are the
-    /// exception: FMPy 0.3.32 and fmutool 2.0 look for the libraries of either processor in `darwin64`. No version names
-    /// WebAssembly; its folder is a convention of this project.
+    /// exception: FMPy 0.3.32 and fmutool 2.0 look for the libraries of either processor in `darwin64`. No version
+    /// names WebAssembly; its folder is a convention of this project.
     pub(crate) const fn fmi2(self) -> &'static str {
         self.words()[1]
     }

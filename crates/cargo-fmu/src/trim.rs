@@ -26,11 +26,12 @@ pub struct Arguments {
     fmu: String,
     /// Set a parameter or an input, or hold a state, such as driver.speed=20 or steer.front=0.02; may be repeated
     ///
-    /// These values define the operating point, in the units of the FMU. `driver.speed` is also the speed of plants with pedals.
+    /// These values define the operating point, in the units of the FMU. `driver.speed` is also the speed of plants
+    /// with pedals.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// Free inputs that share one unknown value, such as drive_torque.rl,drive_torque.rr; may be repeated for further values
-    /// [default: all `drive_torque.*` of a plant with pedals]
+    /// Free inputs that share one unknown value, such as drive_torque.rl,drive_torque.rr; may be repeated for further
+    /// values [default: all `drive_torque.*` of a plant with pedals]
     #[arg(long, value_name = "INPUT[,INPUT…]")]
     free: Vec<String>,
     /// Write the start values of states, and the parameters and inputs, as an SSP 1.0 parameter set
@@ -66,8 +67,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Largest real part of the poles of the states that do not drift, 1/s, 0 if it is 0 up to rounding; `None` without such
-/// states, or if the eigenvalues do not converge.
+/// Largest real part of the poles of the states that do not drift, 1/s, 0 if it is 0 up to rounding; `None` without
+/// such states, or if the eigenvalues do not converge.
 fn growth(steady: &SteadyState) -> Option<f64> {
     let n = steady.states.iter().filter(|state| state.role != StateRole::Drifts).count();
     let poles = eigenvalues(&DMatrix::from_column_slice(n, n, &steady.jacobian))?;

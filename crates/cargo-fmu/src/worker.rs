@@ -51,8 +51,8 @@ pub struct Options {
 
     /// Run FMUs in a sandbox; Linux only, the default of `check`
     ///
-    /// The sandbox denies FMUs the network, other programs and processes, and writing outside of their temporary folder and
-    /// the folder for results.
+    /// The sandbox denies FMUs the network, other programs and processes, and writing outside of their temporary folder
+    /// and the folder for results.
     #[arg(long, conflicts_with = "no_sandbox")]
     sandbox: bool,
 

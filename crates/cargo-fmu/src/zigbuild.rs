@@ -1,5 +1,5 @@
-//! cargo-zigbuild, which links libraries that load on old distributions of Linux, for the processor of this machine and for
-//! others.
+//! cargo-zigbuild, which links libraries that load on old distributions of Linux, for the processor of this machine and
+//! for others.
 
 use std::path::{Path, PathBuf};
 

@@ -12,8 +12,8 @@ const PACKED: &str = "target/fmu";
 
 #[derive(clap::Args, Debug)]
 pub(crate) struct Folders {
-    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or in a folder
-    /// above, or the FMUs that came with this program]
+    /// Folder with the FMUs; may be repeated, the first folder that contains an FMU wins [default: target/fmu, here or
+    /// in a folder above, or the FMUs that came with this program]
     #[arg(long, value_name = "DIR")]
     fmus: Vec<PathBuf>,
 }
@@ -24,8 +24,8 @@ impl Folders {
         source(&self.places())
     }
 
-    /// The given folders; without any, `target/fmu` of this folder or one above it, or, outside of workspaces, the FMUs that came with
-    /// this program.
+    /// The given folders; without any, `target/fmu` of this folder or one above it, or, outside of workspaces, the FMUs
+    /// that came with this program.
     pub(crate) fn places(&self) -> Vec<PathBuf> {
         if self.fmus.is_empty() { vec![usual()] } else { self.fmus.clone() }
     }

@@ -45,15 +45,15 @@ enum Cli {
     Plan(plan::Arguments),
     /// Run a scenario, and write signals, tables and a page
     ///
-    /// Each run has a CSV file in OUT/SCENARIO/runs. Tables, figures and the page index.html need the Python package `chassis_fmu`. The exit code
-    /// is 1 if a run fails or a requirement is not met.
+    /// Each run has a CSV file in OUT/SCENARIO/runs. Tables, figures and the page index.html need the Python package
+    /// `chassis_fmu`. The exit code is 1 if a run fails or a requirement is not met.
     Run(run::Arguments),
     /// Export a run of a scenario for other masters: an SSP package and a system structure for libcosim, with the FMUs
     ///
-    /// DIR/NAME.ssp contains the structure with units of measure, the parameter sets and the FMUs, for Ecos, libcosim and
-    /// OMSimulator. DIR/OspSystemStructure.xml is for libcosim; it is left out if a component is of FMI 3.0, which libcosim
-    /// does not support. Constant inputs become start values, and recorded signals become connectors. Metrics and figures are
-    /// not exported.
+    /// DIR/NAME.ssp contains the structure with units of measure, the parameter sets and the FMUs, for Ecos, libcosim
+    /// and OMSimulator. DIR/OspSystemStructure.xml is for libcosim; it is left out if a component is of FMI 3.0, which
+    /// libcosim does not support. Constant inputs become start values, and recorded signals become connectors. Metrics
+    /// and figures are not exported.
     ///
     /// Neither file defines the order of the components within a step: Ecos and libcosim step all components at once
     /// (`--order jacobi` of `chassis run`).
@@ -79,8 +79,8 @@ enum Cli {
     /// inputs are written but whose outputs do not act on the plant. `lacks 3` marks an FMU with three inputs that
     /// nothing writes; a scenario can set them to constants. Other plants are ignored.
     ///
-    /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
-    /// reads has no effect.
+    /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that
+    /// nothing reads has no effect.
     Fits(fits::Arguments),
     /// Pack the FMUs that a scenario or study needs, as far as the current workspace has their models
     ///

@@ -20,8 +20,8 @@ pub(crate) struct Selection {
 
     /// CSV file with signals that replace the outputs of components
     ///
-    /// The file has a column `time` and columns named `signal` or `component:signal`. Values are converted to the units of the
-    /// variables. Continuous inputs are interpolated linearly, others hold the last value.
+    /// The file has a column `time` and columns named `signal` or `component:signal`. Values are converted to the units
+    /// of the variables. Continuous inputs are interpolated linearly, others hold the last value.
     #[arg(long, value_name = "FILE")]
     pub(crate) inputs: Option<PathBuf>,
 

@@ -59,8 +59,8 @@ const COMMANDS: [(&str, Part); 10] = [
     ("study study.toml --fmus .", Binary),
 ];
 
-/// Limit of a command's processor time in s, independent of other processes: hostile FMUs must not keep it busy. A command
-/// that takes longer is killed and has no exit code.
+/// Limit of a command's processor time in s, independent of other processes: hostile FMUs must not keep it busy. A
+/// command that takes longer is killed and has no exit code.
 const PROCESSOR_TIME: u32 = 30;
 /// Limit of a command's address space in kB: hostile FMUs must not fill the memory.
 const MEMORY: u32 = 4 << 20;
@@ -358,8 +358,8 @@ fn ambiguous_archives_are_rejected() {
     rejected("two names", &bytes, Archive, "has another name, `resources/note.txt`, at its content");
 }
 
-/// The time of a look-up by name does not grow with the number of names: 100,000 units of measure, each of one variable, and
-/// as many dependencies.
+/// The time of a look-up by name does not grow with the number of names: 100,000 units of measure, each of one
+/// variable, and as many dependencies.
 #[test]
 fn many_units_and_dependencies_are_read_in_time() {
     let sound = Sound::new();
@@ -430,7 +430,7 @@ fn what_many_variables_inherit_takes_no_memory_of_each() {
     rejected("a long unit", &long, Description, "`unit` of <Real> has 1000000 bytes, at most 200 are read");
 }
 
-/// ESC begins a control sequence of a terminal, U+009B is the same in one character, U+202E reverses the text direction.
+/// ESC begins a control sequence of a terminal, U+009B is its second form, U+202E reverses the text direction.
 #[test]
 fn text_of_an_fmu_does_not_control_the_terminal() {
     let sound = Sound::new();

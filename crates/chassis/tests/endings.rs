@@ -1,5 +1,5 @@
-//! Incomplete runs: an FMU fails, ends the simulation, or returns a value that is not finite. The rows up to there are kept and
-//! marked in `status.json`; no command treats them as a complete run.
+//! Incomplete runs: an FMU fails, ends the simulation, or returns a value that is not finite. The rows up to there are
+//! kept and marked in `status.json`; no command treats them as a complete run.
 #![cfg(unix)]
 
 #[path = "../../../tests/zoo/zoo.rs"]
@@ -120,7 +120,8 @@ fn fmus_have_any_file_name() {
     assert_eq!(times(folder.path()).len(), 11);
 }
 
-/// Reference: FMI 2.0, section 4.2.2 (fmi2Discard with fmi2Terminated and fmi2LastSuccessfulTime), FMI 3.0, `terminateSimulation`.
+/// Reference: FMI 2.0, section 4.2.2 (fmi2Discard with fmi2Terminated and fmi2LastSuccessfulTime), FMI 3.0,
+/// `terminateSimulation`.
 #[test]
 fn an_fmu_ends_the_simulation() {
     for fmi in [FmiVersion::V2, FmiVersion::V3] {

@@ -323,8 +323,8 @@ fn a_smaller_budget_is_rejected() {
     }
 }
 
-/// Without a `[[compare]]`, results are compared with the scenario's own values, and a result that is not better is reported
-/// as such.
+/// Without a `[[compare]]`, results are compared with the scenario's own values, and a result that is not better is
+/// reported as such.
 #[test]
 fn the_scenarios_own_values_are_compared_with() {
     let place = Place::new();

@@ -1,5 +1,5 @@
-//! FMUs that crash, exit, hang, or print anything: only their own run fails; the report gives the cause and the call, and
-//! nothing is left behind.
+//! FMUs that crash, exit, hang, or print anything: only their own run fails; the report gives the cause and the call,
+//! and nothing is left behind.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -374,7 +374,7 @@ fn an_end_by_signal_leaves_no_process_and_no_file() {
 fn an_ignored_hangup_stays_ignored() {
     let folder = folder(&ramp(""));
     let (mut child, number) = hanging(folder.path(), &["run", "ramp.toml", "--jobs", "1"], &["--ignore-signal=HUP"]);
-    // The system discards an ignored signal at once, so that the first one has passed when the second one ends the command.
+    // The system discards an ignored signal at once, so the first one has no effect when the second ends the command.
     for signal in ["HUP", "TERM"] {
         let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
         assert!(sent.success());

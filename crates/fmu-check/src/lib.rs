@@ -137,8 +137,8 @@ impl Event {
 pub struct Options {
     /// Time limit of the default experiment, after which it is cut.
     pub experiment: Duration,
-    /// Trials to skip. If there are any, findings about the description are skipped, too: the check continues in another
-    /// process after a crash.
+    /// Trials to skip. If there are any, findings about the description are skipped, too: the check continues in
+    /// another process after a crash.
     pub skip: HashSet<String>,
 }
 
@@ -240,8 +240,8 @@ pub fn check(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
     }
 }
 
-/// Checks an FMU without running it: the model description against the rules of its version of FMI, and whether libraries,
-/// for any platform, export all functions.
+/// Checks an FMU without running it: the model description against the rules of its version of FMI, and whether
+/// libraries, for any platform, export all functions.
 pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
     let mut findings = Vec::new();
     let parsed = match ModelDescription::parse(description) {

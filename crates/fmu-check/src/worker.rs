@@ -36,9 +36,10 @@ fn respond(Request(path, options): Request, _: &[f64], replies: &mut Replies) ->
     replies.send(&Response::Done, &[])
 }
 
-/// Checks a `.fmu` file in a worker and returns the findings and the scope of the check. An FMU that ends the worker is one more
-/// finding; the trials after that one continue in another worker, unless it took too long. Accesses denied by the sandbox, files
-/// that the FMU wrote to the working directory, which is a temporary one, and processes that it left running are findings, too.
+/// Checks a `.fmu` file in a worker and returns the findings and the scope of the check. An FMU that ends the worker is
+/// one more finding; the trials after that one continue in another worker, unless it took too long. Accesses denied by
+/// the sandbox, files that the FMU wrote to the working directory, which is a temporary one, and processes that it left
+/// running are findings, too.
 pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Checked)> {
     let mut findings = Vec::new();
     let mut checked = Checked::default();

@@ -212,8 +212,9 @@ fn directional_derivatives_that_are_rejected_are_found() {
     }
 }
 
-/// FMI 2.0.4, section 2.2.8: in Initialization Mode an initial unknown depends on what its entry names, of any type, and on
-/// nothing else. Variables by number: 1 u, 2 x, 3 gain, 4 start, 5 failure, 6 count, 7 inverted, 8 moved, 9 label.
+/// FMI 2.0.4, section 2.2.8: in Initialization Mode an initial unknown depends on what its entry names, of any type,
+/// and on nothing else. Variables by number: 1 u, 2 x, 3 gain, 4 start, 5 failure, 6 count, 7 inverted, 8 moved, 9
+/// label.
 #[test]
 fn initial_unknowns_that_follow_more_than_they_name_are_found() {
     let about = |follow: &str, unknown: usize, dependencies: &str, edits: &[(&str, &str)]| {

@@ -1,7 +1,7 @@
 //! The functions that the worker calls.
 //!
-//! Texts and bytes pass through memory that the worker requests ([`lab_allocate`]) or that stays here until the next request
-//! ([`lab_response`], [`lab_body`]). All code but this module is safe.
+//! Texts and bytes pass through memory that the worker requests ([`lab_allocate`]) or that stays here until the next
+//! request ([`lab_response`], [`lab_body`]). All code but this module is safe.
 
 #![allow(unsafe_code)]
 

@@ -48,7 +48,7 @@ impl Fmus {
         self.texts.get(name).map(String::as_str)
     }
 
-    /// Reads an archive that a visitor has dropped. Returns the name and the text of the description of the FMU, and its module.
+    /// Reads an archive that a visitor has dropped. Returns the name and text of the description, and the module.
     pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(String, String, Vec<u8>), Failure> {
         const PACK: &str = "FMUs for the lab contain WebAssembly: cargo fmu pack --platforms linux64,wasm32";
         let failed =

@@ -17,7 +17,7 @@ const BETWEEN_STATES: f64 = 1.0;
 /// Minimum time between two rows for the page, s.
 const BETWEEN_ROWS: f64 = 0.01;
 
-/// Action of the visitor while a system runs. It is kept, because rewinding to a time between two saved states repeats it.
+/// Action of the visitor while a system runs. It is kept, because going back to a time between saved states repeats it.
 #[derive(Debug, Clone)]
 pub(crate) enum Action {
     Set { component: String, variables: Vec<String>, value: f64 },

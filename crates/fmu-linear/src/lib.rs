@@ -1,6 +1,7 @@
 //! Linear models and steady states of FMUs with continuous states.
 //!
-//! [`mod@linearize`] makes linear models, [`trim`] finds steady states, and [`worker`] does both in other processes, which may crash.
+//! [`mod@linearize`] makes linear models, [`trim`] finds steady states; [`worker`] does both in processes that may
+//! crash.
 
 pub mod linearize;
 pub mod trim;

@@ -33,8 +33,8 @@ const ROUNDS: usize = 100;
 /// Linearizes an FMU at the start values with these changes. The binary is loaded into this process.
 ///
 /// # Errors
-/// The FMU cannot be used, has no continuous states, or has neither directional derivatives nor the interface for model exchange, or a
-/// value cannot be set.
+/// The FMU cannot be used, has no continuous states, or has neither directional derivatives nor the interface for model
+/// exchange, or a value cannot be set.
 pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, String> {
     let archive = Archive::open(path).and_then(|mut archive| archive.description());
     let description = &archive.map_err(|error| error.to_string())?;

@@ -3,8 +3,8 @@
 //! The best antibodies are copied in proportion to their affinity, the copies mutate, and the best copies replace the
 //! worst antibodies. Mutation rate and number of replaced antibodies fall with the generations.
 //!
-//! Reference: Applied Sciences 2020, 10, 1852, section 4.2, equations 30 to 32, steps 1 to 7. The paper gives no numbers
-//! for its settings and no encoding; the defaults are assumed.
+//! Reference: Applied Sciences 2020, 10, 1852, section 4.2, equations 30 to 32, steps 1 to 7. The paper gives no
+//! numbers for its settings and no encoding; the defaults are assumed.
 
 use crate::search::{Code, Evaluate, Random, Stop, affinity, evaluate, first_generation, mutate, ranking};
 

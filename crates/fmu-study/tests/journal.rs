@@ -117,7 +117,7 @@ fn going_on_equals_never_stopping() {
     }
 }
 
-/// The budget may cut a generation. With a larger budget, the search continues as if this budget had applied from the start.
+/// The budget may cut a generation. With a larger budget, the search continues as if it had always had this budget.
 #[test]
 fn a_larger_budget_goes_on() {
     let folder = TempDir::new().unwrap();

@@ -101,8 +101,9 @@ fn the_methods_reach_what_random_search_does_not() {
     }
 }
 
-/// Reference: the crate cmaes 0.2.2, of whose seeds 1 to 1000 877 come below 0.1 and 59 end in the local minimum (here 889
-/// and 57). With a probability of 0.88, 100 seeds give 88 with a standard deviation of 3.3; four of them are allowed.
+/// Reference: the crate cmaes 0.2.2, of whose seeds 1 to 1000 877 come below 0.1 and 59 end in the local minimum (here
+/// 889 and 57). With a probability of 0.88, 100 seeds give 88 with a standard deviation of 3.3; four of them are
+/// allowed.
 #[test]
 fn cma_es_follows_the_valley_most_times() {
     let found = (1..=100).filter(|seed| cmaes_on(rosenbrock, *seed).best() < 0.1).count();

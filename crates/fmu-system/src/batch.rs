@@ -58,7 +58,7 @@ pub struct Batch {
     baselines: Vec<Option<usize>>,
 }
 
-/// Receives each row when it is done, in no particular order. After it returns false, runs that have not started are skipped.
+/// Receives each row when it is done, in any order. After it returns false, runs that have not started are skipped.
 pub type Take<'a> = &'a (dyn Fn(Row) -> bool + Sync);
 
 impl Batch {
@@ -145,8 +145,8 @@ impl Batch {
         pool.execute(&self.plan.simulation, tasks.len(), &task, &|_| (), &finish);
     }
 
-    /// Executes runs with other values in worker processes and hands over their signals. `columns` are the slots to record
-    /// for each run of the plan.
+    /// Executes runs with other values in worker processes and hands over their signals. `columns` are the slots to
+    /// record for each run of the plan.
     pub fn record(
         &self,
         pool: &Pool,

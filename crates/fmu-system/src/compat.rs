@@ -12,9 +12,9 @@
 //! - it is supplied: every input is written by the plant or by another component that is supplied, and
 //! - it acts: an output is an input of the plant or of a supplied component that acts.
 //!
-//! Components may form a cycle. Other plants never count, because a system has one plant. Inputs that a scenario could hold constant count
-//! as missing. Matching signals are not enough: a controller may need the parameters of the new vehicle, and an output that the plant does
-//! not read has no effect.
+//! Components may form a cycle. Other plants never count, because a system has one plant. Inputs that a scenario could
+//! hold constant count as missing. Matching signals are not enough: a controller may need the parameters of the new
+//! vehicle, and an output that the plant does not read has no effect.
 
 use fmu_import::description::{Causality, ModelDescription, Variable};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,7 +1,7 @@
 //! Data from CSV files: measurements from loggers, tables from spreadsheets, signals from simulations.
 //!
-//! A [`Table`] holds the columns of a file by name, with the units in the file. [`Table::times`] makes a clock from one column,
-//! [`Table::signal`] a signal from another. All commands that read data use this module, so a file means the same everywhere.
+//! A [`Table`] holds the columns of a file by name, with the units in the file. [`Table::times`] makes a clock from one
+//! column, [`Table::signal`] a signal from another. All commands use this module, so a file means the same everywhere.
 //!
 //! Cells and names are data: nothing in a file is evaluated.
 
@@ -383,7 +383,7 @@ fn decimal(mut rows: Rows<'_>, delimiter: char) -> char {
     '.'
 }
 
-/// Splits `Speed [m/s]` or `Speed (m/s)` into name and unit. An index (`a[2,1]`) and words (`Force (front)`) are not units.
+/// Splits `Speed [m/s]` or `Speed (m/s)` into name and unit. The names `a[2,1]` and `Force (front)` have no unit.
 fn split_unit(name: &str) -> (&str, Option<&str>) {
     let within = |open, close| name.strip_suffix(close).and_then(|rest: &str| rest.rsplit_once(open));
     let (before, unit) = match (within('[', ']'), within('(', ')')) {

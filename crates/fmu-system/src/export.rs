@@ -2,9 +2,9 @@
 //!
 //! [`System`] is a run with names instead of references and slots. [`System::write`] makes a folder with
 //!
-//! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 with a component of FMI 3.0: the structure with connectors, units of measure and
-//!   connections, a parameter set for every component, the FMUs, and the annotations from which OMSimulator and libcosim take
-//!   the step (Ecos and FMPy take it from the caller),
+//! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 with a component of FMI 3.0: the structure with
+//!   connectors, units of measure and connections, a parameter set for every component, the FMUs, and the annotations
+//!   from which OMSimulator and libcosim take the step (Ecos and FMPy take it from the caller),
 //! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs in the same folder; left out with a
 //!   component of FMI 3.0, which libcosim does not support.
 //!

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub struct Failure {
     /// Id of the run.
     pub run: String,
-    /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s; `None`
-    /// before the first step.
+    /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s;
+    /// `None` before the first step.
     pub time: Option<f64>,
     /// Name of the component, if one is the cause.
     pub component: Option<String>,

@@ -1,10 +1,10 @@
 //! Runs systems of co-simulation FMUs of FMI 2.0 and 3.0.
 //!
-//! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with all its parameters, connections and recorded
-//!   columns; [`problem`] shows mistakes with their place,
-//! - a [`mod@run`] is executed by a [`master`] in this process, by a [`session`] step by step, or by a [`worker`] in another process, which
-//!   may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect, [`steady`]
-//!   finds the steady states in which components start,
+//! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with all its parameters,
+//!   connections and recorded columns; [`problem`] shows mistakes with their place,
+//! - a [`mod@run`] is executed by a [`master`] in this process, by a [`session`] step by step, or by a [`worker`] in
+//!   another process, which may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds
+//!   parameters without an effect, [`steady`] finds the steady states in which components start,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the
 //!   numbers, [`requirements`] compares them with their limits, [`typography`] formats numbers and units,

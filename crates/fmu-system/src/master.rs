@@ -1,5 +1,5 @@
-//! The master: executes the runs of a plan from start to stop. It records the start and every n-th step of a [`Session`], which
-//! makes the calls.
+//! The master: executes the runs of a plan from start to stop. It records the start and every n-th step of a
+//! [`Session`], which makes the calls.
 
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Instances;
@@ -42,8 +42,8 @@ impl Recorder {
 /// Executes a run in this process and returns its signals in memory.
 ///
 /// # Errors
-/// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU ends the
-/// simulation before the stop time. The error contains the rows before it.
+/// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU
+/// ends the simulation before the stop time. The error contains the rows before it.
 pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
     record(simulation, run, fmus, true)
 }

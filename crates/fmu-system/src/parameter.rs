@@ -23,13 +23,13 @@ impl Run {
     /// Sets a parameter, the start value of a state or another variable, or a constant input, overriding the scenario.
     ///
     /// # Errors
-    /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type or lies
-    /// outside its limits.
+    /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type
+    /// or lies outside its limits.
     pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
         self.set_described(&|fmu| fmus.get(fmu).ok().map(Fmu::description), component, name, value)
     }
 
-    /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns its description by the path in the plan.
+    /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns its description by its path.
     pub fn set_described<'d>(
         &mut self,
         describe: &dyn Fn(&str) -> Option<&'d ModelDescription>,
@@ -175,8 +175,8 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
 /// A message and a hint.
 pub(crate) type Mistake = (String, Option<String>);
 
-/// Factor and offset of a unit in which the values of a variable can be given or shown: shown value = factor * value + offset. `own` is the
-/// unit of the variable, `use_of` the word "given" or "shown".
+/// Factor and offset of a unit in which the values of a variable can be given or shown: shown value = factor * value +
+/// offset. `own` is the unit of the variable, `use_of` the word "given" or "shown".
 pub(crate) fn scale(
     name: &str,
     own: Option<&str>,

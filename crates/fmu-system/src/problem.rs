@@ -178,8 +178,8 @@ impl Collector {
         self.source_code.name()
     }
 
-    /// Parses the text of the file. If it does not have the layout of `T`, adds the mistake; for an unknown key or word, the hint is the
-    /// nearest known one.
+    /// Parses the text of the file. If it does not have the layout of `T`, adds the mistake; for an unknown key or
+    /// word, the hint is the nearest known one.
     pub fn parse<T: DeserializeOwned>(&mut self, text: &str) -> Option<T> {
         self.parse_from(text, 0)
     }

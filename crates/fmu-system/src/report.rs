@@ -1,7 +1,7 @@
 //! Report on the results: metrics with the numbers of a paper, figures and findings.
 //!
-//! Nothing is computed here. The plan contains references, which the reader of the results resolves. The execution of runs does not depend
-//! on this module.
+//! Nothing is computed here. The plan contains references, which the reader of the results resolves. The execution of
+//! runs does not depend on this module.
 
 use crate::metrics::{Definition, Expression};
 use schemars::JsonSchema;

@@ -140,8 +140,8 @@ fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError
     Ok(())
 }
 
-/// Returns the absolute path of a file that a String of a scenario names, if the file exists. Relative paths start at the folder of the
-/// scenario. Any other String, such as the name of a file within the FMU, stays as it is.
+/// Returns the absolute path of a file that a String of a scenario names, if the file exists. Relative paths start at
+/// the folder of the scenario. Any other String, such as the name of a file within the FMU, stays as it is.
 pub fn file_of(scenario: &Path, text: &str) -> Option<String> {
     file_in(folder(scenario), text)
 }

@@ -1,7 +1,7 @@
 //! Runs: what a master executes.
 //!
-//! Signals travel on a *bus* of doubles per run: every connected or recorded output and every signal from a file has a slot. Integers and
-//! Booleans are doubles there.
+//! Signals travel on a *bus* of doubles per run: every connected or recorded output and every signal from a file has a
+//! slot. Integers and Booleans are doubles there.
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, FmiVersion, Value, Variable};

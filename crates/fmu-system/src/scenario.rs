@@ -12,8 +12,8 @@ use crate::spanned::Spanned;
 use fmu_import::limits;
 use std::path::Path;
 
-/// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be read or
-/// does not have the layout of a scenario.
+/// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be
+/// read or does not have the layout of a scenario.
 ///
 /// The included files become sources of `problems`. Places in a file follow the places in the previous files.
 pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Option<Scenario> {

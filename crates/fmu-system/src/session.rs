@@ -19,8 +19,8 @@
 //!   arithmetic: that step ends at the stop time.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
 //!
-//! An input that the caller overwrites ([`Session::overwrite`]) gets its value right after the inputs of its component are set
-//! from the bus.
+//! An input that the caller overwrites ([`Session::overwrite`]) gets its value right after the inputs of its component
+//! are set from the bus.
 //!
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
 //! doubles, and an Integer beyond 2^53, which a double does not hold exactly, is an error. Integers that may have more
@@ -275,8 +275,8 @@ impl Session {
     /// Instantiates and initializes a run.
     ///
     /// # Errors
-    /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a component that starts in a steady
-    /// state has none, or a signal is not finite.
+    /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a component that starts in a
+    /// steady state has none, or a signal is not finite.
     pub fn new(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, Failure> {
         if run.needs_steady_starts() {
             let mut run = run.clone();
@@ -366,8 +366,8 @@ impl Session {
         Err(format!("`{component}`: {reason}"))
     }
 
-    /// Sets the value of an input from the next step on. As on the bus, a Boolean is true above 0.5, and an Integer is rounded
-    /// toward zero.
+    /// Sets the value of an input from the next step on. As on the bus, a Boolean is true above 0.5, and an Integer is
+    /// rounded toward zero.
     pub fn set(&mut self, input: Overwrite, value: f64) {
         if let Some(overwritten) = self.overwritten.get_mut(input.0) {
             overwritten.value = Some(value);
@@ -451,7 +451,7 @@ impl Session {
         })
     }
 
-    /// Restores a state, earlier or later. An input that the caller has overwritten since then gets its previous source again.
+    /// Restores a state, earlier or later. An input that was overwritten since then gets its previous source again.
     ///
     /// # Errors
     /// The state is of another session, or an FMU returns an error.
@@ -481,7 +481,7 @@ impl Session {
         freed.map_err(|error| self.failed(Some(self.time()), error))
     }
 
-    /// Ends the run. Returns the warnings that components logged during a successful run, with the name of the component.
+    /// Ends the run. Returns the warnings that components logged during a successful run, with the component's name.
     ///
     /// # Errors
     /// A call returns more than `fmi2Warning`.
@@ -539,7 +539,7 @@ impl Session {
         Ok(())
     }
 
-    /// Makes a step of all components. If one ends the simulation, returns the end of the step at which it does, and the call.
+    /// Makes a step of all components. If one ends the simulation, returns the end of its last step, and the call.
     fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let Self { simulation, members, bus, overwritten, .. } = self;
         let step = simulation.step_size(time);

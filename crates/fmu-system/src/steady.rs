@@ -34,7 +34,7 @@ impl Run {
     /// Finds the steady states in which components start. A master does this before a run if they are missing.
     ///
     /// # Errors
-    /// A run cannot be initialized, there is no steady state, or the inputs of a component keep changing with its start.
+    /// A run cannot be initialized, there is no steady state, or a component's inputs keep changing with its start.
     pub fn find_steady_starts(&mut self, simulation: &Simulation, fmus: &dyn Instances) -> Result<(), Failure> {
         let id = self.id.clone();
         let failed = |component: &str, message: String| {

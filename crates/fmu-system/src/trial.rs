@@ -16,7 +16,7 @@ const MAX_VARIANTS: usize = 10;
 /// Maximum number of values that a trial run records; a longer run is not tried.
 const MAX_RECORDED: u64 = 20_000_000;
 
-/// Returns the warnings of all trials of a plan. Their FMUs are loaded into this process, which a crash of one would end.
+/// Returns the warnings of all trials of a plan. Their FMUs are loaded into this process, which may crash.
 pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     let mut warnings = Vec::new();
     for trial in trials {

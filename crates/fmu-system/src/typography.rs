@@ -15,7 +15,8 @@ pub fn number(value: f64, digits: Option<u8>) -> String {
     minus(&format!("{value:.decimals$}"))
 }
 
-/// Formats a number with up to `digits` significant digits, and with a power of ten where that is shorter: C's format `g`.
+/// Formats a number with up to `digits` significant digits, and with a power of ten where that is shorter: C's format
+/// `g`.
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return minus(&value.to_string().to_lowercase());

@@ -22,8 +22,8 @@ pub const JOB: &str = "system";
 /// Time limit of all trials of a scenario. Those of the project's scenarios take a fraction of a second.
 const TRIALS: Duration = Duration::from_secs(20);
 
-/// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give none, which does no
-/// harm.
+/// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give
+/// none, which does no harm.
 pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     if trials.is_empty() {
         return Vec::new();

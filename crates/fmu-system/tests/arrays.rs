@@ -1,5 +1,5 @@
-//! Elements of arrays of FMI 3.0 as signals, and integers of 64 bits. The FMU is built from `data/arrays.c`, which transfers each
-//! array as a whole or returns an error.
+//! Elements of arrays of FMI 3.0 as signals, and integers of 64 bits. The FMU is built from `data/arrays.c`, which
+//! transfers each array as a whole or returns an error.
 #![cfg(unix)]
 #![allow(unsafe_code, reason = "an allocator that counts can only be written with unsafe code")]
 

@@ -1239,7 +1239,8 @@ fn scenario_with_sets() -> String {
         .replacen("baseline = \"passive\"", "baseline = \"passive\"\nparameter_set = \"case.ssv\"", 1)
 }
 
-/// In ascending precedence: scenario's set, component's set, component's parameters, case's set, case's and point's parameters.
+/// In ascending precedence: scenario's set, component's set, component's parameters, case's set, case's and point's
+/// parameters.
 #[test]
 fn parameter_sets_are_layers_of_their_own() {
     let amplitude = "driver:steer.amplitude";

@@ -22,7 +22,8 @@ use support::Build;
 use tempfile::TempDir;
 use zoo::Zoo;
 
-/// x' = -2 x, exactly, and its integral by the explicit Euler method. The inputs that FMI 3.0 adds are in place of `INPUTS`.
+/// x' = -2 x, exactly, and its integral by the explicit Euler method. The inputs that FMI 3.0 adds are in place of
+/// `INPUTS`.
 const SCENARIO: &str = r#"
 title = "Integral"
 [simulation]

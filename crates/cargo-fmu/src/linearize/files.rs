@@ -19,7 +19,7 @@ pub(crate) fn json(model: &LinearModel) -> serde_json::Value {
     })
 }
 
-/// One matrix, \[A B; C D\], with names of the columns (states, inputs) and of the rows (derivatives of the states, outputs).
+/// One matrix, \[A B; C D\], with names of columns (states, inputs) and rows (derivatives of the states, outputs).
 pub(crate) fn csv(model: &LinearModel) -> String {
     let quoted = |text: &str| {
         if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
@@ -42,8 +42,8 @@ pub(crate) fn csv(model: &LinearModel) -> String {
     lines.join("\n") + "\n"
 }
 
-/// A MATLAB file of level 5 without compression: the matrices `A`, `B`, `C`, `D`, and the names `states`, `inputs` and `outputs`
-/// as cell arrays ("MAT-File Format", The MathWorks).
+/// A MATLAB file of level 5 without compression: the matrices `A`, `B`, `C`, `D`, and the names `states`, `inputs` and
+/// `outputs` as cell arrays ("MAT-File Format", The MathWorks).
 pub(crate) fn mat(model: &LinearModel) -> Vec<u8> {
     let mut out = format!("MATLAB 5.0 MAT-file, linear model of {}", model.fmu).into_bytes();
     // 116 bytes of text, 8 unused bytes, the version and the byte-order mark.

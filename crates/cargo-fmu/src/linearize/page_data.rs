@@ -65,7 +65,7 @@ impl Block {
         Column { at, count: values.len(), first, step, log }
     }
 
-    /// The data of a page with these figures, each with its name and panels, as text that is safe inside a script element.
+    /// The data of a page with these figures, with names and panels, as text that is safe inside a script element.
     pub(super) fn page(self, figures: &[(String, Vec<Value>)]) -> std::io::Result<String> {
         let bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());

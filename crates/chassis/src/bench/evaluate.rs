@@ -40,7 +40,8 @@ pub(crate) struct Arguments {
 
     /// TOML file with names and units of signals
     ///
-    /// Only the table `signals` of a file for `chassis bench run --vehicle` is used. Its key `time` names the time column.
+    /// Only the table `signals` of a file for `chassis bench run --vehicle` is used. Its key `time` names the time
+    /// column.
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 

@@ -32,8 +32,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME", value_parser = placed)]
     with: Vec<Placed>,
 
-    /// FMU that belongs to the vehicle, such as its brakes; may be repeated [default: BrakeAndDriveActuators for a plant with
-    /// brake and drive torques]
+    /// FMU that belongs to the vehicle, such as its brakes; may be repeated [default: BrakeAndDriveActuators for a
+    /// plant with brake and drive torques]
     #[arg(long, value_name = "NAME", value_parser = placed)]
     base: Vec<Placed>,
 

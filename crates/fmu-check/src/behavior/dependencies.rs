@@ -67,7 +67,8 @@ impl Trial<'_> {
             .collect()
     }
 
-    /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization Mode.
+    /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization
+    /// Mode.
     pub(super) fn initial_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
         let mut known = self.settable_in_initialization();
         let unknowns = self.description.initial_unknowns.iter();
@@ -86,7 +87,7 @@ impl Trial<'_> {
                 is_sound
             });
         }
-        // At the limits, only states are varied. Inputs are varied between steps, and there are too many pairs of parameters.
+        // At the limits, only states are varied: inputs vary between steps, and parameters have too many pairs.
         let states: Vec<usize> = known.into_iter().filter(|&j| self.is_state(j)).collect();
         for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
             search.choice = Some(limit);
@@ -125,7 +126,7 @@ impl Trial<'_> {
         std::iter::once(None).chain(self.choices().into_iter().map(Some))
     }
 
-    /// Outputs and Derivatives: finds dependencies on inputs between two steps, if the FMU evaluates inputs that were just set.
+    /// Outputs and Derivatives: finds dependencies on inputs between steps, if the FMU evaluates inputs at once.
     pub(super) fn step_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
         let is_real =
             |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
@@ -242,7 +243,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Gives a known of any type other values and observes which unknowns change. After an error the instance is unusable.
+    /// Gives a known other values and observes which unknowns change. After an error the instance is unusable.
     fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, report: Report<'_>) -> CheckResult<()> {
         if self.is_cut() {
             return Ok(());

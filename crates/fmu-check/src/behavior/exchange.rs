@@ -51,7 +51,7 @@ impl From<CallError> for Failure {
 type Outcome<T> = Result<T, Failure>;
 type Stage<'t> = fn(&Exchange<'t>, Report<'_>) -> Outcome<()>;
 
-/// Tests the calls of an importer by model exchange. `co_simulation` is the library for the other interface, if there is one.
+/// Tests the calls of an importer by model exchange. `co_simulation` is the library for the other interface, if any.
 pub(crate) fn check(
     library: &Arc<Library>,
     co_simulation: Option<&Arc<Library>>,

@@ -6,7 +6,7 @@ use fmu_import::loader::CallError;
 
 pub(super) const STACK: &str = "stack";
 
-/// Stack in KiB above which a run gets a warning: threads of other programs have 512 KiB to 1 MiB and use part of it themselves.
+/// Stack in KiB above which a run gets a warning: threads of importers have 512 KiB to 1 MiB, and use part of it.
 const MOST: usize = 256;
 
 impl Trial<'_> {
@@ -52,8 +52,8 @@ pub(super) fn taken<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)>
     measured(f)
 }
 
-/// Runs `f` on a new thread and returns its result with the stack that it touched in KiB, in whole pages; `None` where the
-/// system does not report it.
+/// Runs `f` on a new thread and returns its result with the stack that it touched in KiB, in whole pages; `None` where
+/// the system does not report it.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn measured<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
     use std::io::{Read as _, Seek as _, SeekFrom};

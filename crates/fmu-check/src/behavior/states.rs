@@ -20,7 +20,7 @@ impl Trial<'_> {
         let saved = instance.save_state()?;
         let then = self.values(&mut instance, &self.given())?;
         let expected = self.go(&mut instance, middle..self.steps, 1)?;
-        // A state contains parameters and inputs, too. A rejected value may end the instance: the values are then not compared.
+        // A state contains parameters and inputs, too. If a rejected value ends the instance, nothing is compared.
         if !self.change(&mut instance, &self.settable_between_steps()).is_empty() {
             return self.go_on(&mut instance, &saved, None, &expected, restored, report).map(drop);
         }

@@ -160,8 +160,8 @@ impl<'a> Plant<'a> {
         self.request.free.len()
     }
 
-    /// Moves to states and inputs. A calculated state is reached up to rounding errors of its parameter; [`Self::point`]
-    /// returns its value.
+    /// Moves to states and inputs. A calculated state is reached up to rounding errors of its parameter;
+    /// [`Self::point`] returns its value.
     pub(super) fn move_to(&mut self, x: &[f64], inputs: &[f64]) -> Result<(), String> {
         self.x.copy_from_slice(x);
         self.inputs.copy_from_slice(inputs);

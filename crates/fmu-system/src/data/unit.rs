@@ -56,7 +56,7 @@ const QUANTITIES: [Quantity; 17] = [
     ([0, 0, -1, 0, 0, 0], &[("Hz", 1.0, 0.0)]),
 ];
 
-/// Other spellings of units, and the unit that each one means. They are not accepted, because some also have other meanings.
+/// Other spellings of units, and the unit that each one means. They are rejected, because some have other meanings.
 const SPELLINGS: [(&str, &str); 12] = [
     ("Grad", "deg"),
     ("degree", "deg"),
@@ -72,7 +72,8 @@ const SPELLINGS: [(&str, &str); 12] = [
     ("1/min", "rpm"),
 ];
 
-/// Finds a unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are accepted for `deg` and `2`, and `-` for 1.
+/// Finds a unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are accepted for `deg` and `2`,
+/// and `-` for 1.
 pub fn find(name: &str) -> Option<BaseUnit> {
     let name = name.trim().replace("°C", "degC").replace('°', "deg").replace('²', "2").replace("^2", "2");
     let name = name.replace(['·', '*'], ".").replace(['µ', 'μ'], "u");

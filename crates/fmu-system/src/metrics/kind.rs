@@ -35,11 +35,11 @@ pub enum Kind {
     Deviation,
     /// Number of rows whose value differs from that of the previous row. Unit: 1.
     Changes,
-    /// Integral over time: sum(x\[i\]) dt with dt = (t\[n-1\] - t\[0\])/(n - 1). Each row counts for the interval dt, the last
-    /// one too. An error for a single row. Unit: that of the signal times s.
+    /// Integral over time: sum(x\[i\]) dt with dt = (t\[n-1\] - t\[0\])/(n - 1). Each row counts for the interval dt,
+    /// the last one too. An error for a single row. Unit: that of the signal times s.
     Integral,
-    /// Power in the band \[from, to): integral of the [power spectral density](super::spectrum()). An error for fewer than 18
-    /// rows. Unit: square of the signal's.
+    /// Power in the band \[from, to): integral of the [power spectral density](super::spectrum()). An error for fewer
+    /// than 18 rows. Unit: square of the signal's.
     BandPower,
     /// Time t\[i\] of the first row with x\[i\] > threshold. Undefined if there is none. Unit: s.
     Crossing,
@@ -51,14 +51,14 @@ pub enum Kind {
     ShareBelow,
     /// Share of the rows with |x\[i\]| > threshold, 0 to 1. Unit: 1.
     MagnitudeShare,
-    /// Largest excess of the signal over its last value, as a share of that: max(x\[i\]/x\[n-1\]) - 1. Undefined if the last value is 0.
-    /// Unit: 1.
+    /// Largest excess of the signal over its last value, as a share of that: max(x\[i\]/x\[n-1\]) - 1. Undefined if the
+    /// last value is 0. Unit: 1.
     Overshoot,
-    /// Time t\[i\] - t\[0\] of the first row with x\[i\]/x\[n-1\] >= threshold. Undefined if there is none or the last value
-    /// is 0. Unit: s.
+    /// Time t\[i\] - t\[0\] of the first row with x\[i\]/x\[n-1\] >= threshold. Undefined if there is none or the last
+    /// value is 0. Unit: s.
     RiseTime,
-    /// Time t\[i\] - t\[0\] of the first row from which on |x\[i\]/x\[n-1\] - 1| <= threshold. Undefined if the last value is
-    /// 0. Unit: s.
+    /// Time t\[i\] - t\[0\] of the first row from which on |x\[i\]/x\[n-1\] - 1| <= threshold. Undefined if the last
+    /// value is 0. Unit: s.
     SettlingTime,
 }
 
@@ -133,8 +133,8 @@ impl Kind {
         }
     }
 
-    /// Computes the number of a signal; `None` for kinds that [need more](Self::needs_only_values), without values, or if a value is not
-    /// finite.
+    /// Computes the number of a signal; `None` for kinds that [need more](Self::needs_only_values), without values, or
+    /// if a value is not finite.
     pub fn of_values(self, values: &[f64], summation: Summation) -> Option<f64> {
         let last = *values.last()?;
         if values.iter().any(|x| !x.is_finite()) {
@@ -202,7 +202,7 @@ impl Kind {
         })
     }
 
-    /// Computes the numbers of the windows that end at each row, summed in order; `None` for kinds without running values.
+    /// Computes the number of the window up to each row, summed in order; `None` for kinds without running values.
     pub(super) fn running(self, times: &[f64], values: &[f64]) -> Result<Option<Vec<f64>>, String> {
         let sums = |of: &dyn Fn(f64) -> f64, shown: &dyn Fn(f64, usize) -> f64| {
             let mut sum = 0.0;

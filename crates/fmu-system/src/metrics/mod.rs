@@ -1,11 +1,11 @@
 //! Metrics: numbers, spectra and running values of recorded signals.
 //!
-//! This is the only implementation: scenarios, studies and Python use it. It needs no file, thread or foreign function. The tests compare
-//! it with numpy and scipy (`python/tests/test_metrics.py`).
+//! This is the only implementation: scenarios, studies and Python use it. It needs no file, thread or foreign function.
+//! The tests compare it with numpy and scipy (`python/tests/test_metrics.py`).
 //!
-//! A metric takes its signal from one column or several that are combined row by row. If requested, it subtracts another column and the
-//! signal of the baseline's run. Then it converts the unit and computes the number of its [`Kind`] over the rows of its window.
-//! Other metrics are an [`Expression`] of such numbers.
+//! A metric takes its signal from one column or several that are combined row by row. If requested, it subtracts
+//! another column and the signal of the baseline's run. Then it converts the unit and computes the number of its
+//! [`Kind`] over the rows of its window. Other metrics are an [`Expression`] of such numbers.
 
 mod expression;
 mod kind;
@@ -105,8 +105,8 @@ impl Definition {
 
     /// Computes the metric of a run from its rows. `times` are rising, and `step` is the communication step, both in s.
     ///
-    /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`], or not finite; a column is missing; or there is no
-    /// baseline.
+    /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`], or not finite; a column is missing; or there is
+    /// no baseline.
     ///
     /// # Errors
     /// The window contains no row or a value that is not finite, the kind needs a threshold or band or more rows, or a

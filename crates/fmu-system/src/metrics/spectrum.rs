@@ -27,8 +27,8 @@ impl Spectrum {
     }
 }
 
-/// Estimates the power spectral density of a signal with evenly spaced rows by Welch's method (P. D. Welch, IEEE Trans. Audio
-/// Electroacoust. 15, 1967).
+/// Estimates the power spectral density of a signal with evenly spaced rows by Welch's method (P. D. Welch, IEEE Trans.
+/// Audio Electroacoust. 15, 1967).
 ///
 /// Segments of N = floor(2/9 of the rows) rows start every floor(N/2) rows. The mean of each is subtracted; then it is
 /// multiplied by the periodic Hann window w\[i\] = 0.5 - 0.5 cos(2 pi i/N). The density is the mean over the segments
@@ -46,8 +46,8 @@ pub fn spectrum(times: &[f64], values: &[f64]) -> Result<Spectrum, String> {
     Ok(Spectrum { frequencies: segments.frequencies, densities })
 }
 
-/// Cross spectrum of two signals, one-sided and without the frequency 0. The densities are averaged over several runs before
-/// [`Cross::transfer`].
+/// Cross spectrum of two signals, one-sided and without the frequency 0. The densities are averaged over several runs
+/// before [`Cross::transfer`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cross {
     /// Frequencies, Hz, as in [`Spectrum`].
@@ -65,9 +65,9 @@ pub struct Cross {
 /// A transfer function estimated from two signals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transfer {
-    /// Gain |Pxy|/Pxx at each frequency: unit of the output per unit of the input. Not a number where the input has no power.
+    /// Gain |Pxy|/Pxx at each frequency: unit of the output per unit of the input. NaN where the input has no power.
     pub gain: Vec<f64>,
-    /// Phase of Pxy, rad, without jumps of more than pi from one frequency to the next; between -pi and pi at the first.
+    /// Phase of Pxy, rad, without jumps of more than pi between frequencies; between -pi and pi at the first.
     pub phase: Vec<f64>,
     /// Coherence |Pxy|^2/(Pxx Pyy), 0 to 1: 1 where the output follows from the input linearly and without noise.
     pub coherence: Vec<f64>,
@@ -86,8 +86,8 @@ pub fn cross(times: &[f64], input: &[f64], output: &[f64]) -> Result<Cross, Stri
 }
 
 impl Cross {
-    /// The estimate H1 = Pxy/Pxx of the transfer function (J. S. Bendat, A. G. Piersol: Random Data, 4th ed., section 6.1),
-    /// which noise in the output does not bias.
+    /// The estimate H1 = Pxy/Pxx of the transfer function (J. S. Bendat, A. G. Piersol: Random Data, 4th ed., section
+    /// 6.1), which noise in the output does not bias.
     pub fn transfer(&self) -> Transfer {
         let rows =
             || (0..self.frequencies.len()).map(|k| (self.input[k], self.output[k], self.real[k], self.imaginary[k]));

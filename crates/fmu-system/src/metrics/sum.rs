@@ -28,8 +28,8 @@ impl Summation {
 
 /// The double nearest to the sum, ties to even. If a number or a partial sum is not finite, the sum in order.
 ///
-/// The partial sums hold the exact sum as numbers that do not overlap (J. R. Shewchuk, "Adaptive Precision Floating-Point
-/// Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997).
+/// The partial sums hold the exact sum as numbers that do not overlap (J. R. Shewchuk, "Adaptive Precision
+/// Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997).
 pub(super) fn exact(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let mut partials: Vec<f64> = Vec::new();
     for value in values.clone() {

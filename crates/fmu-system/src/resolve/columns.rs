@@ -17,8 +17,8 @@ impl Resolver<'_> {
             }
             self.check_pattern(systems, pattern, component, text);
         }
-        // If several components record the same signal, the first one in the scenario keeps the plain name, so that adding a component does
-        // not rename it.
+        // If several components record the same signal, the first one in the scenario keeps the plain name, so that
+        // adding a component does not rename it.
         let mut owners: HashMap<&str, &str> = HashMap::new();
         let mut columns: Vec<Column> = Vec::new();
         // (component, variable) -> index; an FMU may have very many outputs.

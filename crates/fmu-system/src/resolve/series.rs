@@ -15,7 +15,7 @@ fn interpolation(source: &Variable, reader: &Variable) -> Interpolation {
 }
 
 impl Resolver<'_> {
-    /// Lets a column write the input `reader` with values of `variable` of a component: the input, or the output that it replaces.
+    /// Lets a column write the input `reader` with values of `variable` of a component: the input or replaced output.
     pub(super) fn use_column(
         &mut self,
         column: usize,
@@ -78,7 +78,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Returns true if an input that a column writes is recorded: a pattern of `[record]` that no output matches names it.
+    /// Returns true if an input from a column is recorded: it matches a pattern of `[record]` that no output matches.
     pub(super) fn records_input(&self, member: &CaseComponent<'_>, v: usize, source: &Source) -> bool {
         let Source::Series(_) = source else { return false };
         self.of_inputs.iter().any(|pattern| is_match(pattern, member.name(), &member.variable(v).name))

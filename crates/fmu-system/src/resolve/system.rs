@@ -40,7 +40,7 @@ impl CaseComponent<'_> {
         self.all(causality).filter(|(_, v)| v.base_type != BaseType::String && !v.is_array())
     }
 
-    /// The names of a variable: its own, and the aliases of an input in FMI 3.0. An alias of an output is a separate output.
+    /// The names of a variable: its own, and aliases of an input (FMI 3.0). An alias of an output is another output.
     pub(super) fn names(&self, index: usize) -> impl Iterator<Item = &str> {
         let aliases = self.found.description.variables.iter().filter(move |v| v.alias_of == Some(index));
         let aliases = aliases.filter(|v| v.causality != Causality::Output);

@@ -61,11 +61,13 @@ impl Resolver<'_> {
         }
     }
 
-    /// Parameters of a component, in ascending precedence: the parameter set of the scenario, its own parameter set, its parameters, the
-    /// parameter set of the case, the parameters of the case, the parameters of the point, the seed.
+    /// Parameters of a component, in ascending precedence: the parameter set of the scenario, its own parameter set,
+    /// its parameters, the parameter set of the case, the parameters of the case, the parameters of the point, the
+    /// seed.
     ///
-    /// Another FMU that the case sets for the component starts from its own defaults: the first three apply only if the case keeps them.
-    /// They, the point and the seed apply only to parameters that it shares with the component's own FMU.
+    /// Another FMU that the case sets for the component starts from its own defaults: the first three apply only if the
+    /// case keeps them. They, the point and the seed apply only to parameters that it shares with the component's own
+    /// FMU.
     pub(super) fn parameters(
         &mut self,
         case: &Case,
@@ -140,8 +142,8 @@ impl Resolver<'_> {
         is_twice
     }
 
-    /// Finds the parameter with a name at `span`, in the file `set` if it is a parameter set. A missing one is a mistake, or a warning if
-    /// only shared ones are meant.
+    /// Finds the parameter with a name at `span`, in the file `set` if it is a parameter set. A missing one is a
+    /// mistake, or a warning if only shared ones are meant.
     fn parameter<'m>(
         &mut self,
         name: &str,

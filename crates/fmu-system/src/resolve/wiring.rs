@@ -204,8 +204,8 @@ impl<'a> Resolver<'a> {
         self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
-    /// Finds the source of an input, except constants. `Err`: a mistake was reported. A wire that the input file replaces is added to
-    /// `lost`, as its output and the column.
+    /// Finds the source of an input, except constants. `Err`: a mistake was reported. A wire that the input file
+    /// replaces is added to `lost`, as its output and the column.
     fn writer(
         &mut self,
         system: &System<'_>,
@@ -363,7 +363,7 @@ impl<'a> Resolver<'a> {
         connections
     }
 
-    /// The connections of a case, one for each input: a `*` in `to` stands for the same text as the `*` in `from`, if there is one.
+    /// The connections of a case, one for each input: a `*` in `to` stands for the same text as a `*` in `from`.
     fn expanded(&mut self, system: &System<'_>) -> Vec<Cow<'a, Connection>> {
         let mut all = Vec::new();
         let scenario = self.scenario;

@@ -23,7 +23,8 @@ pub(super) enum Request {
         /// The run, without its series, which are in the body.
         run: Box<Run>,
         series: Vec<Series>,
-        /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish the file.
+        /// Names of the columns, and the file to write them to instead of returning them. The worker does not publish
+        /// the file.
         csv: Option<(Vec<String>, Part)>,
         /// True for a run that has crashed or hung before: its instances are neither terminated nor freed.
         is_repeated: bool,
