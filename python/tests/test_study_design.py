@@ -215,7 +215,7 @@ def test_the_interval_is_that_of_scipy(met: int, of: int) -> None:
         ('distribution = "normal"\nmean = 0.0\ndeviation = 1.0\nmin = 7.0', "7:16: min and max leave next to nothing"),
         ("values = []", "values is empty"),
         ("values = [1.0, 1.0]", "7:16: this value appears twice"),
-        ('values = [1.0, "x"]', "7:16: values are all numbers, all strings"),
+        ('values = [1.0, "x"]', "7:16: values must be all numbers, all strings"),
         ("values = [1.0, nan]", "7:16: expected a finite number"),
         ("values = [1.0, [2.0]]", "7:10: `values` must be a number, true, false or a string"),
         ("values = [1.0, 2.0]\nweights = [1.0]", "expected 2 weights"),

@@ -397,10 +397,10 @@ impl Continuous for Clock {
     assert!(report.contains("it simulates: no") && report.contains("it follows the standard: yes"), "{report}");
     let (code, report) = check("clock", "Clock", CLOCK);
     assert_eq!(code, Some(0), "{report}");
-    let expected = "warning: another start time: fails from 300 s on, not from 0 s on: fmi2ExitInitializationMode returned fmi2Error \
+    let expected = "warning: another start time: fails if started at 300 s, not if started at 0 s: fmi2ExitInitializationMode returned fmi2Error \
                     (\"fmi2ExitInitializationMode: `next_time_event` must not return a time before the present one, 300 s, got 60 s;";
     assert!(report.contains(expected), "{report}");
-    let expected = "warning: model exchange: another start time: fails from 300 s on";
+    let expected = "warning: model exchange: another start time: fails if started at 300 s";
     assert!(report.contains(expected), "{report}");
 }
 

@@ -35,7 +35,7 @@ pub(crate) fn builder() -> Result<Builder> {
             let mut missing = Vec::new();
             let mut help = Vec::new();
             if let Err(rejected) = toolchain {
-                missing.push(format!("no Rust here can build the standard library for {TARGET}: {rejected}"));
+                missing.push(format!("no installed Rust can build the standard library for {TARGET}: {rejected}"));
                 help.push(format!(
                     "On Debian: `apt-get install --no-install-recommends {PACKAGES}`; with rustup: `rustup component add \
                      rust-src`. For another toolchain that has the sources of its standard library, set {}=FOLDER, \

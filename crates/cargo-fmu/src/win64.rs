@@ -32,7 +32,7 @@ pub(crate) fn builder() -> Result<Builder> {
     };
     if let Err(rejected) = &toolchain {
         missing.push(format!(
-            "no Rust here can build for Windows: the Rust in use has no standard library for {ORDINARY}, and none has \
+            "no installed Rust can build for Windows: the Rust in use has no standard library for {ORDINARY}, and none has \
              the sources of its own ({rejected})"
         ));
     }

@@ -23,7 +23,7 @@ pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<
             help = "Run `scripts/setup --all`, which installs both into .venv, or in a workspace of your own `python3 -m venv \
                     .venv && .venv/bin/pip install cargo-zigbuild ziglang`. Or pass --no-portable: the binary then needs \
                     a glibc as new as the one of this machine.",
-            "{reason} asks for {} binaries that load with glibc {GLIBC}, which takes cargo-zigbuild and zig: {problem}",
+            "{reason} asks for {} binaries that load with glibc {GLIBC}, which needs cargo-zigbuild and zig: {problem}",
             platform.name()
         )
     })?;
@@ -96,7 +96,7 @@ fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
     }
     Err(without_zig.map_or_else(
         || format!("{PROGRAM} is neither in {} nor on the PATH", root.join(".venv/bin").display()),
-        |program| format!("{} is installed, but finds no zig", program.display()),
+        |program| format!("{} is installed, but cannot find zig", program.display()),
     ))
 }
 

@@ -81,7 +81,7 @@ fn summary(plan: &Plan) -> String {
     let from_file: Vec<&str> =
         plan.columns.iter().filter(|column| column.from_file).map(|column| column.name.as_str()).collect();
     if !from_file.is_empty() {
-        lines.push(format!("Recorded as the input file has them: {}", line(&from_file.join(", "))));
+        lines.push(format!("Recorded from the input file: {}", line(&from_file.join(", "))));
     }
     lines.push("\nComponents in order of execution".to_string());
     lines.extend(components(plan));

@@ -382,7 +382,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     std::fs::write(&program, "#!/bin/sh\n").unwrap();
     std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
     let error = pack(&portable, &[]);
-    assert!(error.contains("is installed, but finds no zig"), "{error}");
+    assert!(error.contains("is installed, but cannot find zig"), "{error}");
     std::fs::copy(&program, bin.join("python3")).unwrap();
     assert!(pack(&portable, &[]).contains(NO_MODEL), "a Python beside it has the package");
 }
@@ -659,7 +659,7 @@ fn a_page_needs_python() {
     support::Build::new("Ramp", "u", "x").pack(&fmus);
     let output = command(folder.path(), &["run", "ramp.toml"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("note: no page is made, which needs the Python package `chassis_fmu`"));
+    assert!(text(&output.stderr).contains("note: no page is made, because it needs the Python package `chassis_fmu`"));
     for arguments in [&["--engine", "fmpy"][..], &["--parquet"], &["--from-csv", "."]] {
         let output = command(folder.path(), &[&["run", "ramp.toml"], arguments].concat());
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");

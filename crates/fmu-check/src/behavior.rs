@@ -144,7 +144,7 @@ fn describe(error: &CallError) -> String {
 fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
     let problem = describe(error);
     if error.is_discarded() {
-        Finding::note(attribute, format!("derivatives are not finite where the check asks for them: {problem}"))
+        Finding::note(attribute, format!("derivatives that the check requests are not finite: {problem}"))
     } else {
         Finding::error(attribute, format!("is promised, but {problem}"))
     }
@@ -161,8 +161,7 @@ impl Trial<'_> {
         }
         report(Event::trying("runs", Topic::Simulation));
         if self.is_asynchronous() {
-            let message =
-                "is set, and fmi2DoStep returns fmi2Pending: only FMUs that finish their steps are tried further";
+            let message = "is set, and fmi2DoStep returns fmi2Pending: the check does not support steps that go on after the call";
             return found(report, Finding::warning("canRunAsynchronuously", message).about(Topic::Simulation));
         }
         self.steps = self.length();

@@ -34,7 +34,7 @@ fn an_fmu_may_end_the_simulation() {
     assert_eq!(found(&build(Some((0.5, true)), states)), []);
     assert_eq!(found(&build(Some((0.2, true)), states)), []);
     let discarded = found(&build(Some((0.5, false)), states));
-    let later = "fails from 5 s on, not from 0 s on: fmi2DoStep returned fmi2Discard".to_owned();
+    let later = "fails if started at 5 s, not if started at 0 s: fmi2DoStep returned fmi2Discard".to_owned();
     let from_start = "fmi2DoStep returned fmi2Discard".to_owned();
     assert_eq!(discarded, [(Severity::Warning, later), (Severity::Error, from_start)]);
     let early = "ends the simulation within 8 steps of 0.01 s, too early to be tried";
@@ -206,7 +206,7 @@ fn directional_derivatives_that_are_rejected_are_found() {
         assert!(build(&["NO_DERIVATIVE"], expected), "{case}");
         assert!(case == "a state" || !build(&[], expected), "{case}");
         // fmi2Discard is the status of a derivative that is not finite.
-        let noted = "note: providesDirectionalDerivative: derivatives are not finite where the check asks for them: ";
+        let noted = "note: providesDirectionalDerivative: derivatives that the check requests are not finite: ";
         let defects = &["DISCARDED_DERIVATIVE"];
         assert!(build(defects, noted) && !build(defects, expected), "{case}");
     }

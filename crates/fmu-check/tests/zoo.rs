@@ -137,7 +137,7 @@ fn another_start_time_is_tried() {
         assert_eq!(
             lines,
             [
-                "warning: another start time: fails from 1.1 s on, not from 0 s on: `y` is not finite",
+                "warning: another start time: fails if started at 1.1 s, not if started at 0 s: `y` is not finite",
                 "error: the default experiment: `y` is NaN at 1.2 s of 2.2 s"
             ]
         );

@@ -127,7 +127,7 @@ impl Simulation {
     fn mean(&self, objective: Result<f64, String>) -> Outcome {
         match objective {
             Ok(objective) if objective <= self.penalty => Outcome { objective, reason: None },
-            Ok(objective) => self.infeasible(format!("the objective is {objective:?}, beyond the penalty")),
+            Ok(objective) => self.infeasible(format!("the objective is {objective:?}, greater than the penalty")),
             Err(reason) => self.infeasible(reason),
         }
     }

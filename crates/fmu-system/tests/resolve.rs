@@ -1148,7 +1148,7 @@ fn inputs_from_a_file() {
         "`driver.speed` replaces the output `driver:driver.speed` at `steering:vehicle.speed`, `vehicle:driver.speed`";
     assert_eq!(at(&plan.warnings, "driver.speed").as_deref(), Some(speed), "{:?}", plan.warnings);
     assert!(at(&plan.warnings, "driver.steer").is_some());
-    let unit = "in.csv: columns without a unit are taken in that of the variable: ";
+    let unit = "in.csv: columns without a unit are assumed to have that of the variable: ";
     assert!(plan.warnings.iter().any(|warning| warning.contains(unit)), "{:?}", plan.warnings);
 
     // A column for one input of one component: the other readers keep the driver. A column takes precedence over a

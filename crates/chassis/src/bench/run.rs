@@ -514,7 +514,7 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
     if passed + failed + errors > 0 {
         let errors = if errors > 0 { format!(", {errors} without a number") } else { String::new() };
         outln!(
-            "\nlimits {} controllers: {passed} kept, {failed} not kept{errors}",
+            "\nlimits {} controllers: {passed} met, {failed} not met{errors}",
             if has_both { "with" } else { "without" }
         );
     }

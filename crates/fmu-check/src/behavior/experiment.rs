@@ -84,7 +84,7 @@ impl Trial<'_> {
             Ok(Some(i)) => format!("`{}` is not finite", self.elements[i % self.elements.len()]),
             Err(error) => describe(&error),
         };
-        let message = format!("fails from {} s on, not from {} s on: {problem}", later.start, self.start);
+        let message = format!("fails if started at {} s, not if started at {} s: {problem}", later.start, self.start);
         found(report, Finding::warning("another start time", message).about(Topic::Simulation));
         Ok(())
     }

@@ -21,7 +21,9 @@ pub(super) fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weig
             positive(reference, "reference", problems);
         }
         match (&term.weight, &objective.judgments) {
-            (None, None) => problems.add(term.signal.span(), "this term needs a weight, or the objective judgments"),
+            (None, None) => {
+                problems.add(term.signal.span(), "this term needs a weight, unless the objective has judgments")
+            }
             (Some(weight), Some(_)) => problems.add(weight.span(), "the judgments determine the weights"),
             (Some(weight), None) if !(weight.is_finite() && *weight.get_ref() >= 0.0) => {
                 problems.add(weight.span(), format!("weight is {:?}, expected 0 or more", weight.get_ref()));
@@ -129,10 +131,8 @@ pub(super) fn terms(
     let mut terms = Vec::new();
     for (index, entry) in file.objective.terms.iter().enumerate() {
         if !entry.kind.needs_only_values() {
-            problems.add(
-                entry.kind.span(),
-                "the kind of a term must be always defined and need neither a threshold nor times",
-            );
+            problems
+                .add(entry.kind.span(), "the kind of a term must always give a number, without a threshold or times");
         }
         if let Some(window) = &entry.window {
             let [from, to] = *window.get_ref();

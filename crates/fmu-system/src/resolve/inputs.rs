@@ -328,7 +328,10 @@ impl Inputs {
         if !self.without_unit.is_empty() {
             let columns: Vec<String> =
                 self.without_unit.iter().map(|(name, unit)| format!("`{name}` in {unit}")).collect();
-            self.warn(format!("columns without a unit are taken in that of the variable: {}", columns.join(", ")));
+            self.warn(format!(
+                "columns without a unit are assumed to have that of the variable: {}",
+                columns.join(", ")
+            ));
         }
         if !ignored.is_empty() {
             self.warn(format!("no input takes the columns {}; they are ignored", ignored.join(", ")));

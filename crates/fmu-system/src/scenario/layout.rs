@@ -27,7 +27,7 @@ fn forms_of_values(_: &mut SchemaGenerator) -> Schema {
         "type": "object",
         "properties": {
             "value": { "type": "number", "description": "The number." },
-            "unit": { "type": "string", "description": "Its unit: that of the variable or a display unit." }
+            "unit": { "type": "string", "description": "Unit of the value: that of the variable or a display unit." }
         },
         "required": ["value", "unit"],
         "additionalProperties": false

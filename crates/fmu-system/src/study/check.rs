@@ -127,13 +127,13 @@ impl Study {
         let (searches, is_sensitivity) =
             (matches!(method, Method::WorstCase | Method::Optimize), method == Method::Sensitivity);
         if !is_sensitivity {
-            checks.absent(&self.analysis, format!("method {name} has no `analysis`; only sensitivity does"));
+            checks.absent(&self.analysis, format!("method {name} has no `analysis`; only sensitivity has one"));
         } else if self.analysis.is_none() {
             checks.0.add(self.method.span(), "method sensitivity needs analysis = \"morris\" or \"sobol\"");
         }
         match &self.search {
             search if !searches => {
-                checks.absent(search, format!("method {name} has no [search]; only worst_case and optimize do"));
+                checks.absent(search, format!("method {name} has no [search]; only worst_case and optimize have one"));
             }
             Some(search) => search.check(checks),
             None => checks.0.add(self.method.span(), format!("method {name} needs a table [search]")),
@@ -298,7 +298,7 @@ impl Factor {
             };
             for (is_wrong, message) in [
                 (levels[..index].iter().any(is_same), "this value appears twice; weights make a value more frequent"),
-                (kind(level) != kind(&levels[0]), "values are all numbers, all strings, or true and false"),
+                (kind(level) != kind(&levels[0]), "values must be all numbers, all strings, or true and false"),
                 (matches!(level.get_ref(), Level::Number(n) if !n.is_finite()), "expected a finite number"),
                 (self.fmu.is_some() && kind(level) != 0, "expected values with the names of FMUs"),
             ] {

@@ -66,7 +66,7 @@ impl Exchange<'_> {
             Err(Failure::Call(error)) => describe(&error),
             Err(Failure::Found(finding)) => format!("{}: {}", finding.subject, finding.message),
         };
-        let message = format!("fails from {later} s on, not from {} s on: {problem}", self.start);
+        let message = format!("fails if started at {later} s, not if started at {} s: {problem}", self.start);
         found(
             report,
             Finding::warning(format!("{MODEL_EXCHANGE}another start time"), message).about(Topic::Simulation),
