@@ -213,7 +213,7 @@ fn settings(metadata: &serde_json::Value) -> Result<Settings> {
     Settings::deserialize(table).map_err(|error| miette!("[workspace.metadata.fmu]: {error}"))
 }
 
-/// `rescue-vehicle` to `RescueVehicle`.
+/// Converts `rescue-vehicle` to `RescueVehicle`.
 pub(crate) fn pascal_case(kebab: &str) -> String {
     kebab
         .split(['-', '_'])

@@ -30,7 +30,7 @@ const FEWEST_STEPS: usize = 4;
 const ROUNDING: f64 = 1e-12;
 /// Largest difference due to a solver if the default experiment has no tolerance: the default of many tools.
 const TOLERANCE: f64 = 1e-4;
-/// Smallest peak to which differences are related.
+/// Lower limit of the peak that differences are divided by.
 const SMALL: f64 = 1e-9;
 
 type Report<'a> = &'a mut dyn FnMut(Event);
@@ -458,7 +458,7 @@ fn is_same_derivative(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())
 }
 
-/// Magnitude to which changes of a value are related.
+/// Magnitude that changes of a value are compared with.
 fn size(value: f64) -> f64 {
     value.abs().max(1.0)
 }

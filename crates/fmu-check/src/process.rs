@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// State of a process that all its parts share.
+/// State of the process that the FMU and its importer share.
 #[derive(Debug)]
 pub(super) struct Process {
     trial: String,

@@ -24,7 +24,7 @@ pub(crate) struct Driver {
     pub(crate) driving: Option<Driving>,
 }
 
-/// The signal of a prescribed speed.
+/// The signal with the prescribed speed.
 pub(crate) const SPEED: &str = "driver.speed";
 
 /// Outputs of a driver that the visitor replaces.
@@ -72,7 +72,7 @@ impl Driver {
         }
     }
 
-    /// The slider of the speed; `None` if nothing reads it.
+    /// The slider for the speed; `None` if nothing reads the speed.
     pub(crate) fn slider(&self) -> Option<Adjustable> {
         self.readers.contains_key(SPEED).then(|| Adjustable {
             id: format!("{}:{SPEED}", self.component),

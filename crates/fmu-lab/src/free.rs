@@ -179,7 +179,7 @@ fn of_scenario(scenario: &Scenario, case: &str, seed: i32) -> Result<Prepared, F
     })
 }
 
-/// Component and variable of an id.
+/// Splits an id into component and variable.
 pub(crate) fn split(id: &str) -> Result<(&str, &str), Failure> {
     id.split_once(':').ok_or_else(|| Failure::new(format!("`{id}` is not of the form `component:variable`")))
 }

@@ -331,7 +331,7 @@ impl Running {
     }
 }
 
-/// A number as a value of a variable.
+/// Converts a number to the type of a variable.
 pub(crate) fn converted(variable: &Variable, value: f64) -> Value {
     match variable.base_type {
         BaseType::Integer => Value::Integer(value.round() as i64),

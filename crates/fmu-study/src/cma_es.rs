@@ -73,7 +73,7 @@ fn mirror(x: f64) -> f64 {
     if t > 1.0 { 2.0 - t } else { t }
 }
 
-/// The distribution and what adapts it.
+/// The search distribution, and the quantities that adapt it.
 struct Strategy {
     n: f64,
     /// Weights from the best point to the worst; those of the worse half are negative.

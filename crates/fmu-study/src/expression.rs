@@ -10,7 +10,7 @@ pub(crate) const FUNCTIONS: [&str; 4] = ["abs", "sqrt", "min", "max"];
 /// A text that is not an inequality: message, and place in the text, in bytes.
 type Mistake = (String, Range<usize>);
 
-/// A relation of two numbers; false if one is NaN.
+/// Compares two numbers; false if one is NaN.
 type Relation = fn(&f64, &f64) -> bool;
 
 const RELATIONS: [(&str, Relation); 4] = [("<=", f64::le), (">=", f64::ge), ("<", f64::lt), (">", f64::gt)];

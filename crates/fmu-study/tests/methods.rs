@@ -10,7 +10,7 @@ const BUDGET: usize = 2000;
 /// Number of parameters.
 const DIMENSION: usize = 6;
 
-/// A function on -2..2 in every coordinate.
+/// An objective; all parameters are between -2 and 2.
 type Function = fn(&[f64]) -> f64;
 
 /// Minimum 0 at 0.7 in every coordinate; off the middle, where CMA-ES begins.

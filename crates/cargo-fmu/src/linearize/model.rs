@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(oscillator().stability(), "1 pole at 0");
     }
 
-    /// FIPS 180-2, appendix B.1.
+    /// Reference: FIPS 180-2, appendix B.1.
     #[test]
     fn the_hash_is_that_of_the_standard() {
         let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";

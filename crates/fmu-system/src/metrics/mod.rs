@@ -237,7 +237,7 @@ fn all_finite(column: &[f64], times: &[f64], rows: &Range<usize>) -> Result<(), 
     }
 }
 
-/// Distance of evenly spaced rows, s.
+/// Time between evenly spaced rows, s.
 fn interval(times: &[f64]) -> Result<f64, String> {
     match times {
         [first, .., last] => Ok((last - first) / (times.len() - 1) as f64),

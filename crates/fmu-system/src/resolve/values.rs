@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Parameters of an FMU for which a value may be given.
+/// Parameters of an FMU that can be set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Names {
     /// All; another name is a mistake.

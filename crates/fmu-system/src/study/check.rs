@@ -12,7 +12,7 @@ const TAKEN: [&str; 10] =
     ["sample", "case", "point", "seed", "status", "time", "component", "variable", "message", "seconds"];
 /// Samples of a study without `runs`.
 const SAMPLES: i64 = 100;
-/// Smallest part of a distribution that its limits can leave.
+/// Smallest share of a distribution that its limits must keep.
 const SMALLEST_PART: f64 = 1e-9;
 
 impl Method {
