@@ -177,7 +177,7 @@ def test_the_command_line_sets_the_number_of_samples(tmp_path: Path, capsys: pyt
     assert table(tmp_path) == seven
     sweep = write(tmp_path, 'method = "sweep"\n' + vary("p", "f:a", "values = [1.0, 2.0]"))
     assert run(tmp_path, sweep, "--overwrite", "--runs", "7") == 2
-    assert "it takes no --runs" in capsys.readouterr().err
+    assert "remove --runs" in capsys.readouterr().err
 
 
 def test_one_process_or_several_the_rows_are_the_same(tmp_path: Path) -> None:
