@@ -161,7 +161,7 @@ impl Trial<'_> {
         }
         report(Event::trying("runs", Topic::Simulation));
         if self.is_asynchronous() {
-            let message = "is set, and fmi2DoStep returns fmi2Pending: the check does not support steps that go on after the call";
+            let message = "is set, and fmi2DoStep returns fmi2Pending: the check does not support asynchronous steps";
             return found(report, Finding::warning("canRunAsynchronuously", message).about(Topic::Simulation));
         }
         self.steps = self.length();
