@@ -102,7 +102,7 @@ impl Kind {
                 "time from the first row to the first one that reaches the threshold, a share of the last value"
             }
             Self::SettlingTime => {
-                "time from the first row until the deviations from the last value stay within the threshold, a share of it"
+                "time from the first row until the deviations from the last value stay within the threshold, a share of that value"
             }
         }
     }
