@@ -61,6 +61,7 @@ pub trait Instances {
     /// The FMU does not exist, cannot be loaded, returns no instance, or allows only one and already has it.
     fn of(&self, component: &Component) -> Result<Instance, FmusError>;
 
+    /// Returns the description of the FMU of a component.
     fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
         Ok(read_description(Path::new(&component.fmu)).map_err(FmuError::from)?)
     }
