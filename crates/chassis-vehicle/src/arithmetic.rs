@@ -1,14 +1,14 @@
-//! Arithmetic of the equations of motion, which run up to 40,000 times per second of simulated time. Model files
-//! contain only physics; optimizations and their reasons are in this module:
+//! Arithmetic for the equations of motion, which are evaluated up to 40,000 times per second of simulated time. Model
+//! files contain only physics; optimizations and their reasons are in this module:
 //!
 //! * A division takes several times as long as a multiplication. A [`Divisor`] keeps its reciprocal.
-//! * A call between other operations moves their intermediate results from registers to memory. Create a [`Rotation`], and
-//!   call other functions of state and inputs, before the rest of the equations.
-//! * Processors add two pairs of numbers at once. `FourWheels::sum_of` and its like add the left and the right elements side by
-//!   side.
-//! * The compiler combines operations on two numbers across the functions of a model after it has inlined them. How the
-//!   functions share the work, and whether they pass an array by value or within a struct, changes the time of a step by up
-//!   to 12 %. Measure it after such a change (`cargo bench -p bench`).
+//! * A function call in the middle of the equations moves intermediate results from registers to memory. Create each
+//!   [`Rotation`], and make other calls that need only state and inputs, first.
+//! * Processors add two pairs of numbers at once. `FourWheels::sum_of` and its counterparts add the left and the right
+//!   elements side by side.
+//! * After inlining, the compiler combines operations on two numbers across the functions of a model. How the work is
+//!   divided into functions, and whether they pass an array by value or within a struct, changes the time per step by
+//!   up to 12 %. Measure it after changing either (`cargo bench -p bench`).
 
 use fmu::Scalar;
 
@@ -22,7 +22,7 @@ use fmu::Scalar;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Divisor {
-    /// Alone, without the number itself: the reciprocals of an array are adjacent in memory.
+    /// Stored without the number itself, which keeps the reciprocals in an array adjacent in memory.
     reciprocal: f64,
 }
 
@@ -35,7 +35,7 @@ impl Divisor {
 
 /// Division by a [`Divisor`].
 pub trait Over: Scalar {
-    /// `self` divided by `divisor`, to within a rounding of its reciprocal.
+    /// `self` times the rounded reciprocal of `divisor`.
     #[inline]
     fn over(self, divisor: Divisor) -> Self {
         self * divisor.reciprocal
@@ -44,7 +44,7 @@ pub trait Over: Scalar {
 
 impl<T: Scalar> Over for T {}
 
-/// A rotation in a plane, such as that of a vehicle on the road or of a wheel under the vehicle.
+/// A rotation in a plane, such as the heading of a vehicle or the steering angle of a wheel.
 #[derive(Clone, Copy, Debug)]
 pub struct Rotation<T> {
     /// Sine of the angle.
@@ -61,20 +61,20 @@ impl<T: Scalar> Rotation<T> {
         Self { sin, cos }
     }
 
-    /// The rotations by several angles at once. They should be of similar size: a large one slows down all.
+    /// The rotations by several angles at once. One large angle slows down the whole array.
     #[inline]
     pub fn by_each<const N: usize>(angles: [T; N]) -> [Self; N] {
         let (sin, cos) = T::sin_cos_each(angles);
         std::array::from_fn(|i| Self { sin: sin[i], cos: cos[i] })
     }
 
-    /// The vector (`x`, `y`), given in the turned frame, in the frame that is not turned.
+    /// Transforms a vector from the rotated frame to the unrotated frame.
     #[inline]
     pub fn out_of_frame(self, [x, y]: [T; 2]) -> [T; 2] {
         [x * self.cos - y * self.sin, x * self.sin + y * self.cos]
     }
 
-    /// The vector (`x`, `y`), given in the frame that is not turned, in the turned frame.
+    /// Transforms a vector from the unrotated frame to the rotated frame.
     #[inline]
     pub fn into_frame(self, [x, y]: [T; 2]) -> [T; 2] {
         [x * self.cos + y * self.sin, y * self.cos - x * self.sin]
@@ -87,9 +87,9 @@ mod tests {
 
     #[test]
     fn a_divisor_divides() {
-        // A power of two: the reciprocal is exact.
+        // The reciprocal of a power of two is exact.
         assert_eq!(3.0.over(Divisor::new(8.0)), 0.375);
-        // Otherwise two roundings.
+        // Otherwise, the result has been rounded twice.
         assert!((1.0.over(Divisor::new(0.3)) * 0.3 - 1.0_f64).abs() < 4.0 * f64::EPSILON);
     }
 
@@ -104,8 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn rotations_at_once_are_those_one_by_one() {
-        // Bit-identical, as promised for arrays of functions.
+    fn by_each_is_bit_identical_to_by() {
         let angles = [-0.4, 0.1, 3.0];
         for (each, angle) in Rotation::by_each(angles).into_iter().zip(angles) {
             let one = Rotation::by(angle);

@@ -1,28 +1,28 @@
-//! Data of the vehicles: the start values of a plant and of the controllers that have copies of its parameters.
+//! Vehicle data: start values for the parameters of each plant and of the controllers that have copies of them.
 
 /// Three-axle emergency rescue vehicle: Chen, Gong, Zhao, Liu, Jia, "Coordination Control of Multi-Axis Steering and
 /// Active Suspension System for High-Mobility Emergency Rescue Vehicles", Mathematics 2022, 10, 3562.
 ///
-/// Mass, axle distances and track are from Table 6 of the paper; everything else is assumed, with the reason beside each
-/// value.
+/// Mass, axle distances and track are from Table 6 of the paper. All other values are assumed, for the reason given at
+/// each.
 pub mod rescue_vehicle {
     /// Whole vehicle, kg (Table 6).
     pub const MASS: f64 = 36_000.0;
-    /// One wheel, kg: a heavy single-tire corner, 10 % of the vehicle unsprung.
+    /// One wheel, kg: a heavy corner with a single tire; 10 % of the vehicle's mass is unsprung.
     pub const WHEEL_MASS: f64 = 600.0;
     /// Front to middle axle, m (Table 6).
     pub const FRONT_TO_MIDDLE: f64 = 2.95;
     /// Middle to rear axle, m (Table 6).
     pub const MIDDLE_TO_REAR: f64 = 1.65;
-    /// Center of mass to front axle, m: equal static loads of the axles.
+    /// Center of mass to front axle, m: gives equal static axle loads.
     pub const CG_TO_FRONT: f64 = (2.0 * FRONT_TO_MIDDLE + MIDDLE_TO_REAR) / 3.0;
     /// Track, m (Table 6).
     pub const TRACK: f64 = 2.55;
-    /// Sprung mass's center of mass over the roll axis, m: about 1.75 m over ground, roll axis about 0.75 m.
+    /// Sprung mass's center of mass over the roll axis, m: center of mass at about 1.75 m, roll axis at about 0.75 m.
     pub const CG_TO_ROLL_AXIS: f64 = 1.0;
-    /// About the roll axis, kg m2: gyration radius 0.92 m and the offset of the roll axis.
+    /// About the roll axis, kg m2: gyration radius 0.92 m, plus the offset from the center of mass.
     pub const ROLL_AXIS_INERTIA: f64 = 60_000.0;
-    /// About the pitch axis, kg m2: gyration radius 2.0 m and the offset of the pitch axis.
+    /// About the pitch axis, kg m2: gyration radius 2.0 m, plus the offset from the center of mass.
     pub const PITCH_AXIS_INERTIA: f64 = 160_000.0;
     /// Whole vehicle, kg m2: gyration radius 2.3 m.
     pub const YAW_INERTIA: f64 = 190_000.0;
@@ -32,13 +32,13 @@ pub mod rescue_vehicle {
     pub const SUSPENSION_STIFFNESS: f64 = 250_000.0;
     /// One strut, N s/m: damping ratio of heave about 0.3.
     pub const SUSPENSION_DAMPING: f64 = 25_000.0;
-    /// One tire, vertical, N/m: load over 0.16 times the section height of a large tire.
+    /// One tire, vertical, N/m: static load divided by 0.16 times the section height of a large tire.
     pub const TIRE_STIFFNESS: f64 = 1.0e6;
-    /// One tire, N/rad: 5.1 per rad of the static load.
+    /// One tire, N/rad: 5.1 times the static load.
     pub const CORNERING_STIFFNESS: f64 = 300_000.0;
-    /// Friction of tires on a dry unpaved road.
+    /// Friction of the tires: dry unpaved road.
     pub const FRICTION: f64 = 0.7;
-    /// Floor of the speed where it divides, m/s.
+    /// Lower limit of the speed in divisions, m/s.
     pub const MINIMUM_SPEED: f64 = 0.5;
     /// Speed of the paper's experiments, m/s (35 km/h).
     pub const SPEED: f64 = 35.0 / 3.6;
@@ -49,9 +49,12 @@ pub mod rescue_vehicle {
 /// Rescue vehicle with adjustable hydro-pneumatic suspension, as a half car seen from the front: Applied Sciences 2020,
 /// 10, 1852 (switch control between two sliding modes).
 ///
-/// Everything but gravity is from Table 1 of the paper, with these corrections: the stiffnesses and the damping are
-/// linear although printed per radian, the yaw inertia is printed I_r, the height h_r is that of the roll center
-/// although printed as that of the center of mass, and the roll inertia is taken about the roll axis.
+/// All values except gravity are from Table 1 of the paper, with these corrections:
+///
+/// * The stiffnesses and the damping are per meter; the table prints them per radian.
+/// * The yaw inertia is the value that the table labels I_r.
+/// * The height h_r is the height of the roll center; the table calls it the height of the center of mass.
+/// * The roll inertia is taken about the roll axis.
 pub mod hydro_pneumatic_half_car {
     /// Sprung mass, kg.
     pub const BODY_MASS: f64 = 1525.0;
@@ -86,9 +89,9 @@ pub mod hydro_pneumatic_half_car {
 /// Three-axle heavy truck with a walking-beam suspension of its rear axles: Lu, Wang, Zhang, "Multiobjective Synchronous
 /// Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
 ///
-/// The paper prints no data of the vehicle. "Calibrated" values are a rounded least-squares fit to its numbers without
-/// control: vertical, pitch and roll acceleration of Table 3 in the step case, and the roll ratios of section 4.1 (77,
-/// 64 and 35 %). All others are assumed, with the reason beside each value.
+/// The paper prints no vehicle data. "Calibrated" values are a rounded least-squares fit to its results without control:
+/// vertical, pitch and roll acceleration in the step case of Table 3, and the roll ratios in section 4.1 (77, 64 and
+/// 35 %). All others are assumed, for the reason given at each.
 pub mod heavy_vehicle {
     /// Sprung mass, kg: 6x4 truck of the 25 t class.
     pub const BODY_MASS: f64 = 20_000.0;
@@ -96,7 +99,8 @@ pub mod heavy_vehicle {
     pub const ROLL_INERTIA: f64 = 22_000.0;
     /// About the body's center of mass, kg m2: calibrated.
     pub const PITCH_INERTIA: f64 = 78_000.0;
-    /// Whole vehicle, kg m2: about mass times both distances of center of mass and axles.
+    /// Whole vehicle, kg m2: roughly the mass times the distances from the center of mass to the front axle and to the
+    /// rear suspension.
     pub const YAW_INERTIA: f64 = 100_000.0;
     /// Minus the integral of x z dm, kg m2: small, but it couples roll and yaw.
     pub const ROLL_YAW_INERTIA: f64 = 2_000.0;
@@ -132,12 +136,12 @@ pub mod heavy_vehicle {
     pub const TIRE_STIFFNESS: [f64; 3] = [900_000.0, 1_800_000.0, 1_800_000.0];
     /// Tires per wheel position.
     pub const TIRE_COUNT: [f64; 3] = [1.0, 2.0, 2.0];
-    /// Loads of the truck tires over those of the car tires that the magic formula was fitted to: normalized cornering
-    /// stiffness 3.9 (front) and 6.9 per rad, peak friction 0.73 and 0.82.
+    /// Truck-tire load divided by the load of the car tire that the magic formula was fitted to. Gives a normalized
+    /// cornering stiffness of 3.9 (front) and 6.9 per rad, and a peak friction of 0.73 and 0.82.
     pub const TIRE_LOAD_SCALE: f64 = 2.4;
-    /// Slope of the tire force of one front wheel at its static load, N/rad.
+    /// Slope of one front wheel's tire force over the slip angle at static load, N/rad.
     pub const FRONT_CORNERING_STIFFNESS: f64 = 119_344.049_967_2;
-    /// Floor of the speed where it divides, m/s.
+    /// Lower limit of the speed in divisions, m/s.
     pub const MINIMUM_SPEED: f64 = 0.5;
     /// Speed of the paper's main experiments, m/s (60 km/h).
     pub const SPEED: f64 = 60.0 / 3.6;
@@ -148,7 +152,7 @@ pub mod heavy_vehicle {
 /// Two-axle car with semi-active suspension, antilock brakes and yaw control: Xia, Tang, Zhao, "Coordinated control of a
 /// semi-active suspension system and an electronic stability program on a finite-state basis".
 ///
-/// Values from Table 6 of the paper are marked; for all others, the reason is beside the value.
+/// Values from Table 6 of the paper are marked. All others are assumed, for the reason given at each.
 pub mod esp_car {
     /// Sprung mass, kg (Table 6, the second "m").
     pub const BODY_MASS: f64 = 1200.0;
@@ -160,13 +164,14 @@ pub mod esp_car {
     pub const CG_TO_FRONT: f64 = 1.10;
     /// Center of mass to rear axle, m (Table 6).
     pub const CG_TO_REAR: f64 = 1.24;
-    /// Full track, m (Table 6 calls it wheelbase, which is 1.10 m + 1.24 m; as half a track it would be a car of 2.7 m).
+    /// Full track, m. Table 6 calls it the wheelbase, which is 1.10 m + 1.24 m. As a half track, it would make the car
+    /// 2.7 m wide.
     pub const TRACK: f64 = 1.36;
     /// Whole vehicle's center of mass over ground, m (Table 6).
     pub const CG_HEIGHT: f64 = 0.58;
     /// Sprung mass's center of mass over the roll axis, m (Table 6).
     pub const CG_TO_ROLL_AXIS: f64 = 0.14;
-    /// Unsprung masses' centers over ground, m: the radius of the wheels.
+    /// Wheel centers over ground, m: the radius of the wheels.
     pub const WHEEL_CENTER_HEIGHT: f64 = RADIUS;
     /// Sprung mass about its own center of mass, kg m2 (Table 6).
     pub const ROLL_INERTIA: f64 = 521.0;
@@ -186,15 +191,15 @@ pub mod esp_car {
     pub const TIRE_STIFFNESS: f64 = 138_000.0;
     /// Rolling radius, m: a wheel of 13 or 14 inches.
     pub const RADIUS: f64 = 0.29;
-    /// One wheel about its axle, kg m2: as the radius.
+    /// One wheel about its axle, kg m2: a wheel of 13 or 14 inches.
     pub const SPIN_INERTIA: f64 = 0.9;
-    /// One front, one rear tire at its load at rest, N/rad: 10.7 and 13.4 times the load, as other cars of this size.
+    /// One front, one rear tire at its load at rest, N/rad: 10.7 and 13.4 times the load, typical of cars of this size.
     pub const CORNERING_STIFFNESS: [f64; 2] = [38_000.0, 42_000.0];
     /// One front, one rear tire at its load at rest, N: 18.4 times the load.
     pub const SLIP_STIFFNESS: [f64; 2] = [65_000.0, 58_000.0];
-    /// Friction of the tires: gives the braking distance of Table 7 (state 3, no control) on a flat road.
+    /// Friction of the tires: gives the braking distance in Table 7 (state 3, no control) on a flat road.
     pub const FRICTION: f64 = 0.77;
-    /// Brake torque per pressure of one front, one rear wheel, m3: pistons of about 54 and 34 mm, efficiency 0.95, brake
+    /// Brake torque per pressure at one front, one rear wheel, m3: pistons of about 54 and 34 mm, efficiency 0.95, brake
     /// factor 0.7, effective radius 0.11 m.
     pub const BRAKE_GAIN: [f64; 2] = [1.6748e-4, 6.6396e-5];
     /// Speed of the paper's experiments, m/s (60 km/h).

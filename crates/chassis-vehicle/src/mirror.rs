@@ -1,9 +1,9 @@
-//! Mirror images of a vehicle about its longitudinal axis: the response of a symmetric vehicle to a right turn is the mirror
-//! image of that to the left turn.
+//! Mirror images of a vehicle about its longitudinal axis. The response of a symmetric vehicle to a right turn is the
+//! mirror image of its response to a left turn.
 
 use fmu::Variables;
 
-/// Prefixes of the names of signals that change their sign: they point to a side, or turn about the axes x or z.
+/// Name prefixes of the signals that change sign: they point sideways or turn about the x or z axis.
 const ODD: [&str; 9] = [
     "steer",
     "tire_slip_angle",
@@ -16,11 +16,10 @@ const ODD: [&str; 9] = [
     "body.roll",
 ];
 
-/// Returns the mirrored values of a block, by the names of its variables: left and right change places, and signals that
-/// point to a side change their sign. In the units of the block.
+/// Mirrors a block of variables: elements of the left and the right side swap values, and sideways signals change sign.
 ///
 /// # Panics
-/// If a variable of one side has no counterpart on the other.
+/// If a variable of one side has no counterpart on the other side.
 pub fn mirrored<B: Variables<f64>>(block: &B) -> B {
     let names: Vec<_> = B::declarations().into_iter().map(|declaration| declaration.name).collect();
     let values = block.reals();
@@ -36,7 +35,7 @@ pub fn mirrored<B: Variables<f64>>(block: &B) -> B {
     B::from_reals(&reflected)
 }
 
-/// `tire_load.fl` to `tire_load.fr`, `beam_height.l` to `beam_height.r`, and back; other names stay.
+/// Maps `tire_load.fl` to `tire_load.fr`, `beam_height.l` to `beam_height.r`, and back. Other names are unchanged.
 fn other_side(name: &str) -> String {
     match name.rsplit_once('.') {
         Some((family, place @ ("l" | "fl" | "ml" | "rl"))) => format!("{family}.{}r", &place[..place.len() - 1]),

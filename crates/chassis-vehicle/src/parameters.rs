@@ -1,5 +1,5 @@
-//! The catalogue of physical parameters: the same name means the same in every FMU, so one parameter set feeds a plant
-//! and the controllers that carry copies of its data.
+//! The catalogue of physical parameters. A name has the same meaning in every FMU, so one parameter set fits a plant and
+//! the controllers that have copies of its parameters.
 
 use fmu::Range::{Any, AtLeast, NonNegative, Positive};
 use fmu::{Definition, unit};
@@ -18,7 +18,7 @@ macro_rules! parameters {
     )*};
 }
 
-// A least value above that of `Positive` is one for which the regulators still have a numerical solution.
+// The limits of `AtLeast` keep the LQR controllers numerically solvable.
 parameters! {
     // Masses and inertias
     VEHICLE_MASS, "vehicle.mass", unit!("kg"), None, AtLeast(1.0), "Mass of the whole vehicle";
@@ -65,5 +65,5 @@ parameters! {
     BRAKE_GAIN, "brake.gain", unit!("m3"), None, Positive, "Brake torque per pressure of one wheel";
     TIRE_FORCE_SCALE, "tire.force_scale", unit!("1"), None, NonNegative, "Factor on the lateral tire force at every slip angle";
     GRAVITY, "gravity", unit!("m/s2"), None, NonNegative, "Acceleration of free fall";
-    MINIMUM_SPEED, "numerics.minimum_speed", unit!("m/s"), Some("km/h"), Positive, "Floor of the speed where it divides";
+    MINIMUM_SPEED, "numerics.minimum_speed", unit!("m/s"), Some("km/h"), Positive, "Lower limit of the speed in divisions";
 }

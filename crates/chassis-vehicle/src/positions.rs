@@ -3,7 +3,7 @@
 use fmu::Scalar;
 
 fmu::named_array! {
-    /// The wheels of a three-axle vehicle; left ones have even numbers.
+    /// The wheels of a three-axle vehicle; left wheels have even indices.
     pub SixWheels[6] {
         fl: "front left wheel",
         fr: "front right wheel",
@@ -15,7 +15,7 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The wheels of a two-axle vehicle; left ones have even numbers.
+    /// The wheels of a two-axle vehicle; left wheels have even indices.
     pub FourWheels[4] {
         fl: "front left wheel",
         fr: "front right wheel",
@@ -25,7 +25,7 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The sides of a half car seen from the front, or the beams of a balanced suspension.
+    /// The sides of a half car seen from the front, or the walking beams.
     pub Sides[2] {
         l: "left side",
         r: "right side",
@@ -33,7 +33,7 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The left side alone, for a law that looks at one side only.
+    /// The left side alone, for a control law that uses only one side.
     pub LeftSide[1] {
         l: "left side",
     }
@@ -48,15 +48,14 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The front left wheel alone, for a vehicle whose road is the same under all wheels.
+    /// The front left wheel alone, for a vehicle with the same road under all wheels.
     pub FrontLeftWheel[1] {
         fl: "front left wheel",
     }
 }
 
 fmu::named_array! {
-    /// The suspension struts of a three-axle vehicle whose rear axles hang on walking beams; left ones have even
-    /// numbers.
+    /// The suspension struts of a three-axle vehicle with walking beams at its rear axles; left struts have even indices.
     pub Struts[4] {
         fl: "front left strut",
         fr: "front right strut",
@@ -74,7 +73,7 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The front axle alone, for a vehicle that steers with it only.
+    /// The front axle alone, for a vehicle that steers only this axle.
     pub FrontAxle[1] {
         front: "front axle",
     }
@@ -101,7 +100,7 @@ fmu::named_array! {
 macro_rules! sum_of {
     ($name:ident: $first_left:literal $($left:literal)*, $first_right:literal $($right:literal)*) => {
         impl<T: Scalar> $name<T> {
-            /// Sum of the values of `f` at all indices: left ones, right ones, then both.
+            /// Sum of `f` over all indices: the sum over the left side plus the sum over the right side.
             #[inline]
             pub fn sum_of(f: impl Fn(usize) -> T) -> T {
                 (f($first_left) $(+ f($left))*) + (f($first_right) $(+ f($right))*)
@@ -114,7 +113,7 @@ sum_of!(SixWheels: 0 2 4, 1 3 5);
 sum_of!(FourWheels: 0 2, 1 3);
 sum_of!(Struts: 0 2, 1 3);
 
-/// The axle (0, 1, 2) of wheel `i` of [`SixWheels`].
+/// Axle (0, 1, 2) of wheel `i` in [`SixWheels`].
 pub const fn axle_of(i: usize) -> usize {
     i / 2
 }

@@ -1,11 +1,11 @@
-//! Random numbers of roads and sensors: the same bits on every platform.
+//! Random numbers for roads and sensors, bit-identical on every platform.
 //!
-//! Each use has streams of its own, so that two models with the same seed are independent.
+//! Each use has separate streams, so two models with the same seed are independent.
 //!
 //! | stream | use |
 //! |---|---|
 //! | 0, 1 | left and right track of `Road` |
-//! | 2 | noise of `Sensor`, [`SENSOR_STREAM`] |
+//! | 2 ([`SENSOR_STREAM`]) | noise of `Sensor` |
 //!
 //! # References
 //!
@@ -17,21 +17,20 @@ use std::f64::consts::TAU;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// The stream of the noise of `Sensor`.
+/// Stream for the noise of `Sensor`.
 pub const SENSOR_STREAM: u64 = 2;
 
-/// Standard normal numbers that are counted, not consumed: number `k` of a stream depends on seed, stream and `k`
-/// only.
+/// Standard normal numbers, addressed by index: number `k` depends only on the seed, the stream and `k`.
 ///
 /// The generator is ChaCha8 with the seed in the first eight bytes (little endian) of an otherwise zero key. Number
 /// `k` takes the four words from word `4 k` on, as two 64-bit integers `a` and `b`, and is
-/// `sqrt(-2 ln((a' + 1)/2^53)) cos(2 pi b'/2^53)` with the upper 53 bits `a'`, `b'` (Box and Muller). So a saved
-/// state needs no more than the count, and the same numbers come however the calls are divided.
+/// `sqrt(-2 ln((a' + 1)/2^53)) cos(2 pi b'/2^53)` with the upper 53 bits `a'`, `b'` (Box and Muller). A saved FMU state
+/// therefore needs only the index.
 #[derive(Clone, Debug)]
 pub struct Normals(ChaCha8Rng);
 
 impl Normals {
-    /// The numbers of a stream from number `first` on.
+    /// The numbers of a stream, starting at index `first`.
     pub fn new(seed: u64, stream: u64, first: u64) -> Self {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
@@ -54,9 +53,9 @@ impl Normals {
 mod tests {
     use super::*;
 
-    /// Counting draws: the same numbers however they are fetched; other seeds and streams give others.
+    /// The numbers depend only on their index; another seed or stream gives other numbers.
     #[test]
-    fn normals_are_counted() {
+    fn normals_are_addressed_by_index() {
         let mut all = Normals::new(7, 1, 0);
         let numbers: Vec<f64> = (0..300).map(|_| all.draw()).collect();
         for first in [0, 1, 5, 31, 32, 33, 64, 255] {
@@ -72,7 +71,7 @@ mod tests {
     /// Reference: a separate program in Python (ChaCha8 block function and Box-Muller written from their
     /// definitions). The last digits of logarithm and cosine differ between libraries.
     #[test]
-    fn normals_are_those_of_the_definition() {
+    fn normals_follow_the_definition() {
         for (seed, stream, number, expected) in [
             (1, 0, 0, -0.386_711_286_344_948_5),
             (1, 0, 1, 0.580_285_084_098_023_3),
@@ -87,7 +86,7 @@ mod tests {
 
     /// Reference: moments and distribution of the standard normal. Standard errors for N = 100,000 numbers: mean
     /// sqrt(1/N) = 0.0032, second moment sqrt(2/N) = 0.0045, third sqrt(15/N) = 0.0123, fourth sqrt(96/N) = 0.031,
-    /// share below 1 sqrt(0.84 * 0.16/N) = 0.00116; four of them are allowed.
+    /// share below 1 sqrt(0.84 * 0.16/N) = 0.00116. The tolerance is four standard errors.
     #[test]
     fn normals_are_normal() {
         let count = 100_000;

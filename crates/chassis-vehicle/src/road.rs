@@ -1,13 +1,13 @@
 //! Road profiles as functions of distance: pure functions and small tables, heights in m (upwards positive),
 //! distances in m, wavenumbers in 1/m (cycles per meter).
 //!
-//! All transcendental functions come from `libm` and all random numbers from [`random`](crate::random) and SplitMix64:
-//! a seed gives the same road on every machine.
+//! All transcendental functions come from `libm`, and all random numbers from [`random`](crate::random) and SplitMix64.
+//! A seed therefore gives the same road on every machine.
 //!
 //! # References
 //!
 //! * ISO 8608:2016, Mechanical vibration - Road surface profiles - Reporting of measured data: the classes A to H
-//!   and the one-sided density `G(n) = Gd (n/n0)^-2` with `n0 = 0.1 1/m`.
+//!   and the one-sided power spectral density (PSD) `G(n) = Gd (n/n0)^-2` with `n0 = 0.1 1/m`.
 //! * Steele, Lea, Flood: Fast splittable pseudorandom number generators, OOPSLA 2014 (SplitMix64).
 
 use std::f64::consts::{PI, TAU};
@@ -15,9 +15,8 @@ use std::f64::consts::{PI, TAU};
 /// Reference wavenumber `n0` of ISO 8608 in 1/m.
 pub const REFERENCE_WAVENUMBER: f64 = 0.1;
 
-/// Roughness coefficient `Gd(n0)` in m3 of an ISO 8608 class, 1 (A) to 8 (H); `None` for another number.
-///
-/// The geometric mean of the class: `16e-6 * 4^(class - 1)`.
+/// Roughness coefficient `Gd(n0)` in m3 of an ISO 8608 class, 1 (A) to 8 (H): the geometric mean of the class,
+/// `16e-6 * 4^(class - 1)`. `None` for any other class.
 pub fn class_coefficient(class: i32) -> Option<f64> {
     (1..=8).contains(&class).then(|| 16e-6 * f64::from(1_u32 << (2 * (class - 1))))
 }
@@ -29,15 +28,15 @@ pub fn class_coefficient(class: i32) -> Option<f64> {
 /// alpha = exp(-2 pi n00 ds),   sigma^2 = pi n0^2 Gd/(2 n00)
 /// ```
 ///
-/// It is the exact sampling of `dz/ds = -2 pi n00 z + white noise`, whose one-sided density is
-/// `Gd n0^2/(n^2 + n00^2)`: that of ISO 8608 well above the cutoff `n00`.
+/// It samples `dz/ds = -2 pi n00 z + white noise` exactly. The one-sided PSD `Gd n0^2/(n^2 + n00^2)` of this process
+/// approaches the PSD of ISO 8608 well above the cutoff `n00`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapedNoise {
     /// Standard deviation `sigma` of the stationary profile in m.
     pub deviation: f64,
-    /// Factor `alpha` from a grid point to the next.
+    /// Factor `alpha` from one grid point to the next.
     pub memory: f64,
-    /// Factor on the normal number in m.
+    /// Factor on the normally distributed number, in m.
     pub gain: f64,
 }
 
@@ -54,16 +53,16 @@ impl ShapedNoise {
         }
     }
 
-    /// The next grid point after `z` for a standard normal number.
+    /// The profile at the next grid point after `z`, given a standard normal number.
     pub fn next(&self, z: f64, normal: f64) -> f64 {
         self.memory * z + self.gain * normal
     }
 }
 
-/// Two tracks of a given correlation from two independent profiles of equal density.
+/// Two tracks with a given correlation, from two independent profiles with equal PSD.
 ///
-/// `left = cp z1 + cm z2`, `right = cp z1 - cm z2` with `cp = sqrt((1 + rho)/2)`, `cm = sqrt((1 - rho)/2)`: both keep
-/// the density, the cross spectrum is `rho` times it at every wavenumber (magnitude-squared coherence `rho^2`).
+/// `left = cp z1 + cm z2`, `right = cp z1 - cm z2` with `cp = sqrt((1 + rho)/2)`, `cm = sqrt((1 - rho)/2)`. Both tracks
+/// keep the PSD. The cross spectrum is `rho` times the PSD at every wavenumber (magnitude-squared coherence `rho^2`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mixture {
     /// Share `cp` of the common profile.
@@ -92,22 +91,22 @@ impl Mixture {
 /// output = X1 + z
 /// ```
 ///
-/// with the delay length `T` and the derivative in distance. The density of the output is that of the input, long
-/// waves come later by `T`. A ramp `z = c s` comes out as `c (s - T)`, after `X1 = -T c`, `X2 = 12 z/T`; the
-/// deviation from that solution decays with the poles `(-3 ± i sqrt(3))/T`, which gives the exact solution for a
-/// piecewise linear input.
+/// with the delay length `T` and the derivative with respect to distance. The output has the PSD of the input, and long
+/// waves are delayed by `T`. For a ramp `z = c s`, a particular solution is `X1 = -T c`, `X2 = 12 z/T`, with the output
+/// `c (s - T)`. Deviations from it decay with the poles `(-3 ± i sqrt(3))/T`. [`AllPass::advance`] uses this exact
+/// solution for a piecewise linear input.
 ///
 /// # Reference
 ///
-/// Applied Sciences 2020, 10, 1852, eq. 6: the right track of the hydro-pneumatic half car, written there in time for
-/// a constant speed.
+/// Applied Sciences 2020, 10, 1852, eq. 6: the right track of the hydro-pneumatic half car, given as a function of time
+/// at constant speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AllPass {
     length: f64,
 }
 
 impl AllPass {
-    /// The all-pass of a delay length `T > 0` in m.
+    /// The all-pass with a delay length `T > 0` in m.
     pub fn new(length: f64) -> Self {
         Self { length }
     }
@@ -117,7 +116,7 @@ impl AllPass {
         [0.0, 12.0 * z / self.length]
     }
 
-    /// The state a `distance > 0` further on, while the input went linearly from `z0` to `z1`.
+    /// The state after a `distance > 0` on which the input goes linearly from `z0` to `z1`.
     pub fn advance(&self, x: [f64; 2], z0: f64, z1: f64, distance: f64) -> [f64; 2] {
         let t = self.length;
         let slope = (z1 - z0) / distance;
@@ -134,7 +133,7 @@ impl AllPass {
         ]
     }
 
-    /// The output for the state `x` and the input `z` of the same place.
+    /// The output for the state `x` and the input `z` at the same distance.
     pub fn output(&self, x: [f64; 2], z: f64) -> f64 {
         x[0] + z
     }
@@ -157,15 +156,15 @@ impl AllPass {
 /// w(x) = 0 for x <= 0, (1 - cos(pi x/20))/2 up to 20 m, then 1
 /// ```
 ///
-/// with phases `phi_k = 2 pi U_k` from SplitMix64 (upper 53 bits). The wavenumbers are equidistant, so that the sum
-/// is `Re(exp(2 pi i n_0 x) P(x))` with a complex `P` of period `1/dn = 283.8 m`: one period of `P` in a table, made
-/// by a fast Fourier transform, serves every distance, and a height costs one cubic interpolation (standard deviation
-/// of its error 2.4e-9 m on a class B road) instead of 800 cosines.
+/// with phases `phi_k = 2 pi U_k` from SplitMix64 (upper 53 bits). Because the wavenumbers are equidistant, the sum is
+/// `Re(exp(2 pi i n_0 x) P(x))` with a complex `P` of period `1/dn = 283.8 m`. A fast Fourier transform tabulates one
+/// period of `P`. A height then takes one cubic interpolation instead of 800 cosines. The standard deviation of the
+/// interpolation error is 2.4e-9 m on a class B road.
 ///
 /// # Reference
 ///
 /// Shinozuka, Jan: Digital simulation of random processes and its applications, J. Sound Vib. 25 (1972), 111-128.
-/// Band, number of cosines and phases are those of the heavy vehicle's road.
+/// Band, number of cosines and phases are those of the road for the heavy vehicle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Harmonics {
     envelope: Vec<[f64; 2]>,
@@ -183,7 +182,7 @@ impl Harmonics {
     /// Distance over which the profile rises from the flat start, in m.
     pub const FADE_IN: f64 = 20.0;
     /// Points of the table: 8.7 mm apart. The fourth derivative of a class B envelope has a standard deviation of 18
-    /// m^-3, so that cubic interpolation errs by 3/128 * 18 * 0.0087^4 = 2.4e-9 m.
+    /// m^-3, so the error of cubic interpolation is 3/128 * 18 * 0.0087^4 = 2.4e-9 m.
     const POINTS: usize = 1 << 15;
 
     /// Wavenumber `n_k` in 1/m.
@@ -204,7 +203,7 @@ impl Harmonics {
             .collect()
     }
 
-    /// The profile of given complex amplitudes, at most [`Harmonics::COUNT`].
+    /// The profile with the given complex amplitudes, at most [`Harmonics::COUNT`].
     pub fn new(amplitudes: &[[f64; 2]]) -> Self {
         let mut envelope = vec![[0.0; 2]; Self::POINTS];
         for (place, amplitude) in envelope.iter_mut().zip(amplitudes).take(Self::COUNT) {
@@ -216,7 +215,7 @@ impl Harmonics {
 
     /// Height at `x`, both in m; 0 at and before `x = 0`.
     pub fn height(&self, x: f64) -> f64 {
-        // also for a distance that is not a number: a height needs a place
+        // Written with `!` to include NaN.
         if !(x > 0.0 && x.is_finite()) {
             return 0.0;
         }
@@ -224,7 +223,7 @@ impl Harmonics {
         let periods = x * Self::SPACING;
         let place = (periods - periods.floor()) * Self::POINTS as f64;
         let f = place - place.floor();
-        // cubic through the two points before and the two after (Lagrange)
+        // cubic through the two points before and the two points after `x` (Lagrange)
         let weights = [
             -f * (f - 1.0) * (f - 2.0) / 6.0,
             (f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0,
@@ -254,14 +253,14 @@ fn split_mix(state: &mut u64) -> f64 {
 
 /// The Fourier sum `y[j] = sum_k x[k] exp(2 pi i j k/N)` in place, complex numbers as (real, imaginary).
 ///
-/// Radix 2 (Cooley and Tukey 1965), so the length has to be a power of two.
+/// Radix 2 (Cooley and Tukey 1965).
 ///
 /// # Panics
 ///
 /// If the length is not a power of two.
 pub fn fourier_sum(x: &mut [[f64; 2]]) {
     let count = x.len();
-    assert!(count.is_power_of_two(), "the length of a Fourier sum is a power of two");
+    assert!(count.is_power_of_two(), "the length of a Fourier sum must be a power of two, got {count}");
     if count == 1 {
         return;
     }
@@ -294,13 +293,13 @@ pub fn fourier_sum(x: &mut [[f64; 2]]) {
     }
 }
 
-/// Bump of height 1, `(1 - cos(2 pi x/length))/2` for `0 < x < length`, else 0; `length > 0`.
+/// Bump of height 1: `(1 - cos(2 pi x/length))/2` for `0 < x < length`, otherwise 0. `length` must be positive.
 pub fn bump(x: f64, length: f64) -> f64 {
     if x > 0.0 && x < length { (1.0 - libm::cos(TAU * x / length)) / 2.0 } else { 0.0 }
 }
 
-/// Trapezoid of height 1 and total `length > 0`: up over the first quarter, level over half, down over the last
-/// quarter.
+/// Trapezoid of height 1: up in the first quarter of `length`, level for half of it, down in the last quarter. `length`
+/// must be positive.
 pub fn trapezoid(x: f64, length: f64) -> f64 {
     let from_nearer_end = x.min(length - x);
     (4.0 * from_nearer_end / length).clamp(0.0, 1.0)
@@ -310,8 +309,7 @@ pub fn trapezoid(x: f64, length: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Reference: the classes as the vehicles use them (A 16e-6, B 64e-6, C 256e-6, D 1024e-6, F 16384e-6 m3; ISO
-    /// 8608, geometric means). Products of small integers: equal to one rounding.
+    /// Reference: the geometric means of ISO 8608. They are products of small integers, equal to one rounding.
     #[test]
     fn classes_are_the_geometric_means() {
         let expected = [16e-6, 64e-6, 256e-6, 1024e-6, 4096e-6, 16384e-6, 65536e-6, 262_144e-6];
@@ -323,7 +321,7 @@ mod tests {
         assert_eq!(class_coefficient(9), None);
     }
 
-    /// Reference: stationary RMS of a class C road with n00 = 0.011 1/m, 0.0191 m (four digits given).
+    /// Reference: stationary RMS of a class C road with n00 = 0.011 1/m, 0.0191 m (printed with four decimals).
     #[test]
     fn noise_has_the_stationary_deviation() {
         let noise = ShapedNoise::new(256e-6, 0.011, 0.01);
@@ -334,7 +332,7 @@ mod tests {
         assert_eq!(noise.next(1.0, 0.0), noise.memory);
     }
 
-    /// The two shares keep the density: cp^2 + cm^2 = 1 and cp^2 - cm^2 = rho, to rounding.
+    /// The two shares keep the PSD and the correlation: cp^2 + cm^2 = 1 and cp^2 - cm^2 = rho, to rounding.
     #[test]
     fn mixture_keeps_density_and_correlation() {
         for rho in [0.0, 0.6, 0.995, 1.0] {
@@ -346,8 +344,8 @@ mod tests {
         }
     }
 
-    /// Reference: a Runge-Kutta integration of the all-pass equations with a step of T/4000 (error of order
-    /// (1/4000)^4 = 4e-15) for a piecewise linear input; 1e-12 leaves room for the rounding of 12,000 steps.
+    /// Reference: a Runge-Kutta integration of the all-pass equations for a piecewise linear input, with a step of T/4000
+    /// (error of order (1/4000)^4 = 4e-15). The tolerance of 1e-12 covers the rounding of 12,000 steps.
     #[test]
     fn all_pass_is_exact_between_the_points() {
         let t = 1.56;
@@ -377,8 +375,8 @@ mod tests {
         }
     }
 
-    /// Reference: the Padé form of a delay, magnitude 1 and phase 2 atan((w T/2)/(1 - (w T)^2/12)); a ramp is delayed
-    /// by exactly T; a constant passes.
+    /// Reference: the Padé form of a delay has magnitude 1 and phase -2 atan((w T/2)/(1 - (w T)^2/12)). It delays a ramp
+    /// by exactly T and passes a constant.
     #[test]
     fn all_pass_delays() {
         let filter = AllPass::new(2.0);
@@ -396,8 +394,9 @@ mod tests {
         assert!((filter.output(x, 0.7) - 0.7).abs() < 1e-15);
     }
 
-    /// Reference: the response of the filter to a long cosine, here sampled every 1 cm. Linear interpolation takes (2
-    /// pi n ds)^2/12 = 8.2e-5 off the amplitude that reaches the state, whose gain is at most 2.
+    /// Reference: the frequency response of the filter. The input is a long cosine, sampled every 1 cm. Its linear
+    /// interpolation reduces the amplitude by a factor of (2 pi n ds)^2/12 = 8.2e-5. The gain from input to state is at
+    /// most 2, so the tolerance is 2e-4.
     #[test]
     fn all_pass_state_follows_its_response() {
         let (filter, n, ds) = (AllPass::new(1.56), 0.5, 0.01);
@@ -414,17 +413,17 @@ mod tests {
         }
     }
 
-    /// Reference: the numbers of the heavy vehicle's road, q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m;
-    /// half a unit of the last digit plus the interpolation error of 2.4e-9 m.
+    /// Reference: the road of the heavy vehicle, q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m. The tolerance
+    /// is half a unit of the last digit plus the interpolation error of 2.4e-9 m.
     #[test]
-    fn harmonics_give_the_published_numbers() {
+    fn harmonics_give_the_reference_heights() {
         let road = Harmonics::new(&Harmonics::amplitudes(64e-6, 1));
         assert!((road.height(25.0) - -0.001_879_93).abs() < 1e-8);
         assert!((road.height(100.0) - 0.004_244_32).abs() < 1e-8);
     }
 
-    /// Reference: the sum of 800 cosines itself, over many periods of the table. 2e-8 m is eight standard deviations
-    /// of the interpolation error (and 2e-6 of the profile's own).
+    /// Reference: the sum of 800 cosines, over many periods of the table. The tolerance of 2e-8 m is eight standard
+    /// deviations of the interpolation error and 2e-6 standard deviations of the profile.
     #[test]
     fn harmonics_equal_the_sum() {
         let amplitudes = Harmonics::amplitudes(64e-6, 2);
@@ -454,7 +453,7 @@ mod tests {
         assert!(road.height(1e300).is_finite());
     }
 
-    /// Reference: the definition of the Fourier sum, evaluated directly; 64 terms of size 1, rounding 1e-14.
+    /// Reference: the definition of the Fourier sum, evaluated directly. 64 terms of size 1 have a rounding error of 1e-14.
     #[test]
     fn fourier_sum_is_the_definition() {
         for count in [1_usize, 2, 64] {
@@ -473,7 +472,6 @@ mod tests {
         }
     }
 
-    /// Closed forms at the corners and in between.
     #[test]
     fn obstacles_have_their_shape() {
         assert_eq!([bump(0.0, 2.0), bump(1.0, 2.0), bump(2.0, 2.0), bump(-1.0, 2.0)], [0.0, 1.0, 0.0, 0.0]);

@@ -1,4 +1,4 @@
-//! The catalogue of signals: an output and an input of the same name are the same signal, in every FMU.
+//! The catalogue of signals. A name has the same meaning in every FMU, so outputs and inputs of the same name connect.
 //!
 //! An array appends the name of its element, for example `road_height.fl`.
 //!
@@ -27,10 +27,10 @@ macro_rules! signals {
 
 signals! {
     // Driver demands
-    DRIVER_STEER, "driver.steer", unit!("rad"), Some("deg"), 0.1, "Road-wheel angle of the front axle that the driver asks for, positive to the left";
+    DRIVER_STEER, "driver.steer", unit!("rad"), Some("deg"), 0.1, "Front road-wheel angle demanded by the driver, positive to the left";
     DRIVER_THROTTLE, "driver.throttle", unit!("1"), None, 1.0, "Position of the accelerator pedal, 0 to 1";
     DRIVER_BRAKE, "driver.brake", unit!("1"), None, 1.0, "Position of the brake pedal, 0 to 1";
-    DRIVER_SPEED, "driver.speed", unit!("m/s"), Some("km/h"), 20.0, "Longitudinal speed that is prescribed";
+    DRIVER_SPEED, "driver.speed", unit!("m/s"), Some("km/h"), 20.0, "Prescribed longitudinal speed";
     DRIVER_STEERING_WHEEL, "driver.steering_wheel", unit!("rad"), Some("deg"), 1.0, "Angle of the steering wheel, positive to the left";
     // Path that the driver follows
     PATH_LATERAL_DEVIATION, "path.lateral_deviation", unit!("m"), None, 5.0, "Distance of the vehicle from the path, positive to the left of it";
@@ -82,17 +82,17 @@ signals! {
     TIRE_SLIP_ANGLE, "tire_slip_angle", unit!("rad"), Some("deg"), 0.1, "Direction of travel minus direction of the wheel, {}";
     TIRE_LONGITUDINAL_SLIP, "tire_longitudinal_slip", unit!("1"), Some("%"), 1.0, "Slip of the {}: braking negative, -1 locked";
     BRAKE_PRESSURE, "brake_pressure", unit!("MPa"), Some("bar"), 10.0, "Brake pressure of the {}";
-    BRAKE_MASTER_PRESSURE, "brake.master_pressure", unit!("MPa"), Some("bar"), 10.0, "Brake pressure that the driver's pedal makes";
+    BRAKE_MASTER_PRESSURE, "brake.master_pressure", unit!("MPa"), Some("bar"), 10.0, "Brake pressure from the driver's pedal";
     // Commands to a plant
     STEER, "steer", unit!("rad"), Some("deg"), 0.1, "Steering angle of the {}, positive to the left";
     SUSPENSION_FORCE, "suspension_force", unit!("N"), Some("kN"), 1e4, "Actuator force of the {}, pushing the body up and the wheel down";
     BRAKE_TORQUE, "brake_torque", unit!("N.m"), Some("kN.m"), 1e3, "Brake torque on the {}, not negative; it acts against the rotation";
     DRIVE_TORQUE, "drive_torque", unit!("N.m"), Some("kN.m"), 500.0, "Drive torque on the {}, forwards positive";
-    BRAKE_PRESSURE_COMMAND, "brake_pressure_command", unit!("MPa"), Some("bar"), 10.0, "Brake pressure that is asked for at the {}";
+    BRAKE_PRESSURE_COMMAND, "brake_pressure_command", unit!("MPa"), Some("bar"), 10.0, "Brake pressure command at the {}";
     // Between controllers
     STEER_REQUEST, "steer_request", unit!("rad"), Some("deg"), 0.2, "Steering command of the {} before angle and rate limits";
-    STEER_CORRECTION, "steer_correction", unit!("rad"), Some("deg"), 0.02, "Angle that active steering of the {} adds to what the driver asks for";
-    STEER_RATIO, "steer_ratio", unit!("1"), None, 1.0, "Steering angle of the {} over what the driver asks for";
+    STEER_CORRECTION, "steer_correction", unit!("rad"), Some("deg"), 0.02, "Angle that active steering of the {} adds to the driver demand";
+    STEER_RATIO, "steer_ratio", unit!("1"), None, 1.0, "Steering angle of the {} divided by the driver demand";
     REFERENCE_YAW_RATE, "reference.yaw_rate", unit!("rad/s"), Some("deg/s"), 0.2, "Yaw rate that a lateral controller follows";
     REFERENCE_SIDESLIP, "reference.sideslip", unit!("rad"), Some("deg"), 0.05, "Sideslip angle that a lateral controller follows";
     SLIDING_SURFACE_SIDESLIP, "sliding_surface.sideslip", unit!("rad"), None, 0.05, "Value of the sliding surface of the sideslip angle";
@@ -106,7 +106,7 @@ signals! {
     ROLL_FORCE, "roll_force", unit!("N"), Some("kN"), 5e4, "Suspension force that the roll law proposes for the {}";
     COMFORT_FORCE, "comfort_force", unit!("N"), Some("kN"), 1e4, "Suspension force that the comfort law proposes for the {}";
     HANDLING_FORCE, "handling_force", unit!("N"), Some("kN"), 1e4, "Suspension force that the handling law proposes for the {}";
-    SWITCH_MODE, "switch.mode", unit!("1"), None, 1.0, "Suspension law that is chosen: 0 comfort, 1 handling";
+    SWITCH_MODE, "switch.mode", unit!("1"), None, 1.0, "Selected suspension law: 0 comfort, 1 handling";
     SWITCH_BLEND, "switch.blend", unit!("1"), None, 1.0, "Share of the handling law in the suspension force";
     COORDINATION_STATE, "coordination.state", unit!("1"), None, 1.0, "Driving state: 0 not coordinated, 1 uniform, 2 accelerating, 3 braking, 4 turning, 5 turning and braking, 6 turning and accelerating";
     ENABLE_SUSPENSION, "enable.suspension", unit!("1"), None, 1.0, "Whether the suspension law is on";
@@ -119,9 +119,9 @@ signals! {
     ANTILOCK_ACTIVE, "antilock_active", unit!("1"), None, 1.0, "Whether the antilock logic modulates the pressure of the {}";
     YAW_CONTROL_PRESSURE, "yaw_control_pressure", unit!("MPa"), Some("bar"), 10.0, "Brake pressure that yaw control adds at the {}, not negative";
     DEMAND_YAW_MOMENT, "demand.yaw_moment", unit!("N.m"), Some("kN.m"), 5e3, "Yaw moment that a controller asks for, positive to the left";
-    DEMAND_HEAVE_FORCE, "demand.heave_force", unit!("N"), Some("kN"), 1e4, "Vertical force that a controller wants on the body, before it is shared out";
-    DEMAND_PITCH_MOMENT, "demand.pitch_moment", unit!("N.m"), Some("kN.m"), 2e4, "Pitch moment that a controller wants on the body, before it is shared out";
-    DEMAND_ROLL_MOMENT, "demand.roll_moment", unit!("N.m"), Some("kN.m"), 1e4, "Roll moment that a controller wants on the body, before it is shared out";
+    DEMAND_HEAVE_FORCE, "demand.heave_force", unit!("N"), Some("kN"), 1e4, "Vertical force on the body demanded by a controller, before allocation to the wheels";
+    DEMAND_PITCH_MOMENT, "demand.pitch_moment", unit!("N.m"), Some("kN.m"), 2e4, "Pitch moment on the body demanded by a controller, before allocation to the wheels";
+    DEMAND_ROLL_MOMENT, "demand.roll_moment", unit!("N.m"), Some("kN.m"), 1e4, "Roll moment on the body demanded by a controller, before allocation to the wheels";
     FRONT_STEERING_PROPORTIONAL_GAIN, "front_steering.proportional_gain", unit!("s"), None, 0.5, "Proportional gain of active front steering after the fuzzy correction";
     FRONT_STEERING_INTEGRAL_GAIN, "front_steering.integral_gain", unit!("1"), None, 2.0, "Integral gain of active front steering after the fuzzy correction";
     FRONT_STEERING_DERIVATIVE_GAIN, "front_steering.derivative_gain", unit!("s2"), None, 0.02, "Derivative gain of active front steering after the fuzzy correction";

@@ -2,8 +2,8 @@
 
 /// Loads of three axles under a rigid body on equal springs, N.
 ///
-/// Three supports are one more than the balances of force and moment determine; equal springs make the load of an
-/// axle a linear function of its position, A + D x, with sum (A + D x) = m g and sum x (A + D x) = 0.
+/// The balances of force and moment determine only two of the three loads. Equal springs make the load a linear function
+/// of the axle position, A + D x, with sum (A + D x) = m g and sum x (A + D x) = 0.
 ///
 /// `mass`: m, kg; `gravity`: g, m/s2; `x`: positions of the axles in front of the center of mass, m, not all equal.
 /// A load is negative if the axle would have to pull the vehicle down.
@@ -22,7 +22,7 @@ mod tests {
 
     #[test]
     fn loads_balance_force_and_moment_and_follow_a_straight_line() {
-        // The three conditions of the documentation; a few roundings of 4e5 N and 2e6 N m.
+        // The tolerances are a few roundings of 4e5 N and 2e6 N m.
         let x = [2.1, -0.6, -2.9];
         let [front, middle, rear] = three_axle_loads(36_000.0, 9.81, x);
         assert!((front + middle + rear - 36_000.0 * 9.81).abs() < 1e-9);

@@ -10,17 +10,17 @@ pub fn spring_damper<T: Scalar>(k: f64, c: f64, d: T, dd: T) -> T {
     -d * k - dd * c
 }
 
-/// Load of a tire on a linear spring, compressive force on the road: N = N_0 - k t, N.
+/// Load of a tire modeled as a linear spring, compressive force on the road: N = N_0 - k t, N.
 ///
-/// `at_rest`: N_0 in N; `k`: vertical stiffness in N/m, > 0; `t`: tire deflection in m. With `lift_off` the load is 0
-/// where the spring would pull: the tire is in the air.
+/// `at_rest`: N_0 in N; `k`: vertical stiffness in N/m, > 0; `t`: tire deflection in m. With `lift_off`, the load is 0
+/// where the spring would pull, because the tire is in the air.
 #[inline]
 pub fn tire_load<T: Scalar>(at_rest: f64, k: f64, t: T, lift_off: bool) -> T {
     let load = -t * k + at_rest;
     if lift_off { Scalar::max(load, T::from(0.0)) } else { load }
 }
 
-/// Right minus left tire loads over their sum: 0 at rest, 1 when the left tires lift off in a left turn.
+/// Right minus left tire loads, divided by their sum: 0 at rest, 1 when the left tires lift off in a left turn.
 ///
 /// `left`, `right`: sums of the tire loads in N. A vehicle in the air (a sum not above 1 N) has the ratio 0.
 #[inline]
@@ -36,13 +36,13 @@ mod tests {
 
     #[test]
     fn a_compressed_strut_pushes_the_body_up() {
-        // Closed form with exact numbers.
+        // Closed form; the numbers are exact in binary.
         assert_eq!(spring_damper(35_000.0, 980.0, -0.125, 0.5), 4375.0 - 490.0);
     }
 
     #[test]
     fn a_tire_pulls_only_without_lift_off() {
-        // Closed form with exact numbers.
+        // Closed form; the numbers are exact in binary.
         assert_eq!(tire_load(8000.0, 190_000.0, -0.5, true), 103_000.0);
         assert_eq!(tire_load(8000.0, 190_000.0, 0.5, true), 0.0);
         assert_eq!(tire_load(8000.0, 190_000.0, 0.5, false), -87_000.0);

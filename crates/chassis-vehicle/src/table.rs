@@ -2,13 +2,12 @@
 //!
 //! # Format
 //!
-//! The first line names the columns, every further line is one row of numbers. Blank lines and lines
-//! that start with `#` are skipped, spaces around a field are ignored, a byte order mark and Windows line ends are
-//! accepted. The abscissa (time or distance) of a [`Table`] has to be there and to increase strictly; [`Columns`] have
-//! none. Every number has to be finite. There is no quoting: no name and no number needs it.
+//! The first line contains the column names, every further line a row of finite numbers. Blank lines and lines that start
+//! with `#` are skipped. Spaces around a field are ignored. A byte order mark and Windows line ends are accepted. Quotes
+//! are not. A [`Table`] requires an abscissa (time or distance) that increases strictly; [`Columns`] have no abscissa.
 //!
-//! The path comes from outside, so only regular files of limited size are read, and a message about a rejected file
-//! contains the position of the problem, never the content of the file.
+//! The path is untrusted input: only regular files of limited size are read, and an error message contains the position
+//! of the problem, never the content of the file.
 //!
 //! ```
 //! # use chassis_vehicle::table::Table;
@@ -23,16 +22,16 @@ use std::fs::{File, Metadata};
 use std::io::{Error, Read as _};
 use std::path::Path;
 
-/// Size of the largest file that is read, in bytes: 64 MiB hold four signals over 20 minutes at every millisecond.
+/// Size of the largest file that is read, in bytes: 64 MiB hold four signals, sampled every millisecond for 20 minutes.
 const LARGEST: u64 = 64 << 20;
 
-/// Reads the file that a parameter names: its whole path and its text. A relative path starts at `resources`, the
+/// Reads the file that a parameter names. Returns its full path and its text. A relative path starts at `resources`, the
 /// resources folder of the FMU.
 ///
 /// # Errors
 ///
-/// A message with the parameter, the path and what to do: an empty path, a file that cannot be read, is not a regular
-/// file, is larger than 64 MiB or is not UTF-8.
+/// If the path is empty, or the file cannot be read, is not a regular file, is larger than 64 MiB or is not UTF-8. The
+/// message contains the parameter and the path.
 pub fn read_file(parameter: &str, file: &str, resources: &Path) -> Result<(String, String), String> {
     if file.is_empty() {
         return Err(format!("'{parameter}' must be the path of a CSV file, it is empty"));
@@ -59,12 +58,13 @@ fn read_regular(path: &Path, largest: u64) -> Result<String, Error> {
             Ok(())
         }
     };
-    // Before it is opened, which would wait for the other end of a pipe, and again, in case it was replaced.
+    // Checked before opening, because opening a pipe would wait for its other end. Checked again after opening, in case
+    // the file was replaced.
     check(&std::fs::metadata(path)?)?;
     let file = File::open(path)?;
     check(&file.metadata()?)?;
     let mut text = String::new();
-    // It may still be growing.
+    // The file may still be growing.
     if file.take(largest + 1).read_to_string(&mut text)? as u64 > largest {
         return Err(Error::other(format!("it has more than {largest} bytes")));
     }
@@ -80,19 +80,19 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Reads columns, all of which are required. `path` only appears in messages. [`Columns::column`] counts them in the
-    /// order of `names`.
+    /// Reads columns, all of which are required. `path` only appears in messages. [`Columns::column`] counts the columns in
+    /// the order of `names`.
     ///
     /// # Errors
     ///
-    /// A message with path, line and column and what to write there, without the content of the file: a column of
-    /// another name, missing or given twice, no row, a row of another length, a field that is not a finite number.
+    /// If a column is missing, unknown or given twice, there is no row, a row has another length than the header, or a
+    /// field is not a finite number. The message contains path, line and column, but not the content of the file.
     pub fn parse(text: &str, path: &str, names: &[&str]) -> Result<Self, String> {
         let expected = format!("`{}`", names.join("`, `"));
         Self::read(text, path, names, &expected, |found| found.len() == names.len())
     }
 
-    /// Reads the listed columns that the file has; `is_complete` decides from their names whether these are enough.
+    /// Reads those of the `known` columns that the file has. `is_complete` decides whether their names are sufficient.
     fn read(
         text: &str,
         path: &str,
@@ -122,7 +122,7 @@ impl Columns {
             }
         }
         if !is_complete(&names) {
-            // nothing but the names above
+            // Repeating the header is safe: it consists of known names.
             return Err(format!("{path}:{header_line}: expected columns {expected}, found only `{header}`"));
         }
 
@@ -160,21 +160,21 @@ impl Columns {
     ///
     /// # Panics
     ///
-    /// If there is no column of this number.
+    /// If there is no column with this index.
     pub fn column(&self, column: usize) -> &[f64] {
         self.values[column].as_deref().expect("all columns are there")
     }
 
-    /// Line of the file in which a row is.
+    /// Line number of a row in the file.
     ///
     /// # Panics
     ///
-    /// If there is no row of this number.
+    /// If there is no row with this index.
     pub fn line(&self, row: usize) -> usize {
         self.lines[row]
     }
 
-    /// Fingerprint of the text the columns were read from, see [`content_hash`].
+    /// The [`content_hash`] of the file.
     pub fn content_hash(&self) -> u64 {
         self.content_hash
     }
@@ -189,14 +189,12 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table.
-    ///
-    /// `path` only appears in messages. `abscissa` is the required column, `columns` are those
-    /// that may be there, in the order in which [`Table::at`] counts them.
+    /// Reads a table. `path` only appears in messages. The column `abscissa` is required. `columns` are optional, at least
+    /// one of them must be there; [`Table::at`] counts them in this order.
     ///
     /// # Errors
     ///
-    /// As [`Columns::parse`], and an abscissa that does not increase.
+    /// Those of [`Columns::parse`], and an abscissa that does not increase.
     pub fn parse(text: &str, path: &str, abscissa: &str, columns: &[&str]) -> Result<Self, String> {
         let known: Vec<&str> = std::iter::once(abscissa).chain(columns.iter().copied()).collect();
         let expected = format!("`{abscissa}` and any of `{}`", columns.join("`, `"));
@@ -222,8 +220,8 @@ impl Table {
         self.columns.get(column)?.as_deref()
     }
 
-    /// The value of a column at `x`: linear between the rows, the end values outside; `None` if the file does not
-    /// have the column.
+    /// The value of a column at `x`, interpolated linearly between the rows and held constant outside. `None` if the file
+    /// does not have the column.
     pub fn at(&self, column: usize, x: f64) -> Option<f64> {
         let values = self.column(column)?;
         let next = self.next_row(x);
@@ -237,20 +235,19 @@ impl Table {
         })
     }
 
-    /// Index of the first row after `x`: 0 before the first row, the number of rows from the last row on.
+    /// Index of the first row after `x`, or the number of rows if there is none.
     pub fn next_row(&self, x: f64) -> usize {
         self.abscissa.partition_point(|point| *point <= x)
     }
 
-    /// Fingerprint of the text the table was read from, see [`content_hash`].
+    /// The [`content_hash`] of the file.
     pub fn content_hash(&self) -> u64 {
         self.content_hash
     }
 }
 
-/// FNV-1a hash (64 bit) of a file's content, which detects a saved state of another content.
-///
-/// Not cryptographic; it guards against mistakes, not against intent.
+/// FNV-1a hash (64 bit) of a file's content. A model compares it to reject a saved FMU state that was made with other
+/// content. The hash is not cryptographic: it guards against mistakes, not against tampering.
 ///
 /// # Reference
 ///
@@ -267,7 +264,7 @@ mod tests {
         Table::parse(text, "a.csv", "time", &["steer", "speed"])
     }
 
-    /// Closed form: the values are exact in binary, so no tolerance.
+    /// The values are exact in binary, so there is no tolerance.
     #[test]
     fn interpolates_between_and_holds_outside() {
         let table = parse("\u{feff}time, speed\r\n\r\n# a comment\r\n1, 10\r\n3, 20\r\n").unwrap();
@@ -301,7 +298,6 @@ mod tests {
         }
     }
 
-    /// Closed form: the values in the text.
     #[test]
     fn columns_need_no_order() {
         let columns = Columns::parse("# a path\ny, x\n0,1\n\n2,1\n-1,0.5\n", "a.csv", &["x", "y"]).unwrap();
@@ -331,7 +327,7 @@ mod tests {
         assert_eq!(message, "'table.file' must be the path of a CSV file, it is empty");
     }
 
-    /// A FIFO would block, a device would never end, a folder has no text: each is rejected before it is opened.
+    /// A FIFO would block, a device would never end, and a folder has no text: each is rejected before it is opened.
     #[test]
     fn reads_regular_files_only() {
         let folder = tempfile::tempdir().unwrap();
@@ -349,7 +345,7 @@ mod tests {
             let fifo = folder.path().join("fifo");
             assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
             assert_eq!(rejected(&fifo), "it is not a regular file");
-            // a link counts as its target
+            // a link is treated as its target
             std::fs::write(&file, "0").unwrap();
             let link = folder.path().join("link");
             std::os::unix::fs::symlink(&file, &link).unwrap();
@@ -357,7 +353,7 @@ mod tests {
         }
     }
 
-    /// Whatever a rejected file contains, no message repeats it: it may be a file that the user of the log must not see.
+    /// No message repeats the content of a rejected file: readers of the log may not be allowed to see it.
     #[test]
     fn messages_do_not_repeat_the_file() {
         const SECRET: &str = "31415";
@@ -375,7 +371,7 @@ mod tests {
         }
     }
 
-    /// Reference: the published test vectors of FNV-1a for the empty text and for "a".
+    /// Reference: the published FNV-1a test vectors for the empty text and for "a".
     #[test]
     fn content_hash_is_fnv_1a() {
         assert_eq!(content_hash(b""), 0xcbf2_9ce4_8422_2325);

@@ -1,5 +1,5 @@
-//! Tire laws. A positive slip angle gives a force to the right, so the lateral forces have the sign of -alpha
-//! (ISO 8855); a positive longitudinal slip drives.
+//! Tire laws. A positive slip angle gives a lateral force to the right, which is negative (ISO 8855). A positive
+//! longitudinal slip gives a driving force.
 
 use std::array::from_fn;
 
@@ -13,7 +13,7 @@ pub fn linear<T: Scalar>(c: f64, alpha: T) -> T {
     -alpha * c
 }
 
-/// F_y = -mu N tanh(C alpha / (mu N)) of several tires at once: the linear law with its force limited by friction.
+/// F_y = -mu N tanh(C alpha / (mu N)) for several tires at once: the linear law with its force limited by friction.
 ///
 /// `mu_n`: friction coefficient times tire load in N; the force is 0 where it is not above 1 N (a tire in the air).
 #[inline]
@@ -34,8 +34,9 @@ pub fn saturating_each<T: Scalar, const N: usize>(c: [f64; N], mu_n: [T; N], alp
 /// F_y = -D sin(C atan(B x - E (B x - atan(B x))))
 /// ```
 ///
-/// mu scales the peak D alone: the slope B C D at the origin stays. Valid for the loads of the fit, for a passenger car
-/// 2 to 8 kN; the peak falls again above -a2/(2 a1) and the force is 0 where D is not above 1e-6 N.
+/// mu scales only the peak D; the slope B C D at the origin does not change. The formula is valid for the loads of the
+/// fit, 2 to 8 kN for a passenger car. The peak decreases again for loads above -a2/(2 a1). The force is 0 where D is
+/// not positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MagicFormula {
     /// Shape factor C.
@@ -45,10 +46,10 @@ pub struct MagicFormula {
 }
 
 impl MagicFormula {
-    /// The passenger car tire of textbooks.
+    /// The passenger car tire used in textbooks.
     pub const PASSENGER_CAR: Self = Self { c: 1.3, a: [-22.1, 1011.0, 1078.0, 1.82, 0.208, 0.0, -0.354, 0.707] };
 
-    /// Lateral forces of several tires in N.
+    /// Lateral forces on several tires in N.
     ///
     /// `mu`: factor on the peak, 1 for the fitted tire; `load`: tire load in N; `alpha`: slip angle in rad.
     #[inline]
@@ -71,8 +72,9 @@ impl MagicFormula {
     }
 }
 
-/// Forces of several tires by Dugoff's law, the longitudinal ones first, in N, in the frame of the wheel: Dugoff, Fancher,
-/// Segel, "An analysis of tire traction properties and their influence on vehicle dynamic performance", SAE paper 700377, 1970.
+/// Forces on several tires by Dugoff's law in N: longitudinal, then lateral forces, in the frame of the wheel. Dugoff,
+/// Fancher, Segel, "An analysis of tire traction properties and their influence on vehicle dynamic performance", SAE
+/// paper 700377, 1970.
 ///
 /// ```text
 /// (g_x, g_y) = (C_x s, -C_y t)      D = |g|      N = mu F_z (1 - |s|) / 2
@@ -81,8 +83,8 @@ impl MagicFormula {
 /// ```
 ///
 /// `c`: slip and cornering stiffness C_x in N and C_y in N/rad, >= 0; `mu_n`: friction coefficient times tire load mu F_z
-/// in N, without force where it is not positive; `s`: longitudinal slip within [-1, 1] (-1 locked); `t`: tangent of the
-/// slip angle. The law is continuous, also at s = -1, and the force is never greater than mu F_z.
+/// in N, where a negative value acts like 0; `s`: longitudinal slip within [-1, 1] (-1 locked); `t`: tangent of the slip
+/// angle. The law is continuous, even at s = -1, and the force is never greater than mu F_z.
 #[inline]
 pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [T; N], t: [T; N]) -> [[T; N]; 2] {
     let g_x: [T; N] = from_fn(|i| c[0][i] * s[i]);
@@ -93,8 +95,8 @@ pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [
         let d2 = g_x[i].squared() + g_y[i].squared();
         let d = d2.sqrt();
         let n = mu_n * rest * 0.5;
-        // One division for both cases. Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the
-        // floor avoids 0/0.
+        // One division for both cases. A locked wheel in the air has D = N = 0 and is in the adhering case: the floor of
+        // 1e-12 avoids 0/0.
         let numerator = d.if_greater(n, mu_n * (d * 2.0 - n), T::from(1.0));
         let sliding = Scalar::max(d2 * 2.0, T::from(1e-30));
         let denominator = d.if_greater(n, sliding, Scalar::max(rest, T::from(1e-12)));
@@ -108,7 +110,6 @@ mod tests {
     use super::*;
     use fmu::Dual64;
 
-    /// The laws of one tire.
     fn saturating(c: f64, mu_n: f64, alpha: f64) -> f64 {
         saturating_each([c], [mu_n], [alpha])[0]
     }
@@ -127,14 +128,13 @@ mod tests {
         assert_eq!(saturating(3e5, -5.0, 0.1), 0.0);
     }
 
-    /// Force of the textbook tire, N.
     fn magic(mu: f64, load: f64, alpha: f64) -> f64 {
         MagicFormula::PASSENGER_CAR.lateral_each([mu], [load], [alpha])[0]
     }
 
     #[test]
-    fn the_magic_formula_has_the_check_numbers() {
-        // Computed by an independent implementation, 6 decimals printed.
+    fn the_magic_formula_gives_the_reference_forces() {
+        // Computed by an independent implementation, printed with 6 decimals.
         let numbers = [
             (0.02, 4817.14, -1206.443245),
             (-0.05, 3153.49, 2174.795431),
@@ -148,8 +148,8 @@ mod tests {
 
     #[test]
     fn the_magic_formula_has_its_slope_and_its_peak() {
-        // Closed forms: slope B C D whatever the peak factor (relative error of the order (B x)^2 = 1e-8), and the
-        // greatest force D, found by a search in steps of 0.01 deg (error of second order).
+        // Closed forms: the slope is B C D for any mu (relative error of the order of (B x)^2 = 1e-8). The greatest force
+        // is D; a search in steps of 0.01 deg finds it with a second-order error.
         let load: f64 = 4000.0;
         let slope = 1078.0 * (1.82 * (0.208 * load / 1000.0).atan()).sin() * 180.0 / std::f64::consts::PI;
         for mu in [0.3, 1.0] {
@@ -162,20 +162,21 @@ mod tests {
     }
 
     #[test]
-    fn the_magic_formula_is_finite_where_it_ends() {
-        // In the air, pulling, without friction, and beyond the zero of the peak at 45.7 kN.
+    fn the_magic_formula_is_finite_where_the_peak_is_zero() {
+        // In the air, with a pulling load, without friction, and above 45.7 kN, where the formula for the peak is negative.
         for (mu, load) in [(1.0, 0.0), (1.0, -500.0), (0.0, 4000.0), (1.0, 50_000.0)] {
             assert_eq!(magic(mu, load, 0.1), 0.0);
             let (load, alpha) = (Dual64::new(load, 1.0), Dual64::new(0.0, 1.0));
             let [slope] = MagicFormula::PASSENGER_CAR.lateral_each([Dual64::from(mu)], [load], [alpha]);
             assert_eq!((slope.re, slope.eps), (0.0, 0.0));
         }
-        // Just above it the force grows with the load, without a step.
+        // The force has no step at a load of zero.
         assert!(magic(1.0, 0.01, 0.1).abs() < 0.02);
     }
 
-    /// Force of the front tire of the car (`data::esp_car`) at its load at rest and 60 km/h, friction 0.77 (1 - 0.015 s/m
-    /// times the speed of sliding); slip and tangent are relative to the speed with 0.5 m/s added in quadrature, as there.
+    /// Force on the front tire of `EspCar` at its load at rest and 60 km/h. As in that model, the friction is
+    /// 0.77 (1 - 0.015 s/m times the sliding speed), and slip and tangent are relative to a speed with 0.5 m/s added in
+    /// quadrature.
     fn front_tire(slip: f64, alpha: f64) -> [f64; 2] {
         let load = 1360.0 * 9.81 * 1.24 / (2.0 * 2.34);
         let speed = 60.0 / 3.6;
@@ -185,8 +186,8 @@ mod tests {
     }
 
     #[test]
-    fn dugoff_has_the_check_numbers() {
-        // Computed by an independent implementation; compared to the last printed digit.
+    fn dugoff_gives_the_reference_forces() {
+        // Computed by an independent implementation and compared to the last printed digit.
         let near = |actual: f64, expected: f64, tolerance: f64| {
             assert!((actual - expected).abs() <= tolerance, "{actual} {expected}");
         };
@@ -196,7 +197,7 @@ mod tests {
         near(x, -1918.394, 5e-4);
         near(y, -1122.458, 5e-4);
         near(front_tire(-0.15, 0.0)[0], -2470.173, 5e-4);
-        // Locked: mu F_z, less N/D.
+        // Locked: mu F_z. Relative to a speed with 0.5 m/s added in quadrature, the slip is slightly less than 1.
         near(front_tire(-1.0, 0.0)[0], -2041.429, 5e-3);
     }
 
@@ -222,8 +223,8 @@ mod tests {
         assert_eq!(dugoff([6e4, 4e4], -5.0, 0.1, 0.1), [0.0, 0.0]);
         assert_eq!(dugoff([6e4, 4e4], 3000.0, 0.0, 0.0), [0.0, 0.0]);
         assert_eq!(dugoff([6e4, 4e4], 3000.0, -1.0, 0.0)[0], -3000.0);
-        // Without lateral slip sliding begins at C s/(1 - s) = mu F_z/2, where both forms give this force; a step of 1e-9
-        // beside it changes the force by 1e-4 N.
+        // Without lateral slip, sliding begins at C s/(1 - s) = mu F_z/2, where both forms give this force. A step of
+        // 1e-9 to either side changes the force by 1e-4 N.
         let edge = 1500.0 / 6e4 / (1.0 + 1500.0 / 6e4);
         let [below, above] = [edge - 1e-9, edge + 1e-9].map(|s| dugoff([6e4, 4e4], 3000.0, s, 0.0)[0]);
         assert!((below - 1500.0).abs() < 1e-3 && (above - below).abs() < 1e-3, "{below} {above}");

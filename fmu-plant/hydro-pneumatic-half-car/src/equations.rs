@@ -30,7 +30,7 @@ use fmu::Scalar;
 
 use crate::{D, HydroPneumaticHalfCar, U, X, Y};
 
-/// Floor of the speed where it divides, m/s; below it the tire forces fade out.
+/// Lower limit of the speed in divisions, m/s; below it the tire forces fade out.
 const FLOOR: f64 = 1.0;
 /// Rate at which sideslip and yaw rate decay at standstill, 1/s.
 const DECAY: f64 = 10.0;
