@@ -86,12 +86,12 @@ pub mod hydro_pneumatic_half_car {
     pub const GRAVITY: f64 = 9.81;
 }
 
-/// Three-axle heavy truck with a walking-beam suspension of its rear axles: Lu, Wang, Zhang, "Multiobjective Synchronous
-/// Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
+/// Three-axle heavy truck with a walking-beam suspension of its rear axles: Lu, Wang, Zhang, "Multiobjective
+/// Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
 ///
-/// The paper prints no vehicle data. "Calibrated" values are a rounded least-squares fit to its results without control:
-/// vertical, pitch and roll acceleration in the step case of Table 3, and the roll ratios in section 4.1 (77, 64 and
-/// 35 %). All others are assumed, for the reason given at each.
+/// The paper prints no vehicle data. "Calibrated" values are a rounded least-squares fit to its results without
+/// control: vertical, pitch and roll acceleration in the step case of Table 3, and the roll ratios in section 4.1 (77,
+/// 64 and 35 %). All others are assumed, for the reason given at each.
 pub mod heavy_vehicle {
     /// Sprung mass, kg: 6x4 truck of the 25 t class.
     pub const BODY_MASS: f64 = 20_000.0;
@@ -104,7 +104,8 @@ pub mod heavy_vehicle {
     pub const YAW_INERTIA: f64 = 100_000.0;
     /// Minus the integral of x z dm, kg m2: small, but it couples roll and yaw.
     pub const ROLL_YAW_INERTIA: f64 = 2_000.0;
-    /// One wheel position of the front, middle and rear axle, kg: half a steer axle, half a drive axle with dual wheels.
+    /// One wheel position of the front, middle and rear axle, kg: half a steer axle, half a drive axle with dual
+    /// wheels.
     pub const WHEEL_MASS: [f64; 3] = [300.0, 450.0, 450.0];
     /// One walking beam, kg.
     pub const BEAM_MASS: f64 = 200.0;
@@ -149,8 +150,8 @@ pub mod heavy_vehicle {
     pub const GRAVITY: f64 = 9.81;
 }
 
-/// Two-axle car with semi-active suspension, antilock brakes and yaw control: Xia, Tang, Zhao, "Coordinated control of a
-/// semi-active suspension system and an electronic stability program on a finite-state basis".
+/// Two-axle car with semi-active suspension, antilock brakes and yaw control: Xia, Tang, Zhao, "Coordinated control of
+/// a semi-active suspension system and an electronic stability program on a finite-state basis".
 ///
 /// Values from Table 6 of the paper are marked. All others are assumed, for the reason given at each.
 pub mod esp_car {
@@ -199,8 +200,8 @@ pub mod esp_car {
     pub const SLIP_STIFFNESS: [f64; 2] = [65_000.0, 58_000.0];
     /// Friction of the tires: gives the braking distance in Table 7 (state 3, no control) on a flat road.
     pub const FRICTION: f64 = 0.77;
-    /// Brake torque per pressure at one front, one rear wheel, m3: pistons of about 54 and 34 mm, efficiency 0.95, brake
-    /// factor 0.7, effective radius 0.11 m.
+    /// Brake torque per pressure at one front, one rear wheel, m3: pistons of about 54 and 34 mm, efficiency 0.95,
+    /// brake factor 0.7, effective radius 0.11 m.
     pub const BRAKE_GAIN: [f64; 2] = [1.6748e-4, 6.6396e-5];
     /// Speed of the paper's experiments, m/s (60 km/h).
     pub const SPEED: f64 = 60.0 / 3.6;

@@ -1,6 +1,6 @@
 //! Code shared by the vehicles and controllers of the library: the catalogue of [`signals`] and [`parameters`], the
-//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), [`random`] numbers,
-//! [`arithmetic`] that keeps equations fast, [`mirror`] images for tests, and the data of the vehicles.
+//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), [`random`]
+//! numbers, [`arithmetic`] that keeps equations fast, [`mirror`] images for tests, and the data of the vehicles.
 //!
 //! Axes and signs follow ISO 8855: x forward, y left, z up, SI units, angles in radians. Roll is positive about x (the
 //! body leans right), pitch about y (nose down), yaw about z (left turn). Deflections are negative in compression; a

@@ -1,5 +1,5 @@
-//! The catalogue of physical parameters. A name has the same meaning in every FMU, so one parameter set fits a plant and
-//! the controllers that have copies of its parameters.
+//! The catalogue of physical parameters. A name has the same meaning in every FMU, so one parameter set fits a plant
+//! and the controllers that have copies of its parameters.
 
 use fmu::Range::{Any, AtLeast, NonNegative, Positive};
 use fmu::{Definition, unit};

@@ -55,7 +55,8 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The suspension struts of a three-axle vehicle with walking beams at its rear axles; left struts have even indices.
+    /// The suspension struts of a three-axle vehicle with walking beams at its rear axles; left struts have even
+    /// indices.
     pub Struts[4] {
         fl: "front left strut",
         fr: "front right strut",

@@ -344,8 +344,8 @@ mod tests {
         }
     }
 
-    /// Reference: a Runge-Kutta integration of the all-pass equations for a piecewise linear input, with a step of T/4000
-    /// (error of order (1/4000)^4 = 4e-15). The tolerance of 1e-12 covers the rounding of 12,000 steps.
+    /// Reference: a Runge-Kutta integration of the all-pass equations for a piecewise linear input, with a step of
+    /// T/4000 (error of order (1/4000)^4 = 4e-15). The tolerance of 1e-12 covers the rounding of 12,000 steps.
     #[test]
     fn all_pass_is_exact_between_the_points() {
         let t = 1.56;
@@ -375,8 +375,8 @@ mod tests {
         }
     }
 
-    /// Reference: the Padé form of a delay has magnitude 1 and phase -2 atan((w T/2)/(1 - (w T)^2/12)). It delays a ramp
-    /// by exactly T and passes a constant.
+    /// Reference: the Padé form of a delay has magnitude 1 and phase -2 atan((w T/2)/(1 - (w T)^2/12)). It delays a
+    /// ramp by exactly T and passes a constant.
     #[test]
     fn all_pass_delays() {
         let filter = AllPass::new(2.0);
@@ -413,8 +413,8 @@ mod tests {
         }
     }
 
-    /// Reference: the road of the heavy vehicle, q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m. The tolerance
-    /// is half a unit of the last digit plus the interpolation error of 2.4e-9 m.
+    /// Reference: the road of the heavy vehicle, q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m. The
+    /// tolerance is half a unit of the last digit plus the interpolation error of 2.4e-9 m.
     #[test]
     fn harmonics_give_the_reference_heights() {
         let road = Harmonics::new(&Harmonics::amplitudes(64e-6, 1));
@@ -453,7 +453,8 @@ mod tests {
         assert!(road.height(1e300).is_finite());
     }
 
-    /// Reference: the definition of the Fourier sum, evaluated directly. 64 terms of size 1 have a rounding error of 1e-14.
+    /// Reference: the definition of the Fourier sum, evaluated directly. 64 terms of size 1 have a rounding error of
+    /// 1e-14.
     #[test]
     fn fourier_sum_is_the_definition() {
         for count in [1_usize, 2, 64] {

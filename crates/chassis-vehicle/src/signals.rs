@@ -2,8 +2,8 @@
 //!
 //! An array appends the name of its element, for example `road_height.fl`.
 //!
-//! The number after the display unit is the nominal value: the usual peak, rounded to 1, 2 or 5 times a power of ten. It
-//! is the same for all vehicles, from 1.5 t to 36 t.
+//! The number after the display unit is the nominal value: the usual peak, rounded to 1, 2 or 5 times a power of ten.
+//! It is the same for all vehicles, from 1.5 t to 36 t.
 
 use fmu::{Definition, Range, unit};
 

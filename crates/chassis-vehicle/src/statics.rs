@@ -2,8 +2,8 @@
 
 /// Loads of three axles under a rigid body on equal springs, N.
 ///
-/// The balances of force and moment determine only two of the three loads. Equal springs make the load a linear function
-/// of the axle position, A + D x, with sum (A + D x) = m g and sum x (A + D x) = 0.
+/// The balances of force and moment determine only two of the three loads. Equal springs make the load a linear
+/// function of the axle position, A + D x, with sum (A + D x) = m g and sum x (A + D x) = 0.
 ///
 /// `mass`: m, kg; `gravity`: g, m/s2; `x`: positions of the axles in front of the center of mass, m, not all equal.
 /// A load is negative if the axle would have to pull the vehicle down.

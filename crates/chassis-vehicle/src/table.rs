@@ -2,9 +2,10 @@
 //!
 //! # Format
 //!
-//! The first line contains the column names, every further line a row of finite numbers. Blank lines and lines that start
-//! with `#` are skipped. Spaces around a field are ignored. A byte order mark and Windows line ends are accepted. Quotes
-//! are not. A [`Table`] requires an abscissa (time or distance) that increases strictly; [`Columns`] have no abscissa.
+//! The first line contains the column names, every further line a row of finite numbers. Blank lines and lines that
+//! start with `#` are skipped. Spaces around a field are ignored. A byte order mark and Windows line ends are accepted.
+//! Quotes are not. A [`Table`] requires an abscissa (time or distance) that increases strictly; [`Columns`] have no
+//! abscissa.
 //!
 //! The path is untrusted input: only regular files of limited size are read, and an error message contains the position
 //! of the problem, never the content of the file.
@@ -25,8 +26,8 @@ use std::path::Path;
 /// Size of the largest file that is read, in bytes: 64 MiB hold four signals, sampled every millisecond for 20 minutes.
 const LARGEST: u64 = 64 << 20;
 
-/// Reads the file that a parameter names. Returns its full path and its text. A relative path starts at `resources`, the
-/// resources folder of the FMU.
+/// Reads the file that a parameter names. Returns its full path and its text. A relative path starts at `resources`,
+/// the resources folder of the FMU.
 ///
 /// # Errors
 ///
@@ -80,8 +81,8 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Reads columns, all of which are required. `path` only appears in messages. [`Columns::column`] counts the columns in
-    /// the order of `names`.
+    /// Reads columns, all of which are required. `path` only appears in messages. [`Columns::column`] counts the
+    /// columns in the order of `names`.
     ///
     /// # Errors
     ///
@@ -189,8 +190,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table. `path` only appears in messages. The column `abscissa` is required. `columns` are optional, at least
-    /// one of them must be there; [`Table::at`] counts them in this order.
+    /// Reads a table. `path` only appears in messages. The column `abscissa` is required. `columns` are optional, at
+    /// least one of them must be there; [`Table::at`] counts them in this order.
     ///
     /// # Errors
     ///
@@ -220,8 +221,8 @@ impl Table {
         self.columns.get(column)?.as_deref()
     }
 
-    /// The value of a column at `x`, interpolated linearly between the rows and held constant outside. `None` if the file
-    /// does not have the column.
+    /// The value of a column at `x`, interpolated linearly between the rows and held constant outside. `None` if the
+    /// file does not have the column.
     pub fn at(&self, column: usize, x: f64) -> Option<f64> {
         let values = self.column(column)?;
         let next = self.next_row(x);

@@ -82,9 +82,9 @@ impl MagicFormula {
 /// (F_x, F_y) = g mu F_z / (2 D) (2 - N / D)      D > N  (part of it slides)
 /// ```
 ///
-/// `c`: slip and cornering stiffness C_x in N and C_y in N/rad, >= 0; `mu_n`: friction coefficient times tire load mu F_z
-/// in N, where a negative value acts like 0; `s`: longitudinal slip within [-1, 1] (-1 locked); `t`: tangent of the slip
-/// angle. The law is continuous, even at s = -1, and the force is never greater than mu F_z.
+/// `c`: slip and cornering stiffness C_x in N and C_y in N/rad, >= 0; `mu_n`: friction coefficient times tire load mu
+/// F_z in N, where a negative value acts like 0; `s`: longitudinal slip within [-1, 1] (-1 locked); `t`: tangent of the
+/// slip angle. The law is continuous, even at s = -1, and the force is never greater than mu F_z.
 #[inline]
 pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [T; N], t: [T; N]) -> [[T; N]; 2] {
     let g_x: [T; N] = from_fn(|i| c[0][i] * s[i]);
@@ -95,8 +95,8 @@ pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [
         let d2 = g_x[i].squared() + g_y[i].squared();
         let d = d2.sqrt();
         let n = mu_n * rest * 0.5;
-        // One division for both cases. A locked wheel in the air has D = N = 0 and is in the adhering case: the floor of
-        // 1e-12 avoids 0/0.
+        // One division for both cases. A locked wheel in the air has D = N = 0 and is in the adhering case: the floor
+        // of 1e-12 avoids 0/0.
         let numerator = d.if_greater(n, mu_n * (d * 2.0 - n), T::from(1.0));
         let sliding = Scalar::max(d2 * 2.0, T::from(1e-30));
         let denominator = d.if_greater(n, sliding, Scalar::max(rest, T::from(1e-12)));
@@ -148,8 +148,8 @@ mod tests {
 
     #[test]
     fn the_magic_formula_has_its_slope_and_its_peak() {
-        // Closed forms: the slope is B C D for any mu (relative error of the order of (B x)^2 = 1e-8). The greatest force
-        // is D; a search in steps of 0.01 deg finds it with a second-order error.
+        // Closed forms: the slope is B C D for any mu (relative error of the order of (B x)^2 = 1e-8). The greatest
+        // force is D; a search in steps of 0.01 deg finds it with a second-order error.
         let load: f64 = 4000.0;
         let slope = 1078.0 * (1.82 * (0.208 * load / 1000.0).atan()).sin() * 180.0 / std::f64::consts::PI;
         for mu in [0.3, 1.0] {
@@ -163,7 +163,8 @@ mod tests {
 
     #[test]
     fn the_magic_formula_is_finite_where_the_peak_is_zero() {
-        // In the air, with a pulling load, without friction, and above 45.7 kN, where the formula for the peak is negative.
+        // In the air, with a pulling load, without friction, and above 45.7 kN, where the formula for the peak is
+        // negative.
         for (mu, load) in [(1.0, 0.0), (1.0, -500.0), (0.0, 4000.0), (1.0, 50_000.0)] {
             assert_eq!(magic(mu, load, 0.1), 0.0);
             let (load, alpha) = (Dual64::new(load, 1.0), Dual64::new(0.0, 1.0));
