@@ -180,7 +180,7 @@ pub mod esp_car {
     pub const PITCH_INERTIA: f64 = 1218.0;
     /// Sprung mass about its own center of mass, kg m2 (Table 6).
     pub const BODY_YAW_INERTIA: f64 = 1207.0;
-    /// Whole vehicle, kg m2: body and wheels about the common center of mass, 1497.64 when printed.
+    /// Whole vehicle, kg m2: body and wheels about the common center of mass, rounded to two decimals.
     pub const YAW_INERTIA: f64 = 1497.64;
     /// One front, one rear strut, N/m (Table 6).
     pub const SUSPENSION_STIFFNESS: [f64; 2] = [19_000.0, 17_000.0];

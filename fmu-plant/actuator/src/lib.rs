@@ -5,7 +5,7 @@
 //! | u, x | command, value of the actuator |
 //! | T, r | time constant, greatest rate |
 //! | x_min, x_max | range |
-//! | step, h_r | step, and the part of it at the greatest rate |
+//! | step, h_r | step size, and its part at the greatest rate |
 
 #[cfg(test)]
 mod tests;
@@ -48,7 +48,7 @@ pub struct X<T> {
     x: T,
 }
 
-/// A value within the range.
+/// Limits a value to the range.
 fn within<T: Scalar>(p: &Actuator, value: T) -> T {
     Scalar::clamp(value, T::from(p.x_min), T::from(p.x_max))
 }

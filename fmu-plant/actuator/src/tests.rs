@@ -1,4 +1,4 @@
-//! The closed forms of the README, and the differential equation.
+//! Tests against the closed forms in the README and the differential equation.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ fn advance(p: &Actuator, x: f64, u: f64, h: f64) -> f64 {
     p.advance(at(&X { x }, &U { u }), h).x
 }
 
-/// Times and values in `count` steps of `h`, for a command as a function of the time at the start of each.
+/// Times and values over `count` steps of `h`. The command `u` is a function of the time at the start of each step.
 fn run(p: &Actuator, h: f64, count: usize, u: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
     let mut actuator = ContinuousSimulation::new(p.clone()).unwrap();
     (0..=count)
@@ -33,12 +33,12 @@ fn run(p: &Actuator, h: f64, count: usize, u: impl Fn(f64) -> f64) -> Vec<(f64, 
         .collect()
 }
 
-/// Roundings of a few hundred exact steps of numbers of order 1 or 10.
+/// Tolerance for the rounding in a few hundred exact steps with numbers of order 1 to 10.
 const ROUNDING: f64 = 1e-13;
 
 #[test]
 fn a_step_rises_with_the_time_constant() {
-    // A (1 - exp(-t/T)), at every communication point, whatever the step.
+    // A (1 - exp(-t/T)) at every communication point, for any step size.
     let p = Actuator { t: 0.05, ..Actuator::default() };
     for h in [1e-4, 1e-3, 0.013, 0.5] {
         for (t, x) in run(&p, h, 400, |_| 2.0) {
@@ -74,7 +74,7 @@ fn a_small_step_does_not_reach_the_greatest_rate() {
 #[test]
 fn the_range_limits_the_command_without_windup() {
     let p = Actuator { t: 0.05, x_min: -0.5, x_max: 1.5, ..Actuator::default() };
-    // 7 from 0 s, -7 from 1 s: as if the command had been 1.5 and -0.5.
+    // A command of 7 from 0 s and -7 from 1 s acts like 1.5 and -0.5.
     for (t, x) in run(&p, 1e-3, 2000, |t| if t < 0.9995 { 7.0 } else { -7.0 }) {
         let at_one = 1.5 * (1.0 - (-1.0 / p.t).exp());
         let expected =
@@ -85,8 +85,9 @@ fn the_range_limits_the_command_without_windup() {
 }
 
 #[test]
-fn a_ramp_is_followed_behind_by_the_time_constant() {
-    // The command is held over a step, so its staircase is late by h/2: x = a (t - h/2 - T (1 - exp(-t/T))) up to h^2/(12 T).
+fn a_ramp_is_delayed_by_the_time_constant() {
+    // The command is held over a step, so its staircase lags by h/2: x = a (t - (T + h/2)(1 - exp(-t/T))) up to h^2/(12
+    // T).
     let p = Actuator { t: 0.05, r: 4.0, ..Actuator::default() };
     let (a, h) = (3.0, 1e-4);
     for (t, x) in run(&p, h, 5000, |t| a * t) {
@@ -96,7 +97,7 @@ fn a_ramp_is_followed_behind_by_the_time_constant() {
 }
 
 #[test]
-fn the_least_time_constant_follows_at_once() {
+fn with_the_least_time_constant_the_value_follows_at_once() {
     let p = Actuator { t: 1e-6, r: 4.0, ..Actuator::default() };
     let fast = Actuator { t: 1e-6, ..Actuator::default() };
     for (k, (_, x)) in run(&fast, 1e-3, 10, |t| 1e3 * t).into_iter().enumerate().skip(1) {
@@ -124,7 +125,7 @@ fn a_range_upside_down_is_an_error() {
     assert!(ContinuousSimulation::new(Actuator { x_min: 1.0, x_max: 1.0, ..Actuator::default() }).is_ok());
 }
 
-/// The FMU takes the same steps: the initial value, then the exact solution.
+/// The FMU starts at the initial value and takes the same exact steps.
 #[test]
 fn the_instance_gives_the_bits_of_the_equations() {
     type Fmu = Instance<ContinuousModel<Actuator>>;
@@ -167,8 +168,9 @@ fn the_instance_gives_the_bits_of_the_equations() {
 }
 
 proptest! {
-    /// The exact step solves the differential equation: its slope at any length is x' there, and two parts are the whole.
-    /// Roundings of numbers up to 10, and of slopes up to 20/T.
+    /// The exact step solves the differential equation: its derivative with respect to the step size is x' at its end,
+    /// and two partial steps give the result of one. The tolerances cover the rounding of numbers up to 10 and of
+    /// slopes up to 20/T.
     #[test]
     fn the_step_is_the_solution(
         x in -10.0..10.0_f64, u in -20.0..20.0_f64, t in 1e-3..1.0_f64, r in 0.1..100.0_f64, h in 1e-5..2.0_f64, part in 0.01..0.99_f64,
@@ -178,7 +180,7 @@ proptest! {
         let first = advance(&p, x, u, part * h);
         let second = advance(&p, first, u, (1.0 - part) * h);
         prop_assert!((whole - second).abs() < ROUNDING);
-        // The slope by hand, as a derivative of the closed form.
+        // The derivative of the closed form, by a dual number.
         let e = u.clamp(-10.0, 10.0) - x;
         let h_r = (e.abs() / r - t).max(0.0);
         let slope = if h < h_r {
@@ -189,12 +191,12 @@ proptest! {
         };
         let rate = p.derivatives(at(&X { x: whole }, &U { u })).x;
         prop_assert!((rate - slope).abs() < ROUNDING * (1.0 + 1.0 / t));
-        // It never passes its target, nor the greatest rate.
+        // The value never passes its target, nor changes faster than the greatest rate.
         prop_assert!((u.clamp(-10.0, 10.0) - whole) * e >= -ROUNDING);
         prop_assert!((whole - x).abs() <= r * h + ROUNDING);
     }
 
-    /// Mirrored commands give mirrored values, to the bit.
+    /// Opposite commands give opposite values, bit for bit.
     #[test]
     fn both_directions_are_alike(x in -10.0..10.0_f64, u in -20.0..20.0_f64, r in 0.1..100.0_f64, h in 1e-5..2.0_f64) {
         let p = Actuator { t: 0.1, r, x_min: -10.0, x_max: 10.0, x_0: 0.0 };

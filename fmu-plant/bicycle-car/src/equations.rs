@@ -2,7 +2,7 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | u, u_s | speed, and with a floor, for divisions |
+//! | u, u_s | speed; speed limited to the minimum speed, for divisions |
 //! | v, r, psi | lateral velocity, yaw rate, heading |
 //! | phi, p | roll angle and roll rate |
 //! | delta, alpha, F | steering angle; slip angle and lateral force of an axle |
@@ -15,11 +15,11 @@ use fmu::Scalar;
 
 use crate::{BicycleCar, U, X, Y};
 
-/// Friction coefficient below which the slope of the tire force at the origin no longer is the cornering stiffness: no
-/// division by zero on a road without friction.
+/// Lower limit of the friction coefficient in a division, for roads without friction. Below it, the slope of the tire
+/// force at the origin is no longer the cornering stiffness.
 const LEAST_FRICTION: f64 = 1e-9;
 
-/// Everything that follows from state and inputs.
+/// Values that derivatives and outputs share.
 struct Motion<T> {
     rates: X<T>,
     u_s: T,
@@ -49,7 +49,7 @@ fn motion<T: Scalar>(p: &BicycleCar, x: &X<T>, u: &U<T>) -> Motion<T> {
     Motion { rates, u_s, a_y }
 }
 
-/// F of an axle with cornering stiffness `c` in N/rad and load at rest `f_z` in N; in N.
+/// Lateral force, in N, of an axle with the cornering stiffness `c` in N/rad and the load at rest `f_z` in N.
 #[inline]
 fn lateral_force<T: Scalar>(p: &BicycleCar, c: f64, f_z: f64, alpha: T, mu: T) -> T {
     // Both laws depend on the same variables, so the model structure does not depend on this branch.

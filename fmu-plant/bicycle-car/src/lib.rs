@@ -1,5 +1,5 @@
-//! `BicycleCar`: a single-track car with roll at a prescribed speed. With linear tires its steady state, its frequency
-//! response and its roll gradient are known in closed form, which makes it the plant for tests of a test bench.
+//! `BicycleCar`: a single-track car with roll at a prescribed speed. With linear tires, its steady state, frequency
+//! response and roll gradient are known in closed form, so it can validate a test bench.
 
 mod equations;
 #[cfg(test)]

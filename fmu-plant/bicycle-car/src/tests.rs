@@ -1,8 +1,5 @@
-//! Closed forms of the README. The equations of a linear single-track car are in every book on vehicle dynamics, for
-//! example Mitschke, Wallentowitz: Dynamik der Kraftfahrzeuge, or Gillespie: Fundamentals of Vehicle Dynamics, chapter 6.
-//!
-//! "Check numbers" are those of the model's specification, computed by an independent implementation; they are compared to
-//! their last printed digit.
+//! Tests against the closed forms in the README, and against "reference values": values from an independent
+//! implementation, compared to their last printed digit.
 
 use fmu::ContinuousState as _;
 use fmu::simulation::ContinuousSimulation;
@@ -19,7 +16,7 @@ fn input(u: f64, delta: f64) -> U<f64> {
     U { u, delta: FrontAxle([delta]), mu: FrontLeftWheel([1.0]) }
 }
 
-/// Asserts that `found` is `printed` to the last printed digit, of the value `last`.
+/// Asserts that `found` rounds to `printed`, whose last digit has the place value `last`.
 #[track_caller]
 fn assert_printed(found: f64, printed: f64, last: f64) {
     assert!((found - printed).abs() <= 0.5000001 * last, "{found} is not {printed}");
@@ -31,7 +28,7 @@ fn understeer_gradient(p: &BicycleCar) -> f64 {
     p.m * (p.b * c_r - p.a * c_f) / ((p.a + p.b) * c_f * c_r)
 }
 
-/// State and outputs at the end of `time` seconds of held inputs, from a straight start.
+/// State and outputs after `time` seconds with constant inputs, starting straight ahead.
 fn settled(p: &BicycleCar, u: &U<f64>, time: f64) -> (X<f64>, Y<f64>) {
     let mut run = ContinuousSimulation::new(p.clone()).unwrap();
     for _ in 0..(time * 1e3) as u32 {
@@ -41,8 +38,8 @@ fn settled(p: &BicycleCar, u: &U<f64>, time: f64) -> (X<f64>, Y<f64>) {
     (run.state(), y)
 }
 
-/// Column `j` of the Jacobian matrix of the derivatives with respect to the states and, last, the steering angle, straight
-/// ahead; exact by dual numbers.
+/// Column `j` of the Jacobian matrix of the derivatives, straight ahead. The columns are the states, then the steering
+/// angle. Dual numbers make the result exact.
 fn column(p: &BicycleCar, u: f64, j: usize) -> Vec<f64> {
     let seed = |i: usize| f64::from(u8::from(i == j));
     let x: Vec<_> = (0..STATES).map(|i| Dual64::new(0.0, seed(i))).collect();
@@ -50,14 +47,14 @@ fn column(p: &BicycleCar, u: f64, j: usize) -> Vec<f64> {
     equations::derivatives(p, &X::from_reals(&x), &u).reals().into_iter().map(|rate| rate.eps).collect()
 }
 
-/// v' = A v + B delta of the lateral motion: the entries of A (lateral velocity, yaw rate) and of B.
+/// A and B of the lateral motion x' = A x + B delta, with the states x = (lateral velocity, yaw rate).
 fn lateral_motion(p: &BicycleCar, u: f64) -> ([[f64; 2]; 2], [f64; 2]) {
     let [v, r, delta] = [0, 1, STATES].map(|j| column(p, u, j));
     ([[v[0], r[0]], [v[1], r[1]]], [delta[0], delta[1]])
 }
 
-/// Frequency response of yaw rate and lateral acceleration to the steering angle at the angular frequency `w` in rad/s: gain
-/// and phase of both, from (s I - A)^-1 B.
+/// Frequency response from the steering angle to yaw rate and lateral acceleration at the angular frequency `w` in
+/// rad/s: gain and phase of each, from (s I - A)^-1 B.
 fn response(p: &BicycleCar, w: f64) -> [[f64; 2]; 2] {
     let ([[a, b], [c, d]], [e, f]) = lateral_motion(p, SPEED);
     // Complex numbers as pairs.
@@ -74,8 +71,8 @@ fn response(p: &BicycleCar, w: f64) -> [[f64; 2]; 2] {
     [r, a_y].map(|h| [(h[0] * h[0] + h[1] * h[1]).sqrt(), h[1].atan2(h[0])])
 }
 
-/// Check numbers and closed forms of the steady state. After 10 s a motion with a decay of 6 1/s has died out to e^-60; the
-/// rest is rounding, and the angles of 1e-4 rad that make sine and angle equal to 1e-8.
+/// After 10 s, transients with a decay rate of 6 1/s have fallen to e^-60. The tolerances cover rounding and the
+/// relative difference between an angle of 1e-4 rad and its sine, below 1e-8.
 #[test]
 fn steady_state_is_the_closed_form() {
     let p = BicycleCar::default();
@@ -97,7 +94,7 @@ fn steady_state_is_the_closed_form() {
     assert_printed(x.phi / y.a_y, 0.010781194, 1e-9);
     assert!((y.ratio / y.a_y - 2.0 * 0.55 / (9.81 * 1.5)).abs() < 1e-15);
     assert_eq!(y.u, SPEED);
-    // It drives a circle of the radius u/r, at right angles to which lies its center.
+    // The path is a circle: its center does not move.
     let radius = (SPEED * SPEED + x.v * x.v).sqrt() / x.r;
     let center = |x: &X<f64>| {
         let course = x.psi + x.v.atan2(SPEED);
@@ -108,7 +105,6 @@ fn steady_state_is_the_closed_form() {
     assert!((found[0] - expected[0]).abs() < 1e-7 && (found[1] - expected[1]).abs() < 1e-7, "{found:?}, {expected:?}");
 }
 
-/// Check numbers.
 #[test]
 fn natural_frequency_and_damping() {
     let ([[a, b], [c, d]], _) = lateral_motion(&BicycleCar::default(), SPEED);
@@ -117,15 +113,14 @@ fn natural_frequency_and_damping() {
     assert_printed(-(a + d) / (2.0 * frequency), 0.813521, 1e-6);
 }
 
-/// Check numbers.
 #[test]
-fn frequency_response_is_the_closed_form() {
+fn frequency_response_matches_the_reference_values() {
     let p = BicycleCar::default();
     let at = |hertz: f64| response(&p, std::f64::consts::TAU * hertz);
     for (hertz, gain, phase) in [
         (0.2, 5.2217420, -0.0932278),
         (0.5, 5.3065341, -0.2584324),
-        // printed 5.0392855; the formula gives 5.0392857735
+        // The specification prints 5.0392855; the formula gives 5.0392857735.
         (1.0, 5.0392858, -0.5978427),
         (2.0, 3.3672309, -1.0728276),
         (3.0, 2.3042379, -1.2585164),
@@ -142,15 +137,15 @@ fn frequency_response_is_the_closed_form() {
     falls(1, 0.814440);
 }
 
-/// The first time after row `from` at which the signal rises through a level, linear between the rows of 1 ms, the first of
-/// which is at 1 ms.
+/// Time at which the signal first rises through a level after row `from`, interpolated linearly. Rows are 1 ms apart;
+/// the first row is at 1 ms.
 fn rises(signal: &[f64], level: f64, from: usize) -> f64 {
     let k = (from + 1..signal.len()).find(|&k| signal[k - 1] < level && level <= signal[k]).unwrap();
     (k as f64 + (level - signal[k - 1]) / (signal[k] - signal[k - 1])) * 1e-3
 }
 
-/// Check numbers: 0.02 rad within 0.1 s from 1 s on, 80 km/h, 5 s in rows of 1 ms. The steering angle of a row was held during
-/// the step before it.
+/// Reference values for a ramp to 0.02 rad within 0.1 s, starting at 1 s, at 80 km/h. The steering angle in a row was
+/// held during the step before it.
 #[test]
 fn step_response_has_the_metrics_of_the_specification() {
     let mut run = ContinuousSimulation::new(BicycleCar::default()).unwrap();
@@ -172,7 +167,7 @@ fn step_response_has_the_metrics_of_the_specification() {
         (k + 1) as f64 * 1e-3
     };
     let t_0 = rises(&steer, 0.01, 0);
-    // The rounded ramp passes half its height in this row or the next.
+    // Rounding decides whether the ramp passes half its height in this row or at the start of the next.
     assert!((t_0 - 1.051).abs() < 1e-9, "{t_0}");
     let response_time = |signal: &[f64]| rises(signal, 0.9 * steady(signal), 1048) - t_0;
     assert_printed(steady(&yaw_rate), 0.1038523, 1e-7);
@@ -184,8 +179,8 @@ fn step_response_has_the_metrics_of_the_specification() {
     assert_printed((peak_time(&yaw_rate) - t_0) * steady(&beta).abs(), 0.00276975, 1e-8);
 }
 
-/// Small slip angles: the saturating tire has the same slope. tanh differs from its argument by its cube over 3: at
-/// alpha = 1e-5 and C/(m F_z) = 15 1/rad by 1e-8.
+/// At small slip angles, the saturating tire has the same slope as the linear tire. The relative difference between
+/// tanh(x) and x is x^2/3, which is 1e-8 for alpha = 1e-5 rad and C/(m F_z) = 15 1/rad.
 #[test]
 fn saturating_tires_start_with_the_cornering_stiffness() {
     let linear = BicycleCar::default();
@@ -197,8 +192,8 @@ fn saturating_tires_start_with_the_cornering_stiffness() {
     assert_ne!(a.r, b.r);
 }
 
-/// The greatest lateral acceleration is friction times gravity: with all of both axles 1 - 2 e^-2x of it for a large
-/// argument x of tanh. Friction of the road is a factor.
+/// The greatest lateral acceleration is friction times gravity, reached to 1 - 2 e^-2x for a large argument x of tanh.
+/// The friction of the road is a factor.
 #[test]
 fn saturating_tires_hold_no_more_than_the_friction() {
     let p = BicycleCar { mu_0: 0.9, ..BicycleCar::default() };
@@ -215,16 +210,15 @@ fn saturating_tires_hold_no_more_than_the_friction() {
     }
 }
 
-/// Standstill: slip angles are those of the floor of the speed, so that nothing is divided by 0.
 #[test]
-fn below_the_minimum_speed_slip_angles_are_those_of_the_minimum_speed() {
+fn below_the_minimum_speed_slip_angles_are_computed_with_the_minimum_speed() {
     let p = BicycleCar::default();
     let x = X { v: 0.1, r: 0.2, ..X::default() };
     let [rest, floor, above] = [0.0, 0.5, 0.6].map(|u| equations::outputs(&p, &x, &input(u, 0.01)));
     assert_eq!([rest.a_y, rest.rd, rest.beta], [floor.a_y, floor.rd, floor.beta]);
     assert_eq!(rest.u, 0.0);
     assert_ne!(above.a_y, floor.a_y);
-    // By hand: F = -C ((v +- a r)/0.5 - delta).
+    // From the formula: F = -C ((v +- a r)/0.5 - delta).
     let [f_f, f_r] = [-90e3 * ((0.1 + 1.2 * 0.2) / 0.5 - 0.01), -110e3 * ((0.1 - 1.5 * 0.2) / 0.5)];
     assert!((rest.a_y - (f_f + f_r) / 1500.0).abs() < 1e-12);
     assert!((rest.rd - (1.2 * f_f - 1.5 * f_r) / 2500.0).abs() < 1e-12);
@@ -238,7 +232,7 @@ fn the_load_transfer_ratio_ends_at_1() {
 }
 
 proptest! {
-    /// Mirrored inputs give mirrored results, bit by bit: every term changes its sign or none.
+    /// Mirrored inputs give mirrored results, bit for bit, because either all terms of a sum change sign or none does.
     #[test]
     fn mirrored_vehicle_is_mirrored(
         mu_0 in prop_oneof![Just(0.0), 0.1..1.5_f64], u in 0.0..40.0_f64, delta in -0.3..0.3_f64, mu in 0.1..1.0_f64,

@@ -1,13 +1,13 @@
-//! `BrakeAndDriveActuators`: brake pressures and torques of four wheels, pressure of the driver's pedal, and the drive of
-//! the front wheels.
+//! `BrakeAndDriveActuators`: brake pressures and torques at four wheels, pedal pressure, and the drive of the front
+//! wheels.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eq. 12; the drive is an addition.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | p_master | pressure that the driver's pedal makes, MPa |
-//! | p, p_cmd | pressure of a wheel brake, and as commanded, MPa |
+//! | p_master | pressure from the driver's pedal, MPa |
+//! | p, p_cmd | actual and commanded pressure of a wheel brake, MPa |
 //! | T_b, T_d | brake and drive torque of a wheel |
 //! | omega | speed of rotation of a wheel |
 
@@ -20,8 +20,7 @@ use chassis_vehicle::data::esp_car as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Symbols as in the paper, where it has one. All values are assumed: a full pedal locks the front wheels, then the rear
-/// ones.
+/// Symbols as in the paper, where it has one. All values are assumed.
 #[derive(Parameters, Clone, Debug)]
 pub struct BrakeAndDriveActuators {
     /// F_pedal: force of the driver's foot on the fully pressed brake pedal
@@ -39,7 +38,7 @@ pub struct BrakeAndDriveActuators {
     /// D_m: diameter of the master cylinder
     #[var("brake.master_cylinder_diameter", unit = "m", start = 0.0222, positive, display = "mm")]
     d_m: f64,
-    /// p_loss: pressure that springs and friction of the master cylinder take
+    /// p_loss: pressure lost to springs and friction in the master cylinder
     #[var("brake.pressure_loss", unit = "MPa", start = 0.1, min = 0.0, display = "bar")]
     p_loss: f64,
     /// A_wc eta B_F R_b: pistons, efficiency, brake factor and effective radius
@@ -56,7 +55,7 @@ pub struct BrakeAndDriveActuators {
     p_max: f64,
 }
 
-/// Pedals, pressure commands and the wheels that are driven.
+/// Pedals, pressure commands and wheel speeds.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
     #[var(DRIVER_THROTTLE)]
@@ -90,7 +89,7 @@ pub struct Y<T> {
 /// Pascal per megapascal.
 const MEGA: f64 = 1e6;
 
-/// Brakes and drive of a car: pressure of the pedal, lagged wheel pressures, brake torques, drive torque of the front
+/// Brakes and drive of a car: pedal pressure, lagged wheel pressures, brake torques, drive torque of the front
 /// wheels
 #[fmu::model(stop_time = 6.0, step_size = 0.001)]
 impl Continuous for BrakeAndDriveActuators {

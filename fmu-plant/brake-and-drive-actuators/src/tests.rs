@@ -1,4 +1,4 @@
-//! Check numbers and closed forms of brakes and drive.
+//! Tests against reference values, which an independent implementation computed, and closed forms.
 
 use fmu::Dual64;
 use proptest::prelude::*;
@@ -14,8 +14,8 @@ fn outputs(u: &U<f64>) -> Y<f64> {
 }
 
 #[test]
-fn the_pedal_has_the_check_numbers() {
-    // MPa, last printed digit.
+fn the_pedal_has_the_reference_values() {
+    // MPa, compared to the last printed digit.
     for (brake, expected) in [(1.0, 10.440_576), (0.5, 5.170_288), (0.0, 0.0), (0.005, 0.0), (-1.0, 0.0)] {
         let actual = outputs(&U { brake, ..U::default() }).p_master;
         assert!((actual - expected).abs() <= 5e-7, "{actual} {expected}");
@@ -35,13 +35,13 @@ fn the_drive_is_limited_by_torque_and_power() {
     assert_eq!(torque(1.0, 100.0), 375.0);
     assert_eq!(torque(0.5, 100.0), 187.5);
     assert_eq!((torque(-1.0, 10.0), torque(2.0, 10.0)), (0.0, 550.0));
-    // Backwards the power does not matter.
+    // Rolling backward, only the torque limit acts.
     assert_eq!(torque(1.0, -100.0), 550.0);
 }
 
 #[test]
 fn torques_are_proportional_to_the_pressures() {
-    // 167.48 and 66.396 N m per MPa; roundings.
+    // 167.48 and 66.396 N m per MPa.
     let x = X { p: FourWheels([1.0, 2.0, 3.0, 4.0]) };
     let t_b = BrakeAndDriveActuators::default().outputs(at(&x, &U::default())).t_b;
     for (actual, expected) in t_b.iter().zip([167.48, 334.96, 199.188, 265.584]) {
@@ -50,8 +50,8 @@ fn torques_are_proportional_to_the_pressures() {
 }
 
 proptest! {
-    /// The exact step solves the differential equation: its slope at any length is the derivative there, and two parts are
-    /// the whole. A few roundings of 12 MPa.
+    /// The exact step solves the differential equation: its derivative with respect to the step size is p' at its end,
+    /// and two partial steps give the result of one. The tolerances are a few roundings of 12 MPa.
     #[test]
     fn the_step_is_the_solution(
         p_0 in prop::array::uniform4(0.0..12.0_f64), p_cmd in prop::array::uniform4(0.0..12.0_f64),
@@ -66,7 +66,7 @@ proptest! {
         let rate = p.derivatives(at(&whole, &u));
         for i in 0..4 {
             prop_assert!((whole.p[i] - second.p[i]).abs() < 1e-13);
-            // By hand: p_cmd + (p_0 - p_cmd) exp(-h/tau) and its slope, by a dual number.
+            // The derivative of p_cmd + (p_0 - p_cmd) exp(-h/tau), by a dual number.
             let slope = Scalar::exp(-Dual64::new(h, 1.0) / p.tau_p) * (p_0[i] - p_cmd[i]);
             prop_assert!((rate.p[i] - slope.eps).abs() < 1e-10);
         }

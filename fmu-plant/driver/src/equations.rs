@@ -1,26 +1,5 @@
-//! Equations of the driver: steering, speed and pedals as functions of time `t`.
-//!
-//! With `ramp(t0, D) = clamp((t - t0)/D, 0, 1)`, where `D = 0` is a step that is already on at `t0`:
-//!
-//! | `maneuver` | `driver.steer` |
-//! |---|---|
-//! | 0 straight | `0` |
-//! | 1 ramp_step | `A ramp(t0, D)` |
-//! | 2 fishhook | `A ramp(t0, D) - (A + A2) ramp(t1, D2)` |
-//! | 3 double_lane_change | `A sin(2 pi (t - t0)/T)` in `[t0, t0 + T)`, `-A sin(2 pi (t - t1)/T)` in `[t1, t1 + T)`, else 0 |
-//! | 4 slalom | `A sin(2 pi (t - t0)/T)` from `t0` on, for a number of periods or without end; with `T = 0` one period is two cone distances of `driver.speed` |
-//! | 5 sine_with_dwell | one period of `A sin(2 pi f (t - t0))`, held at its second peak (-A) for the dwell time |
-//! | 6 sine_sweep | `A sin` of a frequency rising linearly from `f` to `f1` over a duration, on to the next zero crossing, then 0 |
-//! | 7 table | column `driver.steer` of a file |
-//!
-//! `driver.speed = v0 + (v1 - v0) ramp(tv, Dv)`, `driver.throttle` and
-//! `driver.brake = amplitude * ramp(start, rise time)`; with `maneuver` 7, a column of the file replaces each.
-//!
-//! # References
-//!
-//! * UN Regulation No. 140 (electronic stability control), the same test as in FMVSS 126: sine with dwell, 0.7 Hz,
-//!   0.5 s.
-//! * NHTSA, fishhook maneuver; ISO 7401:2011, step and sinusoidal input, continuous sinusoidal input (sweep).
+//! Equations of the driver: steering, speed and pedals as functions of time. The README lists the equations and their
+//! sources.
 
 use std::f64::consts::TAU;
 
@@ -35,11 +14,12 @@ const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "
 /// Fraction of a period by which rounding may shift the end of the sweep from a zero crossing.
 const SLACK: f64 = 1e-6;
 
-/// Returns true if an output can depend on a parameter: on those of its own subject, and on those that select the file.
+/// Returns true if an output can depend on a parameter. An output depends on the parameters with its prefix, and on
+/// those that select the maneuver and the file.
 pub(crate) fn influence(output: &str, parameter: &str) -> bool {
     let subject = |name| output.strip_prefix("driver.") == Some(name);
     match parameter.split_once('.') {
-        // the cones of the slalom stand at distances, which the speed covers
+        // In a slalom between cones, the steering depends on the prescribed speed.
         Some(("speed", _)) => subject("speed") || subject("steer"),
         Some(("table", _)) | None => true,
         Some((name, _)) => subject(name),
@@ -52,13 +32,13 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     for (index, name) in COLUMNS.iter().enumerate().skip(2) {
         let outside = table.column(index).unwrap_or(&[]).iter().position(|value| !(0.0..=1.0).contains(value));
         if let Some(row) = outside {
-            return Err(format!("{path}: column `{name}` is not in 0 to 1 in row {} after the names", row + 1));
+            return Err(format!("{path}: column `{name}` must be between 0 and 1; data row {} is not", row + 1));
         }
     }
     Ok(table)
 }
 
-/// Checks divisors and other conditions of the maneuver; the maneuver table needs the `table`.
+/// Checks the parameters that the maneuver uses. The maneuver `Table` needs the `table`.
 pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
     let positive = |name: &str, value: f64, reason: &str| {
         if value > 0.0 { Ok(()) } else { Err(format!("'{name}' must be positive for {reason}, got {value}")) }
@@ -97,7 +77,7 @@ pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
     Ok(D { table })
 }
 
-/// One sample: the demands at the time `t` in s.
+/// The demands at the time `t` in s.
 pub(crate) fn sample(p: &Driver, d: &D, t: f64) -> Y {
     let slack = slack(p.sample_time, t);
     let ramp = |start, rise_time| ramp(t, start, rise_time, slack);
@@ -121,7 +101,7 @@ pub(crate) fn sample(p: &Driver, d: &D, t: f64) -> Y {
             y.steer = p.a * sine(slalom_periods(p, t), end);
         }
         Maneuver::SineWithDwell => {
-            // the second peak of the sine, at three quarters of the period, lasts `dwell`
+            // The sine is held for `dwell` at its second peak, three quarters into the period.
             let peak = 0.75 / p.f;
             let running = t - p.t_0;
             let played = running.min(peak) + (running - peak - p.dwell).max(0.0);
@@ -132,7 +112,7 @@ pub(crate) fn sample(p: &Driver, d: &D, t: f64) -> Y {
             let rising = running.clamp(0.0, p.duration);
             let slope = (p.f_1 - p.f) / p.duration;
             let periods = p.f * rising + slope * rising * rising / 2.0 + p.f_1 * (running - rising);
-            // at the first zero crossing after the duration
+            // Phase of the first zero crossing after the duration, in periods.
             let end = (p.duration * (p.f + p.f_1) - SLACK).ceil() / 2.0;
             y.steer = p.a * sine(periods, end);
         }
@@ -147,7 +127,7 @@ pub(crate) fn sample(p: &Driver, d: &D, t: f64) -> Y {
     y
 }
 
-/// `clamp((t - start)/rise_time, 0, 1)`; with `rise_time = 0` a step, on from `start - slack` on (all in s).
+/// `clamp((t - start)/rise_time, 0, 1)`; with `rise_time = 0`, a step at `start - slack` (all in s).
 fn ramp(t: f64, start: f64, rise_time: f64, slack: f64) -> f64 {
     if rise_time > 0.0 { ((t - start) / rise_time).clamp(0.0, 1.0) } else { f64::from(u8::from(t >= start - slack)) }
 }
@@ -157,13 +137,12 @@ fn sine(periods: f64, end: f64) -> f64 {
     if (0.0..end).contains(&periods) { fmu::math::sin(TAU * periods) } else { 0.0 }
 }
 
-/// Periods of the slalom since its start: of time, or of the distance that the prescribed speed covers (two cones
-/// each).
+/// Phase of the slalom in periods: from the time, or from the distance at the prescribed speed (two cones per period).
 fn slalom_periods(p: &Driver, t: f64) -> f64 {
     if p.period > 0.0 {
         return (t - p.t_0) / p.period;
     }
-    // integral of ramp(t_v, d_v) from its start to a time
+    // Integral of the speed ramp up to the time `t`.
     let ramped = |t: f64| {
         let rising = (t - p.t_v).clamp(0.0, p.d_v);
         let share = if p.d_v > 0.0 { rising / p.d_v } else { 0.0 };
@@ -189,7 +168,7 @@ mod tests {
         derived(p, None).unwrap_err()
     }
 
-    /// All maneuvers with steering of their own, with the start values of their parameters.
+    /// The maneuvers that steer by formula, with the start values of their parameters.
     fn maneuvers() -> [Driver; 6] {
         [
             Maneuver::RampStep,
@@ -202,8 +181,8 @@ mod tests {
         .map(|maneuver| Driver { maneuver, ..Driver::default() })
     }
 
-    /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 at 5 s, double lane change of 0.064 rad and 4
-    /// s from 1 s and 6 s on. The same formula, written differently: a few roundings.
+    /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 rad at 5 s; double lane change of 0.064 rad
+    /// with periods of 4 s, starting at 1 s and 6 s.
     #[test]
     fn rescue_vehicle_maneuvers() {
         let step = Driver { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..Driver::default() };
@@ -223,8 +202,8 @@ mod tests {
     }
 
     /// Reference: "Multiobjective Synchronous Control of Heavy-Duty Vehicles" (2022): angle step of 0.1 rad in 0.2 s
-    /// at 1 s, serpentine 0.1 sin(2 pi (u/100)(t - 1)) between cones 50 m apart. Rounding of the angle (a few times 2
-    /// pi) is below 1e-14.
+    /// at 1 s; serpentine 0.1 sin(2 pi (u/100)(t - 1)) between cones 50 m apart. The rounding of the angle (a few times
+    /// 2 pi) is below 1e-14.
     #[test]
     fn heavy_vehicle_maneuvers() {
         let step = Driver::default();
@@ -240,8 +219,8 @@ mod tests {
         }
     }
 
-    /// Reference: states 2, 3 and 5 of the car with electronic stability program: throttle 1 in 0.2 s at 1 s, brake 1
-    /// in 0.15 s at 1.14 s, steering 0.0579 rad in 0.1 s at 1 s.
+    /// Reference: states 2, 3 and 5 of the car with electronic stability program: throttle to 1 within 0.2 s from 1 s,
+    /// brake to 1 within 0.15 s from 1.14 s, steering to 0.0579 rad within 0.1 s from 1 s.
     #[test]
     fn esp_car_maneuvers() {
         let p = Driver { a: 0.0579, d: 0.1, a_throttle: 1.0, a_brake: 1.0, t_brake: 1.14, ..Driver::default() };
@@ -269,8 +248,7 @@ mod tests {
         }
     }
 
-    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak. Closed form piece by piece;
-    /// rounding of times of 3 s.
+    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak; a piecewise closed form.
     #[test]
     fn sine_with_dwell_is_the_test_of_the_regulation() {
         let p = Driver { maneuver: Maneuver::SineWithDwell, ..Driver::default() };
@@ -292,8 +270,8 @@ mod tests {
         assert!((steer(&p, 1.0 + 0.25 / 0.7) - 0.1).abs() < 1e-15);
     }
 
-    /// The phase of the sweep is the integral of its frequency: compared with a sum of the frequency by Simpson's
-    /// rule (exact for a linear frequency), 20,000 additions of at most 50 periods round by 1e-9 at most.
+    /// The phase of the sweep is the integral of its frequency, computed here by Simpson's rule, which is exact for a
+    /// linear frequency. 20,000 additions of at most 50 periods have a rounding error of at most 1e-9.
     #[test]
     fn sweep_phase_is_the_integral_of_its_frequency() {
         let p = Driver { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.0, duration: 20.0, ..Driver::default() };
@@ -308,7 +286,8 @@ mod tests {
         }
     }
 
-    /// Before its start the sweep does not steer, although its phase, a parabola in time, is positive again long before.
+    /// The sweep does not steer before its start, although its phase, a parabola in time, is positive again long
+    /// before.
     #[test]
     fn sweep_does_not_steer_before_its_start() {
         let p = Driver { maneuver: Maneuver::SineSweep, t_0: 10.0, ..Driver::default() };
@@ -318,9 +297,9 @@ mod tests {
         assert!(steer(&p, 10.1) > 0.0);
     }
 
-    /// At Unix times a unit in the last place is 0.24 us: a step still is on in the sample meant for it, and not before.
+    /// At Unix times, a unit in the last place is 0.24 us. A step still begins in its intended sample, not before.
     #[test]
-    fn steps_are_meant_for_their_sample_at_large_times() {
+    fn steps_begin_in_their_sample_at_large_times() {
         for begin in [1e7, 1e9, 1.7e9] {
             for n in 1..3000_i32 {
                 let start: f64 = format!("{}.{:03}", begin as i64 + i64::from(n / 1000), n % 1000).parse().unwrap();
@@ -331,8 +310,8 @@ mod tests {
         }
     }
 
-    /// After the duration the last frequency runs on to the next zero crossing. Phase after 20 s from 0.2 to 5.02 Hz:
-    /// 52.2 periods, so 0.3 periods of 5.02 Hz remain.
+    /// After its duration, the sweep continues with the last frequency to the next zero crossing. 20 s from 0.2 to 5.02
+    /// Hz are 52.2 periods, so 0.3 periods of 5.02 Hz remain.
     #[test]
     fn sweep_ends_at_a_zero_crossing() {
         let p = Driver { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.02, ..Driver::default() };
@@ -341,13 +320,13 @@ mod tests {
         assert!((steer(&p, end - 0.01) - 0.1 * (TAU * (0.5 - 0.01 * 5.02)).sin()).abs() < 1e-12);
         assert_eq!(steer(&p, end + 1e-9), 0.0);
         assert_eq!(steer(&p, 100.0), 0.0);
-        // a whole number of half periods: nothing runs on
+        // This sweep ends after a whole number of half periods, so it does not continue.
         let p = Driver { f: 0.5, f_1: 1.0, ..p };
         assert_eq!(steer(&p, 21.0 + 1e-9), 0.0);
     }
 
-    /// No maneuver jumps with the start values: from one 0.1 ms to the next the angle moves by no more than the
-    /// largest slope, which is (A + A2)/D2 = 0.5 rad/s of the fishhook and 2 pi 4 Hz A = 2.6 rad/s of the sweep.
+    /// No maneuver jumps with the start values. The largest slope is (A + A2)/D2 = 0.5 rad/s in the fishhook and
+    /// 2 pi 4 Hz A = 2.5 rad/s in the sweep.
     #[test]
     fn maneuvers_are_continuous() {
         for p in maneuvers() {
@@ -363,7 +342,7 @@ mod tests {
         }
     }
 
-    /// Before its start a maneuver does nothing, and the other sign of the amplitude gives the mirror image.
+    /// A maneuver does not steer before its start, and the opposite amplitude gives the mirror image.
     #[test]
     fn maneuvers_mirror() {
         for p in maneuvers() {
@@ -380,12 +359,11 @@ mod tests {
         assert_eq!(steer(&straight, 3.0), 0.0);
     }
 
-    /// Step times that are not binary fractions: the step always begins with the sample meant for it, although n * 0.001 may
-    /// round below.
+    /// A step begins in its intended sample even if its time is not a binary fraction and n * 0.001 is rounded down.
     #[test]
-    fn steps_start_with_the_sample_meant() {
+    fn steps_begin_in_their_sample() {
         for n in 1..5000_i32 {
-            // as a master or a user writes it
+            // rounded like a number in a file
             let start: f64 = format!("{}.{:03}", n / 1000, n % 1000).parse().unwrap();
             for t in [f64::from(n) * 0.001, start, start - 1e-12] {
                 assert_eq!(ramp(t, start, 0.0, 1e-9), 1.0);
@@ -394,8 +372,8 @@ mod tests {
         }
     }
 
-    /// Slalom: a number of periods ends it; with cones and a changing speed the cones stay where they are: every 50 m
-    /// a zero crossing. From 10 m/s with 2 m/s2 after 1 s: s = 10 t + t^2.
+    /// A slalom ends after its number of periods. Between cones, the angle crosses zero every 50 m, even if the speed
+    /// changes: s = 10 t + t^2 from 10 m/s with 2 m/s2, starting at 1 s.
     #[test]
     fn slalom_follows_the_cones() {
         let p = Driver { maneuver: Maneuver::Slalom, cycles: 2, ..Driver::default() };
@@ -420,7 +398,6 @@ mod tests {
         }
     }
 
-    /// Closed form of the speed ramp.
     #[test]
     fn speed_ramps() {
         let p = Driver { v_0: 10.0, v_1: 20.0, t_v: 2.0, d_v: 4.0, ..Driver::default() };
@@ -485,7 +462,7 @@ mod tests {
         }
         assert_eq!(
             parse_table("time,driver.brake\n0,0\n1,2\n", "a.csv").unwrap_err(),
-            "a.csv: column `driver.brake` is not in 0 to 1 in row 2 after the names"
+            "a.csv: column `driver.brake` must be between 0 and 1; data row 2 is not"
         );
         assert!(
             parse_table("time,brake\n0,0\n", "a.csv")
@@ -495,7 +472,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// Any parameters and any time give finite demands or a message, no panic.
+        /// Any parameters and any time give finite demands or a message, never a panic.
         #[test]
         fn never_panics(maneuver in 0..8_i32, numbers in proptest::collection::vec(0.0..1e3_f64, 8), t in proptest::num::f64::ANY) {
             let p = Driver {

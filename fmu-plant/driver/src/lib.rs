@@ -10,7 +10,7 @@ use chassis_vehicle::prelude::*;
 use chassis_vehicle::table::{self, Table};
 use fmu::prelude::*;
 
-/// Steering maneuver of the driver.
+/// Steering maneuver.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maneuver {
     /// no steering
@@ -21,13 +21,13 @@ pub enum Maneuver {
     Fishhook = 2,
     /// one sine period, later one of the opposite sign
     DoubleLaneChange = 3,
-    /// sine periods, of time or between cones
+    /// sine periods, timed or between cones
     Slalom = 4,
-    /// one sine period that waits at its second peak: the test of electronic stability control
+    /// one sine period, held at its second peak: the test of electronic stability control
     SineWithDwell = 5,
-    /// sine of a rising frequency
+    /// sine with rising frequency
     SineSweep = 6,
-    /// column of the file table.file
+    /// column in the file table.file
     Table = 7,
 }
 
@@ -43,37 +43,37 @@ pub struct Driver {
     /// Start of the steering
     #[var("steer.start", unit = "s", start = 1.0, min = 0.0)]
     t_0: f64,
-    /// Duration of the first ramp of ramp_step and fishhook; 0 for a step
+    /// Duration of the first ramp in ramp_step and fishhook; 0 for a step
     #[var("steer.rise_time", unit = "s", start = 0.2, min = 0.0)]
     d: f64,
-    /// Start of the way back of fishhook, of the second period of double_lane_change
+    /// Start of the reversal in fishhook, or of the second period in double_lane_change
     #[var("steer.reversal_start", unit = "s", start = 6.0, min = 0.0)]
     t_1: f64,
-    /// Duration of the ramp to the other side of fishhook; 0 for a step
+    /// Duration of the ramp to the other side in fishhook; 0 for a step
     #[var("steer.reversal_time", unit = "s", start = 0.4, min = 0.0)]
     d_2: f64,
-    /// Amplitude on the other side of fishhook
+    /// Amplitude on the other side in fishhook
     #[var("steer.reversal_amplitude", unit = "rad", start = 0.1, display = "deg")]
     a_2: f64,
-    /// Period of double_lane_change and slalom; 0 in slalom for two cone distances of driver.speed
+    /// Period in double_lane_change and slalom; if 0, slalom takes one period for two cone distances
     #[var("steer.period", unit = "s", start = 4.0, min = 0.0)]
     period: f64,
-    /// Number of periods of slalom; 0 for no end
+    /// Number of periods in slalom; 0 for no end
     #[var("steer.cycles", start = 0, min = 0, max = i32::MAX)]
     cycles: i32,
-    /// Distance from cone to cone of slalom with steer.period 0
+    /// Distance between cones in slalom if steer.period is 0
     #[var("steer.cone_distance", unit = "m", start = 50.0, min = 0.0)]
     cone_distance: f64,
-    /// Frequency of sine_with_dwell, first frequency of sine_sweep
+    /// Frequency in sine_with_dwell, first frequency in sine_sweep
     #[var("steer.frequency", unit = "Hz", start = 0.7, min = 0.0)]
     f: f64,
-    /// Time at the second peak of sine_with_dwell
+    /// Hold time at the second peak in sine_with_dwell
     #[var("steer.dwell_time", unit = "s", start = 0.5, min = 0.0)]
     dwell: f64,
-    /// Last frequency of sine_sweep
+    /// Last frequency in sine_sweep
     #[var("steer.final_frequency", unit = "Hz", start = 4.0, min = 0.0)]
     f_1: f64,
-    /// Time from the first to the last frequency of sine_sweep
+    /// Time from the first to the last frequency in sine_sweep
     #[var("steer.duration", unit = "s", start = 20.0, min = 0.0)]
     duration: f64,
     /// Speed before the speed ramp
@@ -82,7 +82,7 @@ pub struct Driver {
     /// Speed after the speed ramp
     #[var("speed.final", unit = "m/s", start = 0.0, min = 0.0, display = "km/h")]
     v_1: f64,
-    /// Start of the speed ramp; the start value lies beyond any run, the speed is constant
+    /// Start of the speed ramp; the start value is later than any run, so the speed is constant
     #[var("speed.start", unit = "s", start = 1e6, min = 0.0)]
     t_v: f64,
     /// Duration of the speed ramp; 0 for a step
@@ -106,8 +106,8 @@ pub struct Driver {
     /// Duration of the brake ramp; 0 for a step
     #[var("brake.rise_time", unit = "s", start = 0.15, min = 0.0)]
     d_brake: f64,
-    /// CSV file of the maneuver table, column time in s and any of driver.steer, driver.speed, driver.throttle,
-    /// driver.brake; a relative path starts at the resources folder of the FMU
+    /// CSV file for the maneuver table, with the column time in s and any of driver.steer, driver.speed,
+    /// driver.throttle, driver.brake; a relative path starts at the resources folder of the FMU
     #[var("table.file", start = "")]
     table_file: String,
     #[var(SAMPLE_TIME, start = 0.001)]
@@ -131,7 +131,7 @@ pub struct Y {
     brake: f64,
 }
 
-/// The file of the maneuver table.
+/// The file for the maneuver table.
 #[derive(Derived, Clone, Debug)]
 pub struct D {
     table: Option<Table>,

@@ -63,7 +63,7 @@ impl Fmu {
 
 const TABLE: &str = "time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n";
 
-/// The demands from the start on; saved bytes go on in another instance.
+/// The outputs are valid from the start, and another instance continues from a serialized state.
 #[test]
 fn demands_and_saved_bytes() {
     let mut fmu = Fmu::new(Path::new(""));

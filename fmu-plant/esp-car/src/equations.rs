@@ -1,5 +1,5 @@
-//! Equations of motion, in the order of computation: suspension (eqs. 4-6), tires, motion in the plane with roll and pitch
-//! (eqs. 1, 3, 7, 11), wheels (eqs. 5, 13). The numbers are those of the paper; corrections are listed in the README.
+//! Equations of motion, in the order of computation: suspension (eqs. 4-6), tires, motion in the plane with roll and
+//! pitch (eqs. 1, 3, 7, 11), wheels (eqs. 5, 13). Equation numbers refer to the paper; the README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -7,7 +7,7 @@
 //! | u, v, r, psi | longitudinal and lateral velocity of the reference point, yaw rate, heading |
 //! | z, phi, theta | heave, roll and pitch of the body |
 //! | e, H (h_b) | body's center of mass ahead of the reference point, and over the roll and pitch axis |
-//! | A, B | the same with roll and pitch: ahead by A = e + H theta, to the right by B = H phi |
+//! | A, B | body's center of mass with roll and pitch: ahead by A = e + H theta, to the right by B = H phi |
 //! | m_U (m_w), x_w | mass of all wheels, and its center ahead of the reference point |
 //! | S_1 | moment sum m_i x_i = -m_s e of the wheels about the reference point |
 //! | V_x, V_y, p_u, p_v | velocity of the body's center of mass, momentum of the vehicle |
@@ -16,17 +16,17 @@
 //! | z_u, z_r | height of a wheel and of the road under it |
 //! | d_s, d_t | deflection of the suspension and of the tire (compression negative) |
 //! | F, f | force of the suspension on the body, force of its actuator |
-//! | F_z, F_z0 | tire load, and at rest |
+//! | F_z, F_z0 | tire load, tire load at rest |
 //! | delta, V_xw, V_yw | steering angle of a wheel, velocity of its hub along and across its plane |
 //! | s, t | longitudinal slip, tangent of the slip angle |
-//! | n, mu | tire load over that at rest, friction coefficient |
+//! | n, mu | F_z/F_z0, friction coefficient |
 //! | F_xw, F_yw, f_x, f_y | tire force along and across the plane of the wheel, and along the axes of the car |
 //! | F_x, F_y, M_z | sums of f_x and f_y, and their moment about the reference point |
 //! | a_xs, a_xw, a_y | longitudinal acceleration of body and wheels, lateral acceleration of an axle |
 //! | G | load that the links carry from axle to axle and from side to side (up positive) |
 //! | T_d, T_b, omega | drive and brake torque, speed of rotation of a wheel |
 //!
-//! One more d, before the index if a name has one, is one more derivative with respect to time: zd, zdd_u, dd_s.
+//! Each d added to a symbol, before its index, is a derivative with respect to time: zd, zdd_u, dd_s.
 
 use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{FourWheels, TwoAxles, axle_of, left_is_positive};
@@ -47,7 +47,7 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
     if h_s < p.h_b {
         return Err(format!(
             "'geometry.body_cg_to_roll_axis' must be at most {h_s:.3} m, got {} m: with this 'geometry.cg_height' the \
-             body's center of mass is {h_s:.3} m over ground, and the roll axis would lie below it",
+             body's center of mass is {h_s:.3} m over ground, and the roll axis would be below the ground",
             p.h_b
         ));
     }
@@ -55,7 +55,7 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
     let wheelbase = p.a + p.b;
     let f_z0 = [p.b, p.a].map(|lever| m * p.g * lever / (2.0 * wheelbase));
     let s_1 = -p.m_s * e;
-    // [[m, c], [c, i + m_s H^2]]: never singular, because the wheels do not turn with the body.
+    // [[m, c], [c, i + m_s H^2]]: never singular, because m includes the wheels, which do not rotate with the body.
     let c = p.m_s * p.h_b;
     let inverse = |c: f64, i: f64| {
         let i = i + p.m_s * p.h_b * p.h_b;
@@ -86,7 +86,7 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
     })
 }
 
-/// Everything that follows from state and inputs.
+/// Values that derivatives and outputs share.
 struct Motion<T> {
     heading: Rotation<T>,
     suspension: Suspension<T>,
@@ -111,7 +111,7 @@ fn motion<T: Scalar>(p: &EspCar, d: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     Motion { heading, suspension, tires, body, wheels }
 }
 
-/// Brake torques, smoothed about standstill.
+/// Brake torques, smoothed near standstill.
 #[inline]
 fn brake_torques<T: Scalar>(d: &D, x: &X<T>, inputs: &U<T>) -> FourWheels<T> {
     let direction = T::tanh_each(x.omega.0.map(|omega| omega.over(d.w_eps)));
@@ -154,8 +154,8 @@ struct Tires<T> {
     f_yw: FourWheels<T>,
 }
 
-/// The tires at the loads `f_z`: Dugoff's law (SAE paper 700377) with stiffness that depends on the load and friction that
-/// depends on the speed.
+/// The tires at the loads `f_z`: Dugoff's law (SAE paper 700377) with load-dependent stiffness and speed-dependent
+/// friction.
 #[inline]
 fn tires<T: Scalar>(
     p: &EspCar,
@@ -223,14 +223,14 @@ struct Accelerations<T> {
     thetadd: T,
 }
 
-/// Motion in the plane with roll and pitch (eqs. 1, 3, 7, 11 and those the paper leaves out): M (ud, vd, rd, phidd, thetadd) = q,
-/// with M_phitheta = M_uv = M_uphi = M_vtheta = 0.
+/// Motion in the plane with roll and pitch (eqs. 1, 3, 7, 11, and equations that the paper omits):
+/// M (ud, vd, rd, phidd, thetadd) = q, with M_phitheta = M_uv = M_uphi = M_vtheta = 0.
 #[inline]
 fn body<T: Scalar>(p: &EspCar, d: &D, x: &X<T>, f_s: &FourWheels<T>, f: &Forces<T>) -> Accelerations<T> {
     let q = right_side(p, d, x, f_s, f);
     let m = mass_matrix(p, d, x);
-    // The blocks of (ud, thetadd) and of (vd, phidd) are constant and meet only in rd: eliminate them, solve for rd. `free` are
-    // their accelerations without rd, `back` is what rd takes from them.
+    // The blocks of (ud, thetadd) and (vd, phidd) are constant and coupled only through rd, so they are eliminated
+    // first. `free` are their accelerations for rd = 0, and `back` is the decrease per rd.
     let times = |block: &[[f64; 2]; 2], w: [T; 2]| block.map(|row| w[0] * row[0] + w[1] * row[1]);
     let dot = |v: [T; 2], w: [T; 2]| v[0] * w[0] + v[1] * w[1];
     let (with_u, with_v) = ([m.ur, m.rtheta], [m.vr, m.rphi]);
@@ -288,7 +288,7 @@ fn right_side<T: Scalar>(p: &EspCar, d: &D, x: &X<T>, f_s: &FourWheels<T>, f: &F
     }
 }
 
-/// Elements of the mass matrix M that change with roll and pitch: those of the yaw acceleration.
+/// Elements of the mass matrix M that change with roll and pitch: the row of the yaw acceleration.
 struct MassMatrix<T> {
     ur: T,
     vr: T,
@@ -313,7 +313,8 @@ fn mass_matrix<T: Scalar>(p: &EspCar, d: &D, x: &X<T>) -> MassMatrix<T> {
     }
 }
 
-/// G: load that reaches the tires by the links, at the height of the roll axis, and by the inertia of the wheels.
+/// G: load that reaches the tires through the links, at the height of the roll axis, and through the inertia of the
+/// wheels.
 #[inline]
 fn load_of_links<T: Scalar>(p: &EspCar, d: &D, x: &X<T>, body: &Accelerations<T>, f: &Forces<T>) -> FourWheels<T> {
     let X { u, v, r, phid, .. } = *x;

@@ -34,7 +34,7 @@ pub struct EspCar {
     /// h (paper, Table 6)
     #[var(CG_HEIGHT, start = data::CG_HEIGHT)]
     h: f64,
-    /// H (paper, Table 6), for the pitch axis too
+    /// H (paper, Table 6), also over the pitch axis
     #[var(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
     h_b: f64,
     /// h_u (assumed: radius of the wheels)
@@ -76,13 +76,13 @@ pub struct EspCar {
     /// q: loss of stiffness with the load; the stiffness is greatest at (1 + q)/(2 q) times the load at rest (assumed)
     #[var("tire.load_dependence", unit = "1", start = 0.2, min = 0.0, max = 0.5)]
     q: f64,
-    /// mu_0 at rest (calibrated on a braking distance of Table 7)
+    /// mu_0 at rest (calibrated to a braking distance in Table 7)
     #[var(TIRE_FRICTION, start = data::FRICTION, tunable)]
     mu_0: f64,
-    /// A_s: loss of friction per speed of sliding (assumed)
+    /// A_s: loss of friction per sliding speed (assumed)
     #[var("tire.friction_reduction", unit = "s/m", start = 0.015, min = 0.0, tunable)]
     a_s: f64,
-    /// Least friction of a sliding tire, relative to that at rest (assumed)
+    /// Least friction of a sliding tire, relative to the friction at rest (assumed)
     #[var("tire.friction_floor", unit = "1", start = 0.2, min = 0.0, max = 1.0, tunable)]
     mu_floor: f64,
     /// v_eps: speed below which slips are smoothed
@@ -94,10 +94,10 @@ pub struct EspCar {
     /// standard value, rounded
     #[var(GRAVITY, start = data::GRAVITY)]
     g: f64,
-    /// Longitudinal speed at the start; the wheels roll
+    /// Initial longitudinal speed; the wheels roll
     #[var("vehicle.initial_speed", unit = "m/s", start = data::SPEED, min = 0.0, display = "km/h")]
     u_0: f64,
-    /// Slip at the start: how much faster the wheel turns than one that rolls straight ahead, relative to that
+    /// Initial slip: relative difference between the wheel speed and the speed of a wheel that rolls straight ahead
     #[var("wheel.initial_slip", unit = "1", start = 0.0)]
     s_0: FourWheels<f64>,
     /// Runge-Kutta of order 4

@@ -1,7 +1,7 @@
-//! Check numbers, closed forms and invariants of the equations of motion.
+//! Reference values, closed forms and invariants of the equations of motion.
 //!
-//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
-//! digit.
+//! "Reference values" were computed by an independent implementation of the model and are compared to their last
+//! printed digit.
 
 use approx::assert_abs_diff_eq;
 use chassis_vehicle::mirror::mirrored;
@@ -17,7 +17,7 @@ use super::*;
 
 const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
 const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
-/// Positions in the state.
+/// Indices of states.
 const V: usize = 4;
 const R: usize = 5;
 const Z: usize = 6;
@@ -34,7 +34,7 @@ fn outputs(p: &EspCar, x: &X<f64>, u: &U<f64>) -> Y<f64> {
     equations::outputs(p, &derived(p), x, u)
 }
 
-/// Straight ahead at a speed, rolling.
+/// Driving straight ahead with rolling wheels.
 fn straight(p: &EspCar, speed: f64) -> X<f64> {
     let mut x = X::default();
     let car = EspCar { u_0: speed, ..p.clone() };
@@ -42,7 +42,7 @@ fn straight(p: &EspCar, speed: f64) -> X<f64> {
     x
 }
 
-/// The state after `time` of held inputs, by steps of 1 ms.
+/// The state after `time` seconds with constant inputs, in steps of 1 ms.
 fn simulated(p: &EspCar, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
     let mut run = ContinuousSimulation::new(p.clone()).unwrap();
     run.set_state(x);
@@ -52,7 +52,7 @@ fn simulated(p: &EspCar, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
     run.state()
 }
 
-/// The Jacobian matrix of outputs (first) or derivatives with respect to state and inputs, exact by dual numbers.
+/// The Jacobian matrix of outputs or derivatives with respect to state and inputs, exact by dual numbers.
 fn linearized(p: &EspCar, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
     let d = derived(p);
     let (x, u) = (x.reals(), u.reals());
@@ -75,11 +75,11 @@ fn linearized(p: &EspCar, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f
 
 #[test]
 fn at_rest_nothing_moves() {
-    // Exactly 0: no term is without a factor that is 0.
+    // Exactly 0, because every term has a factor of 0.
     let p = EspCar { u_0: 0.0, ..EspCar::default() };
     let rates = derivatives(&p, &straight(&p, 0.0), &U::default());
     assert!(rates.reals().iter().all(|&rate| rate == 0.0), "{rates:?}");
-    // Loads m g b/(2 L) and m g a/(2 L): check numbers.
+    // Loads m g b/(2 L) and m g a/(2 L): reference values.
     let y = outputs(&p, &straight(&p, 0.0), &U::default());
     assert_abs_diff_eq!(y.f_z[0], 3534.954, epsilon = 5e-4);
     assert_abs_diff_eq!(y.f_z[3], 3135.846, epsilon = 5e-4);
@@ -87,7 +87,7 @@ fn at_rest_nothing_moves() {
 }
 
 #[test]
-fn the_geometry_has_the_check_numbers() {
+fn the_geometry_has_the_reference_values() {
     let d = derived(&EspCar::default());
     assert_abs_diff_eq!(d.e, -0.010_166_7, epsilon = 5e-8);
     assert_abs_diff_eq!(d.h_ra, 0.478_667, epsilon = 5e-7);
@@ -97,7 +97,7 @@ fn the_geometry_has_the_check_numbers() {
 
 #[test]
 fn a_raised_road_raises_the_car() {
-    // Equilibrium; the residual is a rounding of 1e3 N on 35 kg.
+    // The tolerance is the rounding of 1e3 N on 35 kg.
     let p = EspCar::default();
     let x = X { z: 0.01, z_u: FourWheels([0.01; 4]), ..straight(&p, 0.0) };
     let u = U { z_r: FourWheels([0.01; 4]), ..U::default() };
@@ -106,7 +106,7 @@ fn a_raised_road_raises_the_car() {
     }
 }
 
-/// Energy of the car: kinetic energy from the momenta, to second order in the angles of the body; springs, bars, tires,
+/// Energy of the car: kinetic energy to second order in the angles of the body, plus springs, anti-roll bars, tires and
 /// weight.
 fn energy<T: Scalar>(p: &EspCar, d: &D, x: &X<T>) -> T {
     let (a, b) = (x.theta * p.h_b + d.e, x.phi * p.h_b);
@@ -128,7 +128,7 @@ fn energy<T: Scalar>(p: &EspCar, d: &D, x: &X<T>) -> T {
     (body + wheels.sum::<T>() + bars.sum::<T>()) * 0.5
 }
 
-/// Momentum along the axes of the road and about its origin.
+/// Linear momentum along the axes of the road and angular momentum about their origin.
 fn momentum(p: &EspCar, d: &D, x: &X<f64>) -> [f64; 3] {
     // The momenta are the derivatives of the kinetic energy with respect to u, v and r.
     let by = |place: usize| {
@@ -146,7 +146,8 @@ fn momentum(p: &EspCar, d: &D, x: &X<f64>) -> [f64; 3] {
     [p_x, p_y, about + x.x * p_y - x.y * p_x]
 }
 
-/// Without dampers and friction, and with the unsprung masses at the height of the roll axis.
+/// A car that conserves energy: without dampers and friction, and with the unsprung masses at the height of the roll
+/// axis.
 fn conservative() -> EspCar {
     let p = EspCar { c_s: TwoAxles([0.0; 2]), mu_0: 1e-12, ..EspCar::default() };
     let m = derived(&p).m;
@@ -154,14 +155,14 @@ fn conservative() -> EspCar {
 }
 
 #[test]
-fn energy_and_momentum_are_kept_without_friction() {
+fn energy_and_momentum_are_conserved_without_friction() {
     let p = conservative();
     let d = derived(&p);
     assert_abs_diff_eq!(p.h_u, 0.456_470_6, epsilon = 5e-8);
     assert_abs_diff_eq!(d.h_ra, p.h_u, epsilon = 1e-15);
     let start = X { v: 1.0, r: 2.0, phi: 0.05, theta: 0.03, z: 0.02, phid: 0.3, ..straight(&p, 10.0) };
     let end = simulated(&p, &start, &U::default(), 2.0);
-    // Check numbers.
+    // Reference values.
     assert_abs_diff_eq!(energy(&p, &d, &start), 74_071.716_1, epsilon = 5e-5);
     for (actual, expected) in [
         (end.x, 20.028_088),
@@ -177,14 +178,14 @@ fn energy_and_momentum_are_kept_without_friction() {
     assert_abs_diff_eq!(first[0], 13_616.8, epsilon = 0.05);
     assert_abs_diff_eq!(first[1], 1319.68, epsilon = 5e-3);
     assert_abs_diff_eq!(first[2], 3_078.706_963, epsilon = 5e-7);
-    // Error of the integration with 0.1 ms: (0.1 ms)^4 times the fifth derivative of 10 Hz motions.
+    // Tolerance: integration error with 0.1 ms, (0.1 ms)^4 times the fifth derivative of 10 Hz motions.
     assert_abs_diff_eq!(energy(&p, &d, &end) / energy(&p, &d, &start), 1.0, epsilon = 1e-10);
     for i in 0..3 {
         assert_abs_diff_eq!(last[i], first[i], epsilon = 1e-10 * 14e3);
     }
 }
 
-/// A state of usual size: angles and heights to 0.1, rates to 1, speeds to 20.
+/// A state of usual size: angles and heights up to 0.1, rates up to 1, speeds up to 20.
 fn any_state() -> impl Strategy<Value = X<f64>> {
     (prop::array::uniform24(-1.0..1.0_f64), -20.0..20.0_f64).prop_map(|(values, speed)| {
         let mut x = X::from_reals(&values);
@@ -207,7 +208,8 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Without friction only dampers, drive and brakes change the energy. Sums of terms to 1e6 W: 1e-8 W are roundings.
+    /// Without friction, only dampers, drive and brakes change the energy. The tolerance of 1e-8 W is the rounding in
+    /// sums of terms up to 1e6 W.
     #[test]
     fn the_energy_balance_closes(x in any_state(), u in any_inputs()) {
         let p = EspCar { c_s: TwoAxles([560.0, 400.0]), mu_0: 0.0, ..conservative() };
@@ -224,7 +226,7 @@ proptest! {
         prop_assert!((power - dampers - wheels).abs() <= 1e-8, "{} W of {power} W", power - dampers - wheels);
     }
 
-    /// Right and left exchanged: only the order of sums changes. Relative to the largest value that is a few roundings.
+    /// Mirroring only changes the order of sums, so results differ by a few roundings of the largest value.
     #[test]
     fn the_car_is_symmetric(x in any_state(), u in any_inputs()) {
         let p = EspCar::default();
@@ -245,7 +247,8 @@ proptest! {
         }
     }
 
-    /// Newton's law upwards: loads and weight accelerate body and wheels; what the links carry cancels. Roundings of 1e5 N.
+    /// Newton's law in the vertical direction: loads and weight accelerate body and wheels; the forces in the links
+    /// cancel. The tolerance covers roundings of 1e5 N.
     #[test]
     fn the_vertical_forces_balance(x in any_state(), u in any_inputs()) {
         let p = EspCar::default();
@@ -257,7 +260,7 @@ proptest! {
         prop_assert!((inertia - loads).abs() <= 1e-9, "{inertia} {loads}");
     }
 
-    /// A tire never pulls, its force stays within friction, and slips are finite at any speed.
+    /// A tire never pulls, its force stays within the friction limit, and slips are finite at any speed.
     #[test]
     fn tire_forces_stay_within_friction(x in any_state(), u in any_inputs(), standing: bool) {
         let p = EspCar::default();
@@ -273,11 +276,11 @@ proptest! {
     }
 }
 
-/// Steady turn of the linear model at 60 km/h per steering angle of the front axle: state, outputs.
+/// State and outputs per front steering angle in a steady turn of the linear model at 60 km/h.
 fn steady_turn(p: &EspCar) -> (X<f64>, Y<f64>) {
     let x = straight(p, data::SPEED);
     let jacobian = linearized(p, &x, &U::default(), false);
-    // All states but position, heading and speed, which the turn does not change to first order.
+    // All states except position and heading, which are not steady, and speed, which does not change to first order.
     let kept = STATES - V;
     let a = jacobian.view((V, V), (kept, kept)).into_owned();
     let b = jacobian.view((V, STATES), (kept, 1)).into_owned();
@@ -290,22 +293,23 @@ fn steady_turn(p: &EspCar) -> (X<f64>, Y<f64>) {
 }
 
 #[test]
-fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
+fn a_steady_turn_matches_the_single_track_model() {
     let p = EspCar::default();
     let (x, y) = steady_turn(&p);
-    // K = m (b K_r - a K_f)/(L^2 K_f K_r) with the stiffness of axles, gain u/(L (1 + K u^2)).
+    // K = m (b K_r - a K_f)/(L^2 K_f K_r) with the axle stiffnesses K_f and K_r, gain u/(L (1 + K u^2)).
     let (k_f, k_r, wheelbase) = (2.0 * p.c_alpha[0], 2.0 * p.c_alpha[1], p.a + p.b);
     let stability = derived(&p).m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r);
     assert_abs_diff_eq!(stability, 7.999_03e-4, epsilon = 5e-10);
     let gain = data::SPEED / (wheelbase * (1.0 + stability * data::SPEED * data::SPEED));
     assert_abs_diff_eq!(gain, 5.827_63, epsilon = 5e-6);
-    // The slip angles are smoothed by 0.5 m/s, which softens the tires by 4.5e-4, and loads and body move.
+    // Not exactly 1: smoothing the slip angles by 0.5 m/s softens the tires by 4.5e-4, and loads and body angles
+    // change.
     assert_abs_diff_eq!(x.r / gain, 0.999_91, epsilon = 1e-5);
-    // Roll: moments on the body and on each axle, which turns on its tires by chi and carries G.
+    // Roll: balance of moments on the body and on each axle, which rolls on its tires and carries G.
     let d = derived(&p);
     let w = p.track / 2.0;
     let k = [0, 1].map(|j| 2.0 * w * w * p.k_s[j] + p.k_a[j]);
-    assert_abs_diff_eq!(k[0] + k[1], 46_682.8, epsilon = 5e-2); // check number
+    assert_abs_diff_eq!(k[0] + k[1], 46_682.8, epsilon = 5e-2); // reference value
     let weight = p.m_s * p.g * p.h_b;
     let tires = 2.0 * w * w * p.k_t;
     let balance =
@@ -315,17 +319,17 @@ fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
     let roll = balance.lu().solve(&moments).unwrap()[0];
     assert_abs_diff_eq!(roll, 0.006_986_43, epsilon = 5e-9);
     assert_abs_diff_eq!(x.phi / y.a_y, roll, epsilon = 1e-12);
-    // Load transfer: moments about the road, 2 h/(g track) and the weight of the leaning body.
+    // Load transfer, from moments about the road: 2 h/(g track), plus the weight of the leaning body.
     let transfer = (d.m * p.h + weight * roll) / (w * d.m * p.g);
     assert_abs_diff_eq!(y.ltr / y.a_y, transfer, epsilon = 1e-12);
-    // On stiff tires: m_s H/(K_phi - m_s g H). Their compliance is 1e-5 of that of the springs.
+    // With stiff tires, whose compliance is 1e-5 of the springs' compliance: m_s H/(K_phi - m_s g H).
     let rigid = EspCar { k_t: 1e9, ..p };
     let (x, y) = steady_turn(&rigid);
     assert_abs_diff_eq!(x.phi / y.a_y, 0.003_730_5, epsilon = 1e-6);
 }
 
 #[test]
-fn the_vertical_modes_have_the_check_numbers() {
+fn the_vertical_modes_have_the_reference_values() {
     // Frequency in Hz, and damping ratio where it is given; 60 km/h straight ahead.
     let p = EspCar::default();
     let jacobian = linearized(&p, &straight(&p, data::SPEED), &U::default(), false);
@@ -350,7 +354,8 @@ fn the_vertical_modes_have_the_check_numbers() {
 
 #[test]
 fn constant_braking_loads_the_front_axle() {
-    // m a = -(sum T)/R as long as the wheels roll, their inertia included; slip, pitch and its rate change 1e-3 of it.
+    // m a = -(sum T)/R while the wheels roll, where m includes their inertia. Slip, pitch and pitch rate change it by
+    // 1e-3.
     let p = EspCar { max_step: 2.5e-4, ..EspCar::default() };
     let d = derived(&p);
     let u = U { t_b: FourWheels([300.0, 300.0, 120.0, 120.0]), ..U::default() };
@@ -359,7 +364,7 @@ fn constant_braking_loads_the_front_axle() {
     let rolling = -840.0 / p.radius / (d.m + 4.0 * p.j_w / (p.radius * p.radius));
     assert_abs_diff_eq!(rolling, -2.064_83, epsilon = 5e-6);
     assert_abs_diff_eq!(y.a_x / rolling, 1.0, epsilon = 1e-3);
-    // Moments about the rear contact; 9 s leave exp(-9) of the pitch oscillation.
+    // Moments about the rear contact. After 9 s, the pitch oscillation has decayed to exp(-9).
     let gain = y.f_z[0] + y.f_z[1] - 2.0 * d.f_z0[0];
     let expected = (d.m * -y.a_x * p.h + p.m_s * p.g * p.h_b * x.theta) / (p.a + p.b);
     assert_abs_diff_eq!(gain / expected, 1.0, epsilon = 1e-3);
@@ -375,7 +380,7 @@ fn a_braked_car_stops_and_stays() {
     let later = simulated(&p, &stopped, &u, 3.0);
     assert_abs_diff_eq!(later.x, stopped.x, epsilon = 1e-3);
     assert!(later.u.abs() < stopped.u.abs().max(1e-3));
-    // v^2/(2 mu g), and a little more: friction falls with the speed of sliding.
+    // Slightly more than v^2/(2 mu g), because friction decreases with the sliding speed.
     let distance = 25.0 / (2.0 * p.mu_0 * p.g);
     assert!((1.0..1.15).contains(&(stopped.x / distance)), "{}", stopped.x);
 }
@@ -399,14 +404,14 @@ fn road_friction_is_a_factor() {
 }
 
 #[test]
-fn data_that_make_no_car_are_rejected() {
+fn a_roll_axis_below_the_ground_is_rejected() {
     let message = |p: EspCar| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(EspCar { h: 0.1, ..EspCar::default() }),
         "'geometry.body_cg_to_roll_axis' must be at most 0.075 m, got 0.14 m: with this 'geometry.cg_height' the \
-         body's center of mass is 0.075 m over ground, and the roll axis would lie below it"
+         body's center of mass is 0.075 m over ground, and the roll axis would be below the ground"
     );
-    // On the ground the roll axis may lie: h_s = H.
+    // The center of mass may be on the roll axis.
     assert!(equations::derived(&EspCar { h_b: 0.0, h: 0.3, ..EspCar::default() }).is_ok());
 }
 
@@ -417,7 +422,7 @@ fn the_car_starts_at_its_initial_speed() {
     assert_eq!(array::from_fn::<_, 3, _>(|i| [x.x, x.v, x.z][i]), [0.0; 3]);
 }
 
-/// Reference: the definition of the slip, (R omega - u)/u of a wheel that runs straight ahead.
+/// Reference: the definition of the slip, (R omega - u)/u for a wheel that rolls straight ahead.
 #[test]
 fn wheels_start_with_their_initial_slip() {
     let slips = FourWheels([0.0, 0.25, -0.5, -1.0]);

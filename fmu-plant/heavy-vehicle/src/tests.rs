@@ -1,7 +1,7 @@
-//! Check numbers, closed forms and invariants of the equations of motion.
+//! Reference values, closed forms and invariants of the equations of motion.
 //!
-//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
-//! digit.
+//! "Reference values" were computed by an independent implementation of the model and are compared to their last
+//! printed digit.
 
 use approx::assert_abs_diff_eq;
 use chassis_control::riccati::eigenvalues;
@@ -87,7 +87,7 @@ fn turn() -> U<f64> {
 }
 
 #[test]
-fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
+fn at_rest_nothing_moves_and_the_loads_have_the_reference_values() {
     for coupling in COUPLINGS {
         let p = with(coupling);
         for speed in [0.0, 0.1, 16.7, 40.0] {
@@ -110,8 +110,8 @@ fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
 fn the_data_agree_with_each_other() {
     let d = derived(&HeavyVehicle::default());
     assert_eq!(d.m, data::MASS);
-    // Slope of the force of a front wheel at its load at rest, exact by dual numbers: the tire parameter of the controllers.
-    // The check numbers have 11 and 9 correct digits.
+    // Slope of the force of a front wheel at its load at rest, exact by dual numbers: the tire parameter of the
+    // controllers. The reference values have 11 and 9 correct digits.
     let stiffness = |axle: usize| {
         let load = Dual64::from(d.f0[2 * axle]);
         -lateral_force(&HeavyVehicle::default(), &d, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
@@ -122,7 +122,7 @@ fn the_data_agree_with_each_other() {
 }
 
 #[test]
-fn the_tire_has_the_check_numbers() {
+fn the_tire_has_the_reference_values() {
     // One and two tires at a position; two loads beyond the usual ones. 3 decimals printed.
     let numbers = [
         (0, 30_762.403, 0.05, -6106.468),
@@ -146,7 +146,7 @@ fn the_tire_has_the_check_numbers() {
 }
 
 #[test]
-fn the_modes_at_60_km_h_are_the_check_numbers() {
+fn the_modes_at_60_km_h_are_the_reference_values() {
     // Natural frequency in Hz and damping ratio, 3 decimals printed.
     let expected = [
         (0.704, 0.806),  // lateral
@@ -206,7 +206,7 @@ fn the_steady_gains_are_those_of_a_single_track_model() {
 }
 
 #[test]
-fn the_steady_turn_has_the_check_numbers_and_balances() {
+fn the_steady_turn_has_the_reference_values_and_balances() {
     let (p, u) = (HeavyVehicle::default(), turn());
     let x = equilibrium(&p, &u, &(0..DYNAMIC).collect::<Vec<_>>());
     let y = outputs(&p, &x, &u);
@@ -235,7 +235,7 @@ fn the_lateral_model_agrees_with_the_coupled_one_in_a_steady_turn() {
     let (p, u) = (with(Coupling::LateralOnly), turn());
     let x = equilibrium(&p, &u, &[PHI, PHID, V, R]);
     let y = outputs(&p, &x, &u);
-    // Check numbers: 5 or 6 decimals.
+    // Reference values: 5 or 6 decimals.
     assert_abs_diff_eq!(x.r, 0.19767, epsilon = 6e-6);
     assert_abs_diff_eq!(y.beta, -0.03422, epsilon = 6e-6);
     assert_abs_diff_eq!(x.phi, 0.018467, epsilon = 6e-7);

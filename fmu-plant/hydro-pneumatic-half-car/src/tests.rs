@@ -1,7 +1,7 @@
-//! Check numbers, closed forms and invariants of the equations of motion.
+//! Reference values, closed forms and invariants of the equations of motion.
 //!
-//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
-//! digit.
+//! "Reference values" were computed by an independent implementation of the model and are compared to their last
+//! printed digit.
 
 use approx::assert_abs_diff_eq;
 use chassis_vehicle::mirror::mirrored;
@@ -86,7 +86,7 @@ fn at_rest_it_stays_at_rest() {
 }
 
 #[test]
-fn the_passive_poles_are_the_check_numbers() {
+fn the_passive_poles_are_the_reference_values() {
     let (a, _) = linearized(&HydroPneumaticHalfCar::default(), data::SPEED);
     let heave = (-0.458, 6.217);
     let roll = (-0.923, 7.939);
@@ -191,7 +191,7 @@ fn after_ten_seconds(p: &HydroPneumaticHalfCar, u: &U<f64>) -> X<f64> {
 }
 
 #[test]
-fn a_steady_turn_has_the_check_numbers() {
+fn a_steady_turn_has_the_reference_values() {
     // 0.002 rad at 70 km/h; the slowest mode (heave, 0.458 1/s) has decayed to exp(-4.6), but heave does not take part.
     let p = HydroPneumaticHalfCar::default();
     let u = U { delta: FrontAxle([0.002]), ..U::default() };

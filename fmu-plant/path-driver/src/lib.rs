@@ -157,7 +157,7 @@ pub struct PathDriver {
     /// Speed after the speed ramp
     #[var("speed.final", unit = "m/s", start = 0.0, min = 0.0, display = "km/h")]
     v_1: f64,
-    /// Start of the speed ramp; the start value lies beyond any run, the speed is constant
+    /// Start of the speed ramp; the start value is later than any run, so the speed is constant
     #[var("speed.start", unit = "s", start = 1e6, min = 0.0)]
     t_v: f64,
     /// Duration of the speed ramp; 0 for a step

@@ -1,7 +1,7 @@
-//! Check numbers, closed forms and invariants.
+//! Reference values, closed forms and invariants.
 //!
-//! "Check numbers" are those of the model's specification, computed by an independent implementation; they are compared to
-//! their last printed digit.
+//! "Reference values" are those of the model's specification, computed by an independent implementation; they are
+//! compared to their last printed digit.
 
 use std::sync::Arc;
 
@@ -59,7 +59,7 @@ fn bits(y: &Y) -> Vec<u64> {
 
 // The path.
 
-/// Check numbers.
+/// Reference values.
 #[test]
 fn paths_are_those_of_the_specification() {
     let p = PathDriver { o: 8.0, cut: 0.0, ..driver(Maneuver::DoubleLaneChange) };
@@ -220,7 +220,7 @@ fn angles_lose_whole_turns() {
 
 // The projection.
 
-/// Check numbers: the vehicle is in the middle of a transition of a fresh driver.
+/// Reference values: the vehicle is in the middle of a transition of a fresh driver.
 #[test]
 fn one_sample_is_that_of_the_specification() {
     let p = PathDriver { o: 8.0, cut: 0.0, ..immediate(Maneuver::DoubleLaneChange) };

@@ -66,7 +66,7 @@ mod tests {
         }
     }
 
-    /// Check numbers of the specification for 1.61 m, exact with these digits; sums of three numbers round by 1e-15.
+    /// Reference values of the specification for 1.61 m, exact with these digits; sums of three numbers round by 1e-15.
     #[test]
     fn edges_are_those_of_the_standard() {
         let double = iso_3888_1(50.0, 1.61);

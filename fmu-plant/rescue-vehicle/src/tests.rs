@@ -1,7 +1,7 @@
-//! Check numbers, closed forms and invariants of the equations of motion.
+//! Reference values, closed forms and invariants of the equations of motion.
 //!
-//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
-//! digit.
+//! "Reference values" were computed by an independent implementation of the model and are compared to their last
+//! printed digit.
 
 use approx::assert_abs_diff_eq;
 use chassis_control::lqr_suspension::{LATERAL_STATES, VehicleParameters, state_space};
@@ -93,7 +93,7 @@ fn at_rest_nothing_moves_and_the_loads_are_equal() {
 }
 
 #[test]
-fn the_derivatives_have_the_check_numbers() {
+fn the_derivatives_have_the_reference_values() {
     let p = RescueVehicle::default();
     let (x, u) = example();
     let rates = derivatives(&p, &x, &u);
@@ -127,7 +127,7 @@ fn the_derivatives_have_the_check_numbers() {
 }
 
 #[test]
-fn the_paper_tire_has_the_check_numbers() {
+fn the_paper_tire_has_the_reference_values() {
     let p = RescueVehicle { tire_model: TireModel::Linear, ..RescueVehicle::default() };
     let (x, u) = example();
     let rates = derivatives(&p, &x, &u);
@@ -137,7 +137,7 @@ fn the_paper_tire_has_the_check_numbers() {
 }
 
 #[test]
-fn one_millisecond_has_the_check_numbers() {
+fn one_millisecond_has_the_reference_values() {
     // Four Runge-Kutta steps of 0.25 ms err by 1e-13 here; 10 digits are printed.
     let p = RescueVehicle::default();
     let (x, u) = example();
@@ -229,7 +229,7 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
 }
 
 #[test]
-fn the_poles_at_35_km_h_are_the_check_numbers() {
+fn the_poles_at_35_km_h_are_the_reference_values() {
     // With the paper's tires and with the saturating ones, which have the same slope at rest. 4 decimals are printed.
     for p in [linear(), RescueVehicle::default()] {
         let (a, _) = linearized(&p, &X::default(), &U::default());

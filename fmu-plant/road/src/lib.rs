@@ -22,7 +22,7 @@ pub enum Profile {
     ShapedNoise = 1,
     /// sum of 800 cosines, faded in over the first 20 m
     Harmonics = 2,
-    /// column of the file table.file
+    /// column in the file table.file
     Table = 3,
 }
 

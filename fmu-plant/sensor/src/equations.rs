@@ -16,7 +16,7 @@ use crate::{Sensor, X};
 /// Greatest delay in samples.
 pub(crate) const MOST_SAMPLES: usize = 1000;
 
-/// From this magnitude on numbers have no fraction.
+/// Numbers of at least this magnitude have no fraction.
 const WHOLE: f64 = (1_u64 << 52) as f64;
 
 impl Default for X {
@@ -49,7 +49,7 @@ pub(crate) fn sample(p: &Sensor, n: usize, x: &mut X, u: f64) -> f64 {
     quantize(y, p.q)
 }
 
-/// The signal `n` samples ago. Before the first sample it had the value of that.
+/// The signal `n` samples ago; before the first sample, its first value.
 fn delay(n: usize, x: &mut X, u: f64) -> f64 {
     if x.k == 0 {
         x.past.fill(u);
@@ -60,12 +60,12 @@ fn delay(n: usize, x: &mut X, u: f64) -> f64 {
     delayed
 }
 
-/// The nearest multiple of `q`, the one away from zero if two are as near; without a resolution the value itself.
+/// The nearest multiple of `q`; halves are rounded away from zero. Returns the value itself if `q` is 0.
 pub(crate) fn quantize(value: f64, q: f64) -> f64 {
     if q == 0.0 {
         return value;
     }
     let n = value / q;
-    // A resolution below the last digit of the value changes nothing, and n could exceed all numbers.
+    // A resolution below the last digit of the value changes nothing, and n may be infinite.
     if n.abs() < WHOLE { q * n.round() } else { value }
 }

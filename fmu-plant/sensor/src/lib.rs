@@ -6,7 +6,7 @@ mod tests;
 
 use fmu::prelude::*;
 
-/// Symbols as in the README. The start values pass the signal on as it is.
+/// Symbols as in the README. The start values pass the signal on unchanged.
 #[derive(Parameters, Clone, Debug)]
 pub struct Sensor {
     /// tau: delay, rounded to whole samples; at most 1000 samples
@@ -18,7 +18,7 @@ pub struct Sensor {
     /// sigma: standard deviation of the noise, in the unit of the signal; 0 for none
     #[var("sensor.noise", unit = Unit::NONE, start = 0.0, min = 0.0, tunable)]
     sigma: f64,
-    /// Seed of the noise; each sensor of a system needs its own
+    /// Seed of the noise; use a different seed for each sensor in a system
     #[var("seed", start = 1, min = 0, max = i32::MAX)]
     seed: i32,
     /// q: resolution, the smallest difference between two measured values, in the unit of the signal; 0 for none
@@ -45,12 +45,12 @@ pub struct Y {
     y: f64,
 }
 
-/// The signal at the last samples.
+/// The most recent samples.
 #[derive(DiscreteState, Clone, Debug, PartialEq)]
 pub struct X {
     /// k: number of the next sample.
     k: u64,
-    /// The signal at the last samples, that of sample `k` at `k` modulo the length.
+    /// Ring buffer of the signal: sample `k` is at index `k` modulo the length.
     #[var(always_finite)]
     past: Box<[f64; equations::MOST_SAMPLES]>,
 }
@@ -69,7 +69,7 @@ impl Discrete for Sensor {
     type Inputs = U;
     type Outputs = Y;
 
-    // Its first sample.
+    // Already in Initialization Mode, the output has the value of the first sample.
     const SOURCE: Option<Influence> = Some(|_, _| true);
     const FOLLOWS: Influence = |_, _| true;
 

@@ -1,4 +1,4 @@
-//! The closed forms of the README.
+//! Tests against the closed forms in the README.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -32,7 +32,7 @@ fn signal(count: usize) -> Vec<f64> {
 fn the_start_values_pass_the_signal_on() {
     let signal = [vec![-0.0, 1e300, -5e-324], signal(2500)].concat();
     let y = measured(&Sensor::default(), signal.iter().copied());
-    // A sum with a bias of 0 makes 0 of -0.
+    // -0 plus a bias of 0 is 0.
     assert_eq!(y[0], 0.0);
     assert_eq!(bits(&y[1..]), bits(&signal[1..]));
 }
@@ -74,7 +74,7 @@ fn the_delay_is_a_whole_number_of_samples() {
 fn bias_and_resolution_of_a_constant() {
     let y = |b: f64, q: f64, u: f64| measured(&Sensor { b, q, ..Sensor::default() }, [u])[0];
     assert_eq!(y(0.25, 0.0, 1.5), 1.75);
-    // Multiples of 0.25, halves away from zero: numbers with few binary digits, so everything is exact.
+    // Multiples of 0.25; halves are rounded away from zero. All numbers are exact in binary.
     for (u, expected) in [(0.375, 0.5), (-0.375, -0.5), (0.374, 0.25), (0.124, 0.0), (-0.125, -0.25), (7.0, 7.0)] {
         assert_eq!(y(0.0, 0.25, u), expected, "{u}");
     }
@@ -89,7 +89,7 @@ fn a_resolution_below_the_last_digit_changes_nothing() {
             assert_eq!(equations::quantize(value, q), value);
         }
     }
-    // The largest quotient that is rounded is one below 2^52; a resolution of one last digit keeps the value.
+    // The largest quotient that is rounded: 2^52 - 0.5, to 2^52.
     assert_eq!(equations::quantize(1.0 - f64::EPSILON / 2.0, f64::EPSILON), 1.0);
 }
 
@@ -113,8 +113,9 @@ fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// Standard errors for M = 40,000 samples: mean sigma/sqrt(M), standard deviation sigma/sqrt(2 M), correlation 1/sqrt(M).
-/// Four of them are allowed to each of 8 seeds; the seeds are fixed, so the test passes always or never.
+/// Standard errors for M = 40,000 samples: mean sigma/sqrt(M), standard deviation sigma/sqrt(2 M), correlation
+/// 1/sqrt(M). The tolerance is four standard errors for each of 8 seeds. The seeds are fixed, so the outcome is always
+/// the same.
 #[test]
 fn noise_has_its_mean_and_standard_deviation() {
     const M: usize = 40_000;
@@ -139,8 +140,8 @@ fn noise_has_its_mean_and_standard_deviation() {
     }
 }
 
-/// Rounding of a random variable that is spread over its resolution adds q^2/12 (Widrow, Kollar 2008); with q = sigma the rest
-/// is below 1e-7. Four standard errors sqrt(2/M) of the variance.
+/// Rounding a random variable to multiples of q adds q^2/12 to its variance (Widrow, Kollár 2008), with an error below
+/// 1e-7 for q = sigma. The tolerance is four standard errors sqrt(2/M) of the variance.
 #[test]
 fn resolution_adds_its_variance_to_the_noise() {
     const M: usize = 100_000;
@@ -153,12 +154,12 @@ fn resolution_adds_its_variance_to_the_noise() {
 }
 
 #[test]
-fn a_seed_gives_the_same_noise_and_another_one_another() {
+fn each_seed_gives_different_noise() {
     let noise = |seed: i32| bits(&measured(&Sensor { sigma: 1.0, seed, ..Sensor::default() }, [0.0; 100]));
     assert_eq!(noise(3), noise(3));
     let other = noise(4);
     assert!(noise(3).iter().all(|value| !other.contains(value)));
-    // `Road` draws from other streams.
+    // `Road` uses other streams.
     let mut road = Normals::new(3, 0, 0);
     assert!(noise(3).iter().all(|value| *value != road.draw().to_bits()));
 }
@@ -189,7 +190,8 @@ fn instance() -> (Fmu, u32, u32) {
     (fmu, reference("sensor.true_value"), reference("sensor.measured_value"))
 }
 
-/// Reference: the measured value of the first sample, which has no delay: resolution 0.5 and bias 0.25 make 3.5 of 3.2.
+/// Reference: the first sample, which has no delay. With a resolution of 0.5 and a bias of 0.25, 3.2 is measured as
+/// 3.5.
 #[test]
 fn the_output_starts_at_the_input() {
     let description = Arc::new(Description::of::<DiscreteModel<Sensor>>(Format::FMI2, Path::new("")));
@@ -216,7 +218,7 @@ fn the_output_starts_at_the_input() {
     assert_eq!(read(&mut fmu), 3.5);
 }
 
-/// The values every 8 ms, of a signal that changes every 8 ms.
+/// Output values every 8 ms, for a signal that changes every 8 ms.
 fn run(fmu: &mut Fmu, u: u32, y: u32, step: f64, times: std::ops::Range<u32>) -> Vec<u64> {
     let mut values = Vec::new();
     let parts = (0.008 / step).round() as u32;
@@ -257,7 +259,8 @@ fn a_saved_state_continues_delay_and_noise() {
 }
 
 proptest! {
-    /// A multiple of the resolution, at most half of it away. Rounding of the product: one part in 2^53 of the value.
+    /// A quantized value is a multiple of the resolution and differs from the signal by at most half of it. The
+    /// rounding of the product adds one part in 2^53 of the value.
     #[test]
     fn quantized_values_are_the_nearest_multiples(value in -1e3..1e3_f64, q in 1e-6..10.0_f64) {
         let y = equations::quantize(value, q);
