@@ -1,25 +1,25 @@
-//! Equations of motion, in the order of computation: wheels and struts, tires, lateral motion, vertical motion. The
-//! numbers are those of the paper; corrections are listed in the README.
+//! Equations of motion, in the order of computation: wheels and struts, tires, lateral motion, vertical motion.
+//! Equation numbers refer to the paper; the README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | z, theta, phi | heave, pitch, roll of the sprung mass |
 //! | z_f, z_b, th_b | height of the front wheels; height and pitch of the walking beams |
 //! | z_w, q | height of a wheel and of the road under it |
-//! | x, y | position of an axle in front of and of a side to the left of the center of mass |
+//! | x, y | position of an axle in front of the center of mass, and of a side to the left of it |
 //! | d_s, d_t | deflection of a strut and of the tires (compression negative) |
 //! | f, S | force of the actuator and of the whole strut (push the body up) |
-//! | F_0, F_z | load of the tires of a wheel position at rest and now |
+//! | F_0, F_z | load of the tires at a wheel position: at rest, actual |
 //! | delta, alpha, F_y | steering angle, slip angle, lateral force of a wheel position |
 //! | Y (y_axle) | lateral force of an axle, across the vehicle |
 //! | R (r_bar) | moment of an anti-roll bar |
-//! | G | lateral force of an axle that loads its left wheel and relieves the right one on its way to the body |
+//! | G | load that the lateral force of an axle adds to its left wheel and takes from its right wheel |
 //! | M_phi | moment of struts, bars and weight about the roll axis |
 //! | phi_a, kappa | lateral model: roll angle of an axle; share of the roll angle that its springs take |
 //! | u, v, r | longitudinal and lateral velocity, yaw rate |
 //! | a_y, psi | lateral acceleration, heading |
 //!
-//! One more d, before the index if a name has one, is one more derivative with respect to time: zd, zdd_f, dd_s.
+//! Each d added to a symbol, before its index, is a derivative with respect to time: zd, zdd_f, dd_s.
 
 use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{
@@ -71,12 +71,13 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     })
 }
 
-/// The middle axle is behind the center of mass, and the magic formula has a force at the limit of its loads.
+/// Checks that the middle axle is behind the center of mass, and that the peak of the magic formula is positive at its
+/// load limit.
 fn check(p: &HeavyVehicle) -> Result<(), String> {
     if p.l3 / 2.0 >= p.l2 {
         return Err(format!(
             "'geometry.middle_to_rear_axle' must be less than twice 'geometry.cg_to_rear_suspension' ({} m), got {} m: \
-             the middle axle stands behind the center of mass",
+             the middle axle must be behind the center of mass",
             2.0 * p.l2,
             p.l3
         ));
@@ -84,8 +85,8 @@ fn check(p: &HeavyVehicle) -> Result<(), String> {
     let peak = |load: f64| p.a1 * load * load + p.a2 * load;
     if peak(p.f_max) <= 0.0 {
         return Err(format!(
-            "'tire.fit_load_limit' must be a load at which the tire has a lateral force, got {} kN: the peak of the \
-             magic formula would be {:.0} N",
+            "'tire.fit_load_limit' must be a load at which the peak of the magic formula is positive, got {} kN: the \
+             peak would be {:.0} N",
             p.f_max,
             peak(p.f_max)
         ));
@@ -93,7 +94,7 @@ fn check(p: &HeavyVehicle) -> Result<(), String> {
     Ok(())
 }
 
-/// F_0: the body on front and rear suspension, left and right, and the masses below.
+/// F_0: the weight of the body, shared between front and rear, left and right, plus the unsprung weight.
 fn static_loads(p: &HeavyVehicle) -> SixWheels<f64> {
     let (l, b) = (p.l1 + p.l2, p.b1 + p.b2);
     let side = [p.b2 / b, p.b1 / b];
@@ -112,8 +113,8 @@ fn inverse_mass_matrix(p: &HeavyVehicle, m: f64) -> Result<[[f64; 3]; 3], String
     if determinant <= 0.0 {
         let most = (p.i_z * (i - c * c / m)).sqrt();
         return Err(format!(
-            "'body.roll_yaw_inertia' must be below {most:.0} kg.m2 in magnitude, got {} kg.m2: roll and yaw inertia \
-             allow no more",
+            "'body.roll_yaw_inertia' must be below {most:.0} kg.m2 in magnitude, got {} kg.m2: reduce it, or increase \
+             the roll or yaw inertia",
             p.i_xz
         ));
     }
@@ -125,12 +126,12 @@ fn inverse_mass_matrix(p: &HeavyVehicle, m: f64) -> Result<[[f64; 3]; 3], String
     Ok(cofactors.map(|row| row.map(|cofactor| cofactor / determinant)))
 }
 
-/// Front axle (0) or walking-beam suspension (1) of an axle.
+/// Suspension of an axle: that of the front axle (0) or the walking beams (1).
 fn group_of(axle: usize) -> usize {
     axle.min(1)
 }
 
-/// Everything that follows from state and inputs.
+/// Values that derivatives and outputs share.
 struct Motion<T> {
     /// Derivatives of the state.
     rates: X<T>,
@@ -194,12 +195,12 @@ fn axles<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
     Axles { z_f: x.z_f, z_b: x.z_b, zd_f: x.zd_f, zd_b: x.zd_b, phi_a: TwoAxles([T::from(0.0); 2]) }
 }
 
-/// Massless axles in equilibrium between springs, tires and lateral force (eq. 11, corrected): lateral model.
+/// Lateral model: massless axles in equilibrium between springs, tires and lateral force (eq. 11, corrected).
 #[inline]
 fn quasi_static<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
     let l = p.l1 + p.l2;
     let bb = p.b1 * p.b1 + p.b2 * p.b2;
-    // u r instead of the lateral acceleration, which depends on the result.
+    // The lateral acceleration depends on the result, so u r is used instead.
     let a_y = u.u * x.r;
     let g = [
         a_y * ((p.m_b * p.l2 / l * p.h_rc + d.m_u[0] * p.h_u) / d.b),
@@ -287,7 +288,7 @@ fn tire_springs<T: Scalar>(p: &HeavyVehicle, d: &D, u: &U<T>, axles: &Axles<T>, 
     };
     let f_z = SixWheels::<T>::from_fn(|i| tire_load(d.f0[i], p.k_t[axle_of(i)], deflection(i), true));
     let d_t = SixWheels::from_fn(|i| {
-        // In the lateral model there is no road to hang over: the deflection is that of the load.
+        // In the lateral model, a wheel stays on the road even without load: the deflection is computed from the load.
         if is_lateral_only { (-f_z[i] + d.f0[i]) / p.k_t[axle_of(i)] } else { deflection(i) }
     });
     TireSprings { d_t, f_z }
@@ -321,8 +322,8 @@ fn tires<T: Scalar>(
     Tires { alpha, f_y: lateral_forces(p, d, &u.friction, f_z, &alpha) }
 }
 
-/// Lateral forces of the tires at the loads `f_z` (eq. 9, corrected): truck tires by similarity from
-/// the car tire of the magic formula.
+/// Lateral forces of the tires at the loads `f_z` (eq. 9, corrected): truck tires, scaled by similarity from the car
+/// tire of the magic formula.
 #[inline]
 pub(crate) fn lateral_forces<T: Scalar>(
     p: &HeavyVehicle,
@@ -346,7 +347,7 @@ struct Lateral<T> {
     y_axle: ThreeAxles<T>,
 }
 
-/// Eqs. 3, 7 and 8, corrected: one system in (vd, rd, phidd).
+/// Eqs. 3, 7 and 8, corrected: one linear system in (vd, rd, phidd).
 #[inline]
 fn lateral_motion<T: Scalar>(
     p: &HeavyVehicle,

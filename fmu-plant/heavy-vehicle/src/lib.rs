@@ -20,16 +20,16 @@ use fmu::prelude::*;
 pub enum Coupling {
     /// vertical and lateral motion, coupled by tire loads and roll
     Coupled = 0,
-    /// vertical motion alone: steering does nothing
+    /// vertical motion alone: steering has no effect
     VerticalOnly = 1,
-    /// lateral motion alone, with roll and quasi-static axles: the road does nothing
+    /// lateral motion alone, with roll and quasi-static axles: the road has no effect
     LateralOnly = 2,
 }
 
 /// Symbols as in the equations of the README.
 #[derive(Parameters, Clone, Debug)]
 pub struct HeavyVehicle {
-    /// Motions that run
+    /// Simulated motions
     #[var("coupling", start = Coupling::Coupled)]
     coupling: Coupling,
     /// assumed: truck of the 25 t class
@@ -83,10 +83,10 @@ pub struct HeavyVehicle {
     /// assumed: radius of a 12R20 tire
     #[var(WHEEL_CENTER_HEIGHT, start = data::WHEEL_CENTER_HEIGHT)]
     h_u: f64,
-    /// calibrated; behind, one strut per side carries both axles
+    /// calibrated; in the rear, one strut per side carries both axles
     #[var(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
     k: TwoAxles<f64>,
-    /// calibrated; behind, one strut per side carries both axles
+    /// calibrated; in the rear, one strut per side carries both axles
     #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
     c: TwoAxles<f64>,
     /// assumed: springs alone
@@ -98,13 +98,14 @@ pub struct HeavyVehicle {
     /// Tires of one wheel position; assumed: dual tires on the middle and rear axle
     #[var("tire.count", unit = "1", start = data::TIRE_COUNT, min = 1.0)]
     n: ThreeAxles<f64>,
-    /// Load of the truck tire over that of the car tire of the magic formula; forces scale alike (assumed)
+    /// Load on the truck tire divided by the load on the car tire of the magic formula; forces have the same ratio
+    /// (assumed)
     #[var("tire.load_scale", unit = "1", start = data::TIRE_LOAD_SCALE, positive)]
     lambda: f64,
     /// assumed: dry road
     #[var(TIRE_FORCE_SCALE, start = 1.0, tunable)]
     mu: f64,
-    /// Greatest load that enters the magic formula, after scaling; its peak falls beyond 22.87 kN
+    /// Greatest load in the magic formula, after scaling; the peak force decreases above 22.87 kN
     #[var("tire.fit_load_limit", unit = "kN", start = 22.0, positive)]
     f_max: f64,
     /// used in slip and sideslip angles
@@ -122,10 +123,10 @@ pub struct HeavyVehicle {
     /// a3: greatest cornering stiffness (paper, Table 1)
     #[var("magic_formula.stiffness_maximum", unit = "N/deg", start = MagicFormula::PASSENGER_CAR.a[2])]
     a3: f64,
-    /// a4: how the cornering stiffness depends on the load (paper, Table 1)
+    /// a4: load dependence of the cornering stiffness (paper, Table 1)
     #[var("magic_formula.stiffness_shape", unit = "1", start = MagicFormula::PASSENGER_CAR.a[3])]
     a4: f64,
-    /// a5: how fast the cornering stiffness grows with the load (paper, Table 1)
+    /// a5: growth of the cornering stiffness with the load (paper, Table 1)
     #[var("magic_formula.stiffness_load_slope", unit = "1/kN", start = MagicFormula::PASSENGER_CAR.a[4])]
     a5: f64,
     /// a6: curvature per squared load (paper, Table 1)
@@ -252,7 +253,7 @@ pub struct D {
     /// Static tire load
     #[var("tire.static_load", unit = "N", display = "kN")]
     f0: SixWheels<f64>,
-    /// Unsprung mass of each axle, half of each beam on either, kg.
+    /// Unsprung mass of each axle, including its half of the beams, kg.
     m_u: [f64; 3],
     /// Position of each axle in front of the center of mass, and of the front struts and the beams, m.
     x: [f64; 3],
@@ -260,14 +261,14 @@ pub struct D {
     /// Position of the left and the right side to the left of the center of mass, and their distance, m.
     y: [f64; 2],
     b: f64,
-    /// Lateral model, front and rear: roll stiffness of springs and bar in N m/rad, that of the tires, and the share of
+    /// Lateral model, front and rear: roll stiffness of springs and bar and of the tires in N m/rad, and the share of
     /// the roll angle that a spring takes.
     k_s: [f64; 2],
     k_tire: [f64; 2],
     kappa: [f64; 2],
     /// Inverse of the mass matrix of (vd, rd, phidd).
     inverse: [[f64; 3]; 3],
-    /// n lambda: load of a wheel position over that of the car tire of the magic formula, as a factor and as a divisor.
+    /// n lambda: load on a wheel position relative to the car tire of the magic formula, as a factor and as a divisor.
     share: [f64; 6],
     load_scale: [Divisor; 6],
     /// Distance of the sides.

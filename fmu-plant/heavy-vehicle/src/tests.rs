@@ -67,7 +67,7 @@ fn linearized(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatri
     (DMatrix::from_fn(STATES, STATES, |i, j| a[j][i].eps), DMatrix::from_fn(STATES, INPUTS, |i, j| b[j][i].eps))
 }
 
-/// State in which the rates of the states `active` are 0, by Newton's method from rest; the other states stay 0.
+/// Equilibrium of the states `active`, by Newton's method from rest; the other states stay 0.
 fn equilibrium(p: &HeavyVehicle, u: &U<f64>, active: &[usize]) -> X<f64> {
     let mut x = vec![0.0; STATES];
     for _ in 0..20 {
@@ -98,7 +98,7 @@ fn at_rest_nothing_moves_and_the_loads_have_the_reference_values() {
             for (i, load) in y.f_z.iter().enumerate() {
                 assert_abs_diff_eq!(*load, if i < 2 { 30_762.402_99 } else { 40_535.798_51 }, epsilon = 5e-6);
             }
-            // The weight: closed form, a few roundings.
+            // The weight, to a few roundings.
             assert_abs_diff_eq!(y.f_z.iter().sum::<f64>(), 22_800.0 * 9.81, epsilon = 1e-9);
             assert_eq!((y.a_y, y.beta), (0.0, 0.0));
             assert_abs_diff_eq!(y.ltr, 0.0, epsilon = 1e-15);
@@ -110,8 +110,8 @@ fn at_rest_nothing_moves_and_the_loads_have_the_reference_values() {
 fn the_data_agree_with_each_other() {
     let d = derived(&HeavyVehicle::default());
     assert_eq!(d.m, data::MASS);
-    // Slope of the force of a front wheel at its load at rest, exact by dual numbers: the tire parameter of the
-    // controllers. The reference values have 11 and 9 correct digits.
+    // The tire parameter of the controllers: the slope of a front wheel's force at its load at rest, exact by dual
+    // numbers. The reference values have 11 and 9 correct digits.
     let stiffness = |axle: usize| {
         let load = Dual64::from(d.f0[2 * axle]);
         -lateral_force(&HeavyVehicle::default(), &d, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
@@ -123,7 +123,7 @@ fn the_data_agree_with_each_other() {
 
 #[test]
 fn the_tire_has_the_reference_values() {
-    // One and two tires at a position; two loads beyond the usual ones. 3 decimals printed.
+    // One or two tires at a position; the last two loads are unusual. Printed with 3 decimals.
     let numbers = [
         (0, 30_762.403, 0.05, -6106.468),
         (0, 30_762.403, -0.2, 20_899.004),
@@ -135,19 +135,19 @@ fn the_tire_has_the_reference_values() {
     let d = derived(&p);
     for (axle, load, alpha, force) in numbers {
         assert_abs_diff_eq!(lateral_force(&p, &d, axle, 1.0, load, alpha), force, epsilon = 5e-4);
-        // Friction and scale act at every slip angle: closed form, exact by powers of 2.
+        // Friction and scale act at every slip angle. Powers of 2 are exact.
         let slippery = HeavyVehicle { mu: 0.5, ..HeavyVehicle::default() };
         let full = lateral_force(&p, &d, axle, 1.0, load, alpha);
         assert_eq!(lateral_force(&slippery, &d, axle, 0.5, load, alpha), 0.25 * full);
     }
-    // Beyond the limit of the fit the load no longer counts.
+    // Above the load limit of the fit, the force does not depend on the load.
     let beyond = |load| lateral_force(&p, &d, 0, 1.0, load, 0.1);
     assert_eq!(beyond(1000.0 * 22.0 * 2.4 + 1.0), beyond(1e6));
 }
 
 #[test]
 fn the_modes_at_60_km_h_are_the_reference_values() {
-    // Natural frequency in Hz and damping ratio, 3 decimals printed.
+    // Natural frequency in Hz and damping ratio, printed with 3 decimals.
     let expected = [
         (0.704, 0.806),  // lateral
         (1.632, 0.087),  // roll
@@ -178,9 +178,9 @@ fn the_modes_at_60_km_h_are_the_reference_values() {
 
 #[test]
 fn the_steady_gains_are_those_of_a_single_track_model() {
-    // For small angles the vehicle is a bicycle with the stiffnesses at rest: two balances, of force and of moment. The
-    // linear model by dual numbers has to give the same (1e-9 covers the solution of 20 equations), and both the check
-    // numbers (6 decimals).
+    // For small angles, the vehicle is a single-track model with the stiffnesses at rest, given by the balances of
+    // force and moment. The model linearized by dual numbers must agree with it (1e-8 covers the solution of 20
+    // equations), and with the reference values (6 decimals).
     let p = HeavyVehicle::default();
     let d = derived(&p);
     let c = [2.0 * data::FRONT_CORNERING_STIFFNESS, 2.0 * 278_887.988, 2.0 * 278_887.988];
@@ -220,14 +220,14 @@ fn the_steady_turn_has_the_reference_values_and_balances() {
         assert_eq!(y.alpha[2 * axle], y.alpha[2 * axle + 1]);
     }
 
-    // Balance of forces across the vehicle, and of moments about its track: Newton's method leaves 1e-6 of them.
+    // Balances of lateral forces, and of moments about the longitudinal axis. Newton's method leaves residuals of 1e-6.
     let d = derived(&p);
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
     assert_abs_diff_eq!(across, d.m * y.a_y, epsilon = 1e-6);
     let tipping = y.a_y * (p.m_b * (p.h + p.h_rc) + (d.m - p.m_b) * p.h_u) + p.m_b * p.g * p.h * x.phi;
     let righting: f64 = (0..6).map(|i| -y.f_z[i] * d.y[i % 2]).sum();
     assert_abs_diff_eq!(righting, tipping, epsilon = 1e-6);
-    assert_abs_diff_eq!(righting, 82_367.07, epsilon = 6e-3); // check number
+    assert_abs_diff_eq!(righting, 82_367.07, epsilon = 6e-3); // reference value
 }
 
 #[test]
@@ -240,13 +240,13 @@ fn the_lateral_model_agrees_with_the_coupled_one_in_a_steady_turn() {
     assert_abs_diff_eq!(y.beta, -0.03422, epsilon = 6e-6);
     assert_abs_diff_eq!(x.phi, 0.018467, epsilon = 6e-7);
     assert_abs_diff_eq!(y.ltr, 0.38598, epsilon = 6e-6);
-    // The validity that the README states: 1 %. The lateral model shares the lateral force among the axles by the weight on
-    // them instead of by the tire forces, and its beams do not pitch.
+    // The README states 1 %. The lateral model shares the lateral force among the axles by their weight instead of by
+    // the tire forces, and its beams do not pitch.
     let coupled = equilibrium(&HeavyVehicle::default(), &u, &(0..DYNAMIC).collect::<Vec<_>>());
     assert!((x.r / coupled.r - 1.0).abs() < 0.01 && (x.phi / coupled.phi - 1.0).abs() < 0.01);
 }
 
-/// Energy of the vertical motion: kinetic, of springs, bars and tires, and of the leaning body.
+/// Energy of the vertical motion: kinetic energy, springs, bars, tires, and the weight of the leaning body.
 fn energy<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>) -> T {
     let square = |value: T, factor: f64| value.squared() * factor;
     // A beam with its wheels.
@@ -271,7 +271,7 @@ fn energy<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>) -> T {
     energy * 0.5
 }
 
-/// A state in which no tire leaves the ground: heights to 10 mm, angles to 5 mrad, rates to 0.5.
+/// A state in which no tire leaves the ground: heights up to 10 mm, angles up to 5 mrad, rates up to 0.5.
 fn any_state() -> impl Strategy<Value = X<f64>> {
     prop::array::uniform23(-1.0..1.0_f64).prop_map(|values| {
         let size = |i: usize| match i {
@@ -301,7 +301,7 @@ fn any_coupling() -> impl Strategy<Value = Coupling> {
     prop::sample::select(COUPLINGS.to_vec())
 }
 
-/// Asserts that two blocks agree to `tolerance` times the greatest of their numbers, but at least 1.
+/// Asserts that two blocks agree to within `tolerance` times their greatest value, or times 1 if that is greater.
 #[track_caller]
 fn assert_same<B: Variables<f64>>(actual: &B, expected: &B, tolerance: f64) {
     let (actual, expected) = (actual.reals(), expected.reals());
@@ -315,8 +315,8 @@ fn assert_same<B: Variables<f64>>(actual: &B, expected: &B, tolerance: f64) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// On a flat road without actuators, only the dampers change the energy of the vertical motion, and only downwards.
-    /// Both sides are sums of terms to 1e5 W: 1e-8 W are roundings.
+    /// On a flat road without actuators, only the dampers change the energy of the vertical motion, and they reduce it.
+    /// The tolerance of 1e-8 W is the rounding in sums of terms up to 1e5 W.
     #[test]
     fn the_energy_balance_of_the_vertical_motion_closes(x in any_state(), bars: bool) {
         let k_a = TwoAxles(if bars { [3e5, 5e5] } else { [0.0; 2] });
@@ -331,8 +331,8 @@ proptest! {
         prop_assert!((power - struts - bushings).abs() <= 1e-8, "{} W of {power} W", power - struts - bushings);
     }
 
-    /// Right and left exchanged: only the order of sums changes. Relative to the largest acceleration (force) that is a
-    /// few roundings; the deflection in the lateral model comes from a difference of loads of 1e4 N.
+    /// Mirroring only changes the order of sums, so results differ by a few roundings of the largest acceleration or
+    /// force.
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), coupling in any_coupling()) {
         let p = HeavyVehicle { k_a: TwoAxles([3e5, 5e5]), ..with(coupling) };
@@ -341,8 +341,8 @@ proptest! {
         assert_same(&outputs(&p, &xm, &um), &mirrored(&outputs(&p, &x, &u)), 1e-14);
     }
 
-    /// A symmetric vehicle on a straight road without cross fall stays exactly on its line, and its vertical motion is that of
-    /// the vertical model.
+    /// A symmetric vehicle on a straight road without cross fall stays exactly on its line and moves like the vertical
+    /// model.
     #[test]
     fn a_straight_run_stays_straight(x in any_state(), u in any_inputs()) {
         let even = |family: &[f64; 6]| SixWheels::from_fn(|i| family[i / 2 * 2]);
@@ -365,7 +365,7 @@ proptest! {
         prop_assert_eq!(rates.reals(), derivatives(&with(Coupling::VerticalOnly), &x, &u).reals());
     }
 
-    /// A motion alone ignores the inputs of the other motion, whose states stay constant.
+    /// If only one motion is simulated, the inputs of the other motion have no effect, and its states stay constant.
     #[test]
     fn a_motion_alone_ignores_the_other(x in any_state(), u in any_inputs(), other in any_inputs()) {
         let p = with(Coupling::VerticalOnly);
@@ -384,8 +384,8 @@ proptest! {
         prop_assert_eq!((*rates.zd_f, *rates.zd_b, *rates.thd_b), ([0.0; 2], [0.0; 2], [0.0; 2]));
     }
 
-    /// The output rates are the derivatives of the output heights and deflections, on a road at rest: exact by dual numbers, a
-    /// few roundings of velocities of order 1.
+    /// On a road with constant heights, the output velocities are the derivatives of the output heights and
+    /// deflections. Dual numbers are exact, so the tolerance is a few roundings of velocities of order 1.
     #[test]
     fn velocities_are_the_rates_of_heights_and_deflections(x in any_state(), u in any_inputs()) {
         let p = HeavyVehicle::default();
@@ -403,8 +403,8 @@ proptest! {
         }
     }
 
-    /// Slip angles and everything else stay finite when the vehicle stands, goes backwards or leaves the ground, and a
-    /// tire never pulls on the road.
+    /// All values stay finite when the vehicle stands, moves backward or leaves the ground, and a tire never pulls on
+    /// the road.
     #[test]
     fn everything_stays_finite(
         x in prop::array::uniform23(-1.0..1.0_f64), u in any_inputs(), speed in -5.0..5.0, stands: bool, coupling in any_coupling(),
@@ -420,7 +420,7 @@ proptest! {
 }
 
 #[test]
-fn a_standing_vehicle_does_not_answer_to_the_steering() {
+fn a_standing_vehicle_does_not_respond_to_steering() {
     let u = U { u: 0.0, delta: ThreeAxles([0.4, -0.2, 0.1]), ..U::default() };
     for coupling in COUPLINGS {
         let p = with(coupling);
@@ -443,9 +443,9 @@ fn slip_angles_are_those_of_the_wheel_frame() {
 }
 
 #[test]
-fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
-    // Definition: the yaw moment of forces in the frame of steered wheels, forces that differ left and right. Checked by
-    // the balance of moments about the vertical, I_z r' + I_xz phi''; roundings of 1e5 N m.
+fn longitudinal_components_of_lateral_forces_turn_the_vehicle() {
+    // Steered wheels with different forces left and right. Their yaw moment, computed from its definition, must equal
+    // I_z r' + I_xz phi''. The tolerance is the rounding of 1e5 N m.
     let p = HeavyVehicle::default();
     let d = derived(&p);
     let x = X { phi: 0.01, v: -0.5, r: 0.2, z_f: FrontWheels([0.01, -0.01]), ..X::default() };
@@ -459,7 +459,7 @@ fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
         })
         .sum();
     assert_abs_diff_eq!(p.i_z * y.rd + p.i_xz * y.phidd, moment, epsilon = 1e-8);
-    // And of forces, m v' - m_b h phi'' = sum Y - m u r.
+    // Balance of lateral forces: m v' - m_b h phi'' = sum Y - m u r.
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
     assert_abs_diff_eq!(d.m * y.a_y - p.m_b * p.h * y.phidd, across, epsilon = 1e-8);
 }
@@ -478,7 +478,7 @@ fn without_contact_or_friction_there_is_no_lateral_force() {
 
 #[test]
 fn an_actuator_pushes_the_body_up_and_the_wheel_down() {
-    // At rest: closed forms f/m_b, -l1 f/I_y, b1 f/(I_x + m_b h^2), -f/m; a few roundings.
+    // Closed forms at rest: f/m_b, -l1 f/I_y, b1 f/(I_x + m_b h^2), -f/m.
     let p = with(Coupling::VerticalOnly);
     let rates = derivatives(&p, &X::default(), &U { f: Struts([1000.0, 0.0, 0.0, 0.0]), ..U::default() });
     assert_abs_diff_eq!(rates.zd, 1000.0 / p.m_b, epsilon = 1e-15);
@@ -502,24 +502,24 @@ fn the_path_follows_speed_and_heading() {
 }
 
 #[test]
-fn data_that_make_no_vehicle_are_rejected() {
+fn inconsistent_parameters_are_rejected() {
     let message = |p: HeavyVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(HeavyVehicle { l3: 3.0, ..HeavyVehicle::default() }),
         "'geometry.middle_to_rear_axle' must be less than twice 'geometry.cg_to_rear_suspension' (2.85 m), got 3 m: \
-         the middle axle stands behind the center of mass"
+         the middle axle must be behind the center of mass"
     );
     // D = 0 at -a2/a1 = 45.75 kN.
     assert_eq!(
         message(HeavyVehicle { f_max: 50.0, ..HeavyVehicle::default() }),
-        "'tire.fit_load_limit' must be a load at which the tire has a lateral force, got 50 kN: the peak of the magic \
-         formula would be -4700 N"
+        "'tire.fit_load_limit' must be a load at which the peak of the magic formula is positive, got 50 kN: the peak \
+         would be -4700 N"
     );
     // sqrt(I_z (I_x + m_b h^2 - (m_b h)^2/m)) = sqrt(1e5 (26 050 - 3552.6)) = 47 431 kg m2.
     assert_eq!(
         message(HeavyVehicle { i_xz: -50_000.0, ..HeavyVehicle::default() }),
-        "'body.roll_yaw_inertia' must be below 47431 kg.m2 in magnitude, got -50000 kg.m2: roll and yaw inertia allow \
-         no more"
+        "'body.roll_yaw_inertia' must be below 47431 kg.m2 in magnitude, got -50000 kg.m2: reduce it, or increase the \
+         roll or yaw inertia"
     );
     assert!(equations::derived(&HeavyVehicle { i_xz: 47_430.0, ..HeavyVehicle::default() }).is_ok());
 }

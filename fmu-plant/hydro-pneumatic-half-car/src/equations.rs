@@ -1,5 +1,5 @@
-//! Equations of motion, in the order of computation: deflections, tires, lateral motion, vertical motion. The numbers
-//! are those of the paper; corrections are listed in the README.
+//! Equations of motion, in the order of computation: deflections, tires, lateral motion, vertical motion. Equation
+//! numbers refer to the paper; the README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -8,19 +8,19 @@
 //! | T | track |
 //! | d_s, d_t | deflection of suspension and tires (compression negative) |
 //! | F, f | force of spring and damper, of the actuator (both push the body up) |
-//! | N, N_0 | load of the tires of a side, and at rest |
+//! | N, N_0 | tire load of a side, tire load at rest |
 //! | M | moment of suspension and weight about the roll axis |
 //! | G | lateral force through the roll center, as a vertical force on the left wheels (opposite on the right) |
 //! | h, h_r | center of mass over the roll axis, roll center over ground |
-//! | v, v_e | speed, and with a floor, for divisions |
-//! | q | fades the tire forces out below the floor |
+//! | v, v_e | speed; speed limited to 1 m/s, for divisions |
+//! | q | factor that fades the tire forces out below 1 m/s |
 //! | beta, gamma, psi | sideslip angle, yaw rate, heading |
 //! | delta, alpha, F_y | steering angle, slip angle of an axle, lateral force of a tire |
 //! | F_f, F_r | lateral force of the front and the rear axle |
 //! | a_y, LTR | lateral acceleration, load transfer ratio estimated from it |
 //! | c | share of the roll acceleration in the lateral motion (`model.roll_lateral_coupling`) |
 //!
-//! One more d, before the index if a name has one, is one more derivative with respect to time: phid, zdd_u, dd_s.
+//! Each d added to a symbol, before its index, is a derivative with respect to time: phid, zdd_u, dd_s.
 
 use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{FourWheels, Sides, TwoAxles, axle_of, left_is_positive};
@@ -41,8 +41,8 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
     let least = p.c * (p.m_s * p.h).powi(2) / m;
     if p.i_x <= least {
         return Err(format!(
-            "'body.roll_axis_inertia' must be more than {least:.1} kg.m2, got {} kg.m2: the masses, \
-             'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it",
+            "'body.roll_axis_inertia' must be more than {least:.1} kg.m2, got {} kg.m2: the limit follows from the \
+             masses, 'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling'",
             p.i_x
         ));
     }
@@ -60,7 +60,7 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
     })
 }
 
-/// Everything that follows from state and inputs.
+/// Values that derivatives and outputs share.
 struct Motion<T> {
     /// Derivatives of the state.
     rates: X<T>,
@@ -127,7 +127,7 @@ struct Tires<T> {
     f_y: FourWheels<T>,
 }
 
-/// The front and the rear tire of a side share its load as at rest.
+/// The front and the rear tire of a side share its load in the ratio at rest.
 #[inline]
 fn tires<T: Scalar>(
     p: &HydroPneumaticHalfCar,
@@ -147,7 +147,7 @@ fn tires<T: Scalar>(
     Tires { alpha, f_y }
 }
 
-/// M of eqs. 1 and 9, corrected.
+/// M in eqs. 1 and 9, corrected.
 #[inline]
 fn roll_moment<T: Scalar>(p: &HydroPneumaticHalfCar, Suspension { push, .. }: &Suspension<T>, roll: &Rotation<T>) -> T {
     (push[0] - push[1]) * (p.t / 2.0) + roll.sin * (p.m_s * p.h * p.g)
@@ -160,7 +160,7 @@ struct Lateral<T> {
     gammad: T,
 }
 
-/// Eqs. 2 and 3, corrected; with c = 1, sway and roll are one system of two equations: m a_y - m_s h phidd = F_f + F_r,
+/// Eqs. 2 and 3, corrected. With c = 1, sway and roll are coupled: m a_y - m_s h phidd = F_f + F_r,
 /// I_x phidd = M + m_s h a_y.
 #[inline]
 fn lateral_motion<T: Scalar>(

@@ -53,16 +53,16 @@ pub struct HydroPneumaticHalfCar {
     /// paper, Table 1
     #[var(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
     l_r: f64,
-    /// Factor on the peak of the lateral tire force; the slope at the origin stays (1: textbook tire)
+    /// Factor on the peak of the lateral tire force; the slope at the origin does not change (1: textbook tire)
     #[var("tire.peak_scale", unit = "1", start = 1.0, min = 0.0)]
     mu: f64,
     /// A tire cannot pull on the road; if false, tire springs are linear as in the paper
     #[var("tire.lift_off", start = true)]
     lift_off: bool,
-    /// c: how much of the roll acceleration acts on the lateral motion (0: paper, 1: coupled)
+    /// c: share of the roll acceleration that acts on the lateral motion (0: paper, 1: coupled)
     #[var("model.roll_lateral_coupling", unit = "1", start = 0.0, min = 0.0, max = 1.0)]
     c: f64,
-    /// How much of the lateral force goes through the roll center directly to the wheels (1: consistent with the load
+    /// Share of the lateral force that goes through the roll center directly to the wheels (1: consistent with the load
     /// transfer of eq. 7, 0: eq. 5 as printed)
     #[var("model.geometric_load_transfer", unit = "1", start = 1.0, min = 0.0, max = 1.0)]
     geometric: f64,
@@ -153,7 +153,7 @@ pub struct D {
     /// Mass of the whole vehicle
     #[var("vehicle.mass", unit = "kg")]
     m: f64,
-    /// Load of the tires of one side at rest, front and rear tire together
+    /// Tire load of one side at rest, front and rear tire together
     #[var("tire.static_load.side", unit = "N", display = "kN")]
     n0: f64,
     /// Share of a tire in the load of its side.

@@ -18,11 +18,10 @@ use super::*;
 
 const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
 const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
-/// States without heading and position, which act on nothing.
+/// Number of states without heading and position, on which nothing depends.
 const MOVING: usize = STATES - 3;
-/// Positions in the state.
+// Indices in the state and in the inputs.
 const GAMMA: usize = 9;
-/// Positions in the inputs.
 const DELTA: usize = 1;
 const FORCES: usize = 2;
 
@@ -38,8 +37,8 @@ fn outputs(p: &HydroPneumaticHalfCar, x: &X<f64>, u: &U<f64>) -> Y<f64> {
     equations::outputs(p, &derived(p), x, u)
 }
 
-/// The Jacobian matrices of the moving states' derivatives with respect to them and to the inputs, at rest on a straight
-/// road; exact by dual numbers.
+/// The Jacobian matrices of the derivatives of the first [`MOVING`] states with respect to these states and to the
+/// inputs, driving straight ahead; exact by dual numbers.
 fn linearized(p: &HydroPneumaticHalfCar, speed: f64) -> (DMatrix<f64>, DMatrix<f64>) {
     let d = derived(p);
     let (x, u) = (X::default().reals(), (U { v: speed, ..U::default() }).reals());
@@ -58,7 +57,7 @@ fn linearized(p: &HydroPneumaticHalfCar, speed: f64) -> (DMatrix<f64>, DMatrix<f
     )
 }
 
-/// Asserts that each of `expected` (real and imaginary part) is a pole to 1e-3, the last printed digit.
+/// Asserts that each of `expected` (real and imaginary part) is a pole to within 1e-3, the last printed digit.
 #[track_caller]
 fn assert_poles(a: &DMatrix<f64>, expected: &[(f64, f64)]) {
     let poles = eigenvalues(a).unwrap();
@@ -75,7 +74,7 @@ const LATERAL: (f64, f64) = (-9.831, 3.597);
 
 #[test]
 fn at_rest_it_stays_at_rest() {
-    // Exact: m g/2 per side.
+    // m g/2 per side, exactly.
     let (p, u) = (HydroPneumaticHalfCar::default(), U::default());
     let y = outputs(&p, &X::default(), &u);
     assert_eq!(y.n.0, [7970.625; 2]);
@@ -95,8 +94,8 @@ fn the_passive_poles_are_the_reference_values() {
 
 #[test]
 fn under_the_comfort_law_the_body_is_held_by_a_sky_hook() {
-    // Linear part of the law with the parameters of the paper's Table 5 (eqs. 15-23): the whole sprung mass, the left
-    // wheel, f_r = zeta f_l.
+    // Linear part of the law (eqs. 15-23) with the parameters from Table 5 of the paper. The law uses the whole sprung
+    // mass and the left wheel, and f_r = zeta f_l.
     let p = HydroPneumaticHalfCar::default();
     let (n1, n2, eta, zeta) = (-0.575, 0.6559, 11.0, 0.444);
     let (a, b) = linearized(&p, data::SPEED);
@@ -120,14 +119,13 @@ fn under_the_comfort_law_the_body_is_held_by_a_sky_hook() {
     }
 }
 
-/// The plant under the linear part of the handling law (eqs. 9-14): roll as demanded by exact cancellation of the
-/// passive moments, the damper's by the given share.
+/// The plant with the linear part of the handling law (eqs. 9-14), which demands a roll acceleration and cancels the
+/// passive moments. `cancellation` is the share of the damper moment that it cancels.
 fn under_the_handling_law(cancellation: f64) -> DMatrix<f64> {
     let p = HydroPneumaticHalfCar::default();
     let (rho, eta) = (5.0, 25.0);
     let (a, b) = linearized(&p, data::SPEED);
-    // Row of the roll acceleration without actuators; with them it becomes -(rho + eta) phid - rho eta phi, and what is
-    // left of the damper.
+    // The roll acceleration becomes -(rho + eta) phid - rho eta phi, plus the remaining damper moment.
     let phid = 5;
     let mut wanted = DMatrix::zeros(1, MOVING);
     (wanted[(0, 1)], wanted[(0, phid)]) = (-rho * eta, -(rho + eta));
@@ -142,22 +140,22 @@ fn under_the_handling_law(cancellation: f64) -> DMatrix<f64> {
 
 #[test]
 fn exact_cancellation_leaves_the_wheels_undamped() {
-    // The zero dynamics: wheels against each other on bare tires, +-j sqrt(k_t/m_u).
+    // The zero dynamics: the wheels move against each other, undamped on their tires, +-j sqrt(k_t/m_u).
     let p = HydroPneumaticHalfCar::default();
     let hop = (p.k_t / p.m_u).sqrt();
     assert_abs_diff_eq!(hop, 61.644, epsilon = 5e-4);
     let a = under_the_handling_law(1.0);
     assert_poles(&a, &[(-5.0, 0.0), (-25.0, 0.0), (0.0, hop), (-0.458, 6.217), (-9.985, 66.25), LATERAL]);
-    // The damper left in place damps it. With w the height of the wheels against each other and s the variable of the
-    // polynomial: (s^2 + (rho + eta + 2 arm^2 c_s/I_x) s + rho eta) phi = (2 arm c_s/I_x) s w and
-    // (m_u s^2 + k_t) w = -(I_x s^2 - m_s g h) phi/T; roots computed outside this program, three decimals.
+    // If the law does not cancel the damper, the mode is damped. With w, the height of the wheels against each other,
+    // and the Laplace variable s: (s^2 + (rho + eta + 2 arm^2 c_s/I_x) s + rho eta) phi = (2 arm c_s/I_x) s w and (m_u
+    // s^2 + k_t) w = -(I_x s^2 - m_s g h) phi/T. The roots were computed by another program, with three decimals.
     assert_poles(&under_the_handling_law(0.0), &[(-7.296, 56.356), (-33.164, 0.0), (-4.435, 0.0)]);
 }
 
 #[test]
 fn the_yaw_gain_is_that_of_a_bicycle() {
-    // v/(L + K v^2) with K = m/L (l_r/C_f - l_f/C_r) and the cornering stiffness of two tires at rest (closed form of
-    // the linear bicycle); roundings of the linear solution.
+    // Closed form of the linear bicycle model: v/(L + K v^2) with K = m/L (l_r/C_f - l_f/C_r) and the cornering
+    // stiffness of two tires at rest. The tolerance is the rounding of the linear solution.
     let p = HydroPneumaticHalfCar::default();
     let m = derived(&p).m;
     let n0 = derived(&p).n0;
@@ -167,17 +165,17 @@ fn the_yaw_gain_is_that_of_a_bicycle() {
         2.0 * MagicFormula::PASSENGER_CAR.lateral_each([mu], [load], [slope])[0].eps
     };
     let (c_f, c_r) = (stiffness(p.l_r), stiffness(p.l_f));
-    assert_abs_diff_eq!(c_f, 122_328.2, epsilon = 0.05); // check number
-    assert_abs_diff_eq!(c_r, 107_553.6, epsilon = 0.05); // check number
+    assert_abs_diff_eq!(c_f, 122_328.2, epsilon = 0.05); // reference value
+    assert_abs_diff_eq!(c_r, 107_553.6, epsilon = 0.05); // reference value
     let k = m / length * (p.l_r / c_f - p.l_f / c_r);
-    assert_abs_diff_eq!(k, 0.00205070, epsilon = 5e-9); // check number
+    assert_abs_diff_eq!(k, 0.00205070, epsilon = 5e-9); // reference value
     for (speed, yaw_gain, a_y_gain) in [(70.0 / 3.6, 4.87899, 94.869), (60.0 / 3.6, 4.40959, 73.493)] {
         let (a, b) = linearized(&p, speed);
         let steady = a.lu().solve(&(-b.column(DELTA))).unwrap();
         let gain = steady[GAMMA];
         assert_abs_diff_eq!(gain, speed / (length + k * speed * speed), epsilon = 1e-10);
-        assert_abs_diff_eq!(gain, yaw_gain, epsilon = 5e-6); // check number
-        assert_abs_diff_eq!(gain * speed, a_y_gain, epsilon = 5e-4); // check number
+        assert_abs_diff_eq!(gain, yaw_gain, epsilon = 5e-6); // reference value
+        assert_abs_diff_eq!(gain * speed, a_y_gain, epsilon = 5e-4); // reference value
     }
 }
 
@@ -192,7 +190,7 @@ fn after_ten_seconds(p: &HydroPneumaticHalfCar, u: &U<f64>) -> X<f64> {
 
 #[test]
 fn a_steady_turn_has_the_reference_values() {
-    // 0.002 rad at 70 km/h; the slowest mode (heave, 0.458 1/s) has decayed to exp(-4.6), but heave does not take part.
+    // 0.002 rad at 70 km/h. The slowest mode (heave, 0.458 1/s) has decayed only to exp(-4.6), but is not excited.
     let p = HydroPneumaticHalfCar::default();
     let u = U { delta: FrontAxle([0.002]), ..U::default() };
     let x = after_ten_seconds(&p, &u);
@@ -200,33 +198,32 @@ fn a_steady_turn_has_the_reference_values() {
     assert_abs_diff_eq!(x.gamma / 0.002, 4.87878, epsilon = 1e-4);
     assert_abs_diff_eq!(y.a_y, u.v * x.gamma, epsilon = 1e-6);
 
-    // Roll and left wheel per lateral acceleration: the moment about the roll axis and the balance of a wheel, two
-    // linear equations. The remainder of roll (0.923 1/s) is exp(-9) of it.
+    // Roll angle and left wheel height per lateral acceleration, from two linear equations: moments about the roll axis
+    // and forces on a wheel. After 10 s, the roll mode (0.923 1/s) has decayed to exp(-9).
     let arm = p.t / 2.0;
     let m_sh = p.m_s * p.h;
     let stiffness = Matrix2::new(2.0 * arm * arm * p.k_s - m_sh * p.g, -2.0 * arm * p.k_s, -arm * p.k_s, p.k_s + p.k_t);
     let load = Vector2::new(m_sh, p.m_s * p.h_r / p.t);
     let per_acceleration = stiffness.lu().solve(&load).unwrap();
-    assert_abs_diff_eq!(per_acceleration[0], 0.0275344, epsilon = 5e-8); // check number
-    assert_abs_diff_eq!(per_acceleration[1], 0.00551321, epsilon = 5e-9); // check number
+    assert_abs_diff_eq!(per_acceleration[0], 0.0275344, epsilon = 5e-8); // reference value
+    assert_abs_diff_eq!(per_acceleration[1], 0.00551321, epsilon = 5e-9); // reference value
     assert_abs_diff_eq!(x.phi / y.a_y, per_acceleration[0], epsilon = 1e-4 * per_acceleration[0] + 1e-5);
     assert_abs_diff_eq!(x.z_u[0] / y.a_y, per_acceleration[1], epsilon = 1e-4 * per_acceleration[1] + 1e-5);
 
-    // Estimate and ratio of the tire loads agree: the path through the roll center is there.
+    // The estimate and the ratio of the tire loads agree, because the model includes the force through the roll center.
     let ltr = 2.0 * p.m_s / (derived(&p).m * p.t) * ((p.h_r + p.h) / p.g + p.h * per_acceleration[0]);
-    assert_abs_diff_eq!(ltr, 0.131421, epsilon = 5e-7); // check number
+    assert_abs_diff_eq!(ltr, 0.131421, epsilon = 5e-7); // reference value
     assert_abs_diff_eq!(y.ltr / y.a_y, ltr, epsilon = 1e-4);
     assert_abs_diff_eq!(y.ratio / y.a_y, ltr, epsilon = 1e-4);
-    // The threshold 0.8 of the switch: upright, and leaning as the passive vehicle does.
-    assert_abs_diff_eq!(0.8 / ltr, 6.09, epsilon = 5e-3); // check number
+    // Lateral acceleration at the threshold 0.8 of the switch, for the leaning passive vehicle and for an upright one.
+    assert_abs_diff_eq!(0.8 / ltr, 6.09, epsilon = 5e-3); // reference value
     let upright = 2.0 * p.m_s / (derived(&p).m * p.t) * (p.h_r + p.h) / p.g;
-    assert_abs_diff_eq!(0.8 / upright, 6.87, epsilon = 5e-3); // check number
+    assert_abs_diff_eq!(0.8 / upright, 6.87, epsilon = 5e-3); // reference value
 }
 
 #[test]
-fn without_the_path_through_the_roll_center_the_loads_miss_it() {
-    // In a steady state the tires then balance only the moment at the roll axis: closed form with exact cancellation of
-    // the height h_r; small angles err by phi^2/6 = 1e-7, the linear solution by roundings.
+fn without_the_force_through_the_roll_center_its_height_has_no_effect_on_the_loads() {
+    // In a steady state, the tires then balance only the moment about the roll axis, and h_r is not in the closed form.
     let p = HydroPneumaticHalfCar { geometric: 0.0, ..HydroPneumaticHalfCar::default() };
     let (a, b) = linearized(&p, data::SPEED);
     let delta = 1e-6;
@@ -242,7 +239,7 @@ fn without_the_path_through_the_roll_center_the_loads_miss_it() {
 
 #[test]
 fn steady_forces_lift_or_turn_the_body() {
-    // Both sides: heave F/k_s, the wheels stay (forces are internal). Opposite: two linear equations, small angles.
+    // Equal forces lift the body by f/k_s and do not move the wheels. Opposite forces roll the body.
     let p = HydroPneumaticHalfCar::default();
     let steady = |f: [f64; 2]| {
         let (a, b) = linearized(&p, data::SPEED);
@@ -250,11 +247,11 @@ fn steady_forces_lift_or_turn_the_body() {
     };
     let x = steady([1000.0; 2]);
     assert_abs_diff_eq!(x[0], 1000.0 / p.k_s, epsilon = 1e-12);
-    assert_abs_diff_eq!(x[0], 0.0285714, epsilon = 5e-8); // check number
+    assert_abs_diff_eq!(x[0], 0.0285714, epsilon = 5e-8); // reference value
     assert_abs_diff_eq!(x[2], 0.0, epsilon = 1e-12);
     let x = steady([1000.0, -1000.0]);
-    assert_abs_diff_eq!(x[1], 0.0450662, epsilon = 5e-8); // check number
-    assert_abs_diff_eq!(x[2], 0.00102358, epsilon = 5e-9); // check number
+    assert_abs_diff_eq!(x[1], 0.0450662, epsilon = 5e-8); // reference value
+    assert_abs_diff_eq!(x[2], 0.00102358, epsilon = 5e-9); // reference value
 }
 
 /// Kinetic and potential energy of the vehicle without lift-off on a flat road; it is 0 at rest.
@@ -267,7 +264,7 @@ fn energy<T: Scalar>(p: &HydroPneumaticHalfCar, x: &X<T>) -> T {
     (sides.sum::<T>() + body) * 0.5 + (x.phi.cos() - 1.0) * (p.m_s * p.g * p.h)
 }
 
-/// A state of usual size: positions to 0.1, rates to 1.
+/// A state of usual size: positions up to 0.1, rates up to 1.
 fn any_state() -> impl Strategy<Value = X<f64>> {
     prop::array::uniform13(-1.0..1.0f64).prop_map(|values| {
         let scaled: Vec<_> = values.iter().enumerate().map(|(i, v)| if i < 4 { 0.1 * v } else { *v }).collect();
@@ -294,8 +291,8 @@ fn any_options() -> impl Strategy<Value = HydroPneumaticHalfCar> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Standing on a flat road without actuators only the dampers change the energy, and only downwards. Both sides are
-    /// sums of terms to 1e5 W: 1e-9 W are roundings.
+    /// At standstill on a flat road without actuators, only the dampers change the energy, and they reduce it. The
+    /// tolerance of 1e-9 W is the rounding in sums of terms up to 1e5 W.
     #[test]
     fn the_energy_balance_closes(x in any_state()) {
         let p = HydroPneumaticHalfCar { lift_off: false, ..HydroPneumaticHalfCar::default() };
@@ -308,8 +305,8 @@ proptest! {
         prop_assert!((power - dampers).abs() <= 1e-9, "{power} W, dampers {dampers} W");
     }
 
-    /// Momentum of the whole vehicle: vertically, laterally, and about the line on the ground under its middle. Forces of
-    /// 1e5 N leave roundings of 1e-9.
+    /// Vertical and lateral momentum of the whole vehicle, and angular momentum about the line on the ground under its
+    /// middle. The tolerances are roundings of forces up to 1e5 N.
     #[test]
     fn the_momentum_balances_close(x in any_state(), u in any_inputs(), options in any_options()) {
         let p = HydroPneumaticHalfCar { geometric: 1.0, ..options };
@@ -325,7 +322,7 @@ proptest! {
         prop_assert!((roll - load - through_the_roll_center).abs() < 1e-8);
     }
 
-    /// Left and right exchanged: the same numbers to the bit.
+    /// Mirrored states and inputs give bit-identical mirrored results.
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), p in any_options()) {
         let (xm, um) = (mirrored(&x), mirrored(&u));
@@ -333,7 +330,7 @@ proptest! {
         prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).reals(), outputs(&p, &xm, &um).reals());
     }
 
-    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma; one rounding of each term.
+    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma.
     #[test]
     fn the_lateral_acceleration_is_that_of_the_path(x in any_state(), u in any_inputs(), p in any_options()) {
         let u = U { v: 1.0 + u.v, ..u };
@@ -341,7 +338,7 @@ proptest! {
         prop_assert!((path - outputs(&p, &x, &u).a_y).abs() < 1e-12);
     }
 
-    /// Standing, the steering acts on nothing, and what is left of sideslip and yaw rate decays.
+    /// At standstill, steering has no effect, and sideslip and yaw rate decay.
     #[test]
     fn a_standing_vehicle_does_not_turn(x in any_state(), u in any_inputs()) {
         let p = HydroPneumaticHalfCar::default();
@@ -352,7 +349,7 @@ proptest! {
         prop_assert_eq!((rates.x, rates.y), (0.0, 0.0));
     }
 
-    /// Everything is finite at any speed, a tire never pulls on the road, and its lateral force stays below its peak.
+    /// All values are finite at any speed, a tire never pulls on the road, and its lateral force stays below its peak.
     #[test]
     fn tire_forces_keep_their_limits(x in any_state(), u in any_inputs(), options in any_options()) {
         let p = HydroPneumaticHalfCar { lift_off: true, ..options };
@@ -362,7 +359,7 @@ proptest! {
         for (i, f_y) in y.f_y.iter().enumerate() {
             let load = y.n[i % 2];
             prop_assert!(load >= 0.0);
-            // mu a2 N is the peak without its fall at large loads.
+            // mu a2 N is the peak without its decrease at large loads.
             prop_assert!(f_y.abs() <= 1.011 * p.mu * u.friction[i % 2] * load);
         }
     }
@@ -371,7 +368,7 @@ proptest! {
 #[test]
 fn a_wheel_in_the_air_carries_and_steers_nothing() {
     let p = HydroPneumaticHalfCar::default();
-    // 0.1 m above rest exceed the static tire deflection of N_0/k_t = 0.042 m.
+    // 0.1 m exceeds the static tire deflection of N_0/k_t = 0.042 m.
     let x = X { z_u: Sides([0.1, 0.0]), beta: 0.05, ..X::default() };
     let y = outputs(&p, &x, &U::default());
     assert_eq!((y.n[0], y.f_y[0], y.f_y[2], y.ratio), (0.0, 0.0, 0.0, 1.0));
@@ -383,7 +380,7 @@ fn a_wheel_in_the_air_carries_and_steers_nothing() {
 
 #[test]
 fn friction_of_a_side_scales_its_peak() {
-    // Far beyond the peak the force follows the friction; the other side keeps its own.
+    // Far beyond the peak, the force depends on the friction of its own side only.
     let (p, x) = (HydroPneumaticHalfCar::default(), X { beta: 0.3, ..X::default() });
     let u = U { friction: Sides([0.5, 1.0]), ..U::default() };
     let y = outputs(&p, &x, &u);
@@ -402,15 +399,15 @@ fn the_path_follows_speed_and_heading() {
 }
 
 #[test]
-fn data_that_make_no_vehicle_are_rejected() {
+fn a_roll_inertia_that_is_too_small_is_rejected() {
     let message = |p: HydroPneumaticHalfCar| equations::derived(&p).unwrap_err();
     // (m_s h)^2/m = 289.8 kg m2.
     assert_eq!(
         message(HydroPneumaticHalfCar { c: 1.0, i_x: 289.0, ..HydroPneumaticHalfCar::default() }),
-        "'body.roll_axis_inertia' must be more than 289.8 kg.m2, got 289 kg.m2: the masses, \
-         'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it"
+        "'body.roll_axis_inertia' must be more than 289.8 kg.m2, got 289 kg.m2: the limit follows from the masses, \
+         'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling'"
     );
-    // Without coupling, and just above it, there is a solution.
+    // Without coupling, or just above the limit, the inertia is accepted.
     assert!(equations::derived(&HydroPneumaticHalfCar { i_x: 289.0, ..HydroPneumaticHalfCar::default() }).is_ok());
     assert!(
         equations::derived(&HydroPneumaticHalfCar { c: 1.0, i_x: 290.0, ..HydroPneumaticHalfCar::default() }).is_ok()
