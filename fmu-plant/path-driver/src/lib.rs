@@ -1,7 +1,8 @@
-//! `PathDriver`: a driver of standard maneuvers. It follows a path (circle, the lane changes of ISO 3888, a file) by looking
-//! ahead, or steers by time (slowly increasing steer, fishhook with roll-rate feedback), and keeps a speed with its pedals.
+//! `PathDriver`: a driver for standard maneuvers. It follows a path (circle, the lane changes of ISO 3888, a file) by
+//! looking ahead, or steers by time (slowly increasing steer, fishhook with roll-rate feedback), and keeps a speed with
+//! its pedals.
 //!
-//! [`tracks`] has the cones of ISO 3888, for the evaluation of a run.
+//! [`tracks`] contains the cones of ISO 3888, for evaluating a run.
 
 mod path;
 mod speed;
@@ -32,11 +33,11 @@ pub enum Maneuver {
     ObstacleAvoidance = 3,
     /// one period of a sine of lateral acceleration: ISO 14791, SAE J2179
     SingleLaneChange = 4,
-    /// follows the points of the file table.file
+    /// follows the points in the file table.file
     Table = 5,
     /// steers at a constant rate to an angle: FMVSS 126, ISO 4138; no path
     SlowlyIncreasingSteer = 6,
-    /// steers to one side, waits for the roll rate, then to the other: NHTSA; no path
+    /// steers to one side, waits until the roll rate is small, then steers to the other: NHTSA; no path
     Fishhook = 7,
 }
 
@@ -52,22 +53,23 @@ pub struct PathDriver {
     /// R: radius of circle
     #[var("path.radius", unit = "m", start = 100.0, positive)]
     r: f64,
-    /// Lc: length of the clothoid before circle; 0 for a jump of the curvature
+    /// Lc: length of the clothoid before circle; 0 for a step in the curvature
     #[var("path.turn_in", unit = "m", start = 30.0, min = 0.0)]
     l_c: f64,
-    /// Length of the arc of circle
+    /// Length of the arc in circle
     #[var("path.arc", unit = "m", start = 600.0, min = 0.0)]
     arc: f64,
     /// Length of the path after the maneuver; circle and table have none
     #[var("path.run_out", unit = "m", start = 100.0, min = 0.0)]
     run_out: f64,
-    /// The path is mirrored: to the right first; not that of table
+    /// Mirrors the path, to the right first; no effect on table
     #[var("path.mirror", start = false)]
     mirror: bool,
-    /// w: width of the vehicle, from which the widths of the lanes of ISO 3888 follow
+    /// w: width of the vehicle, which determines the lane widths of ISO 3888
     #[var("path.vehicle_width", unit = "m", start = 1.61, min = 0.0)]
     w: f64,
-    /// o: length by which the path between two lanes of ISO 3888 reaches into both; at most half of the second lane
+    /// o: length by which the transition between two lanes of ISO 3888 extends into both; at most half of the second
+    /// lane
     #[var("path.overlap", unit = "m", start = 6.0, min = 0.0)]
     o: f64,
     /// Distance of the path from the middle of the second lane of ISO 3888, towards the first
@@ -76,13 +78,14 @@ pub struct PathDriver {
     /// H: lateral offset of single_lane_change, positive to the left
     #[var("path.offset", unit = "m", start = 1.4637)]
     h: f64,
-    /// Ls: length of single_lane_change; the start value is 2.5 s of 88 km/h
+    /// Ls: length of single_lane_change; the start value is 2.5 s at 88 km/h
     #[var("path.change_distance", unit = "m", start = 2.5 * 88.0 / 3.6, positive)]
     l_s: f64,
-    /// Deviation from which on the path is lost
+    /// Deviation beyond which the path is lost
     #[var("path.lost_distance", unit = "m", start = 10.0, min = 0.0)]
     lost_distance: f64,
-    /// CSV file of the points of table, columns x and y in m; a relative path starts at the resources folder of the FMU
+    /// CSV file with the points for table, columns x and y in m; a relative path starts at the resources folder of the
+    /// FMU
     #[var("table.file", start = "")]
     table_file: String,
     /// Tp: time that the driver looks ahead
@@ -97,16 +100,16 @@ pub struct PathDriver {
     /// Factor on the steering angle for the curvature of the path
     #[var("feedforward.gain", unit = "1", start = 1.0)]
     g_ff: f64,
-    /// Time by which the vehicle is late, for which the driver steers earlier
+    /// Delay of the vehicle, by which the driver steers earlier
     #[var("feedforward.time", unit = "s", start = 0.1, min = 0.0)]
     t_ff: f64,
     /// k_i: rate of the integral of the deviation
     #[var("lateral.integral_gain", unit = "1/s", start = 0.0, min = 0.0)]
     k_i: f64,
-    /// L: distance of the axles of the vehicle that the driver has in mind
+    /// L: wheelbase that the driver assumes
     #[var("geometry.wheelbase", unit = "m", start = 2.34, positive)]
     l: f64,
-    /// K: understeer gradient of the vehicle that the driver has in mind, road-wheel angle per lateral acceleration
+    /// K: understeer gradient that the driver assumes, road-wheel angle per lateral acceleration
     #[var("vehicle.understeer_gradient", unit = "rad.s2/m", start = 0.0)]
     k: f64,
     /// Td: delay of the driver, rounded to whole samples; at most 10000 samples
@@ -115,7 +118,7 @@ pub struct PathDriver {
     /// Tr: time constant of the driver's lag; none if it is not above 0
     #[var("response.time_constant", unit = "s", start = 0.05, display = "ms")]
     t_r: f64,
-    /// Angle of the steering wheel over that of the road wheels
+    /// Steering-wheel angle divided by road-wheel angle
     #[var("steer.ratio", unit = "1", start = 16.0, positive)]
     ratio: f64,
     /// Greatest angle of the steering wheel
@@ -124,31 +127,31 @@ pub struct PathDriver {
     /// Greatest rate of the steering wheel while the driver follows a path
     #[var("steer.wheel_rate_limit", unit = "rad/s", start = 17.453292519943295, min = 0.0, display = "deg/s")]
     rate_limit: f64,
-    /// Start of the steering of slowly_increasing_steer and fishhook
+    /// Start of the steering in slowly_increasing_steer and fishhook
     #[var("steer.start", unit = "s", start = 1.0, min = 0.0)]
     t_0: f64,
-    /// omega: rate of the steering wheel of slowly_increasing_steer and fishhook
+    /// omega: rate of the steering wheel in slowly_increasing_steer and fishhook
     #[var("steer.wheel_rate", unit = "rad/s", start = 0.23561944901923448, min = 0.0, display = "deg/s")]
     omega: f64,
-    /// A: amplitude of the steering wheel of slowly_increasing_steer and fishhook, positive to the left first
+    /// A: amplitude of the steering wheel in slowly_increasing_steer and fishhook, positive to the left first
     #[var("steer.wheel_amplitude", unit = "rad", start = 4.71238898038469, display = "deg")]
     a: f64,
-    /// Time from which on the steering angle is held; the start value lies beyond any run
+    /// Time from which the steering angle is held; the start value is later than any run
     #[var("steer.hold_start", unit = "s", start = 1e6, min = 0.0)]
     hold_start: f64,
-    /// Roll rate at which fishhook steers to the other side; negative for never before steer.maximum_dwell
+    /// Roll rate at which fishhook steers to the other side; if negative, it always waits for steer.maximum_dwell
     #[var("roll_rate.threshold", unit = "rad/s", start = 0.02617993877991494, display = "deg/s")]
     roll_rate_threshold: f64,
-    /// Longest wait of fishhook before it steers to the other side
+    /// Longest time that fishhook waits before it steers to the other side
     #[var("steer.maximum_dwell", unit = "s", start = 3.0, min = 0.0)]
     maximum_dwell: f64,
-    /// Time on the other side of fishhook
+    /// Hold time on the other side in fishhook
     #[var("steer.hold_time", unit = "s", start = 3.0, min = 0.0)]
     hold_time: f64,
-    /// Time of the way back to straight ahead of fishhook
+    /// Duration of the return to straight ahead in fishhook
     #[var("steer.return_time", unit = "s", start = 2.0, min = 0.0)]
     return_time: f64,
-    /// The pedals keep driver.speed; if false, they stay at 0 up to brake.start
+    /// The pedals keep driver.speed; if false, they stay at 0 until brake.start
     #[var("speed.control", start = false)]
     speed_control: bool,
     /// Speed before the speed ramp
@@ -163,28 +166,28 @@ pub struct PathDriver {
     /// Duration of the speed ramp; 0 for a step
     #[var("speed.rise_time", unit = "s", start = 1.0, min = 0.0)]
     d_v: f64,
-    /// k_pv: acceleration per error of the speed
+    /// k_pv: acceleration per speed error
     #[var("speed.proportional_gain", unit = "1/s", start = 1.5, min = 0.0)]
     k_pv: f64,
-    /// k_iv: acceleration per integral of the error of the speed
+    /// k_iv: acceleration per integral of the speed error
     #[var("speed.integral_gain", unit = "1/s2", start = 0.5, min = 0.0)]
     k_iv: f64,
-    /// Acceleration that the driver expects of the whole accelerator pedal
+    /// Acceleration that the driver expects from the fully pressed accelerator pedal
     #[var("throttle.full_acceleration", unit = "m/s2", start = 2.5, positive)]
     a_throttle: f64,
-    /// Deceleration that the driver expects of the whole brake pedal
+    /// Deceleration that the driver expects from the fully pressed brake pedal
     #[var("brake.full_deceleration", unit = "m/s2", start = 8.0, positive)]
     a_brake: f64,
     /// Deceleration up to which the driver only releases the accelerator pedal
     #[var("brake.deadband", unit = "m/s2", start = 0.3, min = 0.0)]
     deadband: f64,
-    /// Station from which on both pedals are released; negative for never
+    /// Station from which both pedals are released; negative for never
     #[var("release.distance", unit = "m", start = -1.0)]
     release: f64,
     /// Brake pedal from brake.start on, after its ramp
     #[var("brake.amplitude", unit = "1", start = 0.0, min = 0.0, max = 1.0)]
     brake: f64,
-    /// Start of the brake ramp, which ends the control of the speed; the start value lies beyond any run
+    /// Start of the brake ramp, which ends speed control; the start value is later than any run
     #[var("brake.start", unit = "s", start = 1e6, min = 0.0)]
     t_brake: f64,
     /// Duration of the brake ramp; 0 for a step
@@ -244,7 +247,7 @@ pub struct X {
     segment: u64,
     /// Steering angle before delay and lag, rad; kept when the path is lost.
     raw: f64,
-    /// `raw` of the last samples.
+    /// `raw` in the last samples.
     #[var(always_finite)]
     past: Delay,
     /// Steering angle after delay and lag, rad.
@@ -253,11 +256,11 @@ pub struct X {
     steer: f64,
     /// I: integral of the lateral deviation, m.
     integral: f64,
-    /// z: integral of the error of the speed, m/s2.
+    /// z: integral of the speed error, m/s2.
     z: f64,
     finished: bool,
     lost: bool,
-    /// The pedals are released for good.
+    /// The pedals stay released.
     released: bool,
     /// Phase of the fishhook, and the sample with which it began.
     phase: steering::Phase,
@@ -272,7 +275,7 @@ pub struct D {
     table_hash: u64,
 }
 
-/// Driver of standard maneuvers: follows a path or steers by time, and keeps a speed
+/// Driver for standard maneuvers: follows a path or steers by time, and keeps a speed
 #[fmu::model(stop_time = 20.0, step_size = 0.001)]
 impl Discrete for PathDriver {
     type Derived = D;
@@ -283,7 +286,7 @@ impl Discrete for PathDriver {
     const SOURCE: Option<Influence> =
         Some(|output, parameter| output == "driver.speed" && parameter.starts_with("speed."));
 
-    /// Sets the speed only; the other outputs need the first sample, which reads the vehicle.
+    /// Sets only the speed. The other outputs depend on the vehicle and are 0 until the first sample.
     fn start(&self, _: f64, _: &D, _: &U) -> Y {
         Y {
             steer: 0.0,
@@ -348,7 +351,8 @@ impl Discrete for PathDriver {
 }
 
 impl PathDriver {
-    /// Checks the parameters and computes the path, that of the maneuver `table` from the name and the points of its file.
+    /// Checks the parameters and computes the path. `table` is the name and the points of the file for the maneuver
+    /// `Table`.
     fn designed(&self, table: Option<(&str, &Columns)>) -> Result<D, String> {
         let table_hash = table.map_or(0, |(_, points)| points.content_hash());
         Ok(D { path: Path::new(self, table)?, steering: Steering::new(self)?, table_hash })

@@ -4,11 +4,11 @@
 //! |---|---|
 //! | P, theta, kappa, s | a point with its heading, curvature and station (sum of chord lengths) |
 //! | Q | position of the vehicle |
-//! | j, q | segment from point j to j + 1, and share of it up to the foot of the perpendicular from Q |
+//! | j, q | segment from point j to j + 1; relative position of the foot of the perpendicular from Q on it |
 //! | e, psi_e | deviation: distance of Q from the path, positive to the left; heading of the vehicle minus that of the path |
 //! | L_c, R | length of the clothoid and radius of the circle |
-//! | o | overlap: length by which a transition reaches into the coned sections |
-//! | xi, sigma | share of the length of a transition or lane change, and of its offset |
+//! | o | overlap: length by which a transition extends into the coned sections |
+//! | xi, sigma | relative length and relative offset in a transition or lane change |
 //! | H, L_s | offset and length of the single lane change |
 
 use std::f64::consts::TAU;
@@ -25,7 +25,7 @@ const SPACING: f64 = 0.1;
 /// Maximum number of points of such a path: 100 km, 40 MB.
 const MOST_POINTS: f64 = 1e6;
 
-/// Least and greatest distance of two neighbors in a table, m.
+/// Least and greatest distance between two neighbors in a table, m.
 const DISTANCES: [f64; 2] = [1e-6, 1e9];
 
 /// A point of the path.
@@ -42,7 +42,7 @@ pub(crate) struct Point {
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
     pub(crate) points: Vec<Point>,
-    /// Station at which the maneuver has ended.
+    /// Station at which the maneuver ends.
     pub(crate) end: f64,
 }
 
@@ -59,7 +59,7 @@ impl Path {
     /// The path of a maneuver; the maneuver `table` needs the name and the columns x and y of its file.
     ///
     /// # Errors
-    /// A parameter or row is invalid; the message has its value and the rule.
+    /// If a parameter or row is invalid.
     pub(crate) fn new(p: &PathDriver, table: Option<(&str, &Columns)>) -> Result<Self, String> {
         match p.maneuver {
             Maneuver::Straight | Maneuver::SlowlyIncreasingSteer | Maneuver::Fishhook => {
@@ -94,7 +94,7 @@ impl Path {
 
     /// The path through the sections of a track of ISO 3888.
     fn between_cones(p: &PathDriver, track: fn(f64, f64) -> [Section; 3], maneuver: &str) -> Result<Self, String> {
-        // At 0, where no length is rounded.
+        // Computed for a start at 0, where no length is rounded.
         let [_, second, _] = track(0.0, p.w);
         let most = (second.end - second.begin) / 2.0;
         if p.o > most {
@@ -110,7 +110,8 @@ impl Path {
         Ok(Self::through(points.collect(), Some(nearest(end).min(last))))
     }
 
-    /// Stations and curvatures of points with their headings. The maneuver ends at the point `last_of_maneuver`, or the last one.
+    /// Adds stations and curvatures to points with headings. The maneuver ends at the point `last_of_maneuver`, or at
+    /// the last point.
     fn through(points: Vec<[f64; 3]>, last_of_maneuver: Option<usize>) -> Self {
         let mut points: Vec<Point> =
             points.into_iter().map(|[x, y, theta]| Point { x, y, theta, kappa: 0.0, s: 0.0 }).collect();
@@ -136,7 +137,7 @@ impl Path {
             let (dx, dy) = (p_1.x - p_0.x, p_1.y - p_0.y);
             ((x - p_0.x) * dx + (y - p_0.y) * dy) / (dx * dx + dy * dy)
         };
-        // The segment may come from saved bytes. Each loop moves in one direction, so both end for any value.
+        // The segment may come from a deserialized state. Each loop moves in one direction, so both end for any value.
         let mut j = usize::try_from(*segment).unwrap_or(last).min(last);
         while j < last && foot(j) >= 1.0 {
             j += 1;
@@ -146,7 +147,7 @@ impl Path {
         }
         *segment = j as u64;
         let mut q = foot(j);
-        // The first and the last segment are extended straight.
+        // The first and the last segment are extended as straight lines.
         if j > 0 {
             q = q.max(0.0);
         }
@@ -172,7 +173,7 @@ impl Path {
     }
 }
 
-/// A point, or with `path.mirror` that on the other side of the line y = 0.
+/// Mirrors a point about the line y = 0 if `path.mirror` is true.
 fn mirrored(p: &PathDriver, [x, y, theta]: [f64; 3]) -> [f64; 3] {
     if p.mirror { [x, -y, -theta] } else { [x, y, theta] }
 }
@@ -182,7 +183,7 @@ fn nearest(x: f64) -> usize {
     (x / SPACING + 0.5).floor() as usize
 }
 
-/// Index of the last point of a path of this length in m, which follows from the parameters `names`.
+/// Index of the last point of a path with this length in m. The parameters `names` determine the length.
 fn last_point(length: f64, names: &str) -> Result<usize, String> {
     let most = MOST_POINTS * SPACING;
     if length > most {
@@ -198,7 +199,7 @@ fn distance([x, y]: [f64; 2], [x_2, y_2]: [f64; 2]) -> f64 {
     ((x_2 - x) * (x_2 - x) + (y_2 - y) * (y_2 - y)).sqrt()
 }
 
-/// Points of a straight line, a clothoid and a circle, equal steps along the heading of their middle.
+/// Points on a straight line, a clothoid and a circle. Each step has the heading at its middle.
 fn circle(p: &PathDriver, last: usize) -> Vec<[f64; 3]> {
     let heading = |s: f64| {
         let turned = s - p.x_0;
@@ -221,11 +222,11 @@ fn circle(p: &PathDriver, last: usize) -> Vec<[f64; 3]> {
     points
 }
 
-/// The point at `x` of the path from the first lane to the second and to the third: sigma = xi^3 (10 - 15 xi + 6 xi^2) in between,
+/// The point at `x` on the path through the three lanes. The transitions follow sigma = xi^3 (10 - 15 xi + 6 xi^2),
 /// whose slope and curvature are 0 at both ends.
 fn lane_changes(p: &PathDriver, [first, second, third]: &[Section; 3], x: f64) -> [f64; 3] {
     let (y_second, y_third, o) = (second.middle() - p.cut, third.middle(), p.o);
-    // y and its slope of a transition from y_1 to y_2, which reaches into both sections
+    // y and its slope on a transition from y_1 to y_2, which extends into both sections
     let transition = |y_1: f64, y_2: f64, from: f64, to: f64| {
         let length = to - from + 2.0 * o;
         let xi = (x - (from - o)) / length;
@@ -247,14 +248,14 @@ fn lane_changes(p: &PathDriver, [first, second, third]: &[Section; 3], x: f64) -
     [x, y, math::atan(slope)]
 }
 
-/// The point at `x` of the single lane change, one period of a sine of lateral acceleration.
+/// The point at `x` on the single lane change, whose lateral acceleration is one sine period.
 fn single_lane_change(p: &PathDriver, x: f64) -> [f64; 3] {
     let xi = ((x - p.x_0) / p.l_s).clamp(0.0, 1.0);
     let (sin, cos) = math::sin_cos(TAU * xi);
     [x, p.h * (xi - sin / TAU), math::atan(p.h / p.l_s * (1.0 - cos))]
 }
 
-/// The points of a table. The heading of a point is the direction between its neighbors, without jumps of a turn.
+/// The points of a table. The heading of a point is the direction between its neighbors, without jumps by whole turns.
 fn table_points(file: &str, table: &Columns) -> Result<Vec<[f64; 3]>, String> {
     let points: Vec<[f64; 2]> = table.column(0).iter().zip(table.column(1)).map(|(&x, &y)| [x, y]).collect();
     let [least, most] = DISTANCES;

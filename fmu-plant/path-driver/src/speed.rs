@@ -5,8 +5,8 @@
 //! | t, T | time since the start, sample time |
 //! | v, v_ref | speed of the vehicle, not negative, and its reference |
 //! | a_x | demanded acceleration |
-//! | k_pv, k_iv | acceleration per error of the speed, and per integral of it |
-//! | z | integral of the error of the speed times k_iv |
+//! | k_pv, k_iv | acceleration per speed error, and per integral of the speed error |
+//! | z | integral of the speed error times k_iv |
 
 use crate::steering::SLACK;
 use crate::{PathDriver, X};
@@ -35,7 +35,7 @@ pub(crate) fn pedals(p: &PathDriver, x: &mut X, v: f64, s: f64, t: f64) -> [f64;
     let error = reference(p, t) - v;
     let a_x = feedforward + p.k_pv * error + x.z;
     let saturated = a_x.clamp(-p.a_brake, p.a_throttle);
-    // A saturated pedal does not wind the integral up, only back.
+    // Anti-windup: while a pedal is saturated, the integral only changes in the direction that ends the saturation.
     if a_x == saturated || error * a_x < 0.0 {
         x.z += p.k_iv * error * p.sample_time;
     }

@@ -10,14 +10,8 @@
 //! | g, g_ff | factors on the steering angle against the deviation ahead and for the curvature |
 //! | kappa | curvature of the path |
 //! | k_i, I | rate of the integral of the deviation, and the integral |
-//! | T_ff, T_d, T_r | time by which the vehicle is late; delay and time constant of the driver |
+//! | T_ff, T_d, T_r | delay of the vehicle; delay and time constant of the driver |
 //! | A, omega, tau | amplitude and rate of the steering wheel, time since the start of a phase |
-//!
-//! # References
-//!
-//! * MacAdam 1981, with a single point; Rossetter and Gerdes: a look-ahead law whose error is the deviation of a point L_p
-//!   ahead on the axis of the vehicle.
-//! * FMVSS 126 S7.6 and ISO 4138: slowly increasing steer. NHTSA: fishhook with roll-rate feedback.
 
 use fmu::math;
 use fmu::prelude::*;
@@ -26,7 +20,7 @@ use fmu::{StateField, Word, Words};
 use crate::path::Place;
 use crate::{D, Maneuver, PathDriver, X};
 
-/// Time in s by which rounding may shift a sample from its instant.
+/// Tolerance for rounding in the time of a sample, s.
 pub(crate) const SLACK: f64 = 1e-9;
 
 /// Greatest delay in samples.
@@ -55,8 +49,7 @@ pub(crate) enum Phase {
     End,
 }
 
-/// The steering angles of the last samples, one for each sample of the delay: sample `n` has the index `n` modulo their
-/// number.
+/// Ring buffer of the steering angles during the delay: sample `n` has the index `n` modulo the length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Delay(Box<[f64]>);
 
@@ -66,7 +59,7 @@ impl Delay {
         Self(vec![0.0; samples].into())
     }
 
-    /// Takes the value of sample `n` and returns that of the delay before.
+    /// Stores the value of sample `n` and returns the delayed value.
     fn shift(&mut self, n: u64, value: f64) -> f64 {
         if self.0.is_empty() {
             return value;
@@ -102,7 +95,7 @@ pub(crate) struct Steering {
 
 impl Steering {
     /// # Errors
-    /// The delay is too long, or a maneuver without a path has no amplitude.
+    /// If the delay is too long, or a maneuver without a path has no amplitude.
     pub(crate) fn new(p: &PathDriver) -> Result<Self, String> {
         let without_amplitude = match p.maneuver {
             Maneuver::SlowlyIncreasingSteer if p.a == 0.0 => Some("6 (slowly_increasing_steer)"),

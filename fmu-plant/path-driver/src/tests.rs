@@ -18,7 +18,7 @@ use super::*;
 use crate::path::{Point, within_half_a_turn};
 use crate::steering::Phase;
 
-/// Asserts that `found` is `printed` to the last printed digit, of the value `last`.
+/// Asserts that `found` rounds to `printed`, whose last digit has the place value `last`.
 #[track_caller]
 fn assert_printed(found: f64, printed: f64, last: f64) {
     assert!((found - printed).abs() <= 0.5000001 * last, "{found} is not {printed}");
@@ -41,7 +41,7 @@ fn largest_curvature(path: &Path) -> f64 {
     path.points.iter().fold(0.0, |largest, point| largest.max(point.kappa.abs()))
 }
 
-/// The path of a table, without a file.
+/// The path for a table given as text.
 fn path_of(text: &str) -> Result<Path, String> {
     let points = Columns::parse(text, "a.csv", &["x", "y"])?;
     Path::new(&driver(Maneuver::Table), Some(("a.csv", &points)))
@@ -59,9 +59,8 @@ fn bits(y: &Y) -> Vec<u64> {
 
 // The path.
 
-/// Reference values.
 #[test]
-fn paths_are_those_of_the_specification() {
+fn paths_have_the_reference_values() {
     let p = PathDriver { o: 8.0, cut: 0.0, ..driver(Maneuver::DoubleLaneChange) };
     let double = path(&p);
     assert_eq!(double.points.len(), 2751);
@@ -93,7 +92,7 @@ fn paths_are_those_of_the_specification() {
 }
 
 /// Closed form: the curvature rises linearly along the clothoid and is 1/R on the circle. Headings are exact, so the
-/// difference quotient is, too, except at the two corners.
+/// difference quotient is also exact, except at the two corners.
 #[test]
 fn the_clothoid_has_a_linear_curvature() {
     let p = driver(Maneuver::Circle);
@@ -105,13 +104,13 @@ fn the_clothoid_has_a_linear_curvature() {
     for s in [-1.0, 0.0, circle.end, 700.0, f64::NAN, f64::INFINITY] {
         assert_eq!(circle.curvature(s), 0.0, "{s}");
     }
-    // Without a clothoid the curvature jumps.
+    // Without a clothoid, the curvature jumps.
     let jump = path(&PathDriver { l_c: 0.0, ..p });
     assert_eq!(jump.curvature(49.8), 0.0);
     assert!((jump.curvature(50.2) - 0.01).abs() < 1e-12);
 }
 
-/// Outside of the overlap, the path keeps to the middle of the lanes, less the cut.
+/// Outside the overlap, the path follows the middle of the lanes, minus the cut.
 #[test]
 fn lane_changes_pass_the_middle_of_the_lanes() {
     for (maneuver, track, o) in [
@@ -127,14 +126,15 @@ fn lane_changes_pass_the_middle_of_the_lanes() {
             for (_, _, y) in middle.into_iter().filter(|(from, to, _)| (*from + 0.05..=*to - 0.05).contains(&point.x)) {
                 assert_eq!((point.y, point.theta), (y, 0.0), "{point:?}");
             }
-            // The way back cuts through no cone.
+            // The path stays between the cones.
             for section in [a, b, c].iter().filter(|section| (section.begin..=section.end).contains(&point.x)) {
                 assert!(section.right < point.y && point.y < section.left, "{point:?}");
             }
         }
         let headings_are_slopes = points.windows(3).all(|around| {
             let slope = (around[2].y - around[0].y) / (around[2].x - around[0].x);
-            // Central difference: h^2/6 of the third derivative, 60 y/length^3 at most, 0.02 1/m2.
+            // The error of the central difference is h^2/6 times the third derivative, at most 60 y/length^3 = 0.02
+            // 1/m2.
             (around[1].theta.tan() - slope).abs() < 1e-4
         });
         assert!(headings_are_slopes);
@@ -151,7 +151,7 @@ fn a_table_turns_without_jumps() {
         text += &format!("{x},{y}\n");
     }
     let square = path_of(&text).unwrap();
-    // From the first segment, direction pi, by a quarter of a turn at each corner, an eighth at the first and the last.
+    // The heading begins at pi. From point to point it turns by a quarter turn, by an eighth at both ends of the path.
     for (i, point) in square.points.iter().enumerate() {
         let quarter = std::f64::consts::FRAC_PI_2;
         let expected = 2.0 * quarter
@@ -175,7 +175,7 @@ fn a_table_has_no_mirror() {
     let p = PathDriver { mirror: true, ..driver(Maneuver::Table) };
     let path = Path::new(&p, Some(("a.csv", &points))).unwrap();
     assert_eq!(path.points[1].y, 5.0);
-    // Curvature by hand: from the first to the last direction, over both segments; none at the ends.
+    // Curvature from its definition: the change of direction over both segments; 0 at the ends.
     let slope = 0.5_f64.atan();
     assert!((path.points[1].kappa + 2.0 * slope / (2.0 * 125.0_f64.sqrt())).abs() < 1e-15);
     assert_eq!((path.points[0].kappa, path.points[2].kappa), (0.0, 0.0));
@@ -203,7 +203,7 @@ fn a_table_without_a_path_is_rejected() {
     assert!(path_of("x,y\n0,0\n0,0.00000099\n").is_err());
 }
 
-/// Reference: the remainder of IEEE 754, by whole turns; both are exact.
+/// Reference: the IEEE 754 remainder of the division by a whole turn; both are exact.
 #[test]
 fn angles_lose_whole_turns() {
     use std::f64::consts::{PI, TAU};
@@ -220,9 +220,9 @@ fn angles_lose_whole_turns() {
 
 // The projection.
 
-/// Reference values: the vehicle is in the middle of a transition of a fresh driver.
+/// The vehicle is in the middle of a transition in the first sample.
 #[test]
-fn one_sample_is_that_of_the_specification() {
+fn one_sample_has_the_reference_values() {
     let p = PathDriver { o: 8.0, cut: 0.0, ..immediate(Maneuver::DoubleLaneChange) };
     let path = path(&p);
     assert_printed(path.curvature(75.0), 0.0051669999, 1e-10);
@@ -237,7 +237,7 @@ fn one_sample_is_that_of_the_specification() {
 }
 
 #[test]
-fn the_first_and_the_last_segment_go_on() {
+fn the_first_and_the_last_segment_are_extended() {
     let path = path_of("x,y\n0,0\n10,0\n10,10\n").unwrap();
     let project = |x, y| path.project(&mut 0, [x, y], 0.0);
     let before = project(-5.0, 2.0);
@@ -245,16 +245,16 @@ fn the_first_and_the_last_segment_go_on() {
     let mut segment = 1;
     let after = path.project(&mut segment, [8.0, 25.0], 0.0);
     assert_eq!((after.s, after.e, segment), (35.0, 2.0, 1));
-    // The heading of the corner is in the middle of both.
+    // The heading at the corner is the mean of both segments.
     let corner = path.project(&mut 0, [10.0, 0.0], 0.0);
     assert_eq!(corner.s, 10.0);
     assert!((corner.psi_e + std::f64::consts::FRAC_PI_4).abs() < 1e-15);
 }
 
-/// A closed path that crosses itself: each round has its own stations. A polyline of a circle of 50 m with chords of 0.1 m is
-/// up to 25 um inside of it.
+/// On a closed path, stations differ from round to round. The polyline with chords of 0.1 m is up to 25 um inside the
+/// circle of 50 m.
 #[test]
-fn rounds_of_a_circle_have_their_own_stations() {
+fn rounds_of_a_circle_have_different_stations() {
     let p = PathDriver { x_0: 0.0, l_c: 0.0, r: 50.0, arc: 900.0, ..driver(Maneuver::Circle) };
     let circle = path(&p);
     let mut segment = 0;
@@ -265,7 +265,7 @@ fn rounds_of_a_circle_have_their_own_stations() {
         assert!((place.s - s).abs() < 0.01, "{s}: {place:?}");
         assert!((place.e - 1.0).abs() < 1e-4 && place.psi_e.abs() < 1e-3, "{s}: {place:?}");
     }
-    // Way back, too.
+    // And in reverse.
     for k in (100..8800).rev() {
         let s = f64::from(k) * 0.1;
         let angle = s / 50.0;
@@ -274,11 +274,12 @@ fn rounds_of_a_circle_have_their_own_stations() {
     }
 }
 
-/// Standing still changes nothing, and driving back gives the same numbers, up to the corners of the polyline: inside of a
-/// bend the vehicle is beside both segments, and is assigned to the one it comes from. A corner of 0.1 m times 0.012 1/m, 2.5 m
-/// away, is 3 mm of the path, 2e-6 m of the deviation and 4e-5 rad of the heading, which is 6e-5 rad of steering by the law.
+/// Standing still changes nothing, and driving back gives the same values except near corners of the polyline: inside a
+/// bend, both segments contain a foot of the perpendicular, and the search keeps the segment it comes from. At a corner
+/// of 0.1 m times 0.012 1/m, 2.5 m away, the difference is 3 mm in the station, 2e-6 m in the deviation, 4e-5 rad in
+/// the heading and thus 6e-5 rad in the steering angle.
 #[test]
-fn standstill_and_way_back_are_harmless() {
+fn standstill_and_driving_back_give_the_same_values() {
     let p = PathDriver { k_i: 0.3, ..immediate(Maneuver::DoubleLaneChange) };
     let place = |k: i32| at(f64::from(k) * 0.07, 1.0, 0.02, 0.0);
     let mut run = DiscreteSimulation::new(p).unwrap();
@@ -294,15 +295,15 @@ fn standstill_and_way_back_are_harmless() {
         );
         assert!((found.steer - expected.steer).abs() < 1e-4, "{k}: {found:?}, {expected:?}");
     }
-    // At rest the integral is held, too.
+    // At rest, the integral is held, too.
     assert_eq!(run.state().integral, 0.0);
 }
 
 // Steering along a path.
 
-/// Closed form: with an ideal vehicle, yaw rate = v steer/M, and small angles the deviation follows
-/// e'' + 2 (v/Lp) e' + 2 (v/Lp)^2 e = 0. The driver holds its angle for a sample of 0.1 ms, 50 us too late on average, which is 1e-4 of
-/// the time constant Lp/v; angles of 1e-3 rad differ from their sine by 1e-7 of them.
+/// Closed form for an ideal vehicle (yaw rate = v steer/M) and small angles: e'' + 2 (v/Lp) e' + 2 (v/Lp)^2 e = 0. The
+/// driver holds its angle for a sample of 0.1 ms, so it is 50 us late on average, less than 1e-4 of the time constant
+/// Lp/v.
 #[test]
 fn an_ideal_vehicle_returns_to_the_path_with_the_damping_of_the_law() {
     let (v, h) = (20.0, 1e-4);
@@ -324,7 +325,7 @@ fn an_ideal_vehicle_returns_to_the_path_with_the_damping_of_the_law() {
     }
 }
 
-/// By hand, from the law: M = L + K v^2, Lp the greater of both, 2/Lp^2 (e + Lp sin(heading error)); no curvature.
+/// The formula without curvature: -M g 2/Lp^2 (e + Lp sin(heading error)), with M = L + K v^2.
 #[test]
 fn the_law_of_the_deviation() {
     let p = PathDriver { k: 0.004, g: 1.2, t_p: 0.5, ..immediate(Maneuver::Straight) };
@@ -337,7 +338,7 @@ fn the_law_of_the_deviation() {
     }
 }
 
-/// The feedforward looks ahead by the total delay of driver and vehicle; a negative time constant means none.
+/// The feedforward looks ahead by the total delay of driver and vehicle. A negative time constant acts like 0.
 #[test]
 fn the_feedforward_leads() {
     for (delay, lag, lead) in [(0.0, 0.0, 0.3), (0.2, 0.0, 0.5), (0.2, 0.4, 0.9), (0.2, -0.4, 0.5)] {
@@ -353,14 +354,14 @@ fn the_feedforward_leads() {
         };
         let path = path(&p);
         let mut run = DiscreteSimulation::new(p).unwrap();
-        // Long enough for the delay and the lag of 0.4 s to have died out: e^-75.
+        // After 30 s, delay and lag have died out to e^-75.
         let y = (0..3000).map(|_| run.sample(&at(60.0, 0.0, 0.0, 10.0)).unwrap()).last().unwrap();
         let expected = 2.34 * 0.8 * path.curvature(y.s + lead * 10.0);
         assert!(expected > 0.0 && (y.steer - expected).abs() < 1e-14, "{} instead of {expected}", y.steer);
     }
 }
 
-/// By hand: the law is evaluated before the integral adds the deviation of the sample.
+/// The law is evaluated before the integral adds the deviation of the same sample.
 #[test]
 fn the_integral_acts_one_sample_later_and_not_at_rest() {
     for (v, rate) in [(0.499, 0.0), (0.5, 0.4)] {
@@ -391,7 +392,7 @@ fn the_delay_is_a_whole_number_of_samples() {
     }
 }
 
-/// Closed form of a first-order lag after a step, exact at the samples; rounding of 400 sums.
+/// Closed form of a first-order lag after a step, exact at the samples to the rounding of 400 sums.
 #[test]
 fn the_lag_is_exact_at_the_samples() {
     let p = PathDriver { t_r: 0.2, sample_time: 0.01, ..immediate(Maneuver::Straight) };
@@ -406,11 +407,11 @@ fn the_lag_is_exact_at_the_samples() {
 }
 
 #[test]
-fn the_steering_wheel_has_a_rate_and_an_end() {
+fn rate_and_angle_of_the_steering_wheel_are_limited() {
     let p = PathDriver { angle_limit: 0.8, rate_limit: 2.0, sample_time: 0.01, ..immediate(Maneuver::Straight) };
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 1..100 {
-        // Far on the right: to the left. 2 rad/s at the wheel, 0.8 rad at most; sums of 40 numbers round by 1e-16 each.
+        // The vehicle is far to the right, so the driver steers to the left: with 2 rad/s at the wheel, to 0.8 rad.
         let wheel = run.sample(&at(0.0, -5.0, 0.0, 10.0)).unwrap().steering_wheel;
         assert!((wheel - (0.02 * f64::from(k)).min(0.8)).abs() < 1e-13, "{k}: {wheel}");
     }
@@ -425,7 +426,7 @@ fn the_steering_angle_is_held_from_a_time_on() {
     let y: Vec<_> = (0..20).map(|k| run.sample(&at(0.0, f64::from(k), 0.0, 10.0)).unwrap().steer).collect();
     assert!(y[..7].windows(2).all(|pair| pair[1] < pair[0]));
     assert!(y[7..].iter().all(|steer| *steer == y[6]), "{y:?}");
-    // The integral is held, too: sum of 0.5 k 0.01 up to the sample before. 7 times 0.01 is above 0.07 by rounding.
+    // The integral is held, too: it is the sum of 0.5 k 0.01 for k < 7. Because of rounding, 7 times 0.01 exceeds 0.07.
     assert!((run.state().integral - 0.5 * 0.01 * 21.0).abs() < 1e-15, "{}", run.state().integral);
 }
 
@@ -436,7 +437,7 @@ fn a_lost_path_keeps_the_steering_angle() {
     let near = run.sample(&at(0.0, 2.0, 0.0, 10.0)).unwrap();
     assert!(!near.lost);
     let integral = run.state().integral;
-    // The angle is held from the sample of the loss on; position on the path and pedals are still updated.
+    // From the sample in which the path is lost, the angle is held; position on the path and pedals are still updated.
     for (y, v) in [(2.1, 10.0), (0.0, 12.0), (-1.0, 20.0)] {
         let sample = run.sample(&at(1.0, y, 0.1, v)).unwrap();
         assert!(sample.lost && !sample.finished);
@@ -450,7 +451,7 @@ fn a_lost_path_keeps_the_steering_angle() {
 }
 
 #[test]
-fn the_end_is_that_of_the_maneuver_and_stays() {
+fn finished_becomes_true_at_the_end_of_the_maneuver_and_stays_true() {
     let ends = [
         (Maneuver::Straight, 150.0),
         (Maneuver::Circle, path(&driver(Maneuver::Circle)).end),
@@ -465,7 +466,7 @@ fn the_end_is_that_of_the_maneuver_and_stays() {
         for pair in points.windows(2).flat_map(|pair| [0.0, 0.25, 0.5, 0.75].map(|share| (pair, share))) {
             let (a, b, share) = (pair.0[0], pair.0[1], pair.1);
             let y = run.sample(&at(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), a.theta, 10.0)).unwrap();
-            // The share of a segment is rounded, and that of the last point is never reached here.
+            // The position is rounded, and this loop never reaches the last point.
             if y.finished && first.is_none() {
                 first = Some(y.s);
             }
@@ -491,7 +492,7 @@ fn slowly_increasing_steer_is_a_ramp() {
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 0..5000 {
         let t = f64::from(k) * 1e-3;
-        // Beyond the end of the line, which does not end the maneuver.
+        // The position is beyond the end of the line, which does not end the maneuver.
         let y = run.sample(&at(1e3, 25.0, 0.3, 20.0)).unwrap();
         let ramp = 13.5_f64.to_radians() * (t - 1.0).max(0.0);
         assert!((y.steering_wheel + ramp.min(0.5)).abs() < 1e-14, "{t} s: {}", y.steering_wheel);
@@ -501,7 +502,7 @@ fn slowly_increasing_steer_is_a_ramp() {
     }
 }
 
-/// The ramp ends exactly at the amplitude: numbers without rounding.
+/// The ramp ends exactly at the amplitude; all numbers are exact in binary.
 #[test]
 fn slowly_increasing_steer_ends_with_its_amplitude() {
     let p = PathDriver { t_0: 0.0, omega: 1.0, a: 0.5, sample_time: 0.25, ..driver(Maneuver::SlowlyIncreasingSteer) };
@@ -547,7 +548,7 @@ fn the_fishhook_waits_for_the_roll_rate() {
                 } else {
                     0.0
                 };
-                // Continuous but for rounding of the times, of which 4 rad/s make 1e-14 rad.
+                // At 4 rad/s, the rounding of the times is 1e-14 rad.
                 assert!((y.steering_wheel - side * expected).abs() < 1e-13, "{t} s: {}", y.steering_wheel);
                 assert_eq!(y.finished, tau > 0.7495, "{t} s");
             }
@@ -555,9 +556,9 @@ fn the_fishhook_waits_for_the_roll_rate() {
     }
 }
 
-/// A threshold below 0 is never reached, the dwell of 0.25 s ends by itself; phases of no length pass in one sample.
+/// A threshold below 0 is never reached, so the dwell takes 0.25 s. Phases without duration pass in one sample.
 #[test]
-fn phases_of_the_fishhook_may_have_no_length() {
+fn phases_of_the_fishhook_may_have_no_duration() {
     let p = PathDriver {
         omega: 1e9,
         t_0: 0.01,
@@ -570,21 +571,21 @@ fn phases_of_the_fishhook_may_have_no_length() {
     let mut run = DiscreteSimulation::new(p.clone()).unwrap();
     let y: Vec<_> = (0..300).map(|_| run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap()).collect();
     for (k, y) in y.iter().enumerate() {
-        // The ramp of 5 ns is not over in the sample in which it begins, and passes in the next; so does the way back.
+        // The ramp of 5 ns is not over in the sample in which it begins, but in the next; so is the reversal.
         let expected = if (11..261).contains(&k) { p.a } else { 0.0 };
         assert!((y.steering_wheel - expected).abs() < 1e-12 || k == 261, "{k}: {}", y.steering_wheel);
         assert_eq!(y.finished, k >= 262, "{k}");
     }
     assert_eq!(run.state().phase, Phase::End);
-    // All at once.
+    // All phases pass in the first sample.
     let at_once = PathDriver { t_0: 0.0, maximum_dwell: 0.0, omega: 1e300, ..p };
     let mut run = DiscreteSimulation::new(at_once).unwrap();
     assert!(run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap().finished);
 }
 
-/// The limits of angle and the hold act on steering by time, the rate limit and the delay do not.
+/// The rate limit and the delay do not act on steering by time.
 #[test]
-fn steering_by_time_has_an_end() {
+fn angle_limit_and_hold_act_on_steering_by_time() {
     let p = PathDriver {
         angle_limit: 0.3,
         rate_limit: 0.1,
@@ -602,7 +603,7 @@ fn steering_by_time_has_an_end() {
 // Speed.
 
 #[test]
-fn the_wanted_speed_is_a_ramp_or_a_step() {
+fn the_reference_speed_is_a_ramp_or_a_step() {
     let p = PathDriver { v_0: 10.0, v_1: 16.0, t_v: 0.3, d_v: 0.4, sample_time: 0.1, ..driver(Maneuver::Straight) };
     let speeds = |p: PathDriver| {
         let mut run = DiscreteSimulation::new(p).unwrap();
@@ -618,8 +619,8 @@ fn the_wanted_speed_is_a_ramp_or_a_step() {
     }
 }
 
-/// By hand, sample by sample: a = feedforward + k_p error + z, z after it, unless the pedal is at its end and the error is
-/// on the same side.
+/// Sample by sample: a = feedforward + k_p error + z. Then z is updated, unless the pedal is saturated and the error
+/// has the same sign as a.
 #[test]
 fn the_pedals_follow_the_law() {
     let p = PathDriver {
@@ -643,22 +644,22 @@ fn the_pedals_follow_the_law() {
     };
     // error 1: a = 1.5; z = 0.5 1 0.1
     assert_pedals(sample(9.0), [1.5 / 2.5, 0.0], 0.05);
-    // error 2: a = 3.05, at the end: z stays
+    // error 2: a = 3.05, saturated: z does not change
     assert_pedals(sample(8.0), [1.0, 0.0], 0.05);
-    // the ramp: 10 m/s2 of feedforward; error -1: a = 10 - 1.5 + 0.05, at the end, but the error pulls it back
+    // the ramp: 10 m/s2 of feedforward; error -1: a = 10 - 1.5 + 0.05, saturated, but the error has the opposite sign
     assert_pedals(sample(11.0), [1.0, 0.0], 0.0);
-    // after it, 11 m/s; error -0.2: a = -0.3, not below the deadband
+    // after the ramp, 11 m/s; error -0.2: a = -0.3, not below the deadband
     assert_pedals(sample(11.2), [0.0, 0.0], -0.01);
     // error -1: a = -1.51
     assert_pedals(sample(12.0), [0.0, 1.51 / 8.0], -0.06);
-    // error -9: a = -13.56, at the end: z stays
+    // error -9: a = -13.56, saturated: z does not change
     assert_pedals(sample(20.0), [0.0, 1.0], -0.06);
-    // backwards counts as standing: error 11
+    // driving backward is treated as standstill: error 11
     assert_pedals(sample(-3.0), [1.0, 0.0], -0.06);
 }
 
 #[test]
-fn pedals_are_released_for_good_and_the_brake_comes_in_any_case() {
+fn pedals_stay_released_until_the_brake_ramp() {
     let p = PathDriver {
         speed_control: true,
         release: 20.0,
@@ -670,7 +671,7 @@ fn pedals_are_released_for_good_and_the_brake_comes_in_any_case() {
     };
     for (speed_control, release) in [(true, 20.0), (true, -1.0), (false, -1.0)] {
         let mut run = DiscreteSimulation::new(PathDriver { speed_control, release, ..p.clone() }).unwrap();
-        // The station 20 m is passed in the third sample, and left again.
+        // The vehicle passes station 20 m in the third sample, then moves back.
         for (k, x) in [0.0, 19.9, 20.1, 5.0, 5.0, 5.0, 5.0, 5.0, 5.0].into_iter().enumerate() {
             let z = run.state().z;
             let y = run.sample(&at(x, 0.0, 0.0, 16.0)).unwrap();
@@ -730,7 +731,7 @@ fn named<B: Variables<f64>>(values: &[(&str, f64)]) -> B {
     B::from_reals(&names::<B>().iter().map(of).collect::<Vec<_>>())
 }
 
-/// The driver's samples while it drives the car, in steps of 1 ms.
+/// The driver's outputs while it drives the car, in steps of 1 ms.
 fn driven(p: PathDriver, speed: f64, time: f64) -> Vec<Y> {
     let mut car = Car::new(speed);
     let mut run = DiscreteSimulation::new(p).unwrap();
@@ -749,7 +750,7 @@ fn of_the_car(maneuver: Maneuver) -> PathDriver {
     PathDriver { l: 2.7, k: 0.003198653, v_0: 18.0, ..driver(maneuver) }
 }
 
-/// Invariant of the specification: a circle of 100 m at 18 m/s, integral gain 0.3.
+/// A circle of 100 m at 18 m/s, with limits from the model's specification.
 #[test]
 fn the_integral_brings_the_car_onto_the_circle() {
     let y = driven(PathDriver { k_i: 0.3, ..of_the_car(Maneuver::Circle) }, 18.0, 36.0);
@@ -759,13 +760,13 @@ fn the_integral_brings_the_car_onto_the_circle() {
     assert!(deviation < 0.07, "{deviation}");
     assert!(last.e.abs() < 5e-6, "{}", last.e);
     assert!(!last.lost && !last.finished);
-    // a_y = v^2/R asks for (L + K v^2)/R.
+    // a_y = v^2/R requires the angle (L + K v^2)/R.
     assert!((last.steer - (2.7 + 0.003198653 * 324.0) / 100.0).abs() < 1e-5, "{}", last.steer);
 }
 
-/// Closed form: without the integral the deviation is Lp sin(beta), with the sideslip angle
-/// beta = (b - m a v^2/(C_r L))/R of the car; here -0.066 m. The curvature of the circle that is driven differs by e/R^2, which
-/// is Lp^2/2 e/R^2 = 7e-4 m of deviation.
+/// Closed form: without the integral, the deviation is Lp sin(beta) = -0.066 m, with the car's sideslip angle
+/// beta = (b - m a v^2/(C_r L))/R. The curvature of the driven circle differs by e/R^2, which changes the deviation by
+/// Lp^2/2 e/R^2 = 7e-4 m.
 #[test]
 fn without_the_integral_the_sideslip_angle_is_left() {
     let y = driven(of_the_car(Maneuver::Circle), 18.0, 30.0);
@@ -776,8 +777,7 @@ fn without_the_integral_the_sideslip_angle_is_left() {
     assert_printed(e, -0.066, 1e-3);
 }
 
-/// Invariant of the specification: mirrored path and mirrored vehicle give mirrored results, to 1e-12; bit-identical, as all
-/// operations are odd or even.
+/// A mirrored path and vehicle give mirrored results, bit for bit, because all operations are odd or even.
 #[test]
 fn mirrored_path_and_vehicle_are_mirrored() {
     for maneuver in
@@ -819,14 +819,14 @@ fn the_car_drives_the_double_lane_change() {
         car.run.step(&car.inputs, 1e-3).unwrap();
     }
     assert!(seen.iter().all(|seen| *seen > 600), "{seen:?}");
-    // 175 m of 18 m/s, and the detour.
+    // 175 m at 18 m/s, plus the detour.
     assert!((2000..2280).contains(&finished), "{finished}");
 }
 
 // Arbitrary inputs.
 
 proptest! {
-    /// For any inputs, a sample ends without a panic, including the search along the path.
+    /// No input causes a panic or an endless search along the path.
     #[test]
     fn no_input_stops_the_driver(
         maneuver in 0..8_i32, k in 1..50_usize,
@@ -928,7 +928,7 @@ fn message(error: CallError) -> String {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// A state that was saved at any time continues with the same bits: in the same instance, and as bytes in another.
+    /// A state saved at any time continues bit-identically: in the same instance and, after serialization, in another.
     #[test]
     fn a_saved_state_continues_with_the_same_bits(maneuver in 0..8_i32, before in 1..4000_u32, delay in 0.0..0.9_f64) {
         use fmu::Enumeration as _;
@@ -1086,7 +1086,7 @@ fn the_table_comes_from_a_file() {
     let outputs = fmu.step(0);
     assert_eq!(f64::from_bits(outputs[7]), 0.0);
 
-    // A saved state continues with the same points only.
+    // A saved state is accepted only with the same points.
     let saved = fmu.instance.snapshot().unwrap();
     let bytes = fmu.instance.serialize(&saved).unwrap();
     assert!(fmu.instance.deserialize(&bytes).is_ok());
@@ -1094,9 +1094,9 @@ fn the_table_comes_from_a_file() {
     assert!(fmu.instance.deserialize(&bytes).is_err());
 }
 
-/// Before the first sample the speed is the initial speed, and all other outputs are 0.
+/// Before the first sample, the speed is the initial speed, and all other outputs are 0.
 #[test]
-fn the_speed_is_there_from_the_start() {
+fn the_speed_is_valid_from_the_start() {
     let mut fmu = Fmu::new(FilePath::new(""));
     fmu.initialize().unwrap();
     let mut values = [1.0; 2];

@@ -1,18 +1,18 @@
 //! Cones of the lane changes of ISO 3888: the double lane change (part 1) and the obstacle avoidance (part 2).
 //!
-//! Lengths and widths are those of the standard. Open implementations of both tracks agree on the edges that lie in one
-//! line: the right ones in part 1, the left ones of the first and the third lane in part 2.
+//! Lengths and widths are from the standard. Open-source implementations of both tracks agree on the edges that are in
+//! one line: the right edges in part 1, the left edges of the first and the third lane in part 2.
 //!
 //! ```
-//! // A car of 1.61 m, the first lane from 50 m on.
+//! // A car 1.61 m wide; the first lane begins at 50 m.
 //! let [first, second, third] = path_driver::tracks::iso_3888_1(50.0, 1.61);
 //! assert_eq!((second.begin, second.end), (95.0, 120.0));
 //! assert!((second.right - 2.4895).abs() < 1e-12 && (second.left - 4.6715).abs() < 1e-12);
 //! assert_eq!(first.right, third.right);
 //! ```
 
-/// A coned section: a strip across the road and the lane in it. `x` points along the first lane, `y = 0` is its middle, left
-/// is positive; all in m.
+/// A lane between cones. `x` points along the first lane, and `y = 0` is its middle; left is positive. All values are
+/// in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// x of the first cones.
@@ -32,8 +32,8 @@ impl Section {
     }
 }
 
-/// The double lane change of ISO 3888-1 to the left: sections of 15, 25 and 30 m, the first of which begins at `start` in m,
-/// for a vehicle of the width `w` in m.
+/// The double lane change of ISO 3888-1, to the left: sections of 15, 25 and 30 m. The first one begins at `start` in
+/// m; `w` is the width of the vehicle in m.
 pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
     let [w_1, w_3, w_5] = [1.1 * w + 0.25, 1.2 * w + 0.25, 1.3 * w + 0.25];
     let right = -w_1 / 2.0;
@@ -44,8 +44,8 @@ pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
     ]
 }
 
-/// The obstacle avoidance of ISO 3888-2 to the left: sections of 12, 11 and 12 m, the first of which begins at `start` in m,
-/// for a vehicle of the width `w` in m.
+/// The obstacle avoidance of ISO 3888-2, to the left: sections of 12, 11 and 12 m. The first one begins at `start` in
+/// m; `w` is the width of the vehicle in m.
 pub fn iso_3888_2(start: f64, w: f64) -> [Section; 3] {
     let [w_1, w_3, w_5] = [1.1 * w + 0.25, w + 1.0, (1.3 * w + 0.25).max(3.0)];
     let left = w_1 / 2.0;
@@ -66,16 +66,16 @@ mod tests {
         }
     }
 
-    /// Reference values of the specification for 1.61 m, exact with these digits; sums of three numbers round by 1e-15.
+    /// Reference values for 1.61 m, exact with these digits.
     #[test]
-    fn edges_are_those_of_the_standard() {
+    fn edges_follow_the_standard() {
         let double = iso_3888_1(50.0, 1.61);
         assert_edges(double, [[-1.0105, 1.0105], [2.4895, 4.6715], [-1.0105, 1.3325]]);
         assert_eq!(double.map(|section| [section.begin, section.end]), [[50.0, 65.0], [95.0, 120.0], [145.0, 175.0]]);
         let avoidance = iso_3888_2(50.0, 1.61);
         assert_edges(avoidance, [[-1.0105, 1.0105], [2.0105, 4.6205], [-1.9895, 1.0105]]);
         assert_eq!(avoidance.map(|section| [section.begin, section.end]), [[50.0, 62.0], [75.5, 86.5], [99.0, 111.0]]);
-        // A wide vehicle: 1.3 w + 0.25 exceeds the 3 m.
+        // For a wide vehicle, 1.3 w + 0.25 exceeds the minimum of 3 m.
         for (w, width) in [(2.5, 3.5), (1.61, 3.0)] {
             let Section { right, left, .. } = iso_3888_2(0.0, w)[2];
             assert!((left - right - width).abs() < 1e-12);

@@ -1,5 +1,5 @@
-//! Equations of motion, in the order of computation: deflections, tires, vertical motion, lateral motion. The numbers
-//! are those of the paper; corrections are listed in the README.
+//! Equations of motion, in the order of computation: deflections, tires, vertical motion, lateral motion. Equation
+//! numbers refer to the paper; the README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -9,13 +9,13 @@
 //! | d_s, d_t | deflection of suspension and tire (compression negative) |
 //! | F_s, U | force of spring and damper (tension positive), of the actuator (pushes the body up) |
 //! | q | force on the body, U - F_s |
-//! | N, F_z0 | tire load, and at rest |
+//! | N, F_z0 | tire load, tire load at rest |
 //! | delta, alpha, F_y | steering angle, slip angle and lateral force of a tire |
 //! | u, v, r | longitudinal and lateral velocity, yaw rate |
-//! | u_e | u with a floor, for divisions |
+//! | u_e | u, limited to the minimum speed, for divisions |
 //! | psi | heading |
 //!
-//! One more d, before the index if a name has one, is one more derivative with respect to time: zd, zdd_w, dd_s.
+//! Each d added to a symbol, before its index, is a derivative with respect to time: zd, zdd_w, dd_s.
 
 use chassis_vehicle::arithmetic::{Divisor, Over, Rotation};
 use chassis_vehicle::positions::{SixWheels, ThreeAxles, axle_of, left_is_positive};
@@ -37,7 +37,7 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     let loads = statics::three_axle_loads(p.m, p.g, axles);
     if let Some(i) = loads.iter().position(|&load| load <= 0.0 && p.g > 0.0) {
         return Err(format!(
-            "'geometry.cg_to_front_axle' = {} m puts the center of mass too far from the axles: the load of the {} at \
+            "'geometry.cg_to_front_axle' = {} m puts the center of mass too far from the axles: the load on the {} at \
              rest would be {:.0} N",
             p.a,
             ThreeAxles::<f64>::ELEMENTS[i].description,
@@ -51,8 +51,8 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     let least = b * b / a + d * d / e;
     if c <= least {
         return Err(format!(
-            "'body.roll_axis_inertia' must be more than {least:.0} kg.m2, got {} kg.m2: mass, \
-             'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it",
+            "'body.roll_axis_inertia' must be more than {least:.0} kg.m2, got {} kg.m2: the limit follows from the \
+             masses, 'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia'",
             p.i_x
         ));
     }
@@ -72,7 +72,7 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     })
 }
 
-/// Everything that follows from state and inputs.
+/// Values that derivatives and outputs share.
 struct Motion<T> {
     heading: Rotation<T>,
     suspension: Suspension<T>,
@@ -115,7 +115,7 @@ fn suspension<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> Suspen
     Suspension { d_s, dd_s, f_s, q, d_t, n }
 }
 
-/// Directions in which the hubs of the axles and the center of mass move; the last one is the sideslip angle.
+/// Directions of travel of the three axles and of the center of mass; the last one is the sideslip angle.
 #[inline]
 fn directions<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> [T; 4] {
     let u_e = Scalar::max(u.u, T::from(p.u_min));
@@ -173,7 +173,7 @@ struct Lateral<T> {
     rd: T,
 }
 
-/// Eqs. 1-3: one symmetric system in (vd, phidd, rd).
+/// Eqs. 1-3: one symmetric linear system in (vd, phidd, rd).
 #[inline]
 fn lateral_motion<T: Scalar>(
     p: &RescueVehicle,

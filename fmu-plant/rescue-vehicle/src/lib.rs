@@ -38,7 +38,7 @@ pub struct RescueVehicle {
     /// paper, Table 6
     #[var(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
     l23: f64,
-    /// assumed: equal static loads of the axles
+    /// assumed: equal static axle loads
     #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     a: f64,
     /// paper, Table 6
@@ -65,10 +65,10 @@ pub struct RescueVehicle {
     /// assumed: damping ratio of heave about 0.3
     #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
     c_s: f64,
-    /// assumed: load over 0.16 times the section height
+    /// assumed: load divided by 0.16 times the section height
     #[var(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
     k_t: f64,
-    /// assumed: 5.1 per rad of the static load
+    /// assumed: 5.1 times the static load per rad
     #[var(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
     c: ThreeAxles<f64>,
     /// assumed: dry unpaved road

@@ -16,7 +16,7 @@ use super::*;
 
 const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
 const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
-/// Positions of v and r in the state.
+// Indices in the state.
 const V: usize = 18;
 const R: usize = 19;
 
@@ -51,7 +51,7 @@ fn linearized(p: &RescueVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatr
     )
 }
 
-/// A state and inputs with a different number in every place.
+/// A state and inputs with different values in all elements.
 fn example() -> (X<f64>, U<f64>) {
     let x = X {
         z: 0.01,
@@ -78,7 +78,7 @@ fn example() -> (X<f64>, U<f64>) {
 
 #[test]
 fn at_rest_nothing_moves_and_the_loads_are_equal() {
-    // The speed is no disturbance: exactly 0. m g / 6 = 58 860 N; a few roundings.
+    // Speed alone causes no motion: the rates are exactly 0. The loads are m g / 6 = 58 860 N to a few roundings.
     let p = RescueVehicle::default();
     for speed in [0.0, 0.1, 9.7, 40.0] {
         let u = U { u: speed, ..U::default() };
@@ -106,7 +106,7 @@ fn the_derivatives_have_the_reference_values() {
     }
     assert_abs_diff_eq!(rates.v, -2.9353380236, epsilon = 1e-10);
     assert_abs_diff_eq!(rates.r, 0.40471817373, epsilon = 1e-11);
-    // The rate of every position is the velocity itself.
+    // The rate of each position is its velocity.
     assert_eq!((rates.z, rates.theta, rates.phi, rates.z_w, rates.psi), (x.zd, x.thetad, x.phid, x.zd_w, x.r));
     // u cos psi, v cos psi with psi = 0.
     assert_eq!((rates.x, rates.y), (10.0, 0.2));
@@ -138,7 +138,7 @@ fn the_paper_tire_has_the_reference_values() {
 
 #[test]
 fn one_millisecond_has_the_reference_values() {
-    // Four Runge-Kutta steps of 0.25 ms err by 1e-13 here; 10 digits are printed.
+    // Four Runge-Kutta steps of 0.25 ms have an error of 1e-13 here; the reference values have 10 decimals.
     let p = RescueVehicle::default();
     let (x, u) = example();
     let mut run = ContinuousSimulation::new(p).unwrap();
@@ -154,8 +154,8 @@ fn one_millisecond_has_the_reference_values() {
 #[test]
 fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
     // Three axles of equal stiffness with the center of mass at their mean: r/delta_f = u a/(a^2 + b^2 + c^2) for small
-    // angles, rear axles straight (Chen et al. eqs. 14, 15 with A2 = 0). Exact; 1e-12 covers the linear solution. The state
-    // without heading and position has a regular matrix.
+    // angles, rear axles straight (Chen et al. eqs. 14, 15 with A2 = 0). 1e-12 covers the rounding of the linear
+    // solution. Without heading and position, the state matrix is regular.
     let p = linear();
     let (a, b) = linearized(&p, &X::default(), &U::default());
     let front = 1; // speed, then the front axle
@@ -164,13 +164,13 @@ fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
     let x = derived(&p).x;
     let closed = data::SPEED * x[0] / (x[0] * x[0] + x[2] * x[2] + x[4] * x[4]);
     assert_abs_diff_eq!(gain / closed, 1.0, epsilon = 1e-12);
-    assert_abs_diff_eq!(gain, 2.252655, epsilon = 1e-6); // check number
-    assert_abs_diff_eq!(gain / data::SPEED, 0.231702, epsilon = 1e-6); // check number
+    assert_abs_diff_eq!(gain, 2.252655, epsilon = 1e-6); // reference value
+    assert_abs_diff_eq!(gain / data::SPEED, 0.231702, epsilon = 1e-6); // reference value
 }
 
 #[test]
 fn a_steady_turn_without_sideslip_is_an_equilibrium() {
-    // Closed form of a turn with v = 0: every tire makes m u r / 6, and the roll angle per lateral acceleration is
+    // Closed form of a turn with v = 0: every tire carries m u r / 6, and the roll angle per lateral acceleration is
     // m_s h_s / (K_phi - m_s g h_s) with springs and tire springs in series, K_phi = 6 (B/2)^2 k_s k_t / (k_s + k_t).
     let p = linear();
     let d = derived(&p);
@@ -179,7 +179,7 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     let half = p.b_t / 2.0;
     let k_phi = 6.0 * half * half * p.k_s * p.k_t / (p.k_s + p.k_t);
     let per_acceleration = d.m_s * p.h_s / (k_phi - d.m_s * p.g * p.h_s);
-    assert_abs_diff_eq!(per_acceleration, 0.01984193, epsilon = 1e-8); // check number
+    assert_abs_diff_eq!(per_acceleration, 0.01984193, epsilon = 1e-8); // reference value
     let phi = per_acceleration * a_y;
     let share = p.k_s / (p.k_s + p.k_t);
     let delta = ThreeAxles::from_fn(|axle| {
@@ -193,11 +193,11 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     let x = X { phi, z_w: SixWheels::from_fn(|i| share * d.y[i] * phi), r, ..X::default() };
     let u = U { u: speed, delta, ..U::default() };
     let rates = derivatives(&p, &x, &u);
-    // Roundings of forces of 1e5 N on the smallest mass, 600 kg.
+    // The tolerance is the rounding of 1e5 N on the smallest mass, 600 kg.
     for rate in (X { x: 0.0, y: 0.0, psi: 0.0, ..rates }).reals() {
         assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
-    // Load transfer: the moment of the tires about the roll axis is that of the springs.
+    // Load transfer: the moment of the tires about the roll axis equals the moment of the springs.
     let y = equations::outputs(&p, &d, &x, &u);
     assert_abs_diff_eq!(y.ltr, k_phi * phi / (half * p.m * p.g), epsilon = 1e-12);
     assert_abs_diff_eq!(y.a_y, a_y, epsilon = 1e-12);
@@ -205,8 +205,8 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
 
 #[test]
 fn the_linearized_plant_is_the_design_model_of_the_controllers() {
-    // Two derivations of one model: these equations by dual numbers, and the matrices M, N, R, Q of the paper's
-    // Appendix A (corrected). States v = u beta; a few roundings of the largest element.
+    // Two derivations of one model: these equations, linearized by dual numbers, and the matrices M, N, R, Q in
+    // Appendix A of the paper (corrected), with v = u beta. The tolerance is a few roundings of the largest element.
     let p = linear();
     let vehicle = VehicleParameters::default();
     let speed = data::SPEED;
@@ -230,7 +230,7 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
 
 #[test]
 fn the_poles_at_35_km_h_are_the_reference_values() {
-    // With the paper's tires and with the saturating ones, which have the same slope at rest. 4 decimals are printed.
+    // The paper's tires and the saturating tires have the same slope at rest. Printed with 4 decimals.
     for p in [linear(), RescueVehicle::default()] {
         let (a, _) = linearized(&p, &X::default(), &U::default());
         let poles = eigenvalues(&a.view((0, 0), (20, 20)).into_owned()).unwrap();
@@ -251,7 +251,7 @@ fn the_poles_at_35_km_h_are_the_reference_values() {
     }
 }
 
-/// Kinetic and potential energy of the vehicle without lift-off; it is at rest in the vertical plane at 0.
+/// Kinetic and potential energy of the vehicle without lift-off; 0 at rest.
 fn energy<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>) -> T {
     let wheels = (0..6).map(|i| {
         let d_s = x.z - x.theta * d.x[i] + x.phi * d.y[i] - x.z_w[i];
@@ -264,7 +264,7 @@ fn energy<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>) -> T {
     (wheels.sum::<T>() + body + plane - height) * 0.5 - coupling
 }
 
-/// A state of usual size: positions to 0.1, rates to 1.
+/// A state of usual size: positions up to 0.1, rates up to 1.
 fn any_state() -> impl Strategy<Value = X<f64>> {
     prop::array::uniform23(-1.0..1.0_f64).prop_map(|values| {
         let scaled: Vec<_> = values.iter().enumerate().map(|(i, v)| if i < 9 { 0.1 * v } else { *v }).collect();
@@ -288,8 +288,8 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Standing, on a flat road, without actuators and with axles straight: only dampers and sliding tires change the
-    /// energy, and only downwards. Both sides are sums of terms to 1e6 W: 1e-8 W are roundings.
+    /// At standstill on a flat road, without actuators or steering, only dampers and sliding tires change the energy,
+    /// and they reduce it. The tolerance of 1e-8 W is the rounding in sums of terms up to 1e6 W.
     #[test]
     fn the_energy_balance_closes(x in any_state()) {
         for tire_model in [TireModel::Linear, TireModel::Saturating] {
@@ -307,8 +307,8 @@ proptest! {
         }
     }
 
-    /// Right and left exchanged: only the order of sums changes. Relative to the largest acceleration (force) that is a
-    /// few roundings.
+    /// Mirroring only changes the order of sums, so results differ by a few roundings of the largest acceleration or
+    /// force.
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), saturating: bool, lift_off: bool) {
         let tire_model = if saturating { TireModel::Saturating } else { TireModel::Linear };
@@ -330,7 +330,7 @@ proptest! {
         }
     }
 
-    /// Slip angles and everything else stay finite when the vehicle stands, and a tire never pulls on the road.
+    /// At standstill, all values stay finite, and a tire never pulls on the road.
     #[test]
     fn a_standing_vehicle_has_finite_slip(x in any_state(), u in any_inputs()) {
         let p = RescueVehicle::default();
@@ -367,7 +367,7 @@ fn the_path_follows_speed_and_heading() {
 }
 
 #[test]
-fn data_that_make_no_vehicle_are_rejected() {
+fn inconsistent_parameters_are_rejected() {
     let message = |p: RescueVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(RescueVehicle { m: 3600.0, ..RescueVehicle::default() }),
@@ -375,27 +375,27 @@ fn data_that_make_no_vehicle_are_rejected() {
     );
     assert_eq!(
         message(RescueVehicle { a: 6.0, ..RescueVehicle::default() }),
-        "'geometry.cg_to_front_axle' = 6 m puts the center of mass too far from the axles: the load of the front axle \
+        "'geometry.cg_to_front_axle' = 6 m puts the center of mass too far from the axles: the load on the front axle \
          at rest would be -167313 N"
     );
     assert_eq!(
         message(RescueVehicle { a: 0.5, ..RescueVehicle::default() }),
-        "'geometry.cg_to_front_axle' = 0.5 m puts the center of mass too far from the axles: the load of the rear axle \
+        "'geometry.cg_to_front_axle' = 0.5 m puts the center of mass too far from the axles: the load on the rear axle \
          at rest would be -18885 N"
     );
     // (m_s h_s)^2/m + I_xz^2/I_z = 29 160 + 131.6 kg m2.
     assert_eq!(
         message(RescueVehicle { i_x: 29_000.0, ..RescueVehicle::default() }),
-        "'body.roll_axis_inertia' must be more than 29292 kg.m2, got 29000 kg.m2: mass, \
-         'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
+        "'body.roll_axis_inertia' must be more than 29292 kg.m2, got 29000 kg.m2: the limit follows from the masses, \
+         'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia'"
     );
-    // Just above it there is a solution.
+    // An inertia just above the limit is accepted.
     assert!(equations::derived(&RescueVehicle { i_x: 29_293.0, ..RescueVehicle::default() }).is_ok());
 }
 
 #[test]
-fn the_inverse_mass_matrix_is_one() {
-    // M M^-1 = 1; roundings of a product of 3 terms of order 1.
+fn the_inverse_mass_matrix_is_correct() {
+    // M M^-1 = 1, to the rounding of sums of 3 terms of order 1.
     let p = RescueVehicle::default();
     let d = derived(&p);
     let coupling = -d.m_s * p.h_s;
