@@ -13,13 +13,10 @@
 //! s <- s + u Ts                                  (after the heights: forward Euler)
 //! ```
 //!
-//! The heights belong to the distance before the step; the plant that steps next moves on over them.
-//!
-//! The front axle starts at distance 0, the axles behind it start at negative distances. Flat road, harmonics and
-//! table are defined for every distance, so they are also correct for a vehicle that rolls back. Shaped noise is
-//! generated forwards and kept for the last [`HISTORY`] grid points before the farthest one the front axle has
-//! reached (10.2 m at 1 cm): within them, a vehicle that rolls back gets bit-identical heights; an axle farther back
-//! gets the oldest height kept.
+//! The front axle starts at distance 0, the axles behind it start at negative distances. Flat road, harmonics and table
+//! are defined for every distance, so they are also correct for a vehicle that rolls back. Shaped noise is generated
+//! forward, and the last [`HISTORY`] grid points up to the farthest position of the front axle are kept (10.2 m at 1
+//! cm). Within them, a vehicle that rolls back gets bit-identical heights; an axle farther back gets the oldest height.
 
 use chassis_vehicle::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis_vehicle::random::Normals;
@@ -32,22 +29,24 @@ use crate::{D, ObstacleShape, Profile, Road, RoughnessStart, Tracks, U, X, Y};
 /// Grid points of shaped noise that are kept for the axles behind the front axle; a power of two.
 pub(crate) const HISTORY: usize = 1024;
 
-/// Grid point number 0 has this index on the grid (distance index times `roughness.spacing`): the first [`HISTORY`]
-/// points then end with index 1, the far end of the cell in which the front axle starts.
+/// Position of grid point 0 in units of `roughness.spacing`: the first [`HISTORY`] points then end at 1, the far end of
+/// the cell in which the front axle starts.
 const FIRST: f64 = 2.0 - HISTORY as f64;
 
-/// Maximum number of grid points of shaped noise per sample (50 ms of work): beyond, the speed is a mistake.
+/// Maximum number of grid points of shaped noise per sample (50 ms of computation). A speed that needs more is a
+/// mistake.
 const MOST_POINTS: f64 = 1e6;
 
-/// Largest standard deviation of stationary shaped noise in m. Class H (the worst of ISO 8608) with the cutoff of the
-/// standard has 0.61 m; beyond 1 m the heights, three times that, are unrealistic.
+/// Largest standard deviation of stationary shaped noise in m. Class H, the worst of ISO 8608, has 0.61 m with the
+/// cutoff of the standard. Above 1 m, the heights, up to three times the standard deviation, are unrealistic.
 const HIGHEST: f64 = 1.0;
 
-/// Fraction of a cell by which rounding may be off.
+/// Tolerance for rounding, as a fraction of a cell.
 const SLACK: f64 = 1e-6;
 
-/// Returns true if an output can depend on a parameter: the distance on the sample time only; friction and height on the
-/// parameters of their own side, the friction on the offset of its axle, the height on all others but those of the friction.
+/// Returns true if an output can depend on a parameter. The distance depends only on the sample time. Friction depends
+/// on `friction.*` and on the offset of its axle, height on all parameters except `friction.*`. Neither depends on
+/// parameters of the other side.
 pub(crate) fn influence(output: &str, parameter: &str) -> bool {
     let Some((signal, place)) = output.split_once('.').filter(|(signal, _)| *signal != "road") else {
         return parameter == "sample_time";
@@ -67,7 +66,7 @@ pub(crate) fn influence(output: &str, parameter: &str) -> bool {
                 _ => false,
             },
             Some("sample_time") => true,
-            // the track is the length of the delay of the right side
+            // the track is the delay of the right side
             _ => signal == "road_height" && (parameter != "geometry.track" || !is_left),
         }
 }
@@ -134,7 +133,7 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     }
 }
 
-/// Computes the constant data of a run; the profile table needs the `table`.
+/// Computes the constant data of a run; the profile `Table` needs the `table`.
 pub(crate) fn derived(p: &Road, table: Option<Table>) -> Result<D, String> {
     let coefficient = class_coefficient(p.class).unwrap_or(p.g_d);
     let pair = match p.tracks {
@@ -173,13 +172,13 @@ fn noise(p: &Road, coefficient: f64, pair: Pair) -> Result<Noise, String> {
             p.n_00 * (deviation / HIGHEST).powi(2)
         ));
     }
-    // one cell less than the points span: the front axle may be just before its far end
+    // One cell less than the points span, because the front axle can be just before the far end of its cell.
     let longest = (HISTORY - 3) as f64 * p.ds;
     for (place, offset) in RearAxles::<f64>::ELEMENTS.iter().zip(*p.l) {
         if offset > longest {
             return Err(format!(
-                "'geometry.axle_offset.{}' = {offset} m: shaped noise is kept over {longest} m with \
-                 'roughness.spacing' = {} m; use a larger spacing",
+                "'geometry.axle_offset.{}' = {offset} m must be at most {longest} m, over which shaped noise is kept \
+                 with 'roughness.spacing' = {} m; use a larger spacing",
                 place.name, p.ds
             ));
         }
@@ -265,12 +264,12 @@ pub(crate) fn check(p: &Road, d: &D, x: &X, u: &U) -> Result<(), String> {
     Ok(())
 }
 
-/// One sample at the time `t`: the outputs for the distance reached, then the distance of the next sample.
+/// One sample at the time `t`: returns the outputs at the distance reached, and updates the distance.
 pub(crate) fn sample(p: &Road, d: &D, x: &mut X, u: &U, t: f64) -> Y {
     let s = x.s;
     if let Surface::Noise(noise) = &d.surface {
         noise.generate(p, x);
-        // the points generated up to here are the same however short the samples are
+        // After the points up to here have been generated, so the class changes at the same point for any sample time.
         x.changed |= p.t_change > 0.0 && t >= p.t_change - slack(p.sample_time, t);
     }
 
@@ -288,7 +287,7 @@ pub(crate) fn sample(p: &Road, d: &D, x: &mut X, u: &U, t: f64) -> Y {
         (z, mu)
     });
 
-    // Kahan: the rounding of this sum is subtracted from the next step
+    // Kahan summation: the rounding error of this sum is subtracted from the next step.
     let step = u.u * p.sample_time - x.s_excess;
     x.s = s + step;
     x.s_excess = (x.s - s) - step;
@@ -304,7 +303,7 @@ pub(crate) fn sample(p: &Road, d: &D, x: &mut X, u: &U, t: f64) -> Y {
 }
 
 impl ObstacleShape {
-    /// Height of an obstacle of height 1, `x` after its start.
+    /// Height at `x` after the start of the obstacle, relative to its height.
     fn height(self, x: f64, length: f64, slack: f64) -> f64 {
         match self {
             Self::None => 0.0,
@@ -335,14 +334,14 @@ impl Surface {
     }
 }
 
-/// Number of grid points up to the far end of the cell of a distance. Within the slack of the next cell, that cell
-/// counts too, so that rounding has no effect.
+/// Number of grid points up to the far end of the cell that contains a distance. Just before the next cell, that cell
+/// is included, so rounding has no effect.
 fn points_up_to(p: &Road, s: f64) -> f64 {
     (s / p.ds + SLACK).floor() + 2.0 - FIRST
 }
 
 impl Noise {
-    /// Generates the grid points up to the far end of the cell of the front axle.
+    /// Generates the grid points up to the far end of the front axle's cell.
     fn generate(&self, p: &Road, x: &mut X) {
         let missing = points_up_to(p, x.s) - x.points as f64;
         if missing <= 0.0 {
@@ -386,8 +385,8 @@ impl Noise {
 }
 
 impl X {
-    /// Both tracks at a distance counted in grid spacings: linear between the points kept, the oldest height before
-    /// them.
+    /// Heights of both tracks at a distance in grid spacings: linear between the stored points, the oldest height
+    /// before them.
     fn heights(&self, place: f64) -> [f64; 2] {
         let number = place - FIRST;
         let newest = self.points.saturating_sub(1);
@@ -486,8 +485,8 @@ mod tests {
         })
     }
 
-    /// Mean spectra over half overlapping Hann windows (Welch 1967): one-sided densities of both tracks, their cross
-    /// density, the distance of two bins in 1/m and the number of windows.
+    /// Mean spectra over half-overlapping Hann windows (Welch 1967): one-sided PSDs of both tracks, their cross
+    /// spectrum, the distance between bins in 1/m and the number of windows.
     struct Spectra {
         left: Vec<f64>,
         right: Vec<f64>,
@@ -538,13 +537,13 @@ mod tests {
         Drive::new(p).tracks(10.0, points)
     }
 
-    /// Reference: the one-sided density Gd n0^2/(n^2 + n00^2) of first-order shaped noise, which is ISO 8608's Gd
-    /// (n/n0)^-2 above n00. In third-octave bands from 0.02 to 5 1/m the mean of estimate/reference over m bins and K
-    /// windows is 1 within four standard errors sqrt(1.94 * 1.06/(m K)): neighboring bins of a Hann window are
-    /// correlated by (2/3)^2 and (1/6)^2 (factor 1.94), half overlapping windows by (1/6)^2 (factor 1.06). 1 % is
-    /// added for the grid (aliasing of the sampled process, 0.8 % at 5 1/m) and leakage.
+    /// Reference: the one-sided PSD Gd n0^2/(n^2 + n00^2) of first-order shaped noise, which approaches Gd (n/n0)^-2
+    /// (ISO 8608) above n00. In third-octave bands from 0.02 to 5 1/m, the mean of estimate/reference over m bins and K
+    /// windows must be 1. The tolerance is four standard errors sqrt(1.94 * 1.06/(m K)): neighboring bins of a Hann
+    /// window are correlated by (2/3)^2 and (1/6)^2 (factor 1.94), half-overlapping windows by (1/6)^2 (factor 1.06). 1
+    /// % is added for aliasing by the grid (0.8 % at 5 1/m) and leakage.
     #[test]
-    fn density_is_that_of_iso_8608() {
+    fn psd_follows_iso_8608() {
         let p = Road { seed: 5, ..Road::default() };
         let tracks = long_road(p, 1 << 20);
         let s = welch(&tracks, 0.01, 1 << 15);
@@ -573,9 +572,8 @@ mod tests {
         assert!((mean - 1.0).abs() < 0.02, "{mean}");
     }
 
-    /// Reference: stationary RMS of class C with n00 = 0.011 1/m: n0 sqrt(pi Gd/(2 n00)) = 0.0191 m, everywhere on
-    /// the road, from the start on and under every axle. 4000 independent roads: standard error 1/sqrt(8000) = 1.1 %;
-    /// four of them.
+    /// Reference: stationary RMS of class C with n00 = 0.011 1/m: n0 sqrt(pi Gd/(2 n00)) = 0.0191 m, from the start on
+    /// and under every axle. The tolerance is four standard errors 1/sqrt(8000) = 1.1 % of 4000 independent roads.
     #[test]
     fn stationary_deviation_from_the_start_on() {
         let mut squares = [0.0; 6];
@@ -591,7 +589,7 @@ mod tests {
         }
     }
 
-    /// Means from 0.1 to 5 1/m: real part of the cross density over the density (the correlation of the tracks), and
+    /// Means from 0.1 to 5 1/m: real part of the cross spectrum divided by the PSD (the correlation of the tracks), and
     /// magnitude-squared coherence.
     fn correlation(p: Road) -> [f64; 2] {
         let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 12);
@@ -606,12 +604,13 @@ mod tests {
         mean
     }
 
-    /// Reference: the mixture's cross density is rho times the density, its magnitude-squared coherence rho^2. 255
-    /// half overlapping windows are K = 241 independent ones, 200 bins 103 (see the density test). Standard errors of
-    /// the means: real part at most 1/sqrt(2 K 103) = 0.0045; squared coherence sqrt(2) rho (1 - rho^2)/sqrt(K 103)
-    /// <= 0.0035 after a bias of at most 1/K = 0.0041. Four standard errors, and the bias.
+    /// Reference: the mixture's cross spectrum is rho times the PSD, its magnitude-squared coherence rho^2. 255
+    /// half-overlapping windows are equivalent to K = 241 independent ones, 200 bins to 103 (see the PSD test).
+    /// Standard errors of the means: real part at most 1/sqrt(2 K 103) = 0.0045; squared coherence sqrt(2) rho (1 -
+    /// rho^2)/sqrt(K 103) <= 0.0035, with a bias of at most 1/K = 0.0041. The tolerance is four standard errors plus
+    /// the bias.
     #[test]
-    fn tracks_have_the_coherence_asked_for() {
+    fn tracks_have_the_given_coherence() {
         let p = |tracks, rho| Road { tracks, rho, ..Road::default() };
         for (parameters, expected) in [
             (p(Tracks::Same, 0.5), 1.0),
@@ -627,10 +626,9 @@ mod tests {
         }
     }
 
-    /// Reference: the all-pass has magnitude 1 and the phase of its response; what remains is leakage of the window:
-    /// coherence above 0.99 and phase within 0.05 rad up to 1 1/m.
+    /// Reference: the frequency response of the all-pass, which has magnitude 1. The tolerances cover window leakage.
     #[test]
-    fn delayed_track_is_the_all_pass_of_the_left() {
+    fn delayed_track_is_the_left_track_through_the_all_pass() {
         let p = Road { tracks: Tracks::Delayed, ..Road::default() };
         let filter = AllPass::new(p.t_track);
         let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 15);
@@ -645,8 +643,8 @@ mod tests {
         }
     }
 
-    /// The rear and middle wheels follow the front wheels after exactly offset/speed, on every road: 10 m/s and 1 ms
-    /// make 460 and 295 samples of 1 cm. Distances round to 1e-14 m, slopes stay below 10.
+    /// The rear and middle wheels follow the front wheels after exactly offset/speed on every road: after 460 and 295
+    /// samples of 1 cm, at 10 m/s and 1 ms. Distances have a rounding error of 1e-14 m, and slopes stay below 10.
     #[test]
     fn rear_wheels_follow_exactly() {
         for mut drive in roads() {
@@ -663,8 +661,8 @@ mod tests {
         }
     }
 
-    /// At constant speed the heights at common instants are those of any other sample time, to 1e-12: also with a
-    /// change of class, and at a speed whose steps are no binary fractions. 20 s at 35 km/h.
+    /// At constant speed, heights at common times do not depend on the sample time, even if the class changes or the
+    /// steps are not binary fractions.
     #[test]
     fn heights_do_not_depend_on_the_sample_time() {
         for drive in roads() {
@@ -693,9 +691,9 @@ mod tests {
     }
 
     /// Reference: a separate program in Python (ChaCha8, Box-Muller and the recursion from their definitions), seed
-    /// 1, class C, at 0 and 5 m. 1500 steps of the recursion round by 1e-16 each.
+    /// 1, class C, at 0 and 5 m. The rounding error of each of the 1500 steps of the recursion is 1e-16.
     #[test]
-    fn road_is_that_of_the_definition() {
+    fn road_follows_the_definition() {
         let mut drive = Drive::new(Road::default());
         let start = drive.step(5000.0);
         let later = drive.step(0.0);
@@ -709,10 +707,10 @@ mod tests {
         }
     }
 
-    /// Reference: the heavy vehicle's road: q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m; right track
-    /// with the second profile of seed 1000004, mixed with 0.995.
+    /// Reference: the heavy vehicle's road, q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m. The right track
+    /// is mixed with the profile of seed 1000004, with rho = 0.995.
     #[test]
-    fn harmonics_are_the_published_road() {
+    fn harmonics_give_the_reference_heights() {
         let p = Road { profile: Profile::Harmonics, class: 2, tracks: Tracks::Same, ..Road::default() };
         let mut drive = Drive::new(p.clone());
         drive.step(25_000.0);
@@ -728,8 +726,8 @@ mod tests {
         assert!((z[0] - left).abs() < 1e-15 && (z[1] - right).abs() < 1e-15);
     }
 
-    /// Other seeds and the other track are other roads: the correlation of 100 roads' heights at 20 places 50 m apart
-    /// (the correlation length is 14 m) is 0 within four standard errors 1/sqrt(2000).
+    /// The correlation of 100 roads at 20 places 50 m apart (the correlation length is 14 m) is 0 within four standard
+    /// errors 1/sqrt(2000).
     #[test]
     fn seeds_and_tracks_are_uncorrelated() {
         let heights = |seed| {
@@ -747,8 +745,7 @@ mod tests {
         assert!(sums.iter().all(|sum| sum.abs() < 4.0 / 2000.0_f64.sqrt()), "{sums:?}");
     }
 
-    /// From zero: nothing up to distance 0 under all axles (1), or up to the rear axle's place only (2); afterwards
-    /// the same noise.
+    /// The height is 0 up to the front axle (1) or only up to the rear axle (2).
     #[test]
     fn starts_from_zero() {
         let p = Road { start: RoughnessStart::ZeroUpToFrontAxle, l: RearAxles([2.955, 4.605]), ..Road::default() };
@@ -766,11 +763,10 @@ mod tests {
         assert!(z[4..].iter().all(|z| *z != 0.0));
     }
 
-    /// Reference: Applied Sciences 2020, 10, 1852: class C until 3 s, then F. Every innovation z[k+1] - alpha z[k] is
-    /// 8 times (sqrt of 64) that of the unchanged road after the distance reached at 3 s (60 m, one cell further at
-    /// the latest), equal before; rounding of alpha z.
+    /// Reference: Applied Sciences 2020, 10, 1852: class C until 3 s, then F. After the distance reached at 3 s (60 m,
+    /// or one cell more), each innovation z[k+1] - alpha z[k] is sqrt(64) = 8 times the innovation without the change.
     #[test]
-    fn class_changes_and_the_filter_goes_on() {
+    fn a_class_change_scales_the_innovations() {
         let p = |t_change| Road { t_change, ..Road::default() };
         let [changed, plain] = [p(3.0), p(0.0)].map(|p| {
             // one grid point per sample
@@ -786,7 +782,7 @@ mod tests {
         }
     }
 
-    /// The other coefficients: class 0 takes the coefficient; the profile scales with its square root.
+    /// Class 0 uses the coefficient, and the profile scales with the square root of the coefficient.
     #[test]
     fn coefficient_scales_the_road() {
         for profile in [Profile::ShapedNoise, Profile::Harmonics] {
@@ -801,7 +797,7 @@ mod tests {
         }
     }
 
-    /// Reference: linear interpolation by hand; mixing and the delayed ramp by their formulas.
+    /// Reference: linear interpolation, and the formulas of mixed and delayed tracks.
     #[test]
     fn table_profile() {
         let at = |tracks, distance: f64| {
@@ -824,9 +820,9 @@ mod tests {
         near(at(Tracks::Same, 1.5), [0.05, 0.05]);
         near(at(Tracks::Mixed, 1.5), [0.8 * 0.05 + 0.6 * 0.25, 0.8 * 0.05 - 0.6 * 0.25]);
         near(at(Tracks::Delayed, 0.0), [0.0, 0.0]);
-        // 100 m behind the last row the all-pass has settled: exp(-3 * 100/1.56)
+        // 100 m after the last row, the all-pass has settled: exp(-3 * 100/1.56)
         near(at(Tracks::Delayed, 104.5), [0.3, 0.3]);
-        // within the rows: the all-pass fed in steps of 1 mm
+        // between the rows: the all-pass, advanced in steps of 1 mm
         let filter = AllPass::new(1.56);
         let mut x = filter.steady(0.0);
         let table = table();
@@ -839,8 +835,8 @@ mod tests {
         }
     }
 
-    /// Closed forms: bump of the hydro-pneumatic half car, (A/2)(1 - cos(2 pi (t - 2)/0.5)) for 2 < t < 2.5 s with A
-    /// = 0.03 m on the left, under all axles at once; the same in distance comes to each axle in its turn.
+    /// Closed form: bump of the hydro-pneumatic half car, (A/2)(1 - cos(2 pi (t - 2)/0.5)) for 2 < t < 2.5 s with
+    /// A = 0.03 m on the left. In time, it acts under all axles at once; in distance, under one after the other.
     #[test]
     fn obstacles_in_time_and_distance() {
         let p = Road {
@@ -878,7 +874,7 @@ mod tests {
                 assert!((z[2 * axle] - 0.03 * expected).abs() < 1e-14, "{obstacle:?} {axle}");
             }
         }
-        // the sample meant for a step in time is the first one on it, although 1.001 s may round below
+        // A step in time begins in its intended sample, although 1.001 s may be rounded down.
         let p = Road { obstacle: ObstacleShape::Step, x_0: 1.001, ..p };
         let mut drive = Drive::new(p);
         let heights: Vec<f64> = (0..1002).map(|_| drive.step(0.0).z[0]).collect();
@@ -905,10 +901,10 @@ mod tests {
         assert_eq!(drive.step(0.0).mu[..2], [1.0, 0.3]);
     }
 
-    /// Driving back over the last meters gives bit-identical heights at the same distance; further back than the history
-    /// (10.2 m here) the oldest height is held; forwards again, the road continues as without driving back.
+    /// Driving back gives bit-identical heights at the same distance. Farther back than the history (10.2 m), the
+    /// oldest height is held. Forward again, the road continues as without driving back.
     #[test]
-    fn drives_backwards() {
+    fn drives_backward() {
         // 1/64 m per sample: all distances are exact
         let speed = 1000.0 / 64.0;
         for drive in roads() {
@@ -938,7 +934,7 @@ mod tests {
         }
     }
 
-    /// At standstill the heights are constant; a speed that passes many cells at once gives the same road.
+    /// At standstill, the heights are constant. A speed that passes many cells at once gives the same road.
     #[test]
     fn standstill_and_jumps() {
         for drive in roads() {
@@ -971,8 +967,8 @@ mod tests {
             ),
             (
                 Road { l: RearAxles([0.0, 10.3]), ..p() },
-                "'geometry.axle_offset.rear' = 10.3 m: shaped noise is kept over 10.21 m with 'roughness.spacing' = \
-                 0.01 m; use a larger spacing",
+                "'geometry.axle_offset.rear' = 10.3 m must be at most 10.21 m, over which shaped noise is kept with \
+                 'roughness.spacing' = 0.01 m; use a larger spacing",
             ),
             (
                 // sigma^2 = pi 0.01 256e-6/(2e-6) m2 = (2.005 m)^2
@@ -990,7 +986,7 @@ mod tests {
         ] {
             assert_eq!(derived(&parameters, None).unwrap_err(), message);
         }
-        // the worst class with the cutoff of the standard, and the cutoff in the message
+        // Accepted: the worst class with the cutoff of the standard, and the cutoff in the message.
         assert!(derived(&Road { class: 8, ..p() }, None).is_ok());
         assert!(derived(&Road { n_00: 4.022e-6, ..p() }, None).is_ok());
         assert_eq!(
@@ -1039,7 +1035,7 @@ mod tests {
             }
         }
 
-        /// Any speed gives heights or a message, no panic.
+        /// Any speed gives heights or a message, never a panic.
         #[test]
         fn never_panics(road in 0..16_usize, speeds in proptest::collection::vec(proptest::num::f64::ANY, 1..20)) {
             let mut drive = roads().nth(road).unwrap();

@@ -1,7 +1,5 @@
-//! `Road`: height and friction of the road under each wheel, as functions of the distance traveled.
-//!
-//! Roughness after ISO 8608 by shaped noise or by harmonics, a profile from a file, an obstacle on top, and friction
-//! that differs between the sides or changes on the way.
+//! `Road`: height and friction of the road under each wheel, as functions of the distance traveled. The README has the
+//! equations.
 
 mod equations;
 #[cfg(test)]
@@ -18,7 +16,7 @@ use fmu::prelude::*;
 pub enum Profile {
     /// height 0 everywhere
     Flat = 0,
-    /// first-order shaped noise in distance, generated on the way
+    /// first-order shaped noise over distance, generated during the run
     ShapedNoise = 1,
     /// sum of 800 cosines, faded in over the first 20 m
     Harmonics = 2,
@@ -31,11 +29,11 @@ pub enum Profile {
 pub enum Tracks {
     /// right as left
     Same = 0,
-    /// of the same kind but unrelated; with a table the column of the right
+    /// of the same kind but independent; with a table, its column height_right
     Independent = 1,
     /// correlated by track.coherence
     Mixed = 2,
-    /// right follows left through an all-pass of the length geometry.track
+    /// right follows left through an all-pass with the delay geometry.track
     Delayed = 3,
 }
 
@@ -72,13 +70,13 @@ pub struct Road {
     /// Height of the right track
     #[var("tracks", start = Tracks::Independent)]
     tracks: Tracks,
-    /// Seed of the random numbers: another road of the same kind
+    /// Seed of the random numbers: another seed gives another road of the same kind
     #[var("seed", start = 1, min = 0, max = i32::MAX)]
     seed: i32,
-    /// rho: correlation of mixed tracks; their magnitude-squared coherence is its square
+    /// rho: correlation of mixed tracks; their magnitude-squared coherence is rho^2
     #[var("track.coherence", unit = "1", start = 0.995, min = 0.0, max = 1.0)]
     rho: f64,
-    /// Roughness class of ISO 8608, 1 (A) to 8 (H); 0 to take roughness.coefficient
+    /// Roughness class of ISO 8608, 1 (A) to 8 (H); 0 to use roughness.coefficient
     #[var("roughness.class", start = 3, min = 0, max = 8)]
     class: i32,
     /// Gd: one-sided spectral density at 0.1 1/m, for roughness.class 0
@@ -93,7 +91,7 @@ pub struct Road {
     /// Shaped noise at the start
     #[var("roughness.start", start = RoughnessStart::Stationary)]
     start: RoughnessStart,
-    /// From the distance reached at this time on shaped noise has roughness.change_class; 0 for never
+    /// From the distance reached at this time on, shaped noise has roughness.change_class; 0 for never
     #[var("roughness.change_time", unit = "s", start = 0.0, min = 0.0)]
     t_change: f64,
     /// Roughness class of ISO 8608 after roughness.change_time, 1 (A) to 8 (H)
@@ -102,7 +100,7 @@ pub struct Road {
     /// Distance of the {} behind the front axle
     #[var("geometry.axle_offset", unit = "m", start = 0.0, min = 0.0)]
     l: RearAxles<f64>,
-    /// how far delayed tracks are behind
+    /// delay of delayed tracks
     #[var(TRACK, start = 1.56)]
     t_track: f64,
     /// Obstacle on top of the profile
@@ -111,10 +109,10 @@ pub struct Road {
     /// The obstacle is a function of time, under all axles at once, instead of distance
     #[var("obstacle.in_time", start = false)]
     obstacle_in_time: bool,
-    /// Where the obstacle starts, in m; with obstacle.in_time when, in s
+    /// Start of the obstacle, in m; in s with obstacle.in_time
     #[var("obstacle.start", unit = Unit::NONE, start = 20.0)]
     x_0: f64,
-    /// Length of a bump or trapezoid in m; with obstacle.in_time its duration in s
+    /// Length of a bump or trapezoid, in m; in s with obstacle.in_time
     #[var("obstacle.length", unit = Unit::NONE, start = 5.0, min = 0.0)]
     x_l: f64,
     /// Height of the obstacle on the left, negative for a hole
@@ -138,7 +136,7 @@ pub struct Road {
     /// Factor on the tire friction on the right from friction.change_start on
     #[var("friction.changed_right", unit = "1", start = 1.0, min = 0.0, tunable)]
     mu_changed_right: f64,
-    /// CSV file of the profile table, columns distance, height_left, height_right in m; a relative path starts at the
+    /// CSV file for the profile table, columns distance, height_left, height_right in m; a relative path starts at the
     /// resources folder of the FMU
     #[var("table.file", start = "")]
     table_file: String,
@@ -172,20 +170,20 @@ pub struct Y {
 #[derive(DiscreteState, Clone, Debug, PartialEq)]
 pub struct X {
     s: f64,
-    /// What rounding has added to `s` so far (compensated summation): the same distance whatever the sample time.
+    /// Accumulated rounding error of `s` (compensated summation): the distance does not depend on the sample time.
     s_excess: f64,
-    /// Grid points generated so far: the next one takes the random numbers of this count.
+    /// Number of grid points generated so far, and index of the next random numbers.
     points: u64,
     /// The two independent processes at the newest grid point, m.
     noise: [f64; 2],
-    /// The all-pass of delayed tracks at the newest grid point (m, 1).
+    /// State of the all-pass of delayed tracks at the newest grid point (m, 1).
     all_pass: [f64; 2],
-    /// Grid points from here on have the changed class.
+    /// Further grid points have the changed class.
     changed: bool,
-    /// Last heights of the left track, m; point number `k` at `k` modulo the length.
+    /// Ring buffer of the left track's heights, m: grid point `k` is at index `k` modulo the length.
     #[var(always_finite)]
     left: Box<[f64; equations::HISTORY]>,
-    /// Last heights of the right track, stored alike.
+    /// Ring buffer of the right track's heights, m.
     #[var(always_finite)]
     right: Box<[f64; equations::HISTORY]>,
 }

@@ -70,7 +70,7 @@ impl Fmu {
 
 const TABLE: &str = "distance,height_left,height_right\n0,0,0\n10,0.1,0.2\n";
 
-/// Both families of a signal have their names; before the first sample the outputs have its values.
+/// Each signal has outputs for wheels and for sides. Before the first sample, they already have its values.
 #[test]
 fn outputs_for_six_wheels_and_two_sides() {
     let mut fmu = Fmu::new(Path::new(""));
@@ -91,7 +91,7 @@ fn outputs_for_six_wheels_and_two_sides() {
     for [side, wheel] in [["l", "fl"], ["r", "fr"]] {
         assert_eq!(fmu.get(&format!("road_height.{side}")), fmu.get(&format!("road_height.{wheel}")));
     }
-    // friction is tunable: it holds from the next sample on
+    // friction is tunable: a change takes effect at the next sample
     fmu.set("friction.right", 0.25);
     fmu.step();
     assert_eq!(fmu.get("road_friction.rr"), 0.25);
@@ -115,7 +115,7 @@ fn rejects_numbers_outside_their_limits() {
     }
 }
 
-/// Restored from bytes in another instance, every profile continues bit-identical to the saved one.
+/// After serialization, every profile continues bit-identically in another instance.
 #[test]
 fn saved_bytes_continue() {
     let folder = tempfile::tempdir().unwrap();
@@ -181,7 +181,7 @@ fn table_comes_from_a_file() {
     );
 }
 
-/// A speed that no road can be made for fails the step and names the input.
+/// A speed for which no road can be generated fails the step, with a message that names the input.
 #[test]
 fn an_impossible_speed_fails_the_step() {
     let mut fmu = Fmu::new(Path::new(""));
