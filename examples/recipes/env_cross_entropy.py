@@ -1,4 +1,4 @@
-"""A linear law for the rear axle of the rescue vehicle by the cross-entropy method, with `cf.Env`."""
+"""A linear steering law for the rear axle of the rescue vehicle, found by the cross-entropy method with `cf.Env`."""
 
 import numpy as np
 

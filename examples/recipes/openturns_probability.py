@@ -8,7 +8,7 @@ brake = cf.Scenario("scenarios/esp_car_braking.toml")
 
 
 def distances(points: ot.Sample) -> list[list[float]]:
-    """Return the braking distances in m of rise rates (MPa/s) and slip bands (1)."""
+    """Return the braking distances in m for rise rates (MPa/s) and slip bands (1)."""
     values = [{"antilock:pressure.rise_rate": rise, "antilock:slip.band": band} for rise, band in points]
     outcomes = brake.run_many(values, case="individual", point="flat", workers=2)
     return [[brake.numbers(outcome)["distance"] or 0.0] for outcome in outcomes]

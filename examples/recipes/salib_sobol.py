@@ -1,4 +1,4 @@
-"""Sobol indices of the braking distance, with SALib: the parameters of the antilock brakes that matter."""
+"""Sobol indices of the braking distance for parameters of the antilock brakes, with SALib."""
 
 import numpy as np
 from SALib.analyze import sobol as analysis

@@ -1,4 +1,4 @@
-"""A slip band of the antilock brakes with a short braking distance, with scipy.optimize: a local minimum."""
+"""A local minimum of the braking distance over the slip band of the antilock brakes, with scipy.optimize."""
 
 from scipy.optimize import minimize_scalar
 

@@ -2,7 +2,7 @@
 
     python lane_change.py SingleTrack.fmu --plot lane_change.png
 
-The README states the problem. `solve` is the part to copy for a problem of your own.
+The README states the problem. To solve another problem, copy and adapt `solve`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Points of the collocation in an interval: the error falls with the power 6 of the length of the intervals.
+# Collocation points per interval. The error is of order 6 in the length of the intervals.
 DEGREE = 3
 
 
@@ -27,7 +27,7 @@ DEGREE = 3
 class Problem:
     """A lane change from straight ahead to straight ahead."""
 
-    # Lateral distance (m) and time for it (s).
+    # Lateral distance (m) and duration (s).
     width: float = 3.5
     duration: float = 3.0
     # Intervals with a constant steering rate.
@@ -57,8 +57,8 @@ def import_fmu(path: Path, folder: Path) -> tuple[casadi.Function, list[str]]:
     """Return (x, u) -> (derivatives of x, outputs), and the names of the states."""
     fmpy.extract(str(path), str(folder))
     model = casadi.DaeBuilder("model", str(folder), {})
-    # Without its forward mode: in CasADi 3.8.2 a direction whose seeds are all zero returns the result of the one
-    # before. Derivatives then come from the Jacobian, which consists of directional derivatives of the FMU.
+    # Forward mode is off: in CasADi 3.8.2, a direction whose seeds are all zero returns the result of the previous
+    # direction. Derivatives then come from the Jacobian, which consists of directional derivatives of the FMU.
     equations = model.create("equations", ["x", "u"], ["ode", "y"], {"enable_forward": False})
     acceleration = model.y().index("lateral_acceleration")
     x, u = casadi.MX.sym("x", model.nx()), casadi.MX.sym("u", model.nu())
@@ -75,7 +75,7 @@ def solve(plant: casadi.Function, names: list[str], problem: Problem) -> Solutio
     states, steer = len(names), names.index("steer")
 
     task = casadi.Opti()
-    # Scaled by the size of what is expected, which IPOPT likes.
+    # IPOPT converges better with variables of magnitude 1.
     scale = np.array([{"y": 1.0, "lateral_velocity": 1.0}.get(name, 0.1) for name in names])
     starts = casadi.repmat(casadi.DM(scale), 1, count + 1) * task.variable(states, count + 1)
     inner = [casadi.repmat(casadi.DM(scale), 1, count) * task.variable(states, count) for _ in range(DEGREE)]

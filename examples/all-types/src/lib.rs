@@ -39,7 +39,7 @@ pub struct AllTypes {
 /// Inputs.
 #[derive(Inputs)]
 pub struct U<T> {
-    /// Whether the outputs are those of the parameters instead of the inputs
+    /// Whether the outputs mirror the parameters instead of the inputs
     #[var("u.select_parameters")]
     pub select_parameters: bool,
     /// Real (m)

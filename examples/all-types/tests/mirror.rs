@@ -1,4 +1,4 @@
-//! Outputs are copies.
+//! The outputs are copies of the inputs or the parameters.
 
 use all_types::{AllTypes, Gear, U, Y};
 use fmu::simulation::ContinuousSimulation;

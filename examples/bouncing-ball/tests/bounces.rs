@@ -18,8 +18,8 @@ fn bounces(ball: &BouncingBall) -> Vec<(f64, f64)> {
     all
 }
 
-/// Tolerance: the parabola is integrated exactly, and the time of an event is found to a part in 1e15 of a step. Each of the
-/// 18 bounces keeps the error of the velocity before it, so 1e-9 leaves a margin of about 1e5.
+/// Tolerance: the parabola is integrated exactly, and the time of an event is found to one part in 1e15 of a step. Each
+/// of the 18 bounces inherits the velocity error from the one before, so 1e-9 leaves a margin of about 1e5.
 #[test]
 fn bounces_happen_at_the_times_of_the_closed_form() {
     for step in [0.01, 0.003, 0.37] {
@@ -38,7 +38,7 @@ fn bounces_happen_at_the_times_of_the_closed_form() {
                 assert_eq!((state.height, state.velocity), (0.0, 0.0));
             } else if count > 0 {
                 let (bounce, rebound) = expected[count - 1];
-                // The time of the last bounce follows from the velocity now.
+                // The time of the last bounce follows from the current velocity.
                 let found = time - (rebound - state.velocity) / g;
                 assert!((found - bounce).abs() < 1e-9, "bounce {count}: {} s", found - bounce);
                 let flight = time - bounce;
@@ -50,8 +50,8 @@ fn bounces_happen_at_the_times_of_the_closed_form() {
     }
 }
 
-/// Infinitely many bounces end at t_1 + 2 v_1 / (g (1 - e)) = 2.558 s; a step far beyond that is possible because the ball
-/// comes to rest before.
+/// Infinitely many bounces would end at t_1 + 2 v_1 / (g (1 - e)) = 2.558 s. A step far beyond this time is possible
+/// because the ball comes to rest before.
 #[test]
 fn the_ball_comes_to_rest() {
     let mut run = ContinuousSimulation::new(BouncingBall::default()).expect("it starts");

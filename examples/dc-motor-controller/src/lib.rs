@@ -25,7 +25,7 @@ pub struct U {
     pub reference_speed: f64,
     /// Measured speed (rad/s)
     pub speed: f64,
-    /// Whether the controller is on; off, the voltage is zero and the integral is reset
+    /// Whether the controller is on; if off, the voltage is zero and the integral is reset
     #[var(start = true)]
     pub enabled: bool,
 }

@@ -72,7 +72,7 @@ impl Stateful for DcMotorDrive {
     fn step(&self, drive: &mut Drive, inputs: &U, _time: f64, step: f64) -> Result<(), String> {
         let &U { reference_speed, load_torque, enabled } = inputs;
         let sample_time = drive.controller.sample_time();
-        // Two times that differ by rounding only are the same.
+        // Times that differ only by rounding are treated as equal.
         let rounding = 1e-6 * sample_time;
         let end = drive.motor.time() + step;
         while drive.motor.time() < end - rounding {

@@ -6,9 +6,9 @@ use dc_motor_drive::{DcMotorDrive, U};
 use fmu::Stateful as _;
 use nalgebra::{Matrix4, Vector4};
 
-/// Reference: the motor for a held voltage as a matrix exponential of [A B; 0 0], the controller as its recurrence.
-/// Tolerance: the motor takes Runge-Kutta steps of 1 ms with an error of 6e-8 of 100 rad/s and 48 A each, of which about ten
-/// count.
+/// Reference: the motor with a held voltage as a matrix exponential of [A B; 0 0], the controller as its recurrence.
+/// Tolerance: each Runge-Kutta step of 1 ms has an error of 6e-8 of 100 rad/s and 48 A. About ten of these errors add
+/// up.
 #[test]
 fn speed_and_current_follow_the_exact_solution() {
     let model = DcMotorDrive::default();
@@ -33,7 +33,7 @@ fn speed_and_current_follow_the_exact_solution() {
         0.0,
     );
     const SAMPLE_TIME: f64 = 0.002;
-    // The exponential function of the matrix by its series, which has no digits left to gain after 30 terms.
+    // Matrix exponential by its series, which has converged after 30 terms.
     let (mut advance, mut term) = (Matrix4::identity(), Matrix4::identity());
     for k in 1..=30 {
         term *= matrix * (SAMPLE_TIME / f64::from(k));
@@ -76,8 +76,8 @@ fn the_load_does_not_change_the_steady_speed() {
     assert!((y.voltage - motor.resistance * current - motor.constant * 100.0).abs() < 1e-9, "{}", y.voltage);
 }
 
-/// Communication steps need not be multiples of the sample time: the samples are the same. Tolerance: as above, because the
-/// integration steps differ.
+/// The samples are the same if communication steps are not multiples of the sample time. Tolerance: as above, because
+/// the integration steps differ.
 #[test]
 fn samples_do_not_depend_on_the_communication_steps() {
     let model = DcMotorDrive::default();

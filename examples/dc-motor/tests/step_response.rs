@@ -3,9 +3,10 @@
 use dc_motor::{DcMotor, U};
 use fmu::simulation::ContinuousSimulation;
 
-/// Reference: x' = A x + b from rest. With the eigenvalues p and q of A, the end value x_e = -A^-1 b and x'(0) = b,
-/// x = x_e + (q x_e + b) / (p - q) e^(p t) - (p x_e + b) / (p - q) e^(q t). Tolerance: p = -95 1/s; a step of 1 ms has an error of
-/// (p h)^5 / 120 = 6e-8, which decays within 10 steps. Ten times that, of the greatest values.
+/// Reference: x' = A x + b from rest. With the eigenvalues p and q of A, the end value x_e = -A^-1 b and x'(0) = b, x =
+/// x_e + (q x_e + b) / (p - q) e^(p t) - (p x_e + b) / (p - q) e^(q t). Tolerance: with p = -95 1/s, a step of 1 ms has
+/// an error of (p h)^5 / 120 = 6e-8, which decays within 10 steps. The tolerance is ten times this error, relative to
+/// the greatest values.
 #[test]
 fn current_and_speed_follow_the_closed_form() {
     let DcMotor { resistance, inductance, constant, inertia, friction } = DcMotor::default();

@@ -72,7 +72,7 @@ impl Continuous for HeatExchanger {
 
     fn evaluate<T: Scalar>(&self, at: At<T, Self>) -> (X<T>, Y<T>) {
         let (x, u, n) = (at.state, at.inputs, CELLS as f64);
-        // Number of the cell of the other fluid across the wall.
+        // Index of the other fluid's cell across the wall.
         let across = |i: usize| if self.parallel { i } else { CELLS - 1 - i };
         // Heat flow rate into cell i of the cold fluid.
         let heat: [T; CELLS] = from_fn(|i| (x.hot[across(i)] - x.cold[i]) * (self.conductance / n));

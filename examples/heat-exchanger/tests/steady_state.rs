@@ -3,8 +3,8 @@
 use fmu::simulation::ContinuousSimulation;
 use heat_exchanger::{CELLS, HeatExchanger, U, Y};
 
-/// Outputs when the temperatures have become constant: the fluids are exchanged every 20 s and 12.5 s, so nothing is left of the
-/// start after 600 s.
+/// Outputs in the steady state: the fluids are replaced every 20 s and 12.5 s, so the initial temperatures have no
+/// effect after 600 s.
 fn steady(model: HeatExchanger) -> Y<f64> {
     let mut run = ContinuousSimulation::new(model).expect("it starts");
     for _ in 0..60 {
@@ -13,8 +13,8 @@ fn steady(model: HeatExchanger) -> Y<f64> {
     run.outputs(&U::default())
 }
 
-/// Effectiveness of the heat exchanger by the number of transfer units (Incropera et al., "Fundamentals of Heat and Mass
-/// Transfer", section 11.4), as the heat flow rate.
+/// Heat flow rate of a continuous heat exchanger from its effectiveness and number of transfer units (Incropera et al.,
+/// "Fundamentals of Heat and Mass Transfer", section 11.4).
 fn by_transfer_units(model: &HeatExchanger, u: &U<f64>) -> f64 {
     let [hot, cold] = [u.hot_flow, u.cold_flow].map(|flow| flow * model.heat_capacity);
     let (least, greatest) = (hot.min(cold), hot.max(cold));
@@ -28,8 +28,8 @@ fn by_transfer_units(model: &HeatExchanger, u: &U<f64>) -> f64 {
     effectiveness * least * (u.hot_inlet - u.cold_inlet)
 }
 
-/// The same for cells: the difference of temperatures changes from cell to cell by a factor, (1 + a_c) / (1 + a_h) in
-/// counterflow and 1 / (1 + a_c + a_h) in parallel flow, with a = conductance / (cells * flow * heat capacity).
+/// Heat flow rate of the cells: from cell to cell, the temperature difference changes by a factor of (1 + a_c) / (1 +
+/// a_h) in counterflow and 1 / (1 + a_c + a_h) in parallel flow, with a = conductance / (cells * flow * heat capacity).
 fn by_cells(model: &HeatExchanger, u: &U<f64>) -> f64 {
     let n = CELLS as f64;
     let [hot, cold] = [u.hot_flow, u.cold_flow].map(|flow| model.conductance / (n * flow * model.heat_capacity));
@@ -45,10 +45,10 @@ fn by_cells(model: &HeatExchanger, u: &U<f64>) -> f64 {
     model.conductance / n * differences
 }
 
-/// Tolerance against the cells: that of the solver, 1e-6, ten times, because errors of single steps add up. Against transfer
-/// units: the error of cells of first order, about half of the transfer units per cell, 2 / 400.
+/// Tolerance against the cells: ten times the solver's tolerance of 1e-6, because errors of single steps add up.
+/// Against transfer units: the first-order error of the cells, about half of the transfer units per cell, 2 / 400.
 #[test]
-fn heat_flow_and_outlets_are_those_of_the_closed_form() {
+fn heat_flow_and_outlets_match_the_closed_forms() {
     for parallel in [false, true] {
         let model = || HeatExchanger { parallel, ..HeatExchanger::default() };
         let (y, u) = (steady(model()), U::<f64>::default());
@@ -64,7 +64,7 @@ fn heat_flow_and_outlets_are_those_of_the_closed_form() {
             "parallel {parallel}: {} W, not {expected} W",
             y.heat_flow
         );
-        // Both fluids carry this heat. 1e-5 of the difference of the inlets.
+        // Both fluids carry this heat, to 1e-5 of the difference between the inlet temperatures.
         let [hot, cold] = [u.hot_flow, u.cold_flow].map(|flow| y.heat_flow / (flow * model().heat_capacity));
         assert!((u.hot_inlet - y.hot_outlet - hot).abs() < 6e-4);
         assert!((y.cold_outlet - u.cold_inlet - cold).abs() < 6e-4);

@@ -1,4 +1,4 @@
-//! `LookupTable`: a torque curve from a file of the FMU. The README has the format.
+//! `LookupTable`: a torque curve from a file in the FMU. The README has the format.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ pub struct LookupTable {
     /// Name of the file in the resources of the FMU
     #[var(start = "torque.csv")]
     pub file: String,
-    /// Factor of the torque (1)
+    /// Factor on the torque (1)
     #[var(start = 1.0, tunable)]
     pub factor: f64,
 }

@@ -2,7 +2,7 @@
 
 use fmu::prelude::*;
 
-/// Quarter car without parameters of its own.
+/// Quarter car without parameters.
 #[derive(Parameters)]
 pub struct QuarterCar;
 

@@ -1,4 +1,4 @@
-//! The equations against what is known of a quarter car in closed form, a run against the integrator written out.
+//! The equations against closed forms, and a run against a written-out integrator.
 
 use approx::assert_relative_eq;
 use fmu::simulation::ContinuousSimulation;
@@ -17,20 +17,19 @@ fn derivatives(x: [f64; 4], u: [f64; 2]) -> [f64; 4] {
     slope.reals().try_into().expect("four states")
 }
 
-/// Reference: equilibrium. The actuator opens the suspension by its force over the stiffness; its force is inside the
-/// car, so the tire carries what it did before. Tolerance: rounding of numbers of 1e4 N over 40 kg.
+/// Reference: equilibrium. The actuator extends the suspension by its force divided by the stiffness. The force is
+/// internal, so the tire load does not change. Tolerance: rounding of 1e4 N on 40 kg.
 #[test]
-fn a_constant_force_opens_the_suspension_and_leaves_the_tire() {
+fn a_constant_force_extends_the_suspension_but_not_the_tire() {
     let (z_r, f_a) = (0.03, 500.0);
     for slope in derivatives([z_r + f_a / K_S, 0.0, z_r, 0.0], [z_r, f_a]) {
         assert!(slope.abs() < 1e-10, "{slope}");
     }
 }
 
-/// Reference: the characteristic polynomial of two masses on springs,
-/// s^4 + c(1/m_s + 1/m_u) s^3 + (k_s/m_s + (k_s + k_t)/m_u) s^2 + c k_t/(m_s m_u) s + k_s k_t/(m_s m_u),
-/// against that of the system matrix (traces of its powers, Newton's identities). Tolerance: rounding, 4 digits of the
-/// 16 lost in the differences of powers.
+/// Reference: the characteristic polynomial of two masses on springs, s^4 + c(1/m_s + 1/m_u) s^3 + (k_s/m_s + (k_s +
+/// k_t)/m_u) s^2 + c k_t/(m_s m_u) s + k_s k_t/(m_s m_u), against that of the system matrix (traces of its powers,
+/// Newton's identities). Tolerance: the differences of powers lose 4 of 16 digits to rounding.
 #[test]
 fn the_modes_are_those_of_two_masses_on_springs() {
     let columns: [[f64; 4]; 4] = std::array::from_fn(|j| {
@@ -58,7 +57,8 @@ fn the_modes_are_those_of_two_masses_on_springs() {
     }
 }
 
-/// Reference: the classical Runge-Kutta method written out. Bit-equal: the operations and their order are the same.
+/// Reference: the classical Runge-Kutta method written out. Bit-identical, because the operations and their order are
+/// the same.
 #[test]
 fn a_run_is_the_classical_runge_kutta_method() {
     const STEP: f64 = 0.001;

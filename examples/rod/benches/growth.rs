@@ -16,7 +16,7 @@ macro_rules! rods {
 }
 rods!(first 500, second 1_000, third 2_000, fourth 5_000, fifth 10_000);
 
-/// CPU time of this thread where the system tells it, otherwise the time.
+/// CPU time of this thread where the system reports it, otherwise the elapsed time.
 fn clock(start: Instant) -> Duration {
     let nanoseconds = std::fs::read_to_string("/proc/thread-self/schedstat")
         .ok()

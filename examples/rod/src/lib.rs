@@ -2,7 +2,7 @@
 
 use fmu::prelude::*;
 
-/// Defines a rod of a number of cells.
+/// Defines a rod with a given number of cells.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! rod {
@@ -65,8 +65,9 @@ rod! {
     Rod, CELLS
 }
 
-/// Closed form of the mean temperature of a rod of `cells` cells after `time` s, in K, for the start values of the parameters:
-/// the modes sin((2 i + 1) k pi/(2 N)) decay with the rates 4 a/dx^2 sin^2(k pi/(2 N)), and the mean contains those of odd k.
+/// Mean temperature of a rod with `cells` cells after `time` s, in K, for the start values of the parameters. Closed
+/// form: the modes sin((2 i + 1) k pi/(2 N)) decay at the rates 4 a/dx^2 sin^2(k pi/(2 N)), and only modes with odd k
+/// contribute.
 #[must_use]
 pub fn mean(cells: usize, time: f64) -> f64 {
     let n = cells as f64;

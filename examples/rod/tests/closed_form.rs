@@ -5,7 +5,7 @@ use rod::{CELLS, Rod, mean};
 
 /// Tolerance: 1e-6 of the value; the solver keeps 1e-8 in each step.
 #[test]
-fn the_mean_temperature_is_that_of_the_closed_form() {
+fn the_mean_temperature_matches_the_closed_form() {
     assert!((mean(CELLS, 0.0) - 100.0).abs() < 1e-9);
     let mut run = ContinuousSimulation::new(Rod::default()).expect("it starts");
     for _ in 0..20 {

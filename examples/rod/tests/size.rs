@@ -60,11 +60,11 @@ macro_rules! rods {
                 /// Heating (K/s)
                 #[var(start = 5.0)]
                 heat: T,
-                /// Closed to a ring
+                /// Whether the rod is closed to a ring
                 ring: bool,
             }
 
-            /// Rod of cells that exchange heat; a ring where the exchange is large
+            /// Rod of cells that exchange heat; a ring if the exchange is large
             #[fmu::model(stop_time = 1.0, step_size = 0.1, solver = $solver)]
             impl Continuous for Rod {
                 type State<T: Scalar> = X<T>;
@@ -102,7 +102,7 @@ rods! {
     short 40 Rosenbrock { tolerance: 1e-6 }, {};
 }
 
-/// An instance with values of the parameter and of the Boolean input that are set before the end of initialization.
+/// An initialized instance with the given values of the parameter and the Boolean input.
 fn instance<E: Export>(exchange: f64, ring: bool) -> Instance<E::Model> {
     let description = E::description();
     let ring_reference = description.layout.first_boolean;
@@ -128,8 +128,8 @@ fn within(size: usize, f: impl FnOnce() + Send) {
     });
 }
 
-/// Packed FMUs need up to 255 KiB for the solvers on `f64`, 480 KiB for the Rosenbrock solver, 640 KiB for derivatives. This
-/// test is compiled with less optimization and gets half as much again as threads of other programs have: 512 KiB and 1 MiB.
+/// Packed FMUs need up to 255 KiB for the solvers on `f64`, 480 KiB for the Rosenbrock solver, 640 KiB for derivatives.
+/// This test is compiled with less optimization, so it gets 1.5 times the stack of common threads (512 KiB and 1 MiB).
 #[test]
 fn ten_thousand_states_run_on_a_small_stack_without_allocation_in_a_step() {
     fn check<E: Export>(step: usize)
@@ -164,7 +164,7 @@ fn ten_thousand_states_run_on_a_small_stack_without_allocation_in_a_step() {
     check::<rosenbrock::Rod>(1536);
 }
 
-/// Reference: row 1 of the Jacobian has 0.2, -0.4 and 0.2. Three groups of columns are enough for all of 10,000.
+/// Reference: row 1 of the Jacobian contains 0.2, -0.4 and 0.2. Three groups of columns are enough for all 10,000.
 #[test]
 fn an_adjoint_derivative_takes_one_evaluation_for_each_group_of_columns() {
     let mut fmu = instance::<runge_kutta::Rod>(0.2, false);
@@ -180,10 +180,10 @@ fn an_adjoint_derivative_takes_one_evaluation_for_each_group_of_columns() {
     assert!(EVALUATIONS.get() < 10, "{}", EVALUATIONS.get());
 }
 
-/// Reference: the same step of an instance that had the structure of the ring from the start. With the structure of the rod, its
-/// Jacobian would lack an element.
+/// Reference: the same steps of an instance that was a ring from the start. With the structure of the rod, the Jacobian
+/// would lack an element.
 #[test]
-fn a_structure_that_changes_during_a_run_is_found_again() {
+fn a_structure_that_changes_during_a_run_is_determined_again() {
     let layout = &short::Rod::description().layout;
     let (heat, ring) = (layout.inputs.at.reals as u32, layout.first_boolean);
     let (state, _) = references::<short::Rod>();

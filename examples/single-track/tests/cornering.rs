@@ -17,7 +17,7 @@ fn corner(model: SingleTrack, angle: f64) -> (f64, f64) {
 }
 
 /// Reference: r = u delta / (l + m u^2 (b C_r - a C_f) / (l C_f C_r)), the yaw rate of the linear single-track model.
-/// Tolerance: the tires lose (C alpha / (mu F_z))^2 / 3 of their stiffness, 1e-6 at a slip angle of 1e-4 rad.
+/// Tolerance: the tires lose (C alpha / (mu F_z))^2 / 3 of their stiffness, which is 1e-6 at a slip angle of 1e-4 rad.
 #[test]
 fn a_small_steering_angle_has_the_yaw_rate_of_the_linear_model() {
     let p = SingleTrack::default();
@@ -30,8 +30,8 @@ fn a_small_steering_angle_has_the_yaw_rate_of_the_linear_model() {
     assert!((acceleration / (p.speed * expected) - 1.0).abs() < 3e-6, "{acceleration}");
 }
 
-/// Reference: friction times gravity, the limit of both axles together. The car understeers: its front axle is at its
-/// limit first. Tolerance: tanh of a slip angle of 0.1 rad times C / (mu F_z) is 0.92 there.
+/// Reference: friction times gravity, the limit of both axles together. The car understeers: its front axle reaches its
+/// limit first. Tolerance: there, tanh(C alpha / (mu F_z)) is 0.92 at a slip angle of 0.1 rad.
 #[test]
 fn a_large_steering_angle_reaches_the_friction() {
     let p = SingleTrack::default();

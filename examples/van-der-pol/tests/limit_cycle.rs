@@ -12,7 +12,7 @@ const PERIOD: f64 = 6.663_286_859_323;
 /// maximum is exact up to x''' step^3 / (9 sqrt(3)) = 2e-7 in x, and its time up to x'''' step^2 / 6 = 5e-5 s, which is nearly
 /// the same at each maximum.
 #[test]
-fn amplitude_and_period_are_those_of_the_limit_cycle() {
+fn amplitude_and_period_match_the_limit_cycle() {
     const STEP: f64 = 0.01;
     let mut run = ContinuousSimulation::new(VanDerPol::default()).expect("it starts");
     let mut values = vec![run.state().x];

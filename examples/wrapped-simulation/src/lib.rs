@@ -6,7 +6,7 @@ use fmu::prelude::*;
 
 use warehouse::{ReorderPoint, Warehouse};
 
-/// Longest step in days, so that an importer does not wait for a longer one requested by mistake.
+/// Longest step in days. A longer one is a mistake, for which an importer should not have to wait.
 const MOST_DAYS: i64 = 10_000;
 
 /// Parameters.

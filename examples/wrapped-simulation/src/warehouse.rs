@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Decides how much to order.
 pub trait Policy: Debug + Send {
-    /// Pieces to order for a stock that contains the pieces on order.
+    /// Pieces to order. `stock` includes the pieces on order.
     fn order(&mut self, stock: u32) -> u32;
     /// The policy as a value that can be saved.
     fn saved(&self) -> Saved;
@@ -23,7 +23,7 @@ pub enum Saved {
 }
 
 impl Saved {
-    /// The policy.
+    /// Converts the value to a policy.
     #[must_use]
     pub fn policy(self) -> Box<dyn Policy> {
         match self {
@@ -124,7 +124,7 @@ impl Warehouse {
         self.stock.insert(good.to_owned(), pieces);
     }
 
-    /// One day: deliveries arrive, `demand` pieces of a good are sold as far as there are so many, and the policy orders.
+    /// Simulates a day: deliveries arrive, up to `demand` pieces of a good are sold, and the policy places an order.
     pub fn advance_day(&mut self, good: &str, demand: u32) {
         let stock = &mut self.stock;
         self.deliveries.retain_mut(|delivery| {

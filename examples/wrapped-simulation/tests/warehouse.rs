@@ -8,8 +8,9 @@ use wrapped_simulation::{U, WrappedSimulation};
 
 const DAY: f64 = 86_400.0;
 
-/// Reference: with a constant demand d, a lot that is a multiple of it and an order level of lead time times demand or more,
-/// the stock is a sawtooth of period lot / d between level - d * lead time and that plus the lot, less a day's demand.
+/// Reference: with a constant demand d, a lot that is a multiple of it and a level of at least d * lead time, the stock
+/// at the end of a day is a sawtooth with the period lot / d. It goes from level - d * (lead time - 1) to this value
+/// plus lot - d.
 #[test]
 fn the_stock_is_a_sawtooth() {
     let model = WrappedSimulation::default();
@@ -20,7 +21,7 @@ fn the_stock_is_a_sawtooth() {
         model.step(&mut warehouse, &inputs, f64::from(day) * DAY, DAY).expect("a step");
         let y = model.outputs(&warehouse);
         stock.push(y.stock);
-        // Until the first delivery nothing can be sold.
+        // Nothing can be sold until the first delivery.
         assert_eq!(y.lost, 10 * (day + 1).min(2));
     }
     let settled = &stock[50..];
@@ -49,7 +50,7 @@ fn a_saved_state_continues() {
 }
 
 #[test]
-fn days_end_at_midnight_whatever_the_steps() {
+fn the_step_size_does_not_change_the_days() {
     let model = WrappedSimulation::default();
     let run = |steps: u32| {
         let mut warehouse = model.start(Path::new("")).expect("it starts");
