@@ -118,7 +118,6 @@ fn brake_torques<T: Scalar>(d: &D, x: &X<T>, inputs: &U<T>) -> FourWheels<T> {
     FourWheels::from_fn(|i| inputs.t_b[i] * direction[i])
 }
 
-/// Springs, dampers and tire springs.
 struct Suspension<T> {
     d_s: FourWheels<T>,
     dd_s: FourWheels<T>,
@@ -146,7 +145,6 @@ fn suspensions<T: Scalar>(p: &EspCar, d: &D, x: &X<T>, inputs: &U<T>) -> Suspens
     Suspension { d_s, dd_s, d_t, f_s, f_z }
 }
 
-/// Slip, tangent of the slip angle and force of the tires.
 struct Tires<T> {
     s: FourWheels<T>,
     t: FourWheels<T>,
@@ -249,7 +247,6 @@ fn body_center<T: Scalar>(p: &EspCar, d: &D, x: &X<T>) -> (T, T) {
     (x.theta * p.h_b + d.e, x.phi * p.h_b)
 }
 
-/// Right-hand side q of the equations of motion.
 struct RightSide<T> {
     u: T,
     v: T,

@@ -177,7 +177,6 @@ fn motion<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     Motion { rates, wheels, suspension, springs, tires, a_y: lateral.a_y }
 }
 
-/// Heights of the front wheels and of the beams, and their rates.
 struct Axles<T> {
     z_f: FrontWheels<T>,
     z_b: Sides<T>,
@@ -220,7 +219,6 @@ fn quasi_static<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>) -> Axles
     }
 }
 
-/// Heights and velocities of the wheels, and the heights of the beams.
 struct Wheels<T> {
     z_w: SixWheels<T>,
     zd_w: SixWheels<T>,
@@ -241,7 +239,6 @@ fn wheels<T: Scalar>(p: &HeavyVehicle, x: &X<T>, axles: &Axles<T>) -> Wheels<T> 
     }
 }
 
-/// Forces between body and axles.
 struct Suspension<T> {
     d_s: Struts<T>,
     dd_s: Struts<T>,
@@ -269,7 +266,6 @@ fn suspension<T: Scalar>(p: &HeavyVehicle, d: &D, x: &X<T>, u: &U<T>, axles: &Ax
     Suspension { d_s, dd_s, s, r_bar }
 }
 
-/// Deflection and load of the tires.
 struct TireSprings<T> {
     d_t: SixWheels<T>,
     f_z: SixWheels<T>,
@@ -294,7 +290,6 @@ fn tire_springs<T: Scalar>(p: &HeavyVehicle, d: &D, u: &U<T>, axles: &Axles<T>, 
     TireSprings { d_t, f_z }
 }
 
-/// Slip angles and lateral forces.
 struct Tires<T> {
     alpha: ThreeAxles<T>,
     f_y: SixWheels<T>,
@@ -337,7 +332,6 @@ pub(crate) fn lateral_forces<T: Scalar>(
     SixWheels::from_fn(|i| force[i] * friction[i] * (p.mu * d.share[i]))
 }
 
-/// Lateral, yaw and roll acceleration.
 struct Lateral<T> {
     vd: T,
     rd: T,
@@ -375,7 +369,6 @@ fn lateral_motion<T: Scalar>(
     Lateral { vd, rd, phidd, a_y: vd + u.u * x.r, y_axle }
 }
 
-/// Accelerations of body, front wheels and beams.
 struct Vertical<T> {
     zdd: T,
     thetadd: T,

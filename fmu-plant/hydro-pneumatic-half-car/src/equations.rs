@@ -99,7 +99,6 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, d: &D, x: &X<T>, u: &U<T>) -> Mo
     Motion { rates, roll, suspension, tires, a_y }
 }
 
-/// Suspension and tire springs.
 struct Suspension<T> {
     d_s: Sides<T>,
     dd_s: Sides<T>,
@@ -121,7 +120,6 @@ fn suspension<T: Scalar>(p: &HydroPneumaticHalfCar, d: &D, x: &X<T>, u: &U<T>) -
     Suspension { d_s, dd_s, push, d_t, n }
 }
 
-/// Slip angles and lateral forces.
 struct Tires<T> {
     alpha: TwoAxles<T>,
     f_y: FourWheels<T>,
@@ -153,7 +151,6 @@ fn roll_moment<T: Scalar>(p: &HydroPneumaticHalfCar, Suspension { push, .. }: &S
     (push[0] - push[1]) * (p.t / 2.0) + roll.sin * (p.m_s * p.h * p.g)
 }
 
-/// Lateral acceleration, and rates of sideslip and yaw rate.
 struct Lateral<T> {
     a_y: T,
     betad: T,
@@ -181,7 +178,6 @@ fn lateral_motion<T: Scalar>(
     }
 }
 
-/// Accelerations of body and wheels.
 struct Vertical<T> {
     zdd_s: T,
     phidd: T,

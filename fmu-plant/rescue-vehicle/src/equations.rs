@@ -93,7 +93,6 @@ fn motion<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> Motion<T> 
     Motion { heading, suspension, tires, vertical, lateral }
 }
 
-/// Suspension and tire springs.
 struct Suspension<T> {
     d_s: SixWheels<T>,
     dd_s: SixWheels<T>,
@@ -123,7 +122,6 @@ fn directions<T: Scalar>(p: &RescueVehicle, d: &D, x: &X<T>, u: &U<T>) -> [T; 4]
     T::atan2_each([v(d.x[0]), v(d.x[2]), v(d.x[4]), x.v], [u_e; 4])
 }
 
-/// Slip angles and lateral forces, and the sideslip angle.
 struct Tires<T> {
     alpha: SixWheels<T>,
     f_y: SixWheels<T>,
@@ -143,7 +141,6 @@ fn tires<T: Scalar>(p: &RescueVehicle, d: &D, u: &U<T>, n: &SixWheels<T>, [axles
     Tires { alpha, f_y, beta }
 }
 
-/// Accelerations of body and wheels.
 struct Vertical<T> {
     zdd: T,
     thetadd: T,
@@ -166,7 +163,6 @@ fn vertical_motion<T: Scalar>(
     }
 }
 
-/// Lateral, roll and yaw acceleration.
 struct Lateral<T> {
     vd: T,
     phidd: T,
