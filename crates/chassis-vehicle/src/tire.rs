@@ -60,7 +60,7 @@ impl MagicFormula {
         let n = load.map(|load| Scalar::max(load, zero) * 1e-3);
         let peak: [T; N] = from_fn(|i| mu[i] * (n[i] * n[i] * a1 + n[i] * a2));
         let d = peak.map(|peak| Scalar::max(peak, least));
-        // B x without sin(a4 atan(a5 N)), which takes as long as the division.
+        // B x without the factor sin(a4 atan(a5 N)): it takes as long as this division, and both run at the same time.
         let rest: [T; N] = from_fn(|i| alpha[i] * (180.0 / std::f64::consts::PI * a3 / self.c) / d[i]);
         let e = n.map(|n| n * n * a6 + n * a7 + a8);
         let stiffness = T::sin_each(T::atan_each(n.map(|n| n * a5)).map(|angle| angle * a4));

@@ -286,8 +286,7 @@ mod tests {
         }
     }
 
-    /// The sweep does not steer before its start, although its phase, a parabola in time, is positive again long
-    /// before.
+    /// The sweep does not steer before its start, although its phase, a parabola in time, is also positive long before.
     #[test]
     fn sweep_does_not_steer_before_its_start() {
         let p = Driver { maneuver: Maneuver::SineSweep, t_0: 10.0, ..Driver::default() };

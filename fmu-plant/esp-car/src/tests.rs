@@ -255,7 +255,7 @@ proptest! {
         let d = derived(&p);
         let (rates, y) = (equations::derivatives(&p, &d, &x, &u), equations::outputs(&p, &d, &x, &u));
         let inertia: f64 = p.m_s * rates.zd + (0..4).map(|i| p.m_u[axle_of(i)] * rates.zd_u[i]).sum::<f64>();
-        // The actuators push wheels and body apart.
+        // The actuator forces cancel, because they act between wheels and body.
         let loads: f64 = y.f_z.iter().sum::<f64>() - d.m * p.g;
         prop_assert!((inertia - loads).abs() <= 1e-9, "{inertia} {loads}");
     }
