@@ -19,7 +19,7 @@ pub mod suspension;
 pub mod table;
 pub mod tire;
 
-/// Items that a model file needs besides `fmu::prelude`.
+/// Items that a model file needs in addition to `fmu::prelude`.
 pub mod prelude {
     pub use crate::parameters::*;
     pub use crate::positions::*;

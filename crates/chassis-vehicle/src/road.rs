@@ -164,7 +164,7 @@ impl AllPass {
 /// # Reference
 ///
 /// Shinozuka, Jan: Digital simulation of random processes and its applications, J. Sound Vib. 25 (1972), 111-128.
-/// Band, number of cosines and phases are those of the road for the heavy vehicle.
+/// Band, number of cosines and phases are the same as in the road of the heavy vehicle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Harmonics {
     envelope: Vec<[f64; 2]>,

@@ -34,7 +34,7 @@ signals! {
     DRIVER_STEERING_WHEEL, "driver.steering_wheel", unit!("rad"), Some("deg"), 1.0, "Angle of the steering wheel, positive to the left";
     // Path that the driver follows
     PATH_LATERAL_DEVIATION, "path.lateral_deviation", unit!("m"), None, 5.0, "Distance of the vehicle from the path, positive to the left of it";
-    PATH_HEADING_ERROR, "path.heading_error", unit!("rad"), Some("deg"), 0.1, "Heading of the vehicle minus that of the path";
+    PATH_HEADING_ERROR, "path.heading_error", unit!("rad"), Some("deg"), 0.1, "Heading of the vehicle minus the heading of the path";
     PATH_DISTANCE, "path.distance", unit!("m"), None, 100.0, "Station of the vehicle along the path";
     PATH_FINISHED, "path.finished", unit!("1"), None, 1.0, "Whether the end of the maneuver was reached";
     PATH_LOST, "path.lost", unit!("1"), None, 1.0, "Whether the vehicle went too far from the path";

@@ -126,7 +126,7 @@ fn inverse_mass_matrix(p: &HeavyVehicle, m: f64) -> Result<[[f64; 3]; 3], String
     Ok(cofactors.map(|row| row.map(|cofactor| cofactor / determinant)))
 }
 
-/// Suspension of an axle: that of the front axle (0) or the walking beams (1).
+/// Suspension of an axle: front (0) or walking beams (1).
 fn group_of(axle: usize) -> usize {
     axle.min(1)
 }

@@ -151,7 +151,7 @@ pub struct U {
     u: f64,
 }
 
-/// The road under the wheels; the sides of a half car are those of the front axle.
+/// The road under the wheels; a half car uses the values of the front axle.
 #[derive(Outputs, Clone, Debug, PartialEq)]
 pub struct Y {
     #[var(ROAD_HEIGHT)]
