@@ -1,11 +1,4 @@
 //! `Actuator`: follows any command with a lag, at a limited rate and within a range. The README has the equations.
-//!
-//! | symbol | meaning |
-//! |---|---|
-//! | u, x | command, value of the actuator |
-//! | T, r | time constant, greatest rate |
-//! | x_min, x_max | range |
-//! | step, h_r | step size, and its part at the greatest rate |
 
 #[cfg(test)]
 mod tests;

@@ -1,15 +1,5 @@
 //! `BrakeAndDriveActuators`: brake pressures and torques at four wheels, pedal pressure, and the drive of the front
-//! wheels.
-//!
-//! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
-//! finite-state basis", eq. 12; the drive is an addition.
-//!
-//! | symbol | meaning |
-//! |---|---|
-//! | p_master | pressure from the driver's pedal, MPa |
-//! | p, p_cmd | actual and commanded pressure of a wheel brake, MPa |
-//! | T_b, T_d | brake and drive torque of a wheel |
-//! | omega | speed of rotation of a wheel |
+//! wheels. The README has the equations and their source.
 
 #[cfg(test)]
 mod tests;

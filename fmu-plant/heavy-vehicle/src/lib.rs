@@ -1,9 +1,5 @@
-//! `HeavyVehicle`: a three-axle heavy truck with a walking-beam suspension of its rear axles (heave, pitch, roll, front
-//! wheels, walking beams, lateral velocity, yaw rate) at a prescribed speed. Vertical and lateral motion are coupled by
-//! the tire loads; either can also run alone.
-//!
-//! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
-//! Coupling Dynamics", 2022, eqs. 1-11 with the corrections that the package's README lists.
+//! `HeavyVehicle`: a three-axle heavy truck with walking beams at its rear axles, at a prescribed speed. Tire loads couple
+//! the vertical and the lateral motion; either can also run alone. The README has the equations and their source.
 
 mod equations;
 #[cfg(test)]

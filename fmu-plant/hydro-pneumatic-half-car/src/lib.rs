@@ -1,9 +1,5 @@
-//! `HydroPneumaticHalfCar`: a rescue vehicle with adjustable hydro-pneumatic suspension as a half car seen from the
-//! front (heave, roll, two unsprung masses) on a bicycle model (sideslip, yaw) with load-dependent tires, at a
-//! prescribed speed.
-//!
-//! Applied Sciences 2020, 10, 1852 (switch control between two sliding modes), eqs. 1-7 with the corrections that the
-//! package's README lists.
+//! `HydroPneumaticHalfCar`: a rescue vehicle with adjustable hydro-pneumatic suspension as a half car seen from the front
+//! on a bicycle model with load-dependent tires, at a prescribed speed. The README has the equations and their source.
 
 mod equations;
 #[cfg(test)]

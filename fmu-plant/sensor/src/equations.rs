@@ -1,13 +1,4 @@
-//! From a signal to its measured value.
-//!
-//! | symbol | meaning |
-//! |---|---|
-//! | u, y | signal and measured value |
-//! | k, T | number of the sample, sample time |
-//! | tau, n | delay in s and in samples |
-//! | b | bias |
-//! | sigma, N | standard deviation of the noise, standard normal numbers |
-//! | q | resolution |
+//! From a signal to its measured value. Symbols as in the README.
 
 use chassis_vehicle::random::{Normals, SENSOR_STREAM};
 
