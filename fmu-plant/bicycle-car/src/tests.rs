@@ -106,7 +106,7 @@ fn steady_state_is_the_closed_form() {
 }
 
 #[test]
-fn natural_frequency_and_damping() {
+fn natural_frequency_and_damping_match_the_reference_values() {
     let ([[a, b], [c, d]], _) = lateral_motion(&BicycleCar::default(), SPEED);
     let frequency = (a * d - b * c).sqrt();
     assert_printed(frequency, 7.859538, 1e-6);

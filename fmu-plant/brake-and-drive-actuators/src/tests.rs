@@ -41,7 +41,7 @@ fn the_drive_is_limited_by_torque_and_power() {
 
 #[test]
 fn torques_are_proportional_to_the_pressures() {
-    // 167.48 and 66.396 N m per MPa.
+    // 167.48 and 66.396 N m per MPa, to rounding.
     let x = X { p: FourWheels([1.0, 2.0, 3.0, 4.0]) };
     let t_b = BrakeAndDriveActuators::default().outputs(at(&x, &U::default())).t_b;
     for (actual, expected) in t_b.iter().zip([167.48, 334.96, 199.188, 265.584]) {

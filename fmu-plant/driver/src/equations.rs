@@ -248,7 +248,8 @@ mod tests {
         }
     }
 
-    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak; a piecewise closed form.
+    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak; a piecewise closed form, to the rounding
+    /// of the time.
     #[test]
     fn sine_with_dwell_is_the_test_of_the_regulation() {
         let p = Driver { maneuver: Maneuver::SineWithDwell, ..Driver::default() };

@@ -224,6 +224,7 @@ fn a_steady_turn_has_the_reference_values() {
 #[test]
 fn without_the_force_through_the_roll_center_its_height_has_no_effect_on_the_loads() {
     // In a steady state, the tires then balance only the moment about the roll axis, and h_r is not in the closed form.
+    // The tolerance covers the small-angle approximation and rounding.
     let p = HydroPneumaticHalfCar { geometric: 0.0, ..HydroPneumaticHalfCar::default() };
     let (a, b) = linearized(&p, data::SPEED);
     let delta = 1e-6;
@@ -330,7 +331,7 @@ proptest! {
         prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).reals(), outputs(&p, &xm, &um).reals());
     }
 
-    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma.
+    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma, to one rounding of each term.
     #[test]
     fn the_lateral_acceleration_is_that_of_the_path(x in any_state(), u in any_inputs(), p in any_options()) {
         let u = U { v: 1.0 + u.v, ..u };

@@ -411,7 +411,8 @@ fn rate_and_angle_of_the_steering_wheel_are_limited() {
     let p = PathDriver { angle_limit: 0.8, rate_limit: 2.0, sample_time: 0.01, ..immediate(Maneuver::Straight) };
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 1..100 {
-        // The vehicle is far to the right, so the driver steers to the left: with 2 rad/s at the wheel, to 0.8 rad.
+        // The vehicle is far to the right, so the driver steers to the left: with 2 rad/s at the wheel, to 0.8 rad. The
+        // tolerance is the rounding of 40 sums.
         let wheel = run.sample(&at(0.0, -5.0, 0.0, 10.0)).unwrap().steering_wheel;
         assert!((wheel - (0.02 * f64::from(k)).min(0.8)).abs() < 1e-13, "{k}: {wheel}");
     }
