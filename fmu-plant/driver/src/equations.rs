@@ -182,7 +182,7 @@ mod tests {
     }
 
     /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 rad at 5 s; double lane change of 0.064 rad
-    /// with periods of 4 s, starting at 1 s and 6 s.
+    /// with periods of 4 s, starting at 1 s and 6 s. The tolerance is a few roundings.
     #[test]
     fn rescue_vehicle_maneuvers() {
         let step = Driver { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..Driver::default() };
@@ -248,8 +248,8 @@ mod tests {
         }
     }
 
-    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak; a piecewise closed form, to the rounding
-    /// of the time.
+    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak; a piecewise closed form, to the
+    /// rounding of the time.
     #[test]
     fn sine_with_dwell_is_the_test_of_the_regulation() {
         let p = Driver { maneuver: Maneuver::SineWithDwell, ..Driver::default() };

@@ -1,5 +1,6 @@
-//! `HeavyVehicle`: a three-axle heavy truck with walking beams at its rear axles, at a prescribed speed. Tire loads couple
-//! the vertical and the lateral motion; either can also run alone. The README has the equations and their source.
+//! `HeavyVehicle`: a three-axle heavy truck with walking beams at its rear axles, at a prescribed speed. Tire loads
+//! couple the vertical and the lateral motion; either can also run alone. The README has the equations and their
+//! source.
 
 mod equations;
 #[cfg(test)]

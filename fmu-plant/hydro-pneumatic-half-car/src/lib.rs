@@ -1,5 +1,6 @@
-//! `HydroPneumaticHalfCar`: a rescue vehicle with adjustable hydro-pneumatic suspension as a half car seen from the front
-//! on a bicycle model with load-dependent tires, at a prescribed speed. The README has the equations and their source.
+//! `HydroPneumaticHalfCar`: a rescue vehicle with adjustable hydro-pneumatic suspension as a half car seen from the
+//! front on a bicycle model with load-dependent tires, at a prescribed speed. The README has the equations and their
+//! source.
 
 mod equations;
 #[cfg(test)]

@@ -331,7 +331,8 @@ proptest! {
         prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).reals(), outputs(&p, &xm, &um).reals());
     }
 
-    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma, to one rounding of each term.
+    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma, to one rounding of each
+    /// term.
     #[test]
     fn the_lateral_acceleration_is_that_of_the_path(x in any_state(), u in any_inputs(), p in any_options()) {
         let u = U { v: 1.0 + u.v, ..u };

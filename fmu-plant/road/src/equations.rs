@@ -764,7 +764,8 @@ mod tests {
     }
 
     /// Reference: Applied Sciences 2020, 10, 1852: class C until 3 s, then F. After the distance reached at 3 s (60 m,
-    /// or one cell more), each innovation z[k+1] - alpha z[k] is sqrt(64) = 8 times the innovation without the change.
+    /// or one cell more), each innovation z[k+1] - alpha z[k] is sqrt(64) = 8 times the innovation without the change,
+    /// to the rounding of alpha z.
     #[test]
     fn a_class_change_scales_the_innovations() {
         let p = |t_change| Road { t_change, ..Road::default() };
