@@ -1,4 +1,4 @@
-"""The command `chassis`, also `python -m chassis_fmu`: the program of that name, which calls this Python for pages."""
+"""The command `chassis` (also `python -m chassis_fmu`): starts the native program, which calls Python for pages."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .program import ProgramError, find
 
 
 def main() -> int:
-    """Become the program, with the arguments of this process."""
+    """Replace this process by the program, or run it where that is impossible; returns its exit code."""
     try:
         program = find()
     except ProgramError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    # FMUs made with Python use the Python that this is.
+    # FMUs made with Python use this Python.
     os.environ.setdefault("PYTHONHOME", sys.base_prefix)
     os.environ["CHASSIS_PYTHON"] = sys.executable
     library = libpython.find()

@@ -1,4 +1,4 @@
-"""Types of the native code (python/src/lib.rs). Arrays are contiguous."""
+"""Types of the native code (python/src/lib.rs). All arrays must be contiguous."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 _Array: TypeAlias = NDArray[np.float64]
 
 class MetricError(Exception):
-    """A metric that has no number."""
+    """A metric that cannot be computed."""
 
 def value(
     metric: bytes, times: _Array, columns: Mapping[int, _Array], baseline: Mapping[int, _Array] | None, step: float
@@ -44,7 +44,7 @@ Row: TypeAlias = tuple[
 ]
 
 def study(file: Path, folders: Sequence[Path], runs: int | None = None) -> str:
-    """Return a study with `[[vary]]` as JSON; raises ScenarioError for a mistake."""
+    """Return a study with `[[vary]]` as JSON; raises ScenarioError if it is invalid."""
 
 class System:
     """A resolved scenario with its FMUs."""
@@ -76,7 +76,7 @@ class System:
     def simulate(self, changes: Sequence[_Change], run: int) -> tuple[_Array, list[_Array | None]]: ...
 
 class Session:
-    """A run between two steps: its inputs can be overwritten, its signals read, its state saved and restored."""
+    """A run that advances step by step. Inputs can be overwritten, signals read, and states saved and restored."""
 
     def __init__(
         self,

@@ -23,26 +23,25 @@ from .terminal import escaped
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What `chassis run` asks for."""
+    """A request from `chassis run`."""
 
     plan: msgspec.Raw
     """The plan, as `chassis plan --json` prints it."""
     folder: str
-    """The folder of the results; the rows of the runs are in its folder `runs`."""
+    """The results folder; recorded signals are in its subfolder `runs`."""
     engine: Literal["native", "fmpy", "csv"]
     command: str
     """The command that repeats the runs."""
     numbers: dict[str, tuple[float | None, ...]]
-    """Numbers of the metrics of each run that is complete."""
+    """Values of the metrics, by the id of each complete run."""
     verdicts: tuple[Verdict, ...] = ()
-    """Verdicts on the requirements."""
     incomplete: dict[str, str] = {}
-    """Reasons that the other runs are not complete."""
+    """Why each of the other runs is incomplete."""
     parquet: bool = False
     inputs: str | None = None
-    """Name of the file of signals."""
+    """Name of the file with input signals."""
     shortened: str | None = None
-    """What the runs were cut to, such as "--stop 2 --seeds 1"."""
+    """Options that shortened the runs, such as "--stop 2 --seeds 1"."""
 
 
 def _engine(request: Request) -> str:
@@ -52,7 +51,7 @@ def _engine(request: Request) -> str:
 
 
 def _recordings(scenario: Plan, runs: Path, finished: set[str]) -> figures.Recordings:
-    """Read what the figures show of the runs that are complete."""
+    """Read the signals that the figures show, from the complete runs."""
     shown = figures.Recordings(scenario)
     for run in scenario.runs:
         if run.id in finished and scenario.figures:
@@ -105,7 +104,7 @@ def report(scenario: Plan, request: Request) -> str:
 
 
 def _convert(scenario: Plan, runs: Path, finished: set[str]) -> None:
-    """Write the rows of the runs that are complete as Parquet, beside the CSV files."""
+    """Convert the CSV files of the complete runs to Parquet."""
     units = {column.name: column.unit or "" for column in scenario.columns}
     for run in scenario.runs:
         if run.id in finished:
@@ -121,14 +120,14 @@ def execute(request: Request) -> None:
     scenario = Plan.parse(bytes(request.plan).decode(), Path.cwd())
     runs = Path(request.folder) / "runs"
     for run in scenario.runs:
-        # What an earlier call left with this option is not of these runs.
+        # A Parquet file from an earlier call does not belong to these runs.
         (runs / f"{run.stem}.parquet").unlink(missing_ok=True)
     if request.parquet:
         _convert(scenario, runs, set(request.numbers))
     if text := report(scenario, request):
         print(escaped(text))
     if request.shortened:
-        print(f"Run with {request.shortened}: the paper's numbers and the findings are about the whole scenario.")
+        print(f"Run with {request.shortened}: the paper's numbers and the findings apply to the whole scenario.")
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Scenarios as environments of gymnasium: an agent replaces inputs of components."""
+"""Scenarios as gymnasium environments: an agent sets inputs of components."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ class Env(gymnasium.Env[Array, Array]):
 
     - `loop`: the scenario. `case`, `point` and `run_seed` choose one of its runs (default: the first). `values` changes
       parameters, as in `Scenario.run`.
-    - `act`: inputs that the agent sets, each as `component:input`, in the units of the inputs. A list takes the limits
-      from the FMU; a dict gives them, `{name: (low, high)}`. An action is held for a period and replaces what is
-      connected to the input. Actions beyond the limits are clipped. A Boolean input is true above 0.5.
+    - `act`: inputs that the agent sets, each as `component:input`, in the units of the inputs. With a list, the limits
+      come from the FMU; a dict states them: `{name: (low, high)}`. An action is held for a period and overrides the
+      connection of the input. Actions beyond the limits are clipped. A Boolean input is true above 0.5.
     - `observe`: recorded signals of the scenario, each as `signal` or `component:signal`, in their units.
     - `reward`: a function of the signals before the step, the action and the signals after it; or the name of a
-      recorded signal, whose value after the step is the reward. The signals are those of `observe`, by the names given
-      there.
-    - `period`: time of a step of the environment, s; a multiple of the communication step (default: one).
-    - `terminate`: a function of the signals after a step; the episode is terminated where it returns true.
+      recorded signal, whose value after the step is the reward. The function gets the signals of `observe` by name.
+    - `period`: duration of an environment step (s), a multiple of the communication step (default: one of them).
+    - `terminate`: a function of the signals after a step; if it returns true, the episode is terminated.
 
     Spaces are boxes of float64: the action has the shape (number of inputs,), the observation (number of signals,).
-    `gymnasium.wrappers.RescaleAction` maps actions to [-1, 1], as most algorithms want them. An episode is truncated at
-    the stop time of the scenario. `info` has the time in s.
+    `gymnasium.wrappers.RescaleAction` maps actions to [-1, 1], the range that most algorithms need. An episode is
+    truncated at the stop time of the scenario. `info` contains the time in s.
 
-    The FMUs are instantiated and initialized once, in this process. `reset` restores their states, and an episode is
-    bit-identical to one of a new environment; the random numbers of a scenario come from its seeds, not from `reset`.
+    The FMUs are instantiated and initialized once, in this process. `reset` restores their states, so an episode is
+    bit-identical to the first episode of a new environment. The random numbers of a scenario come from its seeds, not
+    from `reset`.
 
-    Raises `ScenarioError` for names and limits that do not fit, `RunError` if an FMU fails. An environment can be reset
+    Raises `ScenarioError` for unknown names and invalid limits, `RunError` if an FMU fails. An environment can be reset
     after a `RunError`.
     """
 
@@ -113,7 +113,7 @@ class Env(gymnasium.Env[Array, Array]):
         Returns the observation, the reward, whether the episode is terminated and truncated, and the time (s).
         """
         if self._before is None or self._session.is_over:
-            raise gymnasium.error.ResetNeeded("the episode has ended or not begun: call `reset` before `step`")
+            raise gymnasium.error.ResetNeeded("the episode is over or has not started: call `reset` before `step`")
         given = np.asarray(action, dtype=np.float64)
         if given.shape != self._low.shape:
             raise ValueError(
@@ -149,12 +149,12 @@ class Env(gymnasium.Env[Array, Array]):
         return values[: len(self.observed)].copy()
 
     def _signals(self, values: Array) -> dict[str, float]:
-        # With a reward that is a signal, there is one value more.
+        # If the reward is a signal, `values` ends with it.
         return dict(zip(self.observed, values.tolist(), strict=False))
 
 
 def _steps(simulation: plan.Simulation, period: float | None) -> int:
-    """Return how many communication steps a period has."""
+    """Return the number of communication steps in a period."""
     if period is None:
         return 1
     count = round(period / simulation.step) if math.isfinite(period) else 0

@@ -1,4 +1,4 @@
-"""The shared library of this Python, which FMUs made with Python need in a process that is not Python."""
+"""The shared library of this Python. FMUs made with Python need it in processes that do not run Python."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def find() -> Path | None:
-    """Return the library; None if this Python has none."""
+    """Return the path of the library; None if this Python is linked statically."""
     name = sysconfig.get_config_var("INSTSONAME") or ""
     folder = Path(sysconfig.get_config_var("LIBDIR") or "/")
     candidates = [folder / name, folder / (sysconfig.get_config_var("MULTIARCH") or "") / name]

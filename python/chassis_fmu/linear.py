@@ -23,23 +23,22 @@ class SteadyState:
     """A steady state of an FMU: values by name, in the units of the FMU."""
 
     fmu: str
-    """Name of the FMU."""
     states: dict[str, float]
     """All states. Those of `drifting` and `undetermined` have their start values."""
     inputs: dict[str, float]
     """The free inputs."""
     starts: dict[str, Value]
-    """What starts the FMU there: given parameters and inputs, states that rest, free inputs."""
+    """Start values that put the FMU into the steady state: given parameters and inputs, states at rest, free inputs."""
     held: tuple[str, ...]
-    """States that were given."""
+    """States whose values were given."""
     drifting: tuple[str, ...]
-    """States that integrate others, such as position and heading."""
+    """States that only integrate other states, such as position and heading."""
     undetermined: tuple[str, ...]
     """States that the equations leave open: the steady state is one of many."""
     residual: float
-    """Largest derivative of a state that rests, relative to its nominal value (1/s)."""
+    """Largest derivative of the states at rest, relative to the nominal value of the state (1/s)."""
     growth: float | None
-    """Largest real part of the poles of the states that rest (1/s): stable below 0. None if unknown."""
+    """Largest real part of the poles of the states at rest (1/s): stable below 0. None if unknown."""
 
 
 def trim(
@@ -52,13 +51,13 @@ def trim(
     """Find the steady state of an FMU at an operating point, by Newton's method on its exact Jacobian.
 
     `fmu` is the name of one of `fmus()`, or the path of any FMU with directional derivatives. `values` is the operating
-    point in the units of the FMU: parameters and inputs, and states that are held. `free` are inputs of which one
-    common value is sought; by default the drive torques of a plant with pedals, whose speed is held. `timeout` is the
-    longest time for the search (s).
+    point in the units of the FMU: parameters, inputs, and states that are held. `free` lists inputs that share one
+    value, which the search determines; the default for a plant with pedals is its drive torques, with the speed held.
+    `timeout` limits the duration of the search (s).
 
-    The derivatives of all states vanish, to 1e-10 of the nominal value per second, except of those that only integrate
-    others. The FMU is executed in a process of its own, by `cargo fmu trim`. Raises `ScenarioError` if the FMU is not
-    found, or with the name of a state that cannot rest.
+    All derivatives vanish, to 1e-10 of the nominal value per second, except those of states that only integrate other
+    states. `cargo fmu trim` executes the FMU in a separate process. Raises `ScenarioError` if the FMU is not found or
+    if a state cannot be at rest; the message names the state.
     """
     found = _find(fmu)
     steady = _command("trim", found, values, [] if free is None else ["--free", ",".join(free)], timeout)
@@ -87,13 +86,13 @@ def linearize(
     """Linearize an FMU at an operating point: x' = A x + B u, y = C x + D u.
 
     `fmu` is the name of one of `fmus()`, or the path of any FMU with directional derivatives. `values` is the operating
-    point: parameters, inputs and states in the units of the FMU; all else is at its start value. `timeout` is the
-    longest time for the linearization (s). With `trim` the operating point is the steady state that the
-    function `trim` finds for `values` and `free`.
+    point: parameters, inputs and states in the units of the FMU; all other variables have their start values.
+    `timeout` limits the duration (s). With `trim`, the operating point is the steady state that the function `trim`
+    finds for `values` and `free`.
 
-    States, inputs and outputs have their names and units in the FMU, but python-control allows no dots:
-    `vehicle.yaw_rate` is `vehicle_yaw_rate`. The FMU is executed in a process of its own, by `cargo fmu linearize`, and
-    the numbers are those of the command. Raises `ScenarioError` if the FMU is not found or cannot be linearized.
+    States, inputs and outputs have the names and units of the FMU. Dots become underscores, because python-control
+    does not allow them: `vehicle.yaw_rate` is `vehicle_yaw_rate`. `cargo fmu linearize` executes the FMU in a separate
+    process and computes the matrices. Raises `ScenarioError` if the FMU is not found or cannot be linearized.
     """
     try:
         import control
@@ -117,7 +116,7 @@ def linearize(
 def _command(
     name: str, fmu: Path, values: Mapping[str, Value] | None, options: Sequence[str], timeout: float
 ) -> dict[str, Any]:
-    """Return what a command prints about an FMU with these values."""
+    """Return the JSON that a `cargo fmu` command prints for an FMU with these values."""
     command: list[str | Path] = [worker_program(), name, fmu, "--json", "--timeout", repr(timeout), *options]
     command += [part for key, value in (values or {}).items() for part in ("--set", f"{key}={_text(value)}")]
     library = libpython.find()
@@ -150,7 +149,7 @@ def _names(signals: Sequence[str], fmu: Path) -> list[str]:
     double = next((signal for signal, name in zip(signals, names, strict=True) if names.count(name) > 1), None)
     if double is not None:
         raise ScenarioError(
-            f"{fmu}: two signals would be named `{double.replace('.', '_')}`, because python-control allows no dots; "
-            "use the matrices of `cargo fmu linearize --json`"
+            f"{fmu}: two signals would be named `{double.replace('.', '_')}`, because python-control does not allow "
+            "dots; use the matrices from `cargo fmu linearize --json`"
         )
     return names

@@ -1,4 +1,4 @@
-"""The program `chassis`, which executes FMUs in processes of its own."""
+"""Finds the native program `chassis`, which executes FMUs in separate processes."""
 
 from __future__ import annotations
 
@@ -12,23 +12,22 @@ ROOT = PACKAGE.parents[1]
 
 
 class ProgramError(Exception):
-    """The program is not there."""
+    """The program was not found."""
 
 
 def _time(path: Path) -> float:
-    """Return the time of a build; the latest one is that of the sources."""
     return path.stat().st_mtime if path.is_file() else 0.0
 
 
 def find() -> Path:
-    """Return the program of this package, of the repository that it is installed from, or on the PATH."""
+    """Return the program from this package, from its repository (the latest build), or from the PATH."""
     name = "chassis.exe" if sys.platform == "win32" else "chassis"
-    # The profile of scripts/build, if it is chosen.
+    # The profile that scripts/build uses, if the user has chosen one.
     chosen = os.environ.get("CHASSIS_PROFILE")
     folders = ("debug" if chosen == "dev" else chosen,) if chosen else ("debug", "release")
     builds = (ROOT / "target" / folder / name for folder in folders)
     places = [PACKAGE / "bin" / name, *sorted(builds, key=_time, reverse=True)]
-    # The command of this environment, which calls the program, has its name.
+    # The Python command of this environment has the same name; it would call itself.
     own = Path(sys.executable).with_name(name)
     on_path = shutil.which(name)
     if on_path is not None and Path(on_path) != own:

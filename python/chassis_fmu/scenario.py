@@ -1,4 +1,4 @@
-"""Scenarios as objects: run them with other values, at native speed."""
+"""Scenarios as objects: run them with changed values, at native speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .program import PACKAGE, ROOT
 
 Value: TypeAlias = "float | int | bool | str"
 Values: TypeAlias = Mapping[str, Value]
-"""Values by `component:variable`, in the units of the variables; modes by their names or numbers."""
+"""Values by `component:variable`, in the units of the variables; enumerations by name or number."""
 
 Column: TypeAlias = "NDArray[np.float64]"
 
@@ -80,7 +80,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Sample:
-    """Values, and the indices of the runs of the plan that use them."""
+    """Changed values, and the indices of the runs in the plan that use them."""
 
     values: tuple[tuple[str, Value], ...]
     runs: tuple[int, ...]
@@ -93,11 +93,11 @@ class Outcome:
     sample: int
     run: int
     numbers: tuple[float | None, ...]
-    """Of the metrics of the plan; empty if the run failed."""
+    """Values of the plan's metrics; empty if the run failed."""
     status: Status
     time: float | None
     component: str | None
-    """That the failure is about, if known."""
+    """Component that failed, if known."""
     variable: str | None
     """Recorded signal that is not finite."""
     message: str | None
@@ -114,7 +114,7 @@ def fmus() -> dict[str, Path]:
 
 
 def worker_program() -> Path:
-    """Return the program that executes FMUs in processes of its own."""
+    """Return the program that executes FMUs in separate processes."""
     try:
         return program.find()
     except program.ProgramError as error:
@@ -131,9 +131,9 @@ def _split(name: str) -> tuple[str, str]:
 class Scenario:
     """A scenario file with its FMUs.
 
-    `fmus` are the folders of FMUs (default: those of `fmus()`), `stop` ends the runs earlier (s), `replace` names
-    other FMUs for components. Raises `ScenarioError` if the file or an FMU cannot be used; the text has file, line and
-    column.
+    `fmus` lists folders with FMUs (default: the folders that `fmus()` searches), `stop` ends the runs earlier (s), and
+    `replace` gives other FMUs for components. Raises `ScenarioError`, with file, line and column, if the file or an
+    FMU cannot be used.
     """
 
     def __init__(
@@ -173,12 +173,12 @@ class Scenario:
 
     @property
     def cases(self) -> tuple[str, ...]:
-        """Names of the cases."""
+        """Names of all cases."""
         return tuple(case.name for case in self.plan.cases)
 
     @property
     def metrics(self) -> tuple[str, ...]:
-        """Names of the metrics."""
+        """Names of all metrics."""
         return tuple(metric.name for metric in self.plan.metrics)
 
     def variable(self, name: str) -> Variable:
@@ -188,7 +188,7 @@ class Scenario:
         return Variable(name, base, unit, conversions, least, greatest, value, description or "")
 
     def index(self, case: str | None = None, point: str | None = None, seed: int | None = None) -> int:
-        """Return the index of the run of a case, point and seed; by default of the first of each."""
+        """Return the index of a run in the plan, by case, point and seed; each defaults to the first one."""
         case = self.cases[0] if case is None else case
         point = self.plan.point_names[0] if point is None else point
         seed = self.plan.seed_values[0] if seed is None else seed
@@ -211,13 +211,13 @@ class Scenario:
         point: str | None = None,
         seed: int | None = None,
     ) -> dict[str, float | None]:
-        """Run a case with other values and return its metrics.
+        """Run a case with changed values and return its metrics.
 
         A value is a plain number in the unit of its variable, `variable(name).unit`; `variable(name).from_unit(100.0,
-        "km/h")` converts one of another unit. A Boolean variable takes a bool, an enumeration a name or number.
+        "km/h")` converts a number from another unit. A Boolean takes a bool, an enumeration a name or number.
 
-        The run takes place in this process, without the interpreter's lock: an FMU that crashes takes the process with
-        it; `run_many` with `workers` protects from that. Raises `RunError` if the run fails.
+        The run is executed in this process, without the interpreter's lock. If an FMU crashes, the process ends; to
+        avoid that, use `run_many` with `workers`. Raises `RunError` if the run fails.
         """
         outcome = self.run_many([values or {}], case=case, point=point, seed=seed)[0]
         return self.numbers(outcome)
@@ -239,10 +239,10 @@ class Scenario:
         timeout: float = 60.0,
         progress: Callable[[int], object] | None = None,
     ) -> list[Outcome]:
-        """Run a case with each of several sets of values; a run that fails is an outcome, too.
+        """Run a case with each of several sets of values; a run that fails also gives an outcome.
 
-        `workers` is the number of processes that execute the FMUs; without it the runs take place in this one.
-        `timeout` is the longest time for a step (s). `progress` gets the number of finished runs.
+        `workers` is the number of processes that execute the FMUs; without it, this process executes them.
+        `timeout` limits the duration of a step (s). `progress` is called with the number of finished runs.
         """
         index = self.index(case, point, seed)
         samples = [Sample(tuple(v.items()), (index,)) for v in values]
@@ -264,16 +264,16 @@ class Scenario:
         return sorted(found, key=lambda o: o.sample)
 
     def start(self, jobs: int, timeout: float = 60.0) -> None:
-        """Prepare processes for `execute`; they start when they are needed first."""
+        """Prepare worker processes for `execute`; each starts when it is first needed."""
         self._native.start(worker_program(), jobs, timeout, libpython.find())
 
     def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
-        """Execute samples in the processes of `start`. `take` gets outcomes in any order; the first False ends that."""
+        """Execute samples in the workers. `take` gets outcomes in any order and returns False to stop."""
         changes = [(self._changes(s), list(s.runs)) for s in samples]
         self._native.execute(changes, lambda row: take(self._outcome(row)))
 
     def record_many(self, runs: Sequence[tuple[tuple[tuple[str, Value], ...], int]]) -> list[Recorded | str]:
-        """Execute runs with other values in the processes of `start`; returns the signals of each, or its failure."""
+        """Execute runs with changed values in the workers; returns the signals of each run, or its failure."""
         found: dict[int, Recorded | str] = {}
 
         def take(index: int, times: Column | None, columns: list[Column | None], message: str | None) -> None:
@@ -283,7 +283,7 @@ class Scenario:
         return [found[index] for index in range(len(runs))]
 
     def _outcome(self, row: _native.Row) -> Outcome:
-        """Return a row as an outcome; its message is the same wherever the FMUs lie."""
+        """Return a row as an outcome; paths in its message are shortened to the names of the FMU files."""
         sample, run, numbers, status, time, place, variable, message, seconds = row
         if message is not None:
             for component in self.plan.runs[run].components:
@@ -298,10 +298,10 @@ class Scenario:
         point: str | None = None,
         seed: int | None = None,
     ) -> pa.Table:
-        """Run a case with other values in this process and return its recorded signals with the column `time` (s).
+        """Run a case with changed values in this process and return its recorded signals, with a column `time` (s).
 
-        Units are in the metadata of the fields; `to_pandas()` makes a data frame. The arrays are not copied. Raises
-        `RunError` if the run fails.
+        Units are in the field metadata; `to_pandas()` makes a data frame. The arrays are not copied. Raises `RunError`
+        if the run fails.
         """
         index = self.index(case, point, seed)
         times, columns = self.record(tuple((values or {}).items()), index)
@@ -315,7 +315,7 @@ class Scenario:
         return pa.table(arrays, schema=pa.schema(fields))
 
     def record(self, values: tuple[tuple[str, Value], ...], run: int) -> Recorded:
-        """Return times and the columns of the plan of a run with other values, executed in this process."""
+        """Run with changed values in this process; returns the times and the columns of the plan."""
         with run_error():
             return self._native.simulate(self._changes(Sample(values, (run,))), run)
 
@@ -324,30 +324,30 @@ class Scenario:
     ) -> _native.Session:
         """Instantiate and initialize a run of the plan in this process, to advance it step by step.
 
-        `inputs` are overwritten by its `step`, each as `component:input`; `columns` are the indices of the columns of
-        the plan that its `read` returns. Raises `RunError` if the run cannot be initialized.
+        `inputs` lists the inputs that `Session.step` overwrites, each as `component:input`; `columns` lists the indices
+        of the plan's columns that `Session.read` returns. Raises `RunError` if the run cannot be initialized.
         """
         changes = self._changes(Sample(tuple((values or {}).items()), (run,)))
         with run_error():
             return _native.Session(self._native, run, changes, [_split(name) for name in inputs], columns)
 
     def _changes(self, sample: Sample) -> list[tuple[str, str, Value]]:
-        """Return the changes of a sample; raises `TypeError` for a value that is not a plain one."""
+        """Return the changes of a sample; raises `TypeError` for a value that is not a number, bool or str."""
         for name, value in sample.values:
             if isinstance(value, bool | int | float | str):
                 continue
             try:
-                # Numbers of NumPy, for example.
+                # Accepts NumPy numbers.
                 float(value)
             except (TypeError, ValueError):
                 raise TypeError(
                     f"`{name}` must be a number in the unit of the variable, a bool or a str, got {value!r}; "
-                    f'`variable("{name}").from_unit(number, "unit")` converts a number of another unit'
+                    f'`variable("{name}").from_unit(number, "unit")` converts a number from another unit'
                 ) from None
         return [(*_split(name), value) for name, value in sample.values]
 
 
 def default_folders() -> list[Path]:
-    """Return the folders in which FMUs are looked for."""
+    """Return the folders that are searched for FMUs."""
     found = fmus()
     return [next(iter(found.values())).parent] if found else [ROOT / "target" / "fmu"]

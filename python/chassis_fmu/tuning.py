@@ -1,4 +1,4 @@
-"""Tuning studies: `chassis study` does the work; here its history becomes Parquet, a plot and a page."""
+"""Tuning studies: converts the history that `chassis study` writes to Parquet, and makes a plot and a page."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ FORMAT = 3
 
 ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
 
-# The plot ends at the objective that the slowest method has, in the median of its seeds, after this share of the
-# evaluations, but not before so many of them (or a third of all): what lies above is chance. A comparison is drawn as a
-# line if it does not lie higher than this many times that span; otherwise it is named with an arrow.
+# Vertical range of the plot. Its top is the median objective of the slowest method after the first EARLY share of the
+# evaluations, at least after FEW evaluations or a third of all: earlier objectives depend on chance. A comparison
+# within NEAR times this range is drawn as a line; a higher one is only labeled, with an arrow.
 EARLY = 0.05
 FEW = 10
 NEAR = 1.5
-# From this ratio of the highest to the lowest objective on, the axis is logarithmic.
+# The axis is logarithmic if the ratio of the highest to the lowest objective exceeds this.
 DECADES = 5.0
-# Names of levels stand beside the plot: letters per line, and the height of a line as a share of that of the plot.
+# Labels of levels are beside the plot: characters per line, and the height of a line as a share of the plot's height.
 LABEL = 28
 LINE = 0.045
 
@@ -53,11 +53,11 @@ Array = NDArray[np.floating[Any]]
 
 
 class StudyError(Exception):
-    """Results of a study that cannot be read, or a call that cannot be made."""
+    """The results of a study cannot be read."""
 
 
 class Candidate(msgspec.Struct, frozen=True):
-    """Values of the parameters and their objective; `reason` says why they are not feasible."""
+    """Parameter values and their objective; `reason` says why they are infeasible."""
 
     values: tuple[float | None, ...]
     objective: float
@@ -67,7 +67,7 @@ class Candidate(msgspec.Struct, frozen=True):
 
 
 class Method(msgspec.Struct, frozen=True):
-    """A method, how far it came and what it found."""
+    """Progress and results of a method."""
 
     name: str
     title: str
@@ -84,14 +84,14 @@ class Method(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Group:
-    """A method with all its seeds."""
+    """The runs of a method with all seeds."""
 
     title: str
     methods: tuple[Method, ...]
 
     @property
     def best(self) -> Candidate | None:
-        """The best of all seeds."""
+        """The best candidate of all seeds."""
         return min((m.best for m in self.methods if m.best is not None), key=lambda b: b.objective, default=None)
 
     @property
@@ -107,20 +107,20 @@ class Study(msgspec.Struct, frozen=True):
     methods: tuple[Method, ...]
     baseline: Candidate
     comparisons: tuple[dict[str, Any], ...]
-    """Values of some parameters that the methods are compared with."""
+    """Given parameter values, with which the results of the methods are compared."""
     improved: bool
     raw: dict[str, Any] = {}
 
     @property
     def references(self) -> tuple[Candidate, ...]:
-        """References of the methods, the scenario's own values first."""
+        """Candidates to compare with: the scenario's values, then the comparisons."""
         names = [parameter["name"] for parameter in self.parameters]
         others = (c | {"values": [c["values"].get(name) for name in names]} for c in self.comparisons)
         return (self.baseline, *(msgspec.convert(other, Candidate) for other in others))
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The methods by their titles without the seed, in their order."""
+        """The methods, grouped by title without the seed."""
         titles = dict.fromkeys(m.group for m in self.methods)
         return tuple(Group(t, tuple(m for m in self.methods if m.group == t)) for t in titles)
 
@@ -149,7 +149,7 @@ def read_history(study: Study, folder: Path) -> pa.Table:
         path = folder / method.name / "history.csv"
         try:
             options = pyarrow.csv.ConvertOptions(column_types=types, strings_can_be_null=False)
-            # A history may be longer than what a smaller budget used of it.
+            # After a run with a smaller budget, the history contains more rows than were used.
             table = pyarrow.csv.read_csv(path, convert_options=options).slice(0, method.evaluations)
         except (OSError, pa.ArrowException) as error:
             raise StudyError(f"{path}: cannot read the history: {error}") from error
@@ -179,7 +179,7 @@ def _short(value: float) -> str:
 
 
 def median(curves: Sequence[Array]) -> Array:
-    """Return the median of curves: one that ends early stays at its last value, before its first it counts as worst."""
+    """Return the median of curves. A curve that ends early keeps its last value; before its first, it is infinite."""
     length = max(len(c) for c in curves)
     padded = [np.pad(np.nan_to_num(c, nan=np.inf), (0, length - len(c)), mode="edge") for c in curves]
     middle: Array = np.sort(padded, axis=0)[len(curves) // 2]
@@ -190,7 +190,7 @@ def median(curves: Sequence[Array]) -> Array:
 
 @dataclass(frozen=True)
 class Scale:
-    """The axis of the objective: its ends, and up to where levels are drawn."""
+    """The axis of the objective: its ends, and the highest level that is drawn as a line (`reach`)."""
 
     logarithmic: bool
     bottom: float
@@ -199,25 +199,25 @@ class Scale:
 
     @staticmethod
     def of(groups: Sequence[Sequence[Array]], levels: Sequence[float]) -> Scale:
-        """Choose the axis for the curves of the methods and some levels."""
+        """Choose the axis for the curves of the methods and the levels of the comparisons."""
         low = min(float(np.nanmin(c)) for group in groups for c in group)
         high = low
         for curve in map(median, groups):
             late = curve[max(int(EARLY * len(curve)), min(FEW, len(curve) // 3)) :]
-            # It falls, so its first value is its largest.
+            # The curve falls, so its first value is its largest.
             high = max([high, *late[np.isfinite(late)][:1].tolist()])
         logarithmic = low > 0.0 and high > DECADES * low
         there, back = (math.log, math.exp) if logarithmic else (float, float)
         start, end = there(low), there(high)
         reach = start + NEAR * (end - start if end > start else 0.1 * abs(start) or 1.0)
-        # What lies below the curves is shown in any case, but a logarithm ends above zero.
+        # Levels below the curves are always shown, except values up to 0 on a logarithmic axis.
         near = [there(v) for v in levels if not (logarithmic and v <= 0.0) and there(v) <= reach]
         start, end = min([start, *near]), max([end, *near])
         room = 0.06 * (end - start) or 1.0
         return Scale(logarithmic, back(start - room), back(end + room), back(reach))
 
     def share(self, value: float) -> float:
-        """Height of a value: 0 at the bottom, 1 at the top, beyond outside."""
+        """Height of a value: 0 at the bottom of the plot, 1 at the top."""
         if self.logarithmic:
             if value <= 0.0:
                 return 0.0
@@ -226,17 +226,17 @@ class Scale:
 
 
 def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
-    """Move labels, given from the top down, apart where they would overlap, and those at the ends into the plot."""
+    """Move overlapping labels apart and into the plot; `places` are their heights from the top down."""
 
     def inside(center: float, rows: list[float]) -> float:
-        # The first and the last label may reach beyond the plot by half a line.
+        # The first and the last label may extend beyond the plot by half a line.
         half = (sum(rows) - LINE) / 2
         return min(max(center, half), 1.0 - half)
 
     blocks: list[tuple[float, list[float]]] = []
     for place, height in zip(places, heights, strict=True):
         blocks.append((inside(place, [height]), [height]))
-        # A block that touches the one above becomes one with it, around the mean of their centers.
+        # Blocks that touch are joined, around the mean of their centers.
         while len(blocks) > 1 and blocks[-2][0] - sum(blocks[-2][1]) / 2 < blocks[-1][0] + sum(blocks[-1][1]) / 2:
             (center, rows), (above, above_rows) = blocks.pop(), blocks.pop()
             mean = (above * len(above_rows) + center * len(rows)) / (len(rows) + len(above_rows))
@@ -253,7 +253,7 @@ def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
 
 @dataclass(frozen=True)
 class Convergence:
-    """The curves of the methods, each a case, with the axis of the objective and the levels of the references."""
+    """The curves of the methods (one case each), the axis of the objective, and the levels of the comparisons."""
 
     cases: list[Case]
     panel: Panel
@@ -305,7 +305,7 @@ def draw(found: Convergence) -> plots.Drawing:
             else:
                 label = line.title if has_median else case.title
                 ax.step(line.x, line.y, where="post", color=color, linewidth=1.9, label=label, zorder=2.5)
-        # Beside the plot, from the top down.
+        # Labels beside the plot, from the top down.
         levels = sorted(found.levels, key=lambda level: -level[1])
         arrows = ["" if v <= scale.reach else "\N{NO-BREAK SPACE}\N{UPWARDS ARROW}" for _, v in levels]
         labels = [
@@ -348,7 +348,7 @@ def draw(found: Convergence) -> plots.Drawing:
 
 
 def definitions(raw: dict[str, Any]) -> list[str]:
-    """Describe the computation of each term of the objective: formula, window and number of rows."""
+    """Describe how each term of the objective is computed: formula, window and number of rows."""
     found = []
     for term, rows in zip(raw["terms"], raw.get("rows") or [None] * len(raw["terms"]), strict=True):
         squared = "²" if term["kind"] == "mean_square" else ""
@@ -363,7 +363,7 @@ def definitions(raw: dict[str, Any]) -> list[str]:
 
 
 def render(study: Study, drawing: plots.Drawing | None, data: str, command: str) -> str:
-    """Return the page. `data` is what the figure shows, as JSON (`page_data`)."""
+    """Return the page. `data` contains the data of the figure as JSON (`page_data`)."""
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
     columns += [(candidate.title, candidate, None) for candidate in study.references]
@@ -384,14 +384,14 @@ def render(study: Study, drawing: plots.Drawing | None, data: str, command: str)
         versions=shell.versions(),
         definitions=definitions(study.raw),
         value=lambda value: "–" if value is None else tables.scientific(value),
-        # A long name breaks behind its colon and its dots, nowhere else.
+        # A long name may break after its colon and its dots, nowhere else.
         breakable=lambda name: markupsafe.Markup(re.sub(r"([.:])", r"\1<wbr>", str(markupsafe.escape(name)))),
         unit=lambda unit: tables.pretty_unit(unit or "1"),
     )
 
 
 def report(folder: Path, command: str) -> Path:
-    """Write the Parquet file, the figure and the page of a finished study; returns the page."""
+    """Write the Parquet file, the figure and the page of a finished study; returns the path of the page."""
     path = folder / "summary.json"
     try:
         study = parse(path.read_text(encoding="utf-8"))
@@ -410,7 +410,7 @@ def report(folder: Path, command: str) -> Path:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the page of the study in a folder: `FOLDER COMMAND`, with the command that repeats it."""
+    """Make the page of a study. `argv` is `FOLDER COMMAND`: its folder, and the command that repeats it."""
     folder, command = sys.argv[1:] if argv is None else argv
     try:
         print(report(Path(folder), command))

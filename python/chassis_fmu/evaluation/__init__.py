@@ -1,1 +1,1 @@
-"""Numbers of runs: metrics, the table of results, and its badges."""
+"""Metrics of runs, the table of results, and its badges."""

@@ -1,8 +1,7 @@
-"""Badges: how the numbers of the runs compare with those of a paper, computed and never typed.
+"""Badges: how the results of the runs compare with the numbers of a paper.
 
-The definition is in scenarios/README.md. A change is compared by its sign and its size, and over several seeds the 95 %
-interval of the mean paired difference (Student's t with one degree of freedom less than there are pairs) must not
-contain zero.
+scenarios/README.md contains the definition. A change is compared by sign and size. With several seeds, the 95 %
+interval of the mean paired difference (Student's t, one degree of freedom less than pairs) must not contain zero.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ from dataclasses import dataclass
 
 import scipy.special
 
-# A change may differ from the paper's by this share of it, or by this many percentage points.
+# A change may differ from the paper's change by this share of the latter, or by this many percentage points.
 CHANGE_SHARE = 0.25
 CHANGE_POINTS = 5.0
-# An absolute value may differ from the paper's by this share.
+# An absolute value may differ from the paper's value by this share.
 VALUE_SHARE = 0.05
 CONFIDENCE = 0.95
-# Differences this small against the values themselves are rounding.
+# Smaller differences, relative to the values, are rounding errors.
 ROUNDING = 1e-12
-# A change smaller than this (percent) is called none.
+# A smaller change (percent) is treated as no change.
 NO_CHANGE = 0.5
 
 
@@ -42,7 +41,7 @@ class Status(enum.Enum):
 
     @property
     def title(self) -> str:
-        """Return the badge in words."""
+        """Return the text of the badge."""
         return TITLES.get(self, self.value.replace("_", " ").capitalize())
 
 
@@ -57,15 +56,15 @@ MEANINGS = {
     f"{CHANGE_POINTS:g} percentage points, and over several seeds the {100 * CONFIDENCE:g} % interval of the paired "
     f"difference excludes zero; an absolute value is within {100 * VALUE_SHARE:g} %",
     Status.CALIBRATED: "a parameter was fitted to the paper's number",
-    Status.PARTLY: "a change has the same sign as the paper's, but is further away or lost in the scatter",
-    Status.NOT_REPRODUCED: f"a change has the other sign, or is none: below {NO_CHANGE:g} % and lost in the scatter, "
-    "or below it where the paper's is not; an absolute value is further away",
+    Status.PARTLY: "a change has the same sign as the paper's, but differs by more, or its interval contains zero",
+    Status.NOT_REPRODUCED: f"a change has the opposite sign, or is below {NO_CHANGE:g} % and its interval contains "
+    "zero or the paper's change is larger; an absolute value differs by more",
     Status.OWN_RESULT: "no paper makes the claim; the runs confirm it",
     Status.REFUTED: "no paper makes the claim; the runs do not confirm it",
-    Status.OPEN: "a run that it needs failed, was ended by an FMU, or was cut short",
+    Status.OPEN: "a required run failed, was ended by an FMU, or was shortened",
 }
 
-# From the best to the worst of several checks. What was not evaluated decides before everything else.
+# From best to worst, to combine several checks. A check that was not evaluated (OPEN) outweighs all others.
 _ORDER = (Status.REPRODUCED, Status.CALIBRATED, Status.PARTLY, Status.NOT_REPRODUCED, Status.OPEN)
 
 
@@ -83,14 +82,14 @@ class Interval:
 
     @property
     def is_clear(self) -> bool:
-        """Return whether the interval does not contain zero."""
+        """True if the interval does not contain zero."""
         return abs(self.mean) > self.half
 
     @staticmethod
     def of(differences: Sequence[float]) -> Interval:
-        """Return mean and interval. A single difference has no scatter: its interval is itself.
+        """Return mean and interval. The interval of a single difference has width 0.
 
-        Raises ValueError without any.
+        Raises ValueError if there are no differences.
         """
         if not differences:
             raise ValueError("no differences")
@@ -102,26 +101,26 @@ class Interval:
 
 
 def paired(pairs: Iterable[tuple[float, float]]) -> Interval:
-    """Return the interval of the differences, first less second; what rounding leaves of equal numbers is zero."""
+    """Return the interval of the differences, first minus second; differences within rounding are zero."""
     return Interval.of([0.0 if abs(a - b) <= ROUNDING * max(abs(a), abs(b)) else a - b for a, b in pairs])
 
 
 def of_sign(difference: Interval, expected: int, percent: float | None = None) -> Status:
-    """Decide on a claim without a number: more (1) or less (-1); `percent` is the change, where there is one."""
+    """Grade a claim without a number: more (1) or less (-1). `percent` is the change, if known."""
     if difference.sign != expected:
         return Status.NOT_REPRODUCED
     if not difference.is_clear and percent is not None and abs(percent) < NO_CHANGE:
-        # No effect, and no sign of one.
         return Status.NOT_REPRODUCED
     return Status.REPRODUCED if difference.is_clear else Status.PARTLY
 
 
 def of_change(difference: Interval, percent: float | None, paper: float) -> Status:
-    """Grade a change in percent (None: of a negligible baseline) against the paper's."""
+    """Grade a change in percent (None if the baseline is negligible) against the paper's change."""
     if paper == 0.0:
         return Status.NOT_REPRODUCED if percent is None else of_no_change(difference, percent)
     if percent is not None and percent * paper <= 0.0:
-        # The mean of the changes and the mean difference may disagree where both are lost in the scatter.
+        # The mean of the changes can have another sign than the mean difference if both are small compared with the
+        # scatter.
         return Status.NOT_REPRODUCED
     status = of_sign(difference, 1 if paper > 0.0 else -1, percent)
     if status is not Status.REPRODUCED:
@@ -136,14 +135,14 @@ def of_change(difference: Interval, percent: float | None, paper: float) -> Stat
 
 
 def of_value(value: float, paper: float) -> Status:
-    """Grade an absolute value. "Partly" does not occur: the sign of a magnitude carries no information."""
+    """Grade an absolute value. It is never "partly" reproduced: an equal sign is no evidence for it."""
     return Status.REPRODUCED if abs(value - paper) <= VALUE_SHARE * abs(paper) else Status.NOT_REPRODUCED
 
 
 def of_no_change(difference: Interval, percent: float) -> Status:
-    """Grade the claim that nothing changes: within the percentage points that a change of zero allows.
+    """Grade the claim that nothing changes: reproduced if the change is within CHANGE_POINTS.
 
-    A larger change within the scatter does not refute it.
+    A larger change does not refute the claim if its interval contains zero.
     """
     if abs(percent) <= CHANGE_POINTS:
         return Status.REPRODUCED
@@ -151,5 +150,5 @@ def of_no_change(difference: Interval, percent: float) -> Status:
 
 
 def worst(statuses: Iterable[Status]) -> Status:
-    """Return the badge of a finding with several checks: that of the worst."""
+    """Return the worst badge, which is the badge of a finding with several checks."""
     return max(statuses, key=_ORDER.index)

@@ -1,6 +1,6 @@
 """Spectra and running values of recordings, and formulas of metrics.
 
-The definitions are those of the native code, the Rust module `metrics`; this module passes recordings to it.
+The Rust module `metrics` defines and computes them; this module passes recordings to it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..files.results import Array, Recording
 
 
 def _native_array(values: Array) -> NDArray[np.float64]:
-    """Return the array as the native code takes it: a recording's own is passed as it is."""
+    """Return the array as contiguous doubles for the native code; copies only if necessary."""
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
@@ -27,11 +27,11 @@ def columns_of(metric: Metric) -> set[int]:
 
 
 def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Array] | None:
-    """Compute a metric over windows that begin with its own and end at each row of it: times and values.
+    """Compute a metric up to each row of its window: times and values.
 
-    None: a signal that it needs was not recorded, or fewer than two rows lie in the window.
+    None if a signal that it needs was not recorded, or if the window has fewer than two rows.
 
-    Raises MetricError for a kind that has no such values.
+    Raises MetricError for a kind without running values.
     """
     times = _native_array(recording.times)
     names = {index: plan.columns[index].name for index in columns_of(metric)}
@@ -44,14 +44,15 @@ def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Ar
 
 
 def window(times: Array, limits: tuple[float, float] | None, step: float) -> slice:
-    """Return the rows at rising times that lie in a window, both ends included; all rows for None."""
+    """Return the rows within a window, both ends included; all rows for None. Times must rise."""
     return slice(*_native.window(_native_array(times), limits, step))
 
 
 def spectrum(times: Array, values: Array) -> tuple[Array, Array]:
     """Estimate the one-sided power spectral density of a signal: frequencies (Hz) and densities (square per Hz).
 
-    Welch's method with eight half overlapping Hann windows, the mean of each subtracted. The frequency 0 is left out.
+    Welch's method with eight half-overlapping Hann windows; the mean of each segment is subtracted. The frequency 0 is
+    left out.
 
     Raises MetricError for a signal of fewer than 18 rows.
     """
@@ -62,7 +63,7 @@ def cross(times: Array, given: Array, found: Array) -> Array:
     """Estimate the cross power spectral density of an input and an output, with the segments and windows of `spectrum`.
 
     Returns rows: frequencies (Hz), densities of the input and the output, real and imaginary part of the cross density.
-    Means of several runs are transfer functions by `transfer`.
+    `transfer` computes the transfer function from these rows, or from their mean over several runs.
 
     Raises MetricError for signals of fewer than 18 rows.
     """

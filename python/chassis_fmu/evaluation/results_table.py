@@ -13,7 +13,7 @@ from ..files.plan import Cell, Check, Finding, Metric, Plan
 from . import grading
 from .grading import Status
 
-# A baseline below this share of the largest value of its metric is next to nothing: no percent is taken of it.
+# A baseline below this share of the largest value of its metric is negligible: changes from it have no percentage.
 RESOLUTION = 0.005
 
 # Metric, case, point, seed.
@@ -22,7 +22,7 @@ Values = Mapping[tuple[str, str, "str | None", "int | None"], float]
 
 @dataclass(frozen=True)
 class Statistic:
-    """Mean over the seeds, and sample standard deviation where there are several."""
+    """Mean over the seeds, and the sample standard deviation if there are several."""
 
     mean: float
     deviation: float | None
@@ -30,7 +30,7 @@ class Statistic:
 
     @staticmethod
     def of(values: Sequence[float]) -> Statistic | None:
-        """Return the statistic of some values; None if there are none."""
+        """Return the statistic of the values; None if there are none."""
         if not values:
             return None
         deviation = statistics.stdev(values) if len(values) > 1 else None
@@ -38,16 +38,16 @@ class Statistic:
 
 
 def change(value: float, baseline: float) -> float | None:
-    """Return the change in percent of the magnitude of the baseline; None if that is zero."""
+    """Return the change in percent of the magnitude of the baseline; None if the baseline is zero."""
     return None if baseline == 0.0 else 100.0 * (value - baseline) / abs(baseline)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One metric of one case at one point: ours and the paper's. Changes and differences are in percent.
+    """One metric of one case at one point: our value and the paper's. Changes and differences are in percent.
 
-    `origin` says whether ours was calibrated on the paper's or predicted, where the scenario says so. `status` is the
-    badge, None without a number of the paper. `negligible`: there is a baseline, but next to nothing.
+    `origin` is "calibrated" (a parameter was fitted to the paper's value) or "predicted"; empty if the scenario does
+    not specify it. `status` is the badge, None without a value from a paper. `negligible`: the baseline is negligible.
     """
 
     metric: Metric
@@ -63,26 +63,26 @@ class Row:
 
     @property
     def difference(self) -> float | None:
-        """Difference of our mean from the paper's number, in percent of the latter."""
+        """Difference between our mean and the paper's value, in percent of the latter."""
         return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """Whether a metric of a case at a point keeps its limits: a badge, and what is required and was found."""
+    """Verdict on a requirement for a metric of a case at a point: badge, and text with the limits and the result."""
 
     status: Status
     text: str
 
 
 def _key(cell: Cell) -> str:
-    """Return the name that the paper's numbers have: `case` or `case@point`."""
+    """Return the key of the paper's numbers: `case` or `case@point`."""
     return cell.case if cell.point is None else f"{cell.case}@{cell.point}"
 
 
 class Numbers:
-    """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
+    """Values of the metrics in all runs of a scenario, and the numbers from the paper.
 
-    `finished` has the ids of the runs that took place; None: all of them did. `verdicts` are those on the requirements.
+    `finished` contains the ids of the complete runs; None if all are. `verdicts` are the verdicts on the requirements.
     """
 
     def __init__(
@@ -99,21 +99,21 @@ class Numbers:
         self._finished = {(r.case, r.point) for r in runs}
 
     def metric(self, cell: Cell) -> Metric:
-        """Return the metric of a cell."""
+        """Return the definition of a cell's metric."""
         return self.plan.metrics[cell.metric]
 
     def by_seed(self, cell: Cell) -> dict[int | None, float]:
-        """Return the values of the seeds that have one."""
+        """Return the values of a cell by seed, without seeds that have no value."""
         name = self.metric(cell).name
         keys = ((seed, (name, cell.case, cell.point, seed)) for seed in self.plan.seed_values)
         return {seed: self._values[key] for seed, key in keys if key in self._values}
 
     def statistic(self, cell: Cell) -> Statistic | None:
-        """Return the mean over the seeds and its deviation; None without a value."""
+        """Return the statistic over the seeds; None without a value."""
         return Statistic.of(list(self.by_seed(cell).values()))
 
     def pairs(self, cell: Cell, against: Cell) -> list[tuple[float, float]]:
-        """Return the values of two cells seed by seed, where both have one."""
+        """Return the values of two cells for each seed for which both have a value."""
         ours, theirs = self.by_seed(cell), self.by_seed(against)
         return [(value, theirs[seed]) for seed, value in ours.items() if seed in theirs]
 
@@ -131,9 +131,9 @@ class Numbers:
         return found is not None and abs(found.mean) < RESOLUTION * self._scales[self.metric(cell).name]
 
     def change(self, cell: Cell, against: Cell) -> Statistic | None:
-        """Return the change in percent, seed by seed: the scatter that the two share drops out.
+        """Return the statistic of the change in percent, computed seed by seed, which cancels common scatter.
 
-        None also where what it refers to is next to nothing.
+        None without common seeds, or if the value of `against` is negligible.
         """
         if self.is_negligible(against):
             return None
@@ -141,7 +141,7 @@ class Numbers:
         return Statistic.of([p for p in percents if p is not None])
 
     def changes(self, cell: Cell) -> dict[int | None, float]:
-        """Return the changes in percent of the seeds against the baseline; none where that is next to nothing."""
+        """Return the change from the baseline in percent, by seed; empty if the baseline is negligible."""
         against = self.baseline(cell)
         if against is None or self.is_negligible(against):
             return {}
@@ -150,7 +150,7 @@ class Numbers:
         return {seed: percent for seed, percent in percents.items() if percent is not None}
 
     def baseline(self, cell: Cell) -> Cell | None:
-        """Return what the changes of a cell refer to."""
+        """Return the cell of the baseline of a cell's case."""
         case = next(c for c in self.plan.cases if c.name == cell.case)
         return None if case.baseline is None else Cell(cell.metric, case.baseline, cell.point)
 
@@ -160,7 +160,7 @@ class Numbers:
         return None if paper is None else paper.values.get(_key(cell))
 
     def paper_change(self, cell: Cell, against: Cell) -> float | None:
-        """Return the paper's change in percent, as it prints it or as its values give it."""
+        """Return the paper's change in percent, printed or computed from its values."""
         paper = self.metric(cell).paper
         if paper is None or cell.metric != against.metric:
             return None
@@ -177,14 +177,14 @@ class Numbers:
         return _key(cell) in fitted or (against is not None and f"{_key(cell)}/{_key(against)}" in fitted)
 
     def _origin(self, cell: Cell) -> str:
-        """Say how our number for one of the paper came about; empty if the scenario does not say."""
+        """Return `Row.origin`."""
         paper = self.metric(cell).paper
         if paper is None or paper.calibrated is None or _key(cell) not in paper.values:
             return ""
         return "calibrated" if self.is_calibrated(cell) else "predicted"
 
     def status_of(self, cell: Cell) -> Status | None:
-        """Return the badge of a number of the paper: of its change where there is one, else of its value."""
+        """Return the badge for a number from the paper: for its change if there is one, otherwise for its value."""
         against = self.baseline(cell)
         if against is not None and self.paper_change(cell, against) is not None:
             return self.status(Check(cell, against, "paper_change", None))
@@ -193,7 +193,7 @@ class Numbers:
         return None
 
     def _is_cut_off(self, metric: Metric) -> bool:
-        """Return whether the runs were cut short before the end of a metric's window."""
+        """Return whether the runs were shortened to end before the metric's window does."""
         if metric.uses:
             return any(self._is_cut_off(self.plan.metrics[index]) for index in metric.uses)
         window = metric.window
@@ -240,7 +240,7 @@ class Numbers:
             return grading.of_sign(difference, 1 if check.expect == "higher" else -1, percent)
         if check.expect == "unchanged":
             if found is None:
-                # In percent of next to nothing nothing can be said: both must be that.
+                # A change from a negligible value has no percentage; unchanged then means negligible, too.
                 return Status.REPRODUCED if self.is_negligible(cell) else Status.NOT_REPRODUCED
             return grading.of_no_change(difference, found.mean)
         paper = self.paper_change(cell, against)
@@ -251,14 +251,14 @@ class Numbers:
         return grading.of_change(difference, None if found is None else found.mean, paper)
 
     def finding(self, finding: Finding) -> Status:
-        """Return the badge of a finding: that of its worst check; a claim of one's own holds or does not."""
+        """Return the badge of a finding from its worst check; a claim that is not from a paper holds or does not."""
         status = grading.worst(self.status(check) for check in finding.checks)
         if not finding.own or status is Status.OPEN:
             return status
         return Status.OWN_RESULT if status is Status.REPRODUCED else Status.REFUTED
 
     def table(self) -> list[Row]:
-        """Put the numbers of all metrics beside those of the paper, ordered by metric, point, case."""
+        """Return the rows of all metrics, ordered by metric, point, case."""
         rows = []
         for index, metric in enumerate(self.plan.metrics):
             for point in self.plan.point_names:

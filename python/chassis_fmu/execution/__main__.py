@@ -34,14 +34,14 @@ PREFIX = struct.Struct("<IQ")
 
 
 class File(msgspec.Struct):
-    """A file of rows, which the parent publishes when they are complete."""
+    """A CSV file. It is written under the hidden name; the parent renames it when it is complete."""
 
     path: str
     hidden: str
 
 
 class Request(msgspec.Struct):
-    """A run; times and values of its series are in the body."""
+    """A run; the times and values of its input series are in the body of the message."""
 
     simulation: Simulation
     run: Run
@@ -51,10 +51,10 @@ class Request(msgspec.Struct):
 
 
 def connect() -> socket.socket:
-    """Return the connection to the parent, and take it from the standard input, which FMUs could read."""
+    """Return the connection to the parent. Standard input becomes the null device, because FMUs could read it."""
     callback = os.environ.get("CHASSIS_FMU_WORKER")
     if callback is not None:
-        # Without sockets that a process inherits: a port and a secret word.
+        # On systems where a process cannot inherit a socket, the variable contains a port and a secret.
         port, word = callback.split()
         connection = socket.create_connection(("127.0.0.1", int(port)))
         connection.sendall(word.encode())
@@ -66,7 +66,7 @@ def connect() -> socket.socket:
 
 
 def receive(connection: socket.socket, requests: queue.SimpleQueue[tuple[bytes, Array]]) -> None:
-    """Take requests as they come, and end the process with the connection, whatever an FMU is doing."""
+    """Queue the requests; when the connection closes, end the process at once, whatever an FMU is doing."""
     with contextlib.suppress(OSError), connection.makefile("rb") as file:
         while len(prefix := file.read(PREFIX.size)) == PREFIX.size:
             header, numbers = PREFIX.unpack(prefix)
@@ -75,7 +75,7 @@ def receive(connection: socket.socket, requests: queue.SimpleQueue[tuple[bytes, 
 
 
 def series_of(request: Request, body: Array) -> tuple[InputSeries, ...]:
-    """Return the series of a run."""
+    """Return the input series of a run, decoded from the body."""
     found: list[InputSeries] = []
     place = 0
     for slot, rows, interpolation, has_times_before in request.series:
@@ -88,7 +88,7 @@ def series_of(request: Request, body: Array) -> tuple[InputSeries, ...]:
 
 
 class Worker:
-    """Executes runs; an FMU is unpacked for the first of them that needs it."""
+    """Executes runs. Each FMU is unpacked once, when a run first needs it."""
 
     def __init__(self, board: calls.Board) -> None:
         self._board = board
@@ -121,7 +121,7 @@ class Worker:
             failure = {"time": error.time, "component": where, "message": error.described(), "kind": kind}
             recorded = None
             if error.recorded is not None:
-                # Without its rows the failure is reported nevertheless.
+                # If the rows cannot be written, the failure is still reported.
                 with contextlib.suppress(OSError):
                     recorded = self._write(request, *error.recorded)
             return _failed(run.id, failure, recorded)
@@ -133,7 +133,7 @@ class Worker:
 
     @staticmethod
     def _write(request: Request, times: Array, rows: Array) -> Array:
-        """Write the rows of a run; returns the time of the last one."""
+        """Write the rows of a run; returns the time of the last row."""
         names, file = request.csv
         present = [name for name, slot in zip(names, request.run.columns, strict=True) if slot is not None]
         results.write_csv(Path(file.hidden), present, times, rows)
@@ -146,7 +146,7 @@ def _failed(run: str, failure: dict[str, Any], last: Array | None) -> tuple[dict
 
 
 def _unpack(fmu: Path, folder: Path) -> None:
-    """Extract an archive, also of tools that separate folders by backslashes, which fmpy refuses."""
+    """Extract an archive. Some tools separate folders by backslashes; fmpy rejects such archives."""
     with zipfile.ZipFile(fmu) as archive:
         if not any("\\" in entry.orig_filename for entry in archive.infolist()):
             fmpy.extract(str(fmu), str(folder))
@@ -157,7 +157,7 @@ def _unpack(fmu: Path, folder: Path) -> None:
 
 
 def main(argv: list[str]) -> None:
-    """Serve the parent of this process, which never returns."""
+    """Serve requests from the parent until the connection closes."""
     board, functions = argv
     connection = connect()
     calls.define(msgspec.json.decode(functions))
@@ -168,7 +168,7 @@ def main(argv: list[str]) -> None:
     while True:
         header, body = requests.get()
         ((kind, content),) = msgspec.json.decode(header, type=dict[str, msgspec.Raw]).items()
-        # Another kind of request is the list of FMUs, which the native master unpacks.
+        # The other kind of request lists the FMUs for the native master to unpack; it needs no response.
         if kind == "Run":
             request = msgspec.json.decode(content, type=Request, dec_hook=lambda of, value: of(value))
             response, numbers = worker.respond(request, body)

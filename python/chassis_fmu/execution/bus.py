@@ -1,4 +1,4 @@
-"""The bus of a run, an array of doubles, and the variables of a component that are set from it or read onto it."""
+"""The bus of a run (an array of doubles), and the transfer of a component's variables from and to the bus."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _pointer(array: NDArray[Any], kind: Any) -> Any:
 
 
 class _Group:
-    """The wired variables of one base type and direction, with the arrays the FMI calls work on."""
+    """The wired variables of one base type and direction, with the arrays that are passed to FMI calls."""
 
     def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
         self.count = len(wires)
@@ -30,7 +30,7 @@ class _Group:
 
 
 class RealInputs(_Group):
-    """Inputs are set from a buffer."""
+    """Real inputs, which are set from a buffer."""
 
     def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
         super().__init__(wires, bus)
@@ -38,13 +38,13 @@ class RealInputs(_Group):
         self.values = _pointer(self.buffer, ctypes.c_double)
 
     def load(self) -> None:
-        """Take the values from the bus."""
-        # mode "clip" writes straight into the buffer; the slots are valid by construction
+        """Copy the values from the bus to the buffer."""
+        # Mode "clip" writes directly into the buffer; the slots are always valid.
         self.bus.take(self.slots, out=self.buffer, mode="clip")
 
 
 class RealOutputs(_Group):
-    """Outputs in consecutive slots are read straight onto the bus, others through a buffer."""
+    """Real outputs. If their slots are consecutive, FMI calls write directly to the bus, otherwise to a buffer."""
 
     def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
         super().__init__(wires, bus)
@@ -60,10 +60,10 @@ class RealOutputs(_Group):
 
 
 class WholeGroup(_Group):
-    """Integers and Booleans travel on the bus as doubles.
+    """Integers or Booleans, which are doubles on the bus.
 
-    A Boolean output is 0 or 1 there, a Boolean input is true above 0.5: so a connection converts Real and Boolean.
-    Integers that may have more than 32 bits are a group of their own.
+    A Boolean output is 0 or 1 there, and a Boolean input is true above 0.5, so Real and Boolean can be connected.
+    Integers that can have more than 32 bits form a separate group (`wide`).
     """
 
     def __init__(self, wires: Sequence[Wire], bus: Array, kind: BaseType, wide: bool = False) -> None:
@@ -73,7 +73,7 @@ class WholeGroup(_Group):
         self.values = _pointer(self.buffer, ctypes.c_int64 if wide else ctypes.c_int)
 
     def load(self) -> bool:
-        """Return whether the variables can have the values."""
+        """Copy the values from the bus; returns whether all of them fit the type of the variables."""
         values = self.bus[self.slots]
         if self.kind == "Boolean":
             self.buffer[:] = values > 0.5

@@ -1,6 +1,6 @@
-"""The call board: which function of which component a process is in, in a file that its parent reads.
+"""The call board: a file with the FMU function and component that this process is executing.
 
-It outlives the process, so its parent can tell what it was doing when it crashed, exited or hung. The layout is that of
+The parent reads the file to report what the process was doing when it crashed, exited or hung. The layout is defined in
 `fmu_import::loader::calls`.
 """
 
@@ -10,18 +10,18 @@ import ctypes
 import math
 from collections.abc import Sequence
 
-# Number in place of a function while a library is loaded.
+# Function number while a library is being loaded.
 LOADING = 0xFF
-# Bits of a call that number the function; the component is above them.
+# Low bits of a call, which contain the function number; the bits above them contain the component.
 FUNCTION_BITS = 8
-# Numbers of the functions of a version of FMI.
+# Function numbers reserved for each version of FMI.
 FUNCTIONS = 127
 
 _numbers: dict[str, int] = {}
 
 
 class Board(ctypes.Structure):
-    """The call that a process is in, start of its step (s), steps done, a number that changes with progress."""
+    """The current call, the start time of the step (s), the number of completed steps, and a progress counter."""
 
     _fields_ = (
         ("call", ctypes.c_uint64),
@@ -37,28 +37,28 @@ class Board(ctypes.Structure):
     pulse: int
 
     def begin(self) -> None:
-        """Begin or end a run."""
+        """Clear the board at the begin or end of a run."""
         self.call = 0
         self.step(math.nan, 0)
 
     def step(self, time: float, done: int) -> None:
-        """Begin a step, after some others."""
+        """Record the start of a step at `time`, after `done` steps."""
         self.time = time
         self.steps = done
         self.pulse += 1
 
     def load(self, component: int) -> None:
-        """Load the library of a component."""
+        """Record that the library of a component is being loaded."""
         self.call = component << FUNCTION_BITS | LOADING
         self.pulse += 1
 
 
 def define(names: Sequence[Sequence[str]]) -> None:
-    """Define the numbers of the functions: `names` has those in FMI 2.0 and in FMI 3.0, in their order."""
+    """Define the function numbers: each element of `names` has the name of a function in FMI 2.0 and in FMI 3.0."""
     for version, of in enumerate(zip(*names, strict=True)):
         _numbers.update({name: FUNCTIONS * version + number for number, name in enumerate(of, 1)})
 
 
 def code(component: int, function: str) -> int:
-    """Return the number of a call on the board; 0 without a parent that has defined the numbers."""
+    """Return the code of a call for the board; 0 if no function numbers are defined (no parent process)."""
     return component << FUNCTION_BITS | _numbers[function] if _numbers else 0

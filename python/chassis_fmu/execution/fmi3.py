@@ -1,8 +1,7 @@
-"""The functions of an FMU of FMI 3.0 by the names and arguments of FMI 2.0.
+"""Adapter that gives the functions of an FMI 3.0 FMU the names and arguments of FMI 2.0.
 
-A master for both versions calls these. Each makes the calls that the native master makes in its place, so that the
-results of both are equal to the bit: plain scalars of a call are transferred at once, and if one of them has a type
-that FMI 2.0 lacks, all are transferred one by one.
+It makes the same FMI 3.0 calls as the native master, so the results are bit-identical: one call transfers several
+scalars, but if one of them has a type that FMI 2.0 lacks, each is transferred by a call of its own.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-# Names of the functions of FMI 2.0 that are called otherwise in FMI 3.0.
+# FMI 3.0 functions that replace those of FMI 2.0.
 NAMES = {
     "fmi2Instantiate": "fmi3InstantiateCoSimulation",
     "fmi2SetupExperiment": "fmi3EnterInitializationMode",
@@ -34,10 +33,10 @@ OK = 0
 DISCARD = 2
 ERROR = 3
 
-# Types that a call of FMI 2.0 transfers as they are.
+# Types that FMI 2.0 also has.
 PLAIN = ("Float64", "Int32", "Boolean", "String")
 
-# Function and C type of the others.
+# Suffix of the get and set functions, and C type, by FMI 3.0 type.
 _INTEGERS = [f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")]
 SPECIAL: Mapping[str, tuple[str, Any]] = {
     "Float32": ("Float32", ctypes.c_float),
@@ -46,19 +45,19 @@ SPECIAL: Mapping[str, tuple[str, Any]] = {
     "Enumeration": ("Int64", ctypes.c_int64),
 }
 
-# Integers that may have more than 32 bits.
+# Integers whose values can exceed the range of a 32-bit signed integer.
 WIDE = ("UInt32", "Int64", "UInt64")
-# A signal is a double, which holds all whole numbers up to this one.
+# Signals are doubles, which represent all whole numbers up to this one.
 LARGEST_WHOLE = 2**53
 
-# Booleans of one call, as in the native master.
+# Largest number of Booleans in a call, as in the native master.
 CHUNK = 64
 
 _REFERENCES = ctypes.POINTER(ctypes.c_uint)
 
 
 def _function(library: Any, name: str, *arguments: Any) -> Callable[..., int]:
-    """Return a function of an instance. A library returns another object each time, which has types of its own."""
+    """Return a library function with its argument types, which apply to the returned object only."""
     function = library[name]
     function.argtypes = [ctypes.c_void_p, *arguments]
     function.restype = ctypes.c_int
@@ -80,7 +79,7 @@ class Functions:
         self._special = {reference for reference, name in types.items() if name not in PLAIN}
         self.wide = {reference for reference, name in types.items() if name in WIDE}
         self._experiment: tuple[float, bool, float] = (0.0, False, 0.0)
-        # Float64 and Float32; integers of all types and enumerations, those of 64 bits up to 2^53.
+        # Real: Float64 and Float32. Integer: enumerations and integers of all widths, up to 2^53 in magnitude.
         self.fmi2GetReal = self._transfer("Get", "Float64", ctypes.c_double)
         self.fmi2SetReal = self._transfer("Set", "Float64", ctypes.c_double)
         self.fmi2GetInteger = self._transfer("Get", "Int32", ctypes.c_int)
@@ -110,7 +109,7 @@ class Functions:
         return int(self._enter(component, False, 0.0, start, has_stop, stop))
 
     def fmi2DoStep(self, component: Any, time: float, step: float, final: int) -> int:
-        """Advance; a step that ends the simulation or returns early is discarded, as in FMI 2.0."""
+        """Advance; if the FMU ends the simulation or returns early, the status is "discard", as in FMI 2.0."""
         _, terminate, early, _ = self._outcome
         terminate.value = early.value = False
         status = int(self._do_step(component, time, step, bool(final), *self._outcome_pointers))
@@ -127,7 +126,7 @@ class Functions:
         return OK
 
     def _transfer(self, verb: str, plain: str, kind: Any) -> Callable[..., int]:
-        """Return the function that transfers all variables of a type of FMI 2.0."""
+        """Return a function that gets or sets all variables that FMI 2.0 would treat as one type."""
         at_once = _getter(self._library, f"fmi3{verb}{plain}", kind)
         one_by_one = self._get if verb == "Get" else self._set
 
@@ -158,7 +157,7 @@ class Functions:
         for i in range(count):
             name, kind = SPECIAL[self._types.get(references[i], plain)]
             value = (kind * 1)(values[i])
-            # ctypes wraps integers around, and makes large numbers of 32 bits infinite.
+            # ctypes lets integers overflow silently, and converts numbers beyond Float32 to infinity.
             if plain == "Int32" and value[0] != values[i]:
                 return ERROR
             if plain == "Float64" and math.isfinite(value[0]) != math.isfinite(values[i]):

@@ -1,9 +1,8 @@
 """The co-simulation master: executes one run of a plan through fmpy.
 
-The calls, their order and their arguments are those of the native master (`chassis run`), so that the results
-of both are equal to the bit. Components of FMI 3.0 are called through `fmi3`. The inner loop uses fmpy's ctypes
-functions directly on preallocated arrays: fmpy's convenience methods build two arrays per call and would dominate the
-run time.
+The calls, their order and their arguments are those of the native master (`chassis run`), so the results are
+bit-identical. FMI 3.0 components are called through `fmi3`. The inner loop passes preallocated arrays directly to
+fmpy's ctypes functions: fmpy's convenience methods create two arrays per call and would dominate the run time.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ LAST_SUCCESSFUL_TIME = 2
 TERMINATED = 3
 STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
 
-# Slack of the times of a held input series, in steps: a sample at t_k counts although t_k is rounded.
+# Tolerance for sample times of a held input series, in steps: a sample at t_k applies even if t_k is rounded.
 SERIES_SLACK = 1e-9
 
-# A step is done if the FMU says that it has reached a time this near to its end, in steps.
+# A discarded step is complete if the FMU reports a last successful time this close to its end, in steps.
 STEP_SLACK = 1e-6
-# Operands whose sums show the rounding mode; as constants of an expression they would be added when it is compiled.
+# Operands whose sums show the rounding mode. With literals, Python would add them when it compiles the expression.
 _ONE = 1.0
 _HALF_ULP = 2.0**-53
 # FE_TONEAREST of <fenv.h>, on all processors that the FMUs are built for.
@@ -59,7 +58,7 @@ _TO_NEAREST = 0
 
 @dataclass(eq=False)
 class RunError(Exception):
-    """A run that is not whole: which component, which function, when, and what the component logged."""
+    """A run that ended early: component, function, time, and the messages that the component logged."""
 
     component: str
     function: str
@@ -72,10 +71,10 @@ class RunError(Exception):
     is_discarded: bool = False
     """The FMU has discarded a step."""
     recorded: tuple[Array, Array] | None = None
-    """Times and rows before it."""
+    """Times and rows before the error."""
 
     def __post_init__(self) -> None:
-        # The log goes on.
+        # A copy, because the log continues.
         self.messages = tuple(self.messages)
 
     def __str__(self) -> str:
@@ -83,16 +82,16 @@ class RunError(Exception):
         return self.described(when)
 
     def described(self, when: str = "") -> str:
-        """Say what happened, without the time if `when` does not say it."""
+        """Describe the error; `when` is inserted after the function name."""
         first = f"component {self.component}, {self.function}{when}: {self.detail}"
         return "\n".join([first, *(f"  log: {m}" for m in self.messages)])
 
 
-# Log messages of the current run by instance name. There is one logger per process, because fmpy's proxy (which
-# expands the printf arguments) keeps a single target.
+# Log messages of the current run by instance name. There is one logger per process, because fmpy's proxy, which expands
+# the printf arguments, supports only one.
 _log: dict[str, deque[str]] = {}
 
-# As many of the latest messages of a component are kept.
+# Number of the latest messages that are kept for each component.
 KEPT_MESSAGES = 20
 
 
@@ -103,7 +102,6 @@ def _logger(_environment: object, instance: bytes | None, status: int, category:
 
 
 def _note(name: str, status: int, category: bytes | None, text: str) -> None:
-    """Keep a message of a component."""
     label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
     _log.setdefault(name, deque(maxlen=KEPT_MESSAGES)).append(
         f"[{label}, {(category or b'').decode('utf-8', 'replace')}] {text}"
@@ -123,7 +121,7 @@ addLoggerProxy(ctypes.byref(_callbacks))
 
 
 class Instance(Protocol):
-    """A loaded FMU with one instance; `functions` are a shared library with the types set, or a stand-in in a test."""
+    """A loaded FMU with one instance; `functions` is a shared library with argument types, or a mock in a test."""
 
     functions: Any
     component: Any
@@ -133,7 +131,7 @@ class Instance(Protocol):
 
 
 def _starts(component: Component) -> tuple[Setting, ...]:
-    """Return what is set before initialization, in this order."""
+    """Return the start values that are set before initialization, in this order."""
     if component.steady == ():
         raise PlanError(
             f"the steady state in which `{component.name}` starts has not been found; `chassis plan --json` finds it"
@@ -170,16 +168,16 @@ class FmpyInstance:
             types = {variable.valueReference: str(variable.type) for variable in variables}
             named = [(one.name, one.reference) for one in (*_starts(component), *component.constants)]
             named += [(one.name, one.reference) for one in (*component.inputs, *component.outputs)]
-            # Elements of arrays have references that the native master alone knows.
+            # Only the native master defines value references for elements of arrays.
             if elements := [name for name, reference in named if reference not in types]:
-                text = f"`{elements[0]}` is an element of an array, which `chassis run` connects, but not this master"
+                text = f"`{elements[0]}` is an element of an array; use the native master, this one cannot connect it"
                 self.free()
                 raise RunError(component.name, "loading", None, text)
             self.functions = fmi3.Functions(self._slave.dll, types)
 
     @staticmethod
     def _logger_of(name: str) -> Callable[..., None]:
-        """Return the logger of an instance of FMI 3.0, which does not pass its name; its text is not a format."""
+        """Return a logger for an FMI 3.0 instance; unlike in FMI 2.0, the callback gets neither name nor arguments."""
 
         def log(_environment: object, status: int, category: bytes | None, message: bytes | None) -> None:
             _note(name, status, category, (message or b"").decode("utf-8", "replace"))
@@ -192,7 +190,7 @@ class FmpyInstance:
 
 
 class Slave:
-    """A component in execution: its instance and its connection to the bus."""
+    """A running component: its instance and its connection to the bus."""
 
     def __init__(self, component: Component, instance: Instance, bus: Array, board: Board, index: int) -> None:
         self.component = component
@@ -204,7 +202,7 @@ class Slave:
         hot = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
         self._calls = tuple(calls.code(index, self._named(name)) for name in hot)
         self._functions = instance.functions
-        # Value references of integers that may have more than 32 bits.
+        # Value references of integers that can have more than 32 bits.
         self._wide: set[int] = instance.functions.wide if component.fmi == "3.0" else set()
         self._component = instance.component
         self._do_step = self._functions.fmi2DoStep
@@ -217,7 +215,7 @@ class Slave:
         self._restore_rounding("fmi2Instantiate")
 
     def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> list[WholeGroup]:
-        """Return the Integers of 32 bits, the Booleans and the wider Integers, as far as there are any."""
+        """Group the 32-bit Integers, the Booleans and the wider Integers; empty groups are left out."""
         integers = of_type(wires, "Integer")
         groups = (
             WholeGroup([w for w in integers if w.reference not in self._wide], bus, "Integer"),
@@ -227,7 +225,7 @@ class Slave:
         return [group for group in groups if group.count]
 
     def check(self, status: int, function: str, time: float | None, subject: str = "") -> None:
-        """Raise RunError if a status is worse than a warning, or none of FMI. The function is named as in FMI 2.0."""
+        """Raise RunError unless a status is OK or warning. `function` has its FMI 2.0 name."""
         if not OK <= status <= WARNING:
             function = self._named(function)
             label = STATUS[status] if 0 <= status < len(STATUS) else "unknown"
@@ -243,22 +241,22 @@ class Slave:
             )
 
     def _named(self, function: str) -> str:
-        """Return the name of a function of FMI 2.0 in the version of the component."""
+        """Translate the name of an FMI 2.0 function to the FMI version of the component."""
         return self._names.get(function, function)
 
     def _enter(self, function: str) -> None:
         self._board.call = calls.code(self._index, self._named(function))
 
     def call(self, function: str, time: float, *arguments: Any, subject: str = "") -> None:
-        """Call a function, named as in FMI 2.0; raises RunError if its status is worse than a warning."""
+        """Call a function by its FMI 2.0 name; raises RunError unless its status is OK or warning."""
         self._enter(function)
         status = getattr(self._functions, function)(self._component, *arguments)
         self._restore_rounding(function)
         self.check(status, function, time, subject)
 
     def _restore_rounding(self, function: str) -> None:
-        """Round to the nearest number again, in case that a call has changed it: the FMUs share it with this master."""
-        # Each mode but the nearest changes one of these.
+        """Restore rounding to nearest if a call has changed it: the FMUs and this master share the rounding mode."""
+        # Each of the other modes changes one of these sums.
         if _ONE + _HALF_ULP != 1.0 or -_ONE - _HALF_ULP != -1.0 or _ONE - 0.5 * _HALF_ULP != 1.0:
             set_rounding = getattr(ctypes.CDLL(None), "fesetround", None) if os.name == "posix" else None
             if set_rounding is not None:
@@ -277,7 +275,7 @@ class Slave:
             elif s.type == "Integer":
                 value = ((ctypes.c_int64 if s.reference in self._wide else ctypes.c_int) * 1)(int(s.value))
                 if value[0] != s.value:
-                    # ctypes wraps integers around.
+                    # ctypes lets integers overflow silently.
                     self.check(ERROR, "fmi2SetInteger", time, f"{s.name} = {s.value!r}")
             elif s.type == "Boolean":
                 value = (ctypes.c_int * 1)(int(bool(s.value)))
@@ -303,9 +301,10 @@ class Slave:
             self.call(name, time, whole.references, whole.count, whole.values)
 
     def step(self, time: float, step: float) -> RunError | None:
-        """Advance from `time` by `step`. Returns the end of the simulation if the FMU wants it at the end of the step.
+        """Advance from `time` by `step`.
 
-        Raises RunError; it has `is_end` if the FMU wants the end of the simulation where the step begins.
+        If the FMU ends the simulation at the end of the step, returns a RunError with `is_end`. If it ends the
+        simulation earlier, raises that error; any other failure raises a RunError without `is_end`.
         """
         self._board.call = self._calls[1]
         status = self._do_step(self._component, time, step, 1)
@@ -327,7 +326,7 @@ class Slave:
         return None
 
     def _reached(self) -> float | None:
-        """Return the last successful time if the FMU wants the end of the simulation."""
+        """Return the last successful time if the FMU ends the simulation, otherwise None."""
         wants, reached = ctypes.c_int(0), ctypes.c_double(math.nan)
         self._enter("fmi2GetBooleanStatus")
         status = self._functions.fmi2GetBooleanStatus(self._component, TERMINATED, ctypes.byref(wants))
@@ -368,7 +367,7 @@ class _Player:
     def __init__(self, feed: InputSeries, step: float) -> None:
         self.feed = feed
         self._linear = feed.interpolation == "linear"
-        # A linear series has the value in the middle of the step, any other the last sample at its start.
+        # In a step, a linear series has its value in the middle of the step, a held series its last sample before it.
         self._later = 0.5 * step if self._linear else SERIES_SLACK * step
         self._row = 0
 
@@ -377,7 +376,7 @@ class _Player:
         return self._at(time if self._linear else time + self._later)
 
     def of_step(self, time: float) -> float:
-        """Return the value for the step that begins at a time; times rise from call to call."""
+        """Return the value for the step that begins at `time`. Times must rise from call to call."""
         return self._at(time + self._later)
 
     def _at(self, time: float) -> float:
@@ -392,7 +391,7 @@ class _Player:
 
 
 def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
-    """Return the component that wrote the first non-finite value of the bus, and a sentence about it."""
+    """Return the component that wrote the first non-finite value on the bus, and a message about it."""
     bad = np.flatnonzero(~np.isfinite(bus))
     if not bad.size:
         return None
@@ -405,7 +404,7 @@ def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
 
 
 def _end(slaves: Iterable[Slave], time: float) -> None:
-    """Terminate after an FMU has ended the simulation. What an FMU says of it decides nothing."""
+    """Terminate all components after one has ended the simulation; their errors do not matter any more."""
     for slave in slaves:
         with contextlib.suppress(RunError):
             slave.terminate(time)
@@ -423,12 +422,12 @@ def simulate(
 
     Returns the times (s) and the rows of the recorded columns that exist in this run, in the order of the plan.
     `instantiate` makes the instance of a component.
-    With `fresh` the rows hold the outputs read again after the inputs were passed on, as Ecos does, and not those that
-    are passed on. The standard leaves open what an FMU answers then; those of this project answer for the new inputs.
-    Every call is announced on the `board`. With `is_repeated`, the run has crashed or hung before at its end: its
-    instances are neither terminated nor freed.
-    Raises RunError if an FMU cannot be loaded, a call returns more than a warning, a value is not finite, or an FMU
-    ends the simulation before the stop time; the error has the rows before it.
+    With `fresh`, the rows contain outputs that are read again after the inputs have been set, as in Ecos. The standard
+    does not define their values; the FMUs of this project return the outputs for the new inputs.
+    Every call is recorded on the `board`. `is_repeated` states that an earlier attempt crashed or hung at the end of
+    the run; the instances are then neither terminated nor freed.
+    Raises RunError if an FMU cannot be loaded, a call returns neither OK nor warning, a value is not finite, or an FMU
+    ends the simulation before the stop time; the error contains the rows before it.
     """
     _log.clear()
     start, step, steps, every = simulation.start, simulation.step, simulation.steps, simulation.every
@@ -458,7 +457,7 @@ def simulate(
         done = row + 1
 
     def finite(t: float, function: str) -> None:
-        # The sum is the cheapest test; only a suspicious one is looked at closely.
+        # Fast path: a finite sum proves that all values are finite.
         with np.errstate(all="ignore"):
             total = float(np.add.reduce(bus))
         if not math.isfinite(total):
@@ -498,7 +497,7 @@ def simulate(
             board.step(time, k)
             for player in players:
                 bus[player.feed.slot] = player.of_step(time)
-            # An FMU that was told the stop time may refuse to go beyond it, and the sum may do so by rounding.
+            # FMUs can reject a step beyond the stop time, and rounding of time + step can exceed it.
             size = simulation.stop - time if time + step > simulation.stop else step
             if sequential:
                 for slave in slaves:
@@ -537,7 +536,7 @@ def simulate(
         if error.is_end:
             _end(slaves, time)
             raise
-        # An FMU that rejects a value is the messenger: say where the value came from.
+        # If an FMU rejects a non-finite value from another component, report where the value came from.
         bad = _non_finite(slaves, bus)
         if bad is not None and bad[0] != error.component:
             error.messages = (*error.messages, f"component {bad[0]}: {bad[1]}")

@@ -1,4 +1,4 @@
-"""What an FMU says about itself: the facts a report needs from modelDescription.xml."""
+"""The parts of modelDescription.xml that a report needs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Description:
 
 
 def describe(path: Path) -> Description:
-    """Read the description of an FMU; an unreadable file gives an empty one, since a report can do without."""
+    """Read the description of an FMU; empty if the file is unreadable, because a report does not require it."""
     try:
         model = fmpy.read_model_description(str(path), validate=False)
     except Exception:  # fmpy raises bare Exceptions
@@ -57,5 +57,5 @@ def sha256(path: Path) -> str:
 
 
 def _first(variable: Any, attribute: str) -> object:
-    """Return an attribute of a variable, or else of its declared type."""
+    """Return an attribute of a variable, or of its declared type if the variable has none."""
     return getattr(variable, attribute, None) or getattr(variable.declaredType, attribute, None)

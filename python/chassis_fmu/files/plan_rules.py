@@ -1,7 +1,7 @@
 """Methods of the types of a plan.
 
-A plan is complete: every connection is a pair of bus slots, every parameter has its value reference and its value in
-the unit of the variable. Both masters execute it, so every error of a scenario has one source.
+In a plan, every connection is a pair of bus slots, and every parameter has its value reference and its value in the
+unit of the variable. Both masters execute plans, so the rules for scenarios exist only once, in the resolver.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FORMAT = 7
 
 
 class PlanError(Exception):
-    """The text is not a plan this version understands."""
+    """The text is not a plan that this version can read."""
 
 
 class Conversion(msgspec.Struct, frozen=True):
@@ -32,7 +32,7 @@ class Conversion(msgspec.Struct, frozen=True):
 
 
 class RunMixin:
-    """One simulation: a case at a point with a seed."""
+    """A case at a point with a seed."""
 
     __slots__ = ()
     id: str
@@ -74,7 +74,7 @@ class ColumnMixin:
 
     @property
     def shown(self) -> Conversion:
-        """Unit for people."""
+        """Conversion to the unit that results are shown in."""
         if self.display_unit is None:
             return Conversion(self.unit or "")
         return Conversion(self.display_unit, self.factor, self.offset)
@@ -128,7 +128,7 @@ class PlanMixin:
 
     @property
     def point_titles(self) -> dict[str | None, str]:
-        """Titles of the points by their names; an empty one without a sweep."""
+        """Titles of the points by their names; without a sweep, an empty title for None."""
         return {None: "", **{point.name: point.title for point in self.points}}
 
     def place(self, case: str, point: str | None) -> str:

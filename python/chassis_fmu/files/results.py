@@ -1,4 +1,4 @@
-"""Files of results: tables of recorded signals as CSV and Parquet, written completely or not at all."""
+"""Recorded signals as CSV and Parquet files, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.floating[Any]]
 
 
 class ResultsError(Exception):
-    """A file of results that cannot be read."""
+    """A results file cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +55,20 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_csv(path: Path, names: Sequence[str], times: Array, rows: Array) -> None:
-    """Write `time` and the columns, every number with the fewest digits that give the same double back.
+    """Write `time` and the columns, every number with the fewest digits that identify the double.
 
-    The file is the one that the native master writes, to the byte.
+    The file is byte-identical to the one from the native master.
     """
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(["time", *names])
         for time, row in zip(times.tolist(), rows.tolist(), strict=True):
-            # Exponents as Rust writes them: neither padded nor with a plus sign.
+            # Exponents as in Rust: neither padded nor with a plus sign.
             line = ",".join(map(repr, (time, *row))).replace("e-0", "e-").replace("e+", "e")
             file.write(line + "\n")
 
 
 def read_csv(path: Path, names: Sequence[str] | None = None) -> Recording:
-    """Read a file of `write_csv` or of the native master: all signals, or those of `names` that it has."""
+    """Read a file from `write_csv` or the native master: all signals, or those of `names` that it contains."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             present = next(csv.reader(file), [])
@@ -82,9 +82,9 @@ def read_csv(path: Path, names: Sequence[str] | None = None) -> Recording:
 
 
 def write_parquet(path: Path, names: Sequence[str], units: Sequence[str], times: Array, rows: Array) -> None:
-    """Write the same table as Parquet, units of measure as field metadata.
+    """Write the same table as Parquet, with units of measure as field metadata.
 
-    Byte stream split with zstd suits series of doubles; the file is a function of its content alone.
+    Byte stream split with zstd compresses series of doubles well. The same table always gives the same bytes.
     """
     fields = [pa.field("time", pa.float64(), nullable=False, metadata={"unit": "s"})]
     fields += [
