@@ -114,7 +114,7 @@ def test_the_page_says_where_systems_were_compared() -> None:
 
 def test_the_page_explains_what_it_counts(page: str) -> None:
     assert re.search(r"<b>\d+</b> passed with controllers</li>", page)
-    assert "Unit A: multiples of the amplitude A. A is the angle of the steering wheel" in page
+    assert "Unit A: multiples of the amplitude A. A is the steering-wheel angle" in page
     # Inputs that the bench writes, from a signal or with a constant.
     assert "<dt><code>steer.front</code></dt><dd>signal <code>driver.steer</code></dd>" in page
     assert "<dt><code>suspension_force.fl</code></dt><dd>constant 0.0</dd>" in page

@@ -52,7 +52,7 @@ def test_everything_is_escaped(text: str) -> None:
 
 
 def test_a_shortened_run_says_so(scenario: Plan, text: str) -> None:
-    assert "about the whole scenario" not in text
+    assert "apply to the whole scenario" not in text
     short = dataclasses.replace(CONTEXT, shortened="--stop 3 --seeds 1")
     tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], NO_FIGURES, {}, short))
     assert "--stop 3 --seeds 1" in tree.xpath("string(//header)")
@@ -122,7 +122,7 @@ def test_the_parts_are_there(text: str) -> None:
     assert badges == ["Not reproduced", "Not reproduced"]
     # Defined before the first of them.
     assert tree.xpath("//dl[@class='legend']/dt/span/text()") == ["Not reproduced"]
-    assert "the other sign" in tree.xpath("string(//dl[@class='legend']/dd)")
+    assert "the opposite sign" in tree.xpath("string(//dl[@class='legend']/dd)")
     assert text.index('<dl class="legend">') < text.index("<table")
     assert "1 not reproduced" in " ".join(tree.xpath("string(//ul[@class='facts'])").split())
     assert len(tree.xpath("//figure//svg")) == 2
@@ -153,7 +153,7 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
     tree = html.document_fromstring(
         page.render(Numbers(bare, {}), [], NO_FIGURES, {}, page.Context("native", "scripts/run"))
     )
-    assert [h.text for h in tree.xpath("//h2")] == ["Components in the order of execution", "How it was run"]
+    assert [h.text for h in tree.xpath("//h2")] == ["Components in execution order", "How it was run"]
 
 
 def test_components_are_in_the_order_of_every_run(scenario: Plan) -> None:
@@ -171,7 +171,7 @@ def test_components_are_in_the_order_of_every_run(scenario: Plan) -> None:
 
 def test_badges_of_requirements_are_explained(scenario: Plan) -> None:
     for verdict, expected in (
-        (Status.FAILED, "Failed: a run and seed has a number outside"),
+        (Status.FAILED, "Failed: the metric is outside the limits, or has no value, for some run and seed"),
         (Status.OPEN, "Not evaluated: a run failed"),
     ):
         ((status, meaning),) = page.verdict_meanings(Numbers(scenario, {}, verdicts=[Verdict(verdict, "")]))
@@ -220,7 +220,7 @@ def test_requirements_definitions_and_hashes_are_on_the_page(text: str) -> None:
     (requirement,) = tree.xpath("//ul[contains(@class, 'verdicts')]/li")
     assert requirement.get("class") == "passed"
     assert "4.00 °, required <1>" in requirement.text_content()
-    assert "Passed: the number of every run and seed keeps the limits.</p>" in text
+    assert "Passed: the metric is within the limits for every run and seed.</p>" in text
     definition = tree.xpath("string(//details[@class='definition']/small)")
     # Four rows from 0 to 0.3 s.
     expected = (

@@ -601,7 +601,7 @@ def test_a_run_that_fails_is_the_worst_case(
         f"Found in sample {failed[0]['sample']}: a run that fails (Plain: diverged at 0 s: " in capsys.readouterr().out
     )
     page = (tmp_path / "out" / "study" / "index.html").read_text()
-    assert "A run that fails</b>, which is worse than any number of y" in page
+    assert "A run that fails</b>, which is worse than any value of y" in page
     assert f"{len(failed)} samples have runs that fail" in page
 
 

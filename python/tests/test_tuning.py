@@ -135,7 +135,7 @@ def test_seeds_of_a_method_stand_together(folder: Path) -> None:
     tuning.report(folder, "c")
     assert f'href="{folder.name}/index.html"' in (folder.parent / "index.html").read_text()
     page = (folder / "index.html").read_text()
-    for text in ("thick lines: their median", "PACSA, best to worst", "Of several seeds the best one."):
+    for text in ("thick lines: their median", "PACSA, best to worst", "For several seeds, the best result is shown."):
         assert text in page, text
 
 

@@ -98,8 +98,8 @@ test("one of many lines has a key", async () => {
   const keys = page.locator("#sine_with_dwell .plot").first().locator(".plot-readout > span");
   assert.deepEqual(await keys.allInnerTexts(), [
     "Without controllers",
-    "steering wheel of the largest",
-    "steering done, 1 s, 1.75 s later",
+    "largest steering wheel angle",
+    "end of steering, 1 s, 1.75 s later",
   ]);
 });
 

@@ -1,1 +1,1 @@
-"""The page of an assessment by the test bench, `chassis bench run`, with figures."""
+"""The page of a test-bench assessment (`chassis bench run`), with figures."""

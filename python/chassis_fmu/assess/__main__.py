@@ -12,7 +12,7 @@ from .assessment import AssessmentError, Folder
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the page of the assessment in a folder: `FOLDER COMMAND`, with the command that repeats it."""
+    """Make the page of an assessment. `argv` is `FOLDER COMMAND`: its folder, and the command that repeats it."""
     folder, command = sys.argv[1:] if argv is None else argv
     place = Folder(Path(folder))
     try:

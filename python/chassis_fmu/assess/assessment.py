@@ -1,4 +1,4 @@
-"""An assessment as `chassis bench run` writes it: `assessment.json`, and signals of its runs as CSV."""
+"""Reads the assessment that `chassis bench run` writes: `assessment.json`, and the signals of its runs as CSV."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ Number: TypeAlias = float | bool | None
 
 
 class AssessmentError(Exception):
-    """The folder has no assessment that this version understands."""
+    """The folder contains no assessment that this version can read."""
 
 
 Table: TypeAlias = dict[str, Any]
-"""What the page shows as it is in the file."""
+"""Parts of the file that the page shows unchanged."""
 
 
 class _OfManeuver(msgspec.Struct, frozen=True, rename={"name": "id"}):
-    """What belongs to a maneuver, by its name."""
+    """An item that belongs to a maneuver; its name begins with the maneuver's name."""
 
     name: str
 
     @property
     def maneuver(self) -> str:
-        """The first part of its name."""
+        """The maneuver's name, the first part of the item's name."""
         return self.name.partition(".")[0]
 
 
@@ -48,7 +48,7 @@ class Run(_OfManeuver, frozen=True):
 
 
 class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
-    """A metric of both systems."""
+    """A metric, with its values for both systems."""
 
     title: str
     definition: str
@@ -66,14 +66,14 @@ class Row(_OfManeuver, frozen=True, rename={"with_": "with"}):
     reason_without: str | None = None
     words: dict[Name, str] = {}
     bounds: dict[Name, str] = {}
-    """Bound of a missing number, such as `< 30`."""
+    """Bound for a missing number, such as `< 30`."""
     compared: Table | None = None
-    """Numbers of both systems under the highest condition that both can drive: a speed, or an amplitude."""
+    """Numbers of both systems at the highest speed or largest amplitude that both can drive."""
     incomparable: str | None = None
 
 
 class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=True):
-    """An assessment."""
+    """The content of `assessment.json`."""
 
     schema: str
     plant: Table
@@ -99,11 +99,11 @@ class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=Tru
 
     @property
     def data(self) -> list[tuple[str, Table]]:
-        """The numbers of the vehicle that are known, with their sources."""
+        """The known vehicle data, with sources."""
         return [(name, value) for name, value in self.vehicle.items() if isinstance(value, dict)]
 
     def datum(self, name: str) -> float | None:
-        """Return a number of the vehicle."""
+        """Return the value of one of the vehicle data."""
         return next((datum["value"] for known, datum in self.data if known == name), None)
 
     def runs_of(self, maneuver: str, system: str) -> list[Run]:
@@ -121,7 +121,7 @@ class Folder:
     def read(self) -> Assessment:
         """Read the assessment.
 
-        Raises AssessmentError if there is none that this version understands.
+        Raises AssessmentError if there is none that this version can read.
         """
         path = self.path / "assessment.json"
         try:

@@ -32,13 +32,13 @@ GRAVITY = 9.81
 # Time between two footprints, s.
 FOOTPRINTS = 0.25
 
-# What is left of the marks of sine with dwell after the completion of steer, s.
+# Times of the marks of sine with dwell, after the completion of steer, s.
 AFTER = (0.0, 1.0, 1.75)
 
 
 @dataclass(frozen=True)
 class Source:
-    """What the figures are made of."""
+    """The data for the figures."""
 
     assessment: Assessment
     folder: Folder
@@ -46,9 +46,9 @@ class Source:
     """The systems."""
 
     def recordings(self, run: str) -> Iterator[tuple[Case, Recording]]:
-        """Return the signals of a run in each system that has them.
+        """Return the signals of a run for each system that recorded them.
 
-        If a maneuver has several runs and one is recorded, it is the recorded one.
+        If only one of a maneuver's several runs is recorded, that one is returned.
         """
         for case in self.cases:
             names = [
@@ -86,7 +86,7 @@ def _speed(source: Source, maneuver: str) -> str:
 
 
 def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple[Conversion, ...]]]) -> list[Panel]:
-    """Return signals of a run over time, a panel for each."""
+    """Return the panels of a run's signals over time."""
     panels = []
     for signal, title, units in signals:
         lines = [
@@ -99,7 +99,7 @@ def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple
 
 
 def slowly_increasing_steer(source: Source) -> Chart | None:
-    """Steering wheel angle over lateral acceleration, and the handling diagram with the understeer gradient."""
+    """Show the steering wheel angle over lateral acceleration, and the handling diagram."""
     wheelbase = source.assessment.datum("wheelbase")
     steering: list[Line] = []
     regressions: list[Line] = []
@@ -120,14 +120,14 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
                 at = _of(source.assessment.runs_of("slowly_increasing_steer", case.name), run, "A_raw")
                 fitted = _regression(across, wheel, at)
                 if fitted is not None:
-                    name = "" if regressions else "line of least squares, 0.1 g to 0.375 g"
+                    name = "" if regressions else "least-squares line, 0.1 g to 0.375 g"
                     regressions.append(Line("reference", name, *fitted, case))
             if wheelbase is None:
                 continue
             up = sign * (v["driver.steer"] - wheelbase * v["vehicle.yaw_rate"] / v["vehicle.speed"])
             handling.append(Line("run", title, across, up, case, t=recording.times))
             gradient = _of(source.assessment.runs_of("slowly_increasing_steer", case.name), run, "understeer_gradient")
-            # A line of regression goes through the mean of its points.
+            # A regression line passes through the mean of its points.
             inside = (across >= 1.0) & (across <= 3.0)
             if gradient is not None and inside.any():
                 ends = np.array([1.0, 3.0])
@@ -137,7 +137,7 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
     panels = [
         Panel(wheel_angle.title, "", LATERAL, wheel_angle, (*steering, *regressions), kind="curve"),
         Panel(
-            "Handling diagram: angle of the front wheels less wheelbase · yaw rate / speed",
+            "Handling diagram: front-wheel angle minus wheelbase · yaw rate / speed",
             "",
             LATERAL,
             Axis("Angle", ANGLE),
@@ -147,17 +147,17 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
     ]
     speed = _speed(source, "slowly_increasing_steer")
     caption = (
-        f"{speed} Both directions. The line of least squares gives A at 0.3 g. The slope of the handling diagram is "
-        "the understeer gradient."
+        f"{speed} Both directions. The least-squares line gives A at 0.3 g. The slope of the handling diagram is the "
+        "understeer gradient."
     )
     return _chart("slowly_increasing_steer", "Slowly increasing steer", "xy", caption, panels)
 
 
 def _regression(across: Array, wheel: Array, angle: float | None) -> tuple[Array, Array] | None:
-    """Return the ends of the line of least squares that goes through an angle (deg) at 0.3 g.
+    """Return the ends of the least-squares line that passes through `angle` (deg) at 0.3 g.
 
-    The evaluator has fitted the line to filtered signals, and says where it is at 0.3 g. Its slope is that of the
-    signals of the figure in the same window.
+    The evaluator fits the line to filtered signals and returns its value at 0.3 g. The slope is computed here from the
+    unfiltered signals of the figure, in the same window.
     """
     low, high = (share * GRAVITY for share in (0.1, 0.375))
     begin = int(np.argmax(across >= low))
@@ -178,7 +178,7 @@ def _of(runs: Sequence[Run], name: str, metric: str) -> float | None:
 def _signals(
     maneuver: str, title: str, caption: str, signals: Sequence[tuple[str, str, tuple[Conversion, ...]]]
 ) -> Make:
-    """Return the figure of signals of a maneuver over time."""
+    """Return the function that makes a figure of a maneuver's signals over time."""
 
     def make(source: Source) -> Chart | None:
         text = f"{_speed(source, maneuver)} {caption}"
@@ -190,7 +190,7 @@ def _signals(
 step_steer = _signals(
     "step_steer",
     "Step steer",
-    "The angle gives both systems the same steady lateral acceleration.",
+    "The steering angle is chosen to give both systems the same steady lateral acceleration.",
     (
         ("vehicle.yaw_rate", "Yaw rate", RATE),
         ("vehicle.lateral_acceleration", "Lateral acceleration", ACCELERATION),
@@ -201,7 +201,7 @@ step_steer = _signals(
 
 
 def frequency_response(source: Source) -> Chart | None:
-    """Gain and phase of yaw rate and lateral acceleration."""
+    """Show gain and phase of yaw rate and lateral acceleration."""
     hertz = Axis("Frequency", (Conversion("Hz"),), log=True)
     panels = []
     for group, title, unit in (
@@ -222,8 +222,8 @@ def frequency_response(source: Source) -> Chart | None:
         panels.append(Panel(f"Gain of the {title}", "", hertz, Axis("Gain", unit), tuple(gains)))
         panels.append(Panel(f"Phase of the {title}", "", hertz, Axis("Phase", (DEGREES,)), tuple(phases)))
     caption = (
-        f"{_speed(source, 'frequency_response')} Response to the angle of the front wheels, at the frequencies of the "
-        "sum of sines that was steered."
+        f"{_speed(source, 'frequency_response')} Response to the front-wheel angle, at the frequencies of the steering "
+        "input, a sum of sines."
     )
     return _chart("frequency_response", "Frequency response", "transfer", caption, panels)
 
@@ -233,7 +233,7 @@ def _array(values: Any) -> Array | None:
 
 
 def _path(recording: Recording) -> tuple[Array, Array] | None:
-    """Return the path that the driver follows: the point of it that is nearest to the vehicle, for each row."""
+    """Return, for each row, the point nearest to the vehicle on the path that the driver follows."""
     v = recording.values
     needed = ("vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "path.lateral_deviation", "path.heading_error")
     if any(name not in v for name in needed):
@@ -244,7 +244,7 @@ def _path(recording: Recording) -> tuple[Array, Array] | None:
 
 
 def _tracks(source: Source, run: str) -> list[Line]:
-    """Return the paths of a run in each system."""
+    """Return the path of each system in a run."""
     return [
         Line("run", case.title, v["vehicle.position_x"], v["vehicle.position_y"], case, t=recording.times)
         for case, recording in source.recordings(run)
@@ -271,12 +271,12 @@ def single_lane_change(source: Source) -> Chart | None:
 
 
 def _mirrored(run: Run, values: Array) -> Array:
-    """Return the values of a run as if it went to the left."""
+    """Return the values of a run, mirrored if it goes to the right."""
     return -values if run.name.split(".")[1] == "right" else values
 
 
 def sine_with_dwell(source: Source) -> Chart | None:
-    """Yaw rates of all runs over the steering, with marks at the times of the criteria."""
+    """Show the yaw rates and the steering of all runs, with marks at the times of the criteria."""
     panels = []
     for case, runs in source.runs("sine_with_dwell"):
         lines: list[Line] = []
@@ -300,12 +300,12 @@ def sine_with_dwell(source: Source) -> Chart | None:
         if recording is not None and "driver.steering_wheel" in recording.values:
             right = Axis("Steering wheel angle", ANGLE)
             wheel = _mirrored(last, recording.values["driver.steering_wheel"])
-            lines.append(Line("reference", "steering wheel of the largest", recording.times, wheel, right=True))
+            lines.append(Line("reference", "largest steering wheel angle", recording.times, wheel, right=True))
         if marks:
             x, y = (np.concatenate(part) for part in zip(*marks, strict=True))
             order = np.argsort(x, kind="stable")
             lines.append(
-                Line("reference", "steering done, 1 s, 1.75 s later", x[order], y[order], marks=True, apart=True)
+                Line("reference", "end of steering, 1 s, 1.75 s later", x[order], y[order], marks=True, apart=True)
             )
         panels.append(Panel("Yaw rate", case.title, TIME, Axis("Yaw rate", RATE), tuple(lines), right=right))
     caption = f"{_speed(source, 'sine_with_dwell')} All amplitudes; runs to the right are mirrored."
@@ -321,9 +321,9 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
     share = Axis("Share of the peak", NO_UNIT, zero=True)
     displacement = Axis("Displacement", METERS, zero=True)
     for metric, title, axis, limit in (
-        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, of its second peak", share, 0.35),
-        ("yaw_rate_ratio_1_75s", "Yaw rate 1.75 s after the steering, of its second peak", share, 0.20),
-        ("lateral_displacement", "Lateral displacement 1.07 s after the beginning", displacement, least),
+        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, relative to its second peak", share, 0.35),
+        ("yaw_rate_ratio_1_75s", "Yaw rate 1.75 s after the steering, relative to its second peak", share, 0.20),
+        ("lateral_displacement", "Lateral displacement 1.07 s after the start of steering", displacement, least),
     ):
         lines = []
         for case, runs in source.runs("sine_with_dwell"):
@@ -334,14 +334,14 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
         levels = () if limit is None else (Level(limit, "limit"),)
         panels.append(Panel(title, "", amplitude, axis, tuple(lines), levels))
     caption = (
-        f"{_speed(source, 'sine_with_dwell')} Limits of FMVSS 126 and UN R140. To both sides. The displacement counts "
-        "from five times the amplitude A on."
+        f"{_speed(source, 'sine_with_dwell')} Limits of FMVSS 126 and UN R140. Runs to both sides. The limit on the "
+        "displacement applies from five times the amplitude A."
     )
     return _chart("sine_with_dwell_limits", "Sine with dwell over the amplitude", "sweep", caption, panels)
 
 
 def _marked(pairs: Sequence[tuple[float, Any]], case: Case, *, is_named: bool = True) -> list[Line]:
-    """Return the line through some points, if there are any."""
+    """Return a line through the points that have a value, if there are any."""
     if not pairs:
         return []
     x, y = np.array(sorted(pairs), np.float64).T
@@ -349,7 +349,7 @@ def _marked(pairs: Sequence[tuple[float, Any]], case: Case, *, is_named: bool = 
 
 
 def _corners(assessment: Assessment, x: Array, y: Array, yaw: Array) -> tuple[Array, Array]:
-    """Return the outlines of the vehicle at some places as one line, with gaps between them."""
+    """Return the outlines of the vehicle at several positions as one line with gaps."""
     front, rear, width = (assessment.datum(name) or 0.0 for name in ("front", "rear", "width"))
     ahead = np.array([front, front, -rear, -rear, front])
     left = 0.5 * width * np.array([1.0, -1.0, -1.0, 1.0, 1.0])
@@ -366,7 +366,7 @@ def _cones(track: Sequence[tuple[float, float, float, float]]) -> Line:
 
 
 def _hit(track: Sequence[tuple[float, float, float, float]], section: int, xs: Array, ys: Array) -> Line:
-    """Return a cross at the edge of a section of the track, where corners of a footprint are farthest beyond it."""
+    """Return a cross at the edge of a track section, where the corners of a footprint exceed it most."""
     begin, end, right, left = track[section - 1]
     inside = np.flatnonzero((xs >= begin) & (xs <= end))
     rows = inside if inside.size else np.flatnonzero(np.isfinite(xs))
@@ -378,7 +378,7 @@ def _hit(track: Sequence[tuple[float, float, float, float]], section: int, xs: A
 
 
 def _above(source: Source, maneuver: str, case: Case, run: Run, what: str) -> Panel | None:
-    """Return a double lane change seen from above, to scale."""
+    """Return the panel of a double lane change seen from above, to scale."""
     recording = source.folder.recording(case.name, run.name)
     if recording is None:
         return None
@@ -409,7 +409,7 @@ def _above(source: Source, maneuver: str, case: Case, run: Run, what: str) -> Pa
 
 
 def double_lane_change(maneuver: str, title: str) -> Make:
-    """Return the figure of a coned track: seen from above at the highest passed and the first failed speed."""
+    """Return the function that makes the figure of a coned track: the highest passed and the lowest failed speed."""
 
     def make(source: Source) -> Chart | None:
         if maneuver not in source.assessment.tracks:
@@ -423,8 +423,8 @@ def double_lane_change(maneuver: str, title: str) -> Make:
                 if panel is not None:
                     panels.append(panel)
         caption = (
-            f"{_speed(source, maneuver)} The vehicle's footprint every {FOOTPRINTS} s, in ink where it is tightest; a "
-            "cross at the first cone hit. To scale."
+            f"{_speed(source, maneuver)} The vehicle's footprint every {FOOTPRINTS} s, dark where the margin is "
+            "smallest; a cross at the first cone hit. To scale."
         )
         return _chart(maneuver, title, "xy", caption, panels)
 
@@ -469,7 +469,7 @@ def _rollover(maneuver: str, title: str) -> Make:
             return None
         run = max(common, key=lambda name: float(name.split(".", 2)[2]))
         speed = run.split(".", 2)[2]
-        both = " that both systems have driven" if len(source.cases) > 1 else ""
+        both = " that both systems drove" if len(source.cases) > 1 else ""
         caption = f"To the left at {speed} mph, the highest speed of the series{both}."
         return _chart(maneuver, title, "time", caption, _over_time(source, run, ROLLOVER))
 
@@ -477,20 +477,20 @@ def _rollover(maneuver: str, title: str) -> Make:
 
 
 def braking(source: Source) -> Chart | None:
-    """Speed over the distance while braking."""
+    """Show the speed over the distance while braking."""
     lines = []
     for case, recording in source.recordings("braking"):
         v = recording.values
         begin = int(np.argmax(v["driver.brake"] > 0.0)) if "driver.brake" in v else 0
         way = v["vehicle.position_x"] - v["vehicle.position_x"][begin]
         lines.append(Line("run", case.title, way[begin:], v["vehicle.speed"][begin:], case, t=recording.times[begin:]))
-    caption = f"{_speed(source, 'braking')} From the beginning of braking."
+    caption = f"{_speed(source, 'braking')} Distance from the start of braking."
     panel = Panel("Speed", "", Axis("Distance", METERS), Axis("Speed", KMH, zero=True), tuple(lines), kind="curve")
     return _chart("braking", "Straight braking", "xy", caption, [panel])
 
 
 def split_friction(source: Source) -> Chart | None:
-    """Paths and steering while one side of the road is slippery."""
+    """Show paths and steering on a road that is slippery on one side."""
     panels = [
         _above_panel(f"Path, slippery on the {side}", "", _tracks(source, f"split_friction.{side}"))
         for side in ("left", "right")
@@ -515,7 +515,7 @@ brake_in_turn = _signals(
 
 
 def ride(source: Source) -> Chart | None:
-    """Spectra of the heave acceleration, with the weighting of ISO 2631-1."""
+    """Show spectra of the heave acceleration, with the weighting from ISO 2631-1."""
     weighting = source.assessment.weighting
     if weighting is None:
         return None
@@ -536,7 +536,7 @@ def ride(source: Source) -> Chart | None:
         least = min(least, float((density * np.minimum(gain, 1.0) ** 2).min()))
         plain.append(Line("run", case.title, f, density, case))
         weighted.append(Line("run", case.title, f, density * gain**2, case))
-    # Six decades at most; the rest is rounding.
+    # At most six decades; smaller values are rounding errors.
     axis = Axis(
         "Density", (Conversion("(m/s²)²/Hz"),), log=True, range=(max(0.5 * least, 2e-6 * highest), 2.0 * highest)
     )

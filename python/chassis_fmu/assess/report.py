@@ -1,4 +1,4 @@
-"""The page of an assessment. Its text takes every number from the assessment."""
+"""The page of an assessment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ VERDICTS = {
     "dropped": ("open", "Left out"),
     "info": ("open", "No limit"),
 }
-"""Class and text of the badges."""
+"""CSS class and text of the badges."""
 
 CHANGES = {
     "better": ("passed", "better"),
@@ -43,41 +43,41 @@ CHANGES = {
 }
 
 DATA = {
-    "class": "Car up to 3,500 kg, truck above; limits of regulations are those of cars.",
-    "mass": "Mass of the vehicle, or the sum of its tire loads in the first row over 9.81 m/s².",
-    "width": "Largest width: that of the footprint between cones, and of the driver's lanes.",
+    "class": "Car up to 3,500 kg, truck above; regulatory limits apply to cars only.",
+    "mass": "Mass of the vehicle, or the sum of its tire loads in the first row divided by 9.81 m/s².",
+    "width": "Largest width; it determines the footprint between cones and the width of the driver's lanes.",
     "front": "From the reference point to the front bumper.",
     "rear": "From the reference point to the rear bumper.",
-    "wheelbase": "Distance of two axles; of more axles that of two which turn as well (Winkler): "
-    "L (1 + (T/L²) (1 + C_r/C_f)), with L from the front axle to the mean of the others, T their mean square distance "
-    "from it, and the cornering stiffness C.",
-    "steer_ratio": "Angle of the steering wheel over that of the front wheels.",
-    "understeer_gradient": "What the driver knows: steering angle at the front wheels per lateral acceleration.",
+    "wheelbase": "Distance between two axles. With more axles, the wheelbase of a two-axle vehicle that turns equally "
+    "(Winkler): L (1 + (T/L²) (1 + C_r/C_f)), with L from the front axle to the mean position of the other axles, T "
+    "their mean square distance from this position, and the cornering stiffness C.",
+    "steer_ratio": "Steering-wheel angle divided by front-wheel angle.",
+    "understeer_gradient": "Front-wheel angle per lateral acceleration, known to the driver model.",
 }
-"""Definitions of the data of the vehicle."""
+"""Definitions of the vehicle data."""
 
 FLAGS = {
     "spun": "spun",
     "rolled_over": "rolled over",
     "lost": "lost the path",
-    "not_finished": "did not get to the end",
+    "not_finished": "did not reach the end",
     "not_settled": "did not settle",
     "diverged": "broke down",
 }
 
-# The class of road whose tire loads are shown wheel by wheel.
+# The road class for which tire loads are shown by wheel.
 ROAD = "c"
 
 
 def words(name: str) -> str:
-    """Write the name of a maneuver as words."""
+    """Format the name of a maneuver."""
     known = {"iso3888_1": "ISO 3888-1", "iso3888_2": "ISO 3888-2", "j_turn": "J-turn"}
     text = known.get(name, name.replace("_", " "))
     return text[:1].upper() + text[1:]
 
 
 def shown(value: Number, row: Row) -> str:
-    """Write a number of a metric; angles in degrees, shares in percent stay as they are."""
+    """Format the value of a metric, with angles in degrees."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -87,20 +87,20 @@ def shown(value: Number, row: Row) -> str:
 
 
 def value(row: Row, system: Name) -> str:
-    """Write the number of a system, or its bound."""
+    """Format the value for a system, or the bound on it."""
     number = row.without if system == "without" else row.with_
     return row.bounds.get(system, "–") if number is None else shown(number, row)
 
 
 def notes(row: Row, cases: Sequence[Case]) -> list[str]:
-    """Describe why numbers are missing or cannot be compared, and where they were compared."""
+    """Describe why values are missing or not comparable, and at which speed or amplitude they were compared."""
     if len(cases) == 1:
         return [row.reason] if row.reason else []
     found = []
     if row.without is None and row.reason_without and (row.with_ is not None or row.reason_without != row.reason):
         found.append(f"without controllers: {row.reason_without}")
     if row.reason:
-        # A limit that does not apply has a reason, too.
+        # The reason can also be that a limit does not apply.
         of = "with controllers: " if row.with_ is None and row.without is not None else ""
         found.append(f"{of}{row.reason}")
     if row.compared is not None:
@@ -112,14 +112,14 @@ def notes(row: Row, cases: Sequence[Case]) -> list[str]:
 
 
 def unit_of(row: Row) -> tuple[float, str]:
-    """Return the factor and the unit in which a metric is shown."""
+    """Return the unit that a metric is shown in, and the factor to it."""
     if row.unit.startswith("rad"):
         return 180.0 / math.pi, tables.pretty_unit("deg" + row.unit.removeprefix("rad"))
     return 1.0, tables.pretty_unit(row.unit)
 
 
 def limit(row: Row) -> str:
-    """Write the limit of a metric."""
+    """Format the limit of a metric."""
     if row.limit is None:
         return ""
     if "is" in row.limit:
@@ -130,14 +130,14 @@ def limit(row: Row) -> str:
 
 
 def systems(found: Assessment) -> tuple[Case, ...]:
-    """Return the systems as cases of figures."""
+    """Return the systems as cases for figures."""
     if len(found.systems) == 1:
         return (Case("without", found.plant["fmu"], None),)
     return Case("without", "Without controllers", None), Case("with", "With controllers", "without")
 
 
 def units(found: Assessment) -> str:
-    """Write the FMUs of the assessment as a phrase."""
+    """Return a phrase with the FMUs of the assessment."""
     plant = " and ".join([found.plant["fmu"], *(unit["fmu"] for unit in found.base)])
     controllers = ", ".join(unit["fmu"] for unit in found.with_)
     return f"{plant}, without and with {controllers}" if controllers else plant
@@ -226,9 +226,9 @@ def render(found: Assessment, folder: Folder, command: str) -> str:
 
 
 def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
-    """Return the address at which the lab replays a maneuver: the last run, or the one at the largest entry speed.
+    """Return the address of a maneuver's replay in the lab: its last run, or the run at the highest entry speed.
 
-    The lab has the FMUs of the library, with the start values of their parameters, and one run of each maneuver.
+    The lab contains only the FMUs of the library, with their default parameters, and replays one run at a time.
     """
     runs = found.runs_of(maneuver, found.systems[-1])
     units = [unit["fmu"] for unit in (found.plant, *found.base, *found.with_)]
@@ -246,24 +246,24 @@ def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
 
 
 def is_signal(value: str) -> bool:
-    """Return whether the test bench writes an input from a signal, such as `driver.steer`, not with a constant."""
+    """Return whether the test bench sets an input to a signal, such as `driver.steer`, instead of a constant."""
     return re.fullmatch(r"[A-Za-z]\w*\.[A-Za-z][\w.]*", value) is not None
 
 
 def counts(found: Assessment) -> dict[str, int]:
-    """Count the verdicts on the system with the controllers, or on the only one."""
+    """Count the verdicts on the system with controllers, or on the only system."""
     verdicts = [row.verdict for row in found.metrics]
     numbers = {"passed": verdicts.count("pass"), "failed": verdicts.count("fail") + verdicts.count("error")}
     return {name: count for name, count in numbers.items() if count}
 
 
 def changes(found: Assessment) -> dict[str, int]:
-    """Count the metrics that the controllers make better or worse."""
+    """Count the metrics that the controllers improve or worsen."""
     judgments = [row.judgment for row in found.metrics]
     return {name: judgments.count(name) for name in ("better", "same", "worse", "not_comparable")}
 
 
 def write(found: Assessment, folder: Folder, command: str) -> Path:
-    """Write the page, and the list of all results; returns the page."""
+    """Write the page and the list of all results; returns the path of the page."""
     entry = index.Entry(f"Test bench: {units(found)}", "", counts(found))
     return index.write(folder.path, render(found, folder, command), entry)

@@ -1,4 +1,4 @@
-"""Figures that no scenario declares: of studies and assessments, drawn beside their page."""
+"""Figures of studies and assessments, which no scenario declares. Their files are in a folder beside the page."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .panels import Panel
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure with what one sees."""
+    """A figure with its caption and data."""
 
     figure: plots.Picture
     caption: str
     panels: list[Panel]
     cases: Sequence[Case] | None = None
-    """Cases of this figure alone, which has switches of its own; without them it is of the cases of the page."""
+    """Cases of this figure, which then has separate case switches; None for the cases of the page."""
 
 
 class Drawings:
-    """The figures of a page: pictures in a folder, and what makes them interactive."""
+    """The figures of a page: pictures in a folder, and the data that makes them interactive."""
 
     def __init__(self, cases: Sequence[Case], folder: Path) -> None:
         self._cases = cases
@@ -33,7 +33,7 @@ class Drawings:
         self._drawn: list[Chart] = []
 
     def draw(self, chart: Chart) -> tuple[Chart, markupsafe.Markup]:
-        """Draw a figure and write its files; returns it with the picture for the page."""
+        """Draw a figure and write its files; returns the figure and its picture for the page."""
         made = plots.draw(chart.cases or self._cases, chart.figure, chart.panels)
         made.write(self._folder)
         self._drawn.append(chart)

@@ -15,16 +15,17 @@ from ..files.results import Recording
 from . import tables
 from .panels import Array, Axis, Line, LineKind, Panel, PanelKind, decimate, heat_maps
 
-# Seeds whose runs a page contains one by one; more of them would make it larger than 1 MB. It says so.
+# Seeds whose single runs a page contains; with more, it would be larger than 1 MB. The page states the number.
 MOST_SEEDS = 48
 
-# Pairs of extremes of a run other than that of the first seed, and instants at which its spread is taken.
+# Resolution of the runs after the first seed: pairs of extremes of a line, and instants at which the spread is
+# computed.
 FEW_BUCKETS = 200
 
-# So many seeds have all of these pairs; more of them share their number.
+# Up to this many seeds, each line has FEW_BUCKETS pairs; with more seeds, the total stays the same.
 FEW_SEEDS = 12
 
-# Longer titles do not fit beside an axis.
+# Characters of a title that fit beside an axis.
 MOST_LETTERS = 40
 
 # Free space above and below lines that share a scale, as a share of its range.
@@ -47,7 +48,7 @@ class _Seeds:
 
 
 class Recordings:
-    """What the figures show of finished runs: the runs of the first seed whole, the others reduced."""
+    """Recorded signals that the figures show: all samples for the first seed, fewer for the other seeds."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
@@ -58,7 +59,7 @@ class Recordings:
         self._cross: dict[Place, list[Array]] = {}
 
     def add(self, run: Run, recording: Recording) -> None:
-        """Take what the figures show of a run.
+        """Add a run.
 
         Raises MetricError for a recording too short for a spectrum.
         """
@@ -91,7 +92,7 @@ class Recordings:
         return {key: (own[0][0], np.mean([d for _, d in own], axis=0)) for key, own in self._spectra.items()}
 
     def transfer(self, key: Place) -> tuple[Array, Array, Array, Array] | None:
-        """Frequencies, gain, phase (rad) and coherence of a figure, column, case and point, averaged over the seeds."""
+        """Return frequencies (Hz), gain, phase (rad) and coherence, estimated from all seeds."""
         own = self._cross.get(key)
         if own is None:
             return None
@@ -99,7 +100,7 @@ class Recordings:
         return (mean[0], *metrics.transfer(mean))
 
     def others(self, figure: Figure, column: int, case: Case, point: str | None) -> Iterator[Line]:
-        """Lines of a signal besides that of the first seed: the mean with its spread, the other seeds."""
+        """Lines of a signal beyond the first seed: the mean with its spread, and the other seeds."""
         seeds = self._seeds.get((figure.name, column, case.name, point))
         if seeds is None or seeds.times is None or len(seeds.samples) < 2:
             return
@@ -121,7 +122,7 @@ def _windows(plan: Plan, kind: str, run: Run, recording: Recording) -> Iterator[
 
 
 def columns_of(plan: Plan, figure: Figure) -> set[int]:
-    """Return the columns that a figure shows, or computes what it shows from."""
+    """Return the columns that a figure needs, for signals or metrics."""
     running = figure.metrics if figure.kind == "running" else ()
     of_metrics = {c for m in running for c in metrics.columns_of(plan.metrics[m])}
     over = figure.over if figure.kind in ("xy", "transfer") else None
@@ -130,7 +131,7 @@ def columns_of(plan: Plan, figure: Figure) -> set[int]:
 
 
 def label(column: Column) -> str:
-    """Return the text of a description before its first remark, and whether the input file has the values."""
+    """Return the description up to its first remark, with a note if the values come from the input file."""
     return _marked(column, _essence(column))
 
 
@@ -147,7 +148,7 @@ def _essence(column: Column) -> str:
 
 
 def brief(column: Column) -> str:
-    """Return the essence of a description as it fits beside an axis: without the sign convention, or else the name."""
+    """Return a description that fits beside an axis: without the sign convention, or only the signal name."""
     text = _essence(column).split(", positive")[0]
     return _marked(column, text if len(text) <= MOST_LETTERS else column.name)
 
@@ -159,12 +160,12 @@ def density_unit(unit: str) -> str:
 
 
 def _shown(column: Column, figure: Figure) -> Conversion:
-    """Return the unit a column is plotted in: the figure's, the display unit of the variable, its unit."""
+    """Return the unit that a column is plotted in: the figure's unit, or the display unit or unit of the variable."""
     return column.shown if figure.unit is None else Conversion(figure.unit, figure.factor, figure.offset)
 
 
 def _units(column: Column, figure: Figure | None) -> tuple[Conversion, ...]:
-    """Return the units of a column in a figure; None: in one whose unit is that of others."""
+    """Return the units that can be chosen for a column, the default first; `figure` may replace the display unit."""
     shown = column.shown if figure is None else _shown(column, figure)
     base = Conversion(column.unit or "")
     units = (shown,) if (shown.factor, shown.offset) == (1.0, 0.0) else (shown, base)
@@ -177,7 +178,7 @@ def _cases(plan: Plan, figure: Figure) -> list[Case]:
 
 @dataclass(frozen=True)
 class _Shown:
-    """A run of a case that a figure shows, and the rows of its window."""
+    """A run that a figure shows, and the rows of its window."""
 
     case: Case
     run: Run
@@ -199,7 +200,7 @@ def _shown_runs(
     point: str | None,
     *names: str,
 ) -> list[_Shown]:
-    """Return the runs of the first seed that have some signals and a row in the window of a figure."""
+    """Return the runs of the first seed that have all signals in `names` and a row in the window of a figure."""
     found = []
     for case in cases:
         recording = recordings.first.get((case.name, point))
@@ -237,10 +238,10 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
     x = Axis("Time", (Conversion("s"),), range=figure.window or (plan.simulation.start, plan.simulation.stop))
     for index in figure.columns:
         column = plan.columns[index]
-        # Levels are in the unit of the figure, or of its first signal: they mean nothing in panels of other units.
+        # Levels are in the unit of the figure, or of its first signal. Panels with other units do not show them.
         of_levels = _units(plan.columns[figure.columns[0]], figure)[0]
         levels = figure.levels if _units(column, figure)[0] == of_levels else ()
-        # Side by side are the points, also where every case has panels of its own.
+        # The panels of the points of a sweep are side by side, even if every case has separate panels.
         for together in [[c] for c in cases] if figure.separate else [cases]:
             for point in plan.point_names:
                 lines: list[Line] = []
@@ -255,7 +256,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                             )
                     lines += recordings.others(figure, index, shown.case, point)
                 recorded = (recordings.first.get((case.name, point)) for case in together)
-                # A run that stopped before the window leaves its panel empty.
+                # The panel of a run that stopped before the window is empty.
                 if any(found is not None and column.name in found.values for found in recorded):
                     note = ", ".join(t for t in (together[0].title if figure.separate else "", titles[point]) if t)
                     y = Axis(brief(column), _units(column, figure))
@@ -266,7 +267,7 @@ def _xy(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     if figure.over is None:
         return
     over = plan.columns[figure.over]
-    # On equal axes both are in the same unit.
+    # Equal axes need the same unit.
     x = Axis(brief(over), _units(over, figure if figure.equal_axes else None))
     kind: PanelKind = "map" if figure.equal_axes else "curve"
     for index, point, note in _at_points(plan, figure.columns):
@@ -284,7 +285,7 @@ def _xy(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
 
 
 def _in_sentence(title: str) -> str:
-    """Return a title as it stands within a sentence: an abbreviation keeps its capitals."""
+    """Return a title for use within a sentence: lowercase, except for abbreviations."""
     return title if title[1:2].isupper() or "." in title else title[:1].lower() + title[1:]
 
 
@@ -335,7 +336,7 @@ def _spectrum(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
             key = (figure.name, index, case.name, point)
             if key in spectra and np.any(spectra[key][1] > 0.0):
                 frequencies, densities = spectra[key]
-                # A logarithmic axis has no place for 0, the density of a constant.
+                # A logarithmic axis cannot show 0, the density of a constant.
                 positive = np.where(densities > 0.0, densities, np.nan)
                 lines.append(Line("run", case.title, frequencies, positive, case))
         if lines:
@@ -343,7 +344,7 @@ def _spectrum(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
 
 
 def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], tuple[Array, Array]]:
-    """Return the spectra of a run that the figures show, by figure and column.
+    """Return the spectra that the figures show of a run, by figure and column.
 
     Raises MetricError for a recording too short for a spectrum.
     """
@@ -358,7 +359,7 @@ def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, in
 
 
 def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], Array]:
-    """Return the cross spectra of a run that the figures show transfer functions of, by figure and column.
+    """Return the cross spectra for the transfer functions that the figures show of a run, by figure and column.
 
     Raises MetricError for a recording too short for a spectrum.
     """
@@ -479,7 +480,7 @@ def _running(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pan
 
 
 def _limits(panel: Panel, *, of_abscissa: bool) -> tuple[float, float]:
-    """Return the least and the greatest value that a panel shows on an axis, in its unit."""
+    """Return the smallest and the largest value that a panel shows on an axis, in its unit."""
     unit = (panel.x if of_abscissa else panel.y).units[0]
     values = [line.x if of_abscissa else line.y for line in panel.lines if not line.right]
     values += [] if of_abscissa else [np.array([(v.value - unit.offset) / unit.factor for v in panel.levels])]
@@ -489,7 +490,7 @@ def _limits(panel: Panel, *, of_abscissa: bool) -> tuple[float, float]:
 
 
 def _alike(panels: Sequence[Panel], *, abscissa: bool) -> list[Panel]:
-    """Give panels the same scale: of the ordinate, and of the abscissa too."""
+    """Give panels the same scale on the ordinate, and on the abscissa too if `abscissa` is true."""
 
     def common(*, of_abscissa: bool) -> tuple[float, float]:
         ends = [_limits(panel, of_abscissa=of_abscissa) for panel in panels]
@@ -509,12 +510,11 @@ def _alike(panels: Sequence[Panel], *, abscissa: bool) -> list[Panel]:
 
 
 def _scaled(figure: Figure, found: list[Panel]) -> list[Panel]:
-    """Give those panels the same scale that are there to be compared."""
+    """Give the same scale to panels that should be compared."""
     if figure.same_scale:
         return _alike(found, abscissa=figure.kind == "xy") if any(p.lines for p in found) else found
     if not figure.separate:
         return found
-    # Panels of the same signal.
     by_title: dict[str, list[Panel]] = {}
     for panel in found:
         by_title.setdefault(panel.title, []).append(panel)

@@ -1,4 +1,4 @@
-"""The page that links all result pages of a folder, renewed with every one that is written."""
+"""The page that links all result pages in a folder. It is rewritten whenever one of them is written."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOTE = "page.json"
 
 @dataclass(frozen=True)
 class Entry:
-    """Entry of a page in the index: its title, the reference of its experiment, and the counts of its badges."""
+    """Entry of a page in the index: title, reference of the experiment, and number of each badge."""
 
     title: str
     reference: str = ""
@@ -24,7 +24,7 @@ class Entry:
 
 
 def _read(folder: Path) -> Entry:
-    """Return the entry beside a page; its folder's name without one."""
+    """Return the entry that is stored beside a page; if there is none, an entry with the folder's name."""
     try:
         data = json.loads((folder / NOTE).read_text(encoding="utf-8"))
         known = {status.value for status in Status}
@@ -35,7 +35,7 @@ def _read(folder: Path) -> Entry:
 
 
 def write(folder: Path, page: str, entry: Entry) -> Path:
-    """Write a page and its entry to a folder, and in the parent of this folder a page with links to all, by name."""
+    """Write a page and its entry to a folder, and rewrite the index page in the parent folder; returns the page."""
     path = folder / "index.html"
     results.write_text(path, page)
     results.write_text(folder / NOTE, json.dumps(asdict(entry), ensure_ascii=False, indent=2) + "\n")

@@ -13,11 +13,11 @@ import msgspec
 from ..files.plan import Plan
 from ..program import ROOT
 
-# Names the address of a lab that is hosted elsewhere.
+# Environment variable with the address of a lab that is hosted elsewhere.
 VARIABLE = "CHASSIS_FMU_LAB"
 SITE = ROOT / "target" / "lab" / "index.html"
 
-# The lab replays all other maneuvers: the frequency response is read from a table that only the test bench writes.
+# The lab replays all maneuvers except these: their driver reads a table that only the test bench writes.
 NOT_REPLAYED = ("slowly_increasing_steer", "frequency_response")
 
 
@@ -32,12 +32,12 @@ def address(folder: Path) -> str | None:
 
 
 def has(fmu: str) -> bool:
-    """Return whether an FMU is one of the library, by its name."""
+    """Return whether an FMU with this name belongs to the library."""
     return (ROOT / "modelDescription" / f"{fmu}.xml").is_file()
 
 
 def of_scenario(plan: Plan, folder: Path) -> list[tuple[str, str]]:
-    """Return titles and addresses: a replay of each case of a scenario of the library, beside its baseline."""
+    """Return titles and addresses of replays: each case of a library scenario, beside its baseline."""
     site = address(folder)
     if site is None or Path(plan.file).resolve().parent != ROOT / "scenarios":
         return []
@@ -55,9 +55,9 @@ def of_scenario(plan: Plan, folder: Path) -> list[tuple[str, str]]:
 def of_system(
     plant: str, controllers: Sequence[str], maneuver: str, values: Mapping[str, float], folder: Path
 ) -> str | None:
-    """Return the address of a maneuver that a vehicle drives with controllers, beside itself without them.
+    """Return the address of a replay of a maneuver: the vehicle with controllers, beside the vehicle without them.
 
-    None if there is no lab, or if it does not have the maneuver.
+    None if there is no lab, or if it cannot replay the maneuver.
     """
     site = address(folder)
     if site is None or maneuver in NOT_REPLAYED:

@@ -1,4 +1,4 @@
-"""The page of a scenario: one HTML file that needs nothing else."""
+"""The page of a scenario: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from . import page_data, plots, rendering, tables, texts
 
 @dataclass(frozen=True)
 class Context:
-    """How the results came about."""
+    """How the results were produced."""
 
     master: str
     command: str
     inputs: str | None = None
     shortened: str | None = None
-    """What the run was cut to, such as "--stop 2 --seeds 1"; None: nothing was."""
+    """Options that shortened the runs, such as "--stop 2 --seeds 1"."""
     files: tuple[str, ...] = ()
-    """The recorded signals, as seen from the page."""
+    """Files with recorded signals, relative to the page."""
     versions: tuple[tuple[str, str], ...] = ()
-    """Programs that took part, with their versions."""
+    """Names and versions of the programs that were used."""
     replays: tuple[tuple[str, str], ...] = ()
-    """Cases, with the address at which the lab replays them."""
+    """Cases, with the addresses of their replays in the lab."""
 
 
 def _bar(percent: float | None, limit: float) -> tuple[float, float] | None:
-    """Return left edge and width, in percent of the box, of the bar from zero to a change."""
+    """Return left edge and width of the bar from zero to a change, in percent of the box; zero is in its middle."""
     if percent is None:
         return None
     half = 50.0 * min(abs(percent) / limit, 1.0)
@@ -42,7 +42,7 @@ def _bar(percent: float | None, limit: float) -> tuple[float, float] | None:
 
 
 def _limit(cells: Sequence[Row]) -> float:
-    """Return the change at the end of the box of the bars, percent."""
+    """Return the change (percent) at the edge of the box that contains the bars."""
     changes = [c.paper_change for c in cells if c.paper_change is not None]
     changes += [c.change.mean for c in cells if c.change is not None]
     return max([*(min(abs(v), 100.0) for v in changes), 1.0])
@@ -86,7 +86,7 @@ def _default(setting: Setting, variable: Variable | None) -> str:
 
 
 def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
-    """List a value once if it is the same in all runs, otherwise by the case or point on which it depends."""
+    """List a value once if it is the same in all runs, otherwise by the case or point that it depends on."""
     cases = plan.case_titles
     points = plan.point_titles
     if len(set(values.values())) == 1:
@@ -98,7 +98,7 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
         by_point.setdefault(point, set()).add(value)
     if all(len(v) == 1 for v in by_case.values()):
         return tuple((cases[c], v.pop()) for c, v in by_case.items())
-    # Of a sweep over two parameters most values depend on one of them.
+    # In a sweep over two parameters, most values depend on one of them.
     by_axis: tuple[dict[str, set[str]], dict[str, set[str]]] = ({}, {})
     for (_, name), value in values.items():
         for own, at in zip(by_axis, _places(plan, name) or (), strict=False):
@@ -112,12 +112,12 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
 
 
 def order_of(runs: Sequence[Run]) -> list[str]:
-    """Return the components in the order in which every run executes those that it has."""
+    """Return all components, in an order that agrees with the execution order of every run."""
     orders = list(dict.fromkeys(tuple(component.name for component in run.components) for run in runs))
     left = list(dict.fromkeys(name for order in orders for name in order))
     found: list[str] = []
     while left:
-        # The first one that no run executes another one before.
+        # The first component that no run executes after another remaining one.
         behind = {name for order in orders for name in [n for n in order if n in left][1:]}
         found.append(next((name for name in left if name not in behind), left[0]))
         left.remove(found[-1])
@@ -138,7 +138,7 @@ def components(plan: Plan) -> list[dict[str, Any]]:
         text = descriptions.setdefault(fmu, describe(fmu))
         inside = {run.case for run, _ in places}
         parameters = []
-        # A run that leaves a parameter alone has the default.
+        # Runs that do not set a parameter use its default.
         settings = {s.name: s for _, component in places for s in component.parameters}
         for setting in settings.values():
             variable = text.variables.get(setting.name)
@@ -167,9 +167,9 @@ def components(plan: Plan) -> list[dict[str, Any]]:
                 "guid": places[0][1].guid,
                 "sha256": sha256(fmu),
                 "description": text.text,
-                # Empty if it takes part in all of them.
+                # Empty if all cases contain the component.
                 "cases": [c.title for c in plan.cases if c.name in inside] if len(inside) < len(plan.cases) else [],
-                # Name, description, default, and values with the places where they hold, formatted.
+                # Name, description, default, and values with the cases or points where they apply, formatted.
                 "parameters": parameters,
                 "constants": [(", ".join(names), value) for value, names in grouped.items()],
             }
@@ -185,7 +185,7 @@ def _of(run: Run, component: str, parameter: str) -> object:
 
 
 def unread(plan: Plan) -> dict[tuple[str, tuple[str, ...]], list[str]]:
-    """Group the outputs that nothing reads by component; returns the cases that leave the same ones."""
+    """Group the outputs that nothing reads by component; the values are the cases with the same unread outputs."""
     cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for case in plan.wiring:
         components: dict[str, list[str]] = {}
@@ -208,8 +208,8 @@ def verdict_meanings(numbers: Numbers) -> list[tuple[Status, str]]:
     shown = {verdict.status for verdict in numbers.verdicts}
     runs = "run and seed" if len(numbers.plan.seeds) > 1 else "run"
     meanings = {
-        Status.PASSED: f"the number of every {runs} keeps the limits",
-        Status.FAILED: f"a {runs} has a number outside the limits, or none",
+        Status.PASSED: f"the metric is within the limits for every {runs}",
+        Status.FAILED: f"the metric is outside the limits, or has no value, for some {runs}",
         Status.OPEN: "a run failed, or ended before the metric could be computed",
     }
     return [(status, meaning) for status, meaning in meanings.items() if status in shown]
@@ -222,7 +222,7 @@ def render(
     failures: Mapping[str, str],
     context: Context,
 ) -> str:
-    """Return the page. `data` is what the figures show, as JSON (`page_data`)."""
+    """Return the page. `data` contains the data of the figures as JSON (`page_data`)."""
     plan = numbers.plan
     cells = numbers.table()
     s = plan.simulation

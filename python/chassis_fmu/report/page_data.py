@@ -1,4 +1,4 @@
-"""The data of a page: what its figures show, as the JSON text that `web/page-data.schema.json` describes."""
+"""The data of the figures of a page, as JSON that `web/page-data.schema.json` describes."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .panels import Array, Axis, Line, Panel, decimate, rows_of_curve
 
 FORMAT = 1
 
-# The word of a number that does not exist, and the largest word of one that does.
+# The 16-bit word for a missing number, and the largest word for a number.
 MISSING = 65535
 LARGEST = MISSING - 1
 
-# A number is on a grid if it differs from it by at most this part of a step.
+# A number is on a grid if it differs from a grid point by at most this share of the grid step.
 ON_GRID = 1e-6
 
 
@@ -39,7 +39,7 @@ class Interactive:
 
     @classmethod
     def of(cls, data: str) -> Interactive:
-        """Return the parts for a page with this data, of `render`."""
+        """Return the parts for a page with data from `render`."""
         folder = Path(__file__).parents[1] / "web"
         style, code = ((folder / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
         return cls(markupsafe.Markup(data), markupsafe.Markup(style), markupsafe.Markup(code))
@@ -53,7 +53,7 @@ class _Block:
         self._size = 0
 
     def column(self, values: Array, *, grid: float = 1.0, log: bool = False) -> dict[str, Any]:
-        """Add a column. Values on a grid are exact but for floating-point errors; others are rounded to 16 bits."""
+        """Add a column. Values on the grid are exact up to floating-point errors; others are rounded to 16 bits."""
         known = np.isfinite(values) & ((values > 0.0) | (not log))
         numbers = np.log10(np.where(known, values, 1.0)) if log else np.where(known, values, 0.0)
         used = numbers[known]
@@ -85,7 +85,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _distance(values: Array) -> float:
-    """Return the least distance of different values; 1 if they are all the same."""
+    """Return the smallest distance between different values; 1 if all are equal."""
     return float(np.diff(np.unique(values)).min(initial=np.inf)) if np.unique(values).size > 1 else 1.0
 
 
@@ -151,7 +151,8 @@ def render(
 ) -> str:
     """Serialize named figures as JSON that is safe inside a script element.
 
-    `grid` is the distance of recorded values on the abscissa: those on it are exact. `own` has cases of single figures.
+    `grid` is the interval between recorded values on the abscissa; values on this grid are stored exactly. `own`
+    contains the cases of figures that do not use `cases`.
     """
     block = _Block()
     drawn = [
@@ -175,7 +176,7 @@ def render(
         "figures": [figure for figure in drawn if figure["panels"]],
         "block": block.text(),
     }
-    # No text may end the element or begin a comment.
+    # Without "<", no text can end the script element or begin a comment.
     return json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 

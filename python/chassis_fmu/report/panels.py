@@ -1,4 +1,4 @@
-"""Panels of figures: axes and lines as arrays. `plots` draws them, `page_data` embeds them in a page."""
+"""Panels of figures: axes and lines as arrays. `plots` draws panels, `page_data` embeds their data in a page."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from numpy.typing import NDArray
 from ..files.plan import Case, Conversion, Level
 from .tables import pretty_unit
 
-# A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
+# A line is drawn from at most this many pairs of extremes, which is finer than the width of a panel in points.
 BUCKETS = 600
 
 Array = NDArray[np.floating[Any]]
 PanelKind: TypeAlias = Literal["function", "curve", "map", "heat"]
-"""One value for each abscissa, a curve that may go back, a curve with the same scale on both axes, colored cells."""
+"""A function of the abscissa, a curve that may turn back, a curve with the same scale on both axes, colored cells."""
 
 LineKind: TypeAlias = Literal["run", "mean", "paper", "reference"]
-"""A run, the mean over the seeds, numbers of the paper, what the others are compared with."""
+"""A run, the mean over the seeds, numbers from the paper, a line to compare with."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis: its title and the units of measure it can be in, the one shown first."""
+    """An axis: its title, and the units that it can be shown in, the default first."""
 
     title: str
     units: tuple[Conversion, ...]
     log: bool = False
     zero: bool = False
-    """Whether zero is part of the picture, so that differences show in their true proportion."""
+    """Whether the axis includes zero, so that values appear in proportion."""
     range: tuple[float, float] | None = None
 
     @property
     def label(self) -> str:
-        """The title with the unit shown; a dash for a number without unit."""
+        """The title with the unit that is shown; a dash for a number without unit."""
         return f"{self.title} ({pretty_unit(self.units[0].unit) or '–'})"
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line; the units of both coordinates are those that the first unit of the axis converts from."""
+    """A line. The units of its axis convert its coordinates to displayed values."""
 
     kind: LineKind
     title: str
-    """Empty: it has no key of its own, as one of many lines that look the same."""
+    """Empty for a line without a legend entry, such as one of many similar lines."""
     x: Array
     y: Array
     case: Case | None = None
@@ -61,16 +61,16 @@ class Line:
     steps: bool = False
     """Whether a value holds until the next one."""
     apart: bool = False
-    """Whether the points are not joined; they have marks."""
+    """Whether the points are not joined; they have marks instead."""
     crosses: bool = False
     """Whether the marks are crosses."""
     right: bool = False
-    """Whether it belongs to the axis on the right."""
+    """Whether the line belongs to the right axis."""
     run: str | None = None
-    """The run whose file has all samples, and its column."""
+    """The run whose file contains all samples, and the name of the column."""
     signal: str | None = None
     over: str | None = None
-    """The column of the abscissa of a curve."""
+    """The column with the abscissa of a curve."""
 
 
 @dataclass(frozen=True)
@@ -84,19 +84,19 @@ class Panel:
     lines: tuple[Line, ...]
     levels: tuple[Level, ...] = ()
     ticks: tuple[float, ...] = ()
-    """Points of the abscissa that are marked one by one."""
+    """Values on the abscissa that have individual tick marks."""
     kind: PanelKind = "function"
     right: Axis | None = None
     """A second vertical axis."""
     z: Axis | None = None
-    """What the colors of a heat map mean."""
+    """The axis of the colors of a heat map."""
 
 
 def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: bool = False) -> tuple[Array, Array]:
-    """Reduce a line to the smallest and the largest value of each of `buckets` pieces, and both ends.
+    """Reduce a line to the smallest and the largest value in each of `buckets` pieces, and both ends.
 
-    Of a curve the extremes of the abscissa stay, too. The picture stays the same as long as a piece is narrower than
-    the line, peaks included.
+    For a curve, the extremes of the abscissa are kept, too. The picture, including its peaks, does not change as long
+    as a piece is narrower than the line.
     """
     if is_curve:
         rows = rows_of_curve(times, values, buckets)
@@ -120,7 +120,7 @@ def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: b
 
 
 def rows_of_curve(across: Array, up: Array, buckets: int = BUCKETS) -> NDArray[np.intp]:
-    """Return the rows that keep the picture of a curve: extremes of both coordinates in each piece, and the ends."""
+    """Return the rows of a reduced curve: the extremes of both coordinates in each piece, and both ends."""
     numbers = np.arange(len(across), dtype=np.float64)
     kept = [decimate(numbers, of, buckets // 2)[0] for of in (across, up)]
     rows: NDArray[np.intp] = np.unique(np.concatenate(kept)).astype(np.intp)
@@ -130,10 +130,10 @@ def rows_of_curve(across: Array, up: Array, buckets: int = BUCKETS) -> NDArray[n
 def heat_maps(
     title: str, axes: tuple[Axis, Axis, Axis], found: Sequence[tuple[Case, str, tuple[Array, Array, Array]]]
 ) -> Iterator[Panel]:
-    """Return a heat map for each case with its note: axes across, up and of the colors; centers and values of cells."""
+    """Return a heat map for each case. `axes` are abscissa, ordinate and colors; `found` has case, note, and cells."""
     if not found:
         return
-    # Colors are there to be compared: those of all cases mean the same.
+    # All cases share one color scale, to be comparable.
     everything = np.concatenate([values for _, _, (_, _, values) in found])
     colors = replace(axes[2], range=(float(everything.min()), float(everything.max())))
     for case, note, (across, up, values) in found:

@@ -1,6 +1,6 @@
 """Draws the figures of a plan as SVG and PNG.
 
-The files depend on the data alone: fixed salt for the identifiers, no date.
+The same data always gives the same bytes: the salt for identifiers is fixed, and the files contain no date.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..files.plan import Case, Figure
 from . import tables
 from .panels import Array, Line, Panel, decimate
 
-# Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
+# Okabe and Ito's palette, whose colors color-blind readers can distinguish; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 DASHES = ("solid", "dashed", "dotted")
 INK = "#1c2733"
@@ -33,31 +33,34 @@ MUTED = "#64717f"
 GRID = "#dde2e8"
 PAPER = "#ffffff"
 
-# A line over the axis on the right.
+# Dashes of a line on the right axis.
 RIGHT_DASHES = (0, (1, 1.5))
 
-# So many points of a cloud are opaque vectors. More are translucent, and an image within the SVG. A picture has at most
-# so many of them, because a page with a matrix of clouds would be large; its interactive plots have all.
+# Scatter plots: up to OPAQUE points are opaque vector graphics; more are translucent (down to LEAST_OPAQUE), in a
+# bitmap within the SVG. A picture has at most MOST_DRAWN points, to keep pages with a scatter matrix small; the
+# interactive plots show all.
 OPAQUE = 40
 LEAST_OPAQUE = 0.25
 MOST_DRAWN = 120
 CLOUD_DPI = 60
 
-# Letters of the title of a vertical axis in a line, per inch of the height of its panel.
+# Characters per line in the title of a vertical axis, per inch of panel height.
 LETTERS = 10.0
 
-# Up to this many points of a sweep are marked on the abscissa one by one.
+# Up to this many points of a sweep have individual tick marks.
 MOST_TICKS = 8
 
-# A legend with entries of up to so many characters fits in one row, if a line and the gaps beside count as so many.
+# A legend fits in one row if its entries have at most LEGEND_ROOM characters; the line sample and gaps of an entry add
+# LEGEND_HANDLE.
 LEGEND_ROOM = 106
 LEGEND_HANDLE = 7
 
-# Colors of heat maps, those of the page; up to so many cells in a row have their numbers in them.
+# Color map of heat maps, the same as in interactive plots. Cells show their numbers if a row has up to MOST_NUMBERS
+# cells.
 COLORS = "viridis"
 MOST_NUMBERS = 9
 
-# A line whose way up and down is longer than this many times its height is noise and drawn thin.
+# A line is drawn thin, as noise, if its total variation exceeds this many times its range.
 NOISY = 20.0
 
 STYLE = {
@@ -95,7 +98,7 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure that no scenario declares: file name without extension, title, kind."""
+    """A figure that no scenario declares; `name` is its file name without extension."""
 
     name: str
     title: str
@@ -128,17 +131,17 @@ class Drawing:
 
 
 def is_noisy(values: Array) -> bool:
-    """Return whether a line oscillates."""
+    """Return whether a line is noise, which is drawn thin."""
     return bool(np.abs(np.diff(values)).sum() > NOISY * np.ptp(values))
 
 
 def color_of(cases: Sequence[Case], case: Case | None) -> str:
-    """Return the color of a case, the same in all figures; ink for none."""
+    """Return the color of a case, the same in all figures; the text color for None."""
     return INK if case is None else PALETTE[cases.index(case) % len(PALETTE)]
 
 
 def dashes_of(cases: Sequence[Case], case: Case | None) -> str:
-    """Return the line style of a case: solid, then others where the colors are used up."""
+    """Return the line style of a case: solid, and other styles for cases after all colors are used."""
     return "solid" if case is None else DASHES[cases.index(case) // len(PALETTE) % len(DASHES)]
 
 
@@ -166,7 +169,7 @@ def _canvas(panels: int, across: int, height: float) -> tuple[Canvas, list[Axes]
 def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
     if len(handles) >= least:
         lengths = [len(str(h.get_label())) + LEGEND_HANDLE for h in handles]
-        # one row, or columns as wide as the longest entry
+        # One row, or columns as wide as the longest entry.
         fits = sum(lengths) <= LEGEND_ROOM
         canvas.legend(
             handles=list(handles),
@@ -180,7 +183,7 @@ def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
 def _levels(ax: Axes, panel: Panel) -> None:
     for i, level in enumerate(panel.levels):
         ax.axhline(level.value, color=INK, linewidth=0.9, linestyle=(0, (5, 3)))
-        # On either side in turn: two levels may be close.
+        # Labels alternate between left and right, because two levels may be close.
         is_left = i % 2 == 0
         ax.annotate(
             level.title,
@@ -191,14 +194,14 @@ def _levels(ax: Axes, panel: Panel) -> None:
             textcoords="offset points",
             color=INK,
             fontsize=8.0,
-            # Readable on top of lines, too.
+            # Keeps the label readable on top of lines.
             bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5},
             zorder=4.0,
         )
 
 
 def _lines(panel: Panel) -> list[Line]:
-    """Return the lines of a panel that a picture shows: those of the first seed."""
+    """Return the lines that a picture shows: those of the first seed."""
     first = panel.lines[0].seed if panel.lines else None
     return [line for line in panel.lines if line.kind != "mean" and line.seed in (None, first)]
 
@@ -230,10 +233,10 @@ def _draw_line(
     is_widest: bool,
     key: _Key,
 ) -> None:
-    """Draw a line; its values are in the units shown."""
+    """Draw a line with values in the displayed units."""
     color = color_of(cases, line.case)
     if line.kind == "reference":
-        # In ink where a case has the panel for itself, in its color among others.
+        # In the text color if the panel shows one case, otherwise in the color of the case.
         dashed = RIGHT_DASHES if line.right else (0, (3, 2))
         ax.plot(*decimate(x, y), linewidth=0.9, color=INK if figure.separate else color, linestyle=dashed)
         title = f"{line.title} (right)" if line.right else line.title
@@ -252,7 +255,7 @@ def _draw_line(
 
 
 def _draw_points(ax: Axes, cases: Sequence[Case], line: Line, y: Array, key: _Key) -> None:
-    """Draw points: those of a sweep with their spread, single runs, or the steps of a distribution."""
+    """Draw points of a sweep with their spread, single runs, or the steps of a distribution."""
     color = color_of(cases, line.case)
     if line.apart or line.steps:
         joined: dict[str, Any] = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
@@ -273,7 +276,7 @@ def _draw_points(ax: Axes, cases: Sequence[Case], line: Line, y: Array, key: _Ke
 
 
 def borders(centers: Array, *, log: bool) -> Array:
-    """Return the borders of cells about their centers, which rise: half way between them, by ratio on a log axis."""
+    """Return the borders between cells with rising `centers`: arithmetic means, or geometric means on a log axis."""
     at = np.log10(centers) if log else centers
     if len(at) < 2:
         found = np.array([at[0] - 0.5, at[0] + 0.5])
@@ -284,7 +287,7 @@ def borders(centers: Array, *, log: bool) -> Array:
 
 
 def _draw_cells(ax: Axes, panel: Panel) -> None:
-    """Draw a heat map with the bar of its colors."""
+    """Draw a heat map with its color bar."""
     line, z = panel.lines[0], panel.z or panel.y
     units = [axis.units[0] for axis in (panel.x, panel.y, z)]
     columns = (line.x, line.y, line.y if line.z is None else line.z)
@@ -301,7 +304,7 @@ def _draw_cells(ax: Axes, panel: Panel) -> None:
             if np.isfinite(value):
                 share = (value - low) / (high - low) if high > low else 0.5
                 red, green, blue, _ = colormaps[COLORS](share)
-                # Black or white, whichever is easier to read.
+                # The more readable of black and white, by luminance.
                 color = "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
                 text = tables.significant(float(value), 3)
                 ax.text(across[place[1]], up[place[0]], text, ha="center", va="center", color=color, fontsize=7.0)
@@ -313,15 +316,15 @@ def _draw_cells(ax: Axes, panel: Panel) -> None:
 
 
 class _Decades(LogFormatter):
-    """Numbers of a logarithmic axis, between its decades, too, where there is room for them."""
+    """Numbers of a logarithmic axis, also between its decades where there is room."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """Write a number as the tables do."""
+        """Format a number as in the tables."""
         return tables.scientific(x) if super().__call__(x, pos) else ""
 
 
 NUMBERS = FuncFormatter(lambda value, _: tables.scientific(0.0 if abs(value) < 1e-12 else value))
-"""Numbers of an axis, written as the tables do."""
+"""Numbers of an axis, formatted as in the tables."""
 
 
 def _scale(ax: Axes, panel: Panel) -> None:
@@ -346,7 +349,7 @@ def _draw_panel(
     shown = _lines(panel)
     runs = [line for line in shown if line.kind == "run"]
     beside = None if panel.right is None else _right_axis(ax, textwrap.fill(panel.right.label, letters))
-    # States and switches have no values between.
+    # A panel with whole numbers only (states, switches) needs no ticks between them.
     whole = figure.kind == "time" and not panel.levels
     for line in shown:
         own = panel.right.units[0] if line.right and panel.right is not None else unit
@@ -354,7 +357,7 @@ def _draw_panel(
         if line.marks:
             _draw_points(ax, cases, line, y, key)
             continue
-        # The first line is the widest, so that it shows even where the others lie on it.
+        # The first line is the widest, so it remains visible under the other lines.
         is_widest = figure.kind == "time" and line is runs[0] and len(runs) > 1
         axes = beside if line.right and beside is not None else ax
         _draw_line(axes, cases, figure, line, x, y, is_widest, key)
@@ -373,7 +376,7 @@ def _draw_panel(
             ax.set_xticks(panel.ticks)
     low, high = min(0.0, ax.dataLim.y0), max(0.0, ax.dataLim.y1)
     if panel.y.range is not None:
-        # A share of 0 or 1 is to be seen, too.
+        # Room for points at a share of 0 or 1.
         room = 0.03 if panel.y.range == (0.0, 1.0) else 0.0
         ax.set_ylim(panel.y.range[0] - room, panel.y.range[1] + room)
     elif panel.y.zero and ax.has_data() and low < high:
@@ -394,7 +397,7 @@ def _right_axis(ax: Axes, label: str) -> Axes:
 
 
 def _shape(panel: Panel) -> float:
-    """Return height over width of what a panel shows."""
+    """Return the ratio of height to width of the data in a panel."""
     width, height = (
         np.ptp(values[np.isfinite(values)]) if (values := np.concatenate(columns)).size else 0.0
         for columns in ([line.x for line in panel.lines], [line.y for line in panel.lines])
@@ -405,14 +408,14 @@ def _shape(panel: Panel) -> float:
 def draw(
     cases: Sequence[Case], figure: Figure | Picture, panels: Sequence[Panel], *, is_swept: bool = False
 ) -> Drawing:
-    """Draw a figure, which has at least one panel; those of the points of a sweep are side by side."""
+    """Draw a figure with at least one panel. With `is_swept`, panels of the points of a sweep are side by side."""
     is_of_points = figure.kind in ("sweep", "heat_map", "distribution", "scatter", "xy")
     is_map = all(panel.kind == "map" for panel in panels)
     is_wide = len(panels) > 1 and not is_map if is_of_points else is_swept
     across = 2 if is_wide and figure.kind != "transfer" else 1
     height = 2.7 if is_of_points else 2.9 if len(panels) == 1 else 1.75 if figure.kind in ("time", "transfer") else 2.2
     if is_map:
-        # As high as what it shows, to scale, with its title and abscissa.
+        # High enough for the data at equal scales, plus title and abscissa.
         height = max(1.6, min(4.2, 0.9 + 7.4 * max(_shape(panel) for panel in panels)))
     elif figure.kind == "xy" and across == 1:
         height = 4.2

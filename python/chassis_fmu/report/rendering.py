@@ -1,7 +1,6 @@
-"""Templates of the pages, and the parts that all of them share.
+"""Renders the templates of the pages.
 
-Everything that comes from a scenario or an FMU passes through Jinja's escaping; only the SVG drawn here is inserted
-as it is.
+Jinja escapes all text from scenarios and FMUs; only the SVG pictures of this package are inserted unescaped.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import markupsafe
 
 from . import plots
 
-# The style, which `cargo fmu linearize` uses, too, is in the folder above.
+# The style sheet is in the parent folder, because `cargo fmu linearize` uses it, too.
 HERE = Path(__file__).parent
 
 
@@ -37,7 +36,7 @@ def paragraphs(text: str) -> list[str]:
 
 
 def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
-    """Prepare the picture of a figure for the page, with identifiers of its own."""
+    """Prepare the picture of a figure for the page, with identifiers that are unique in it."""
     name = re.sub(r"[^A-Za-z0-9_-]", "-", drawing.figure.name)
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', drawing.svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
@@ -45,7 +44,7 @@ def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
 
 
 def themed_svg(svg: str, label: str) -> markupsafe.Markup:
-    """Prepare an SVG for the page: colors that follow the theme, size of the page."""
+    """Prepare an SVG for the page: with the colors of the theme, scaled to the width of the page."""
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|\n *", " ", svg[svg.index("<svg") :], flags=re.DOTALL)
     themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
     themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}

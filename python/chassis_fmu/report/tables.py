@@ -1,4 +1,4 @@
-"""Results as text: numbers, units of measure, and the table of ours beside the paper's numbers."""
+"""Results as text: numbers, units of measure, and the table that compares our numbers with the paper's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..files.plan import Plan
 # Numbers below this are shown with a power of ten.
 SMALL = 1e-4
 
-# Changes whose ratio lies between this and its inverse are called similar.
+# Two changes are called similar if their ratio is between this and its inverse.
 SIMILAR = 0.75
 
 
@@ -51,17 +51,17 @@ def number(value: float | None, digits: int | None) -> str:
 
 
 def printed(value: float | None, digits: int | None) -> str:
-    """Format a number of the paper: without `digits`, just as it was written down."""
+    """Format a number from the paper; without `digits`, as in the scenario file."""
     return number(value, digits) if value is None or digits is not None else scientific(value)
 
 
 def scientific(value: float, digits: int = 6) -> str:
-    """Format a number of any size with up to `digits` significant digits, as a power of ten where that is shorter."""
+    """Format a number with up to `digits` significant digits, as a power of ten where that is shorter."""
     return _native.scientific(float(f"{value:.{digits}g}"))
 
 
 def significant(value: float, digits: int) -> str:
-    """Format a number with so many significant digits, zeros at the end too, as the cells of a map are."""
+    """Format a number with exactly `digits` significant digits, including trailing zeros."""
     rounded = float(f"{value:.{digits}g}")
     if rounded == 0.0 or not 1e-4 <= abs(rounded) < 1e7:
         return scientific(rounded)
@@ -69,11 +69,11 @@ def significant(value: float, digits: int) -> str:
 
 
 def _percent_decimals(percent: float) -> int:
-    """Return the number of decimals of a change in percent: one below 100 %, otherwise none."""
+    """Return the number of decimals for a change in percent: one below 100 %, otherwise none."""
     return 1 if abs(percent) < 99.95 else 0
 
 
-# From this change on (percent) the baseline is next to zero, and digits would say nothing.
+# Larger changes (percent) are not stated exactly: the baseline is close to zero.
 FAR = 1_000.0
 
 
@@ -90,7 +90,7 @@ def signed(percent: float | None) -> str:
 
 
 def _minus(text: str) -> str:
-    """Replace the hyphen by a minus sign; a negative zero loses it."""
+    """Replace the hyphen by a minus sign, or remove it from a negative zero."""
     if text.startswith("-") and float(text) == 0.0:
         text = text[1:]
     return text.replace("-", "−")
@@ -102,7 +102,7 @@ def spread(statistic: Statistic | None, digits: int | None, seeds: int = 1) -> s
         return "–"
     text = number(statistic.mean, digits)
     if statistic.deviation:
-        # As many decimals as the mean, which has four significant digits.
+        # The deviation gets as many decimals as the mean, which has four significant digits.
         size = abs(statistic.mean)
         if digits is None and size >= SMALL:
             digits = max(0, 3 - math.floor(math.log10(size)))
@@ -123,12 +123,12 @@ def spread_percent(statistic: Statistic | None) -> str:
 
 
 def pretty_unit(unit: str | None) -> str:
-    """Turn a unit name into typography: rad/s2 becomes rad/s², N.m becomes N·m, 1 and None become nothing."""
+    """Format a unit for display: rad/s2 becomes rad/s², N.m becomes N·m; "" for 1 and None."""
     return _native.unit(unit or "")
 
 
 def with_unit(title: str, unit: str | None) -> str:
-    """Append a unit in parentheses, where there is one."""
+    """Append a unit in parentheses, if there is one."""
     pretty = pretty_unit(unit)
     return f"{title} ({pretty})" if pretty else title
 
@@ -154,10 +154,10 @@ MACHINE: dict[str, Callable[[Row], object]] = {
     "badge": lambda row: row.status and row.status.value,
 }
 HEADER = ("Metric", "Point", "Case", "Paper", "Ours", "Change, paper", "Change, ours", "Badge")
-# The columns from here on are aligned to the right.
+# The first right-aligned column.
 FIRST_NUMBER = HEADER.index("Paper")
 
-# What the dash of a change means.
+# Note below a table that contains a dash for a change.
 NEGLIGIBLE = "A dash instead of a change: the baseline is negligible compared with the other values of the metric."
 
 
@@ -201,7 +201,7 @@ def console(plan: Plan, cells: Sequence[Row]) -> str:
 def text(header: Sequence[str], rows: Sequence[Sequence[str]], left: int, style: str) -> str:
     """Return the table in a style of tabulate, its first columns aligned to the left."""
     align = ["left" if i < left else "right" for i in range(len(header))]
-    # The cells are formatted already: tabulate must not parse them as numbers.
+    # The cells are already formatted; tabulate must not parse them as numbers.
     text = tabulate(rows, header, style, colalign=align, headersalign=align, disable_numparse=True)
     return "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
 
@@ -211,7 +211,7 @@ def _notes(cells: Sequence[Row]) -> str:
 
 
 def machine(cells: Sequence[Row]) -> str:
-    """Return the table as CSV with all digits, empty where there is no value."""
+    """Return the table as CSV with all digits; missing values are empty."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(MACHINE)

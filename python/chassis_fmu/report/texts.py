@@ -1,4 +1,4 @@
-"""Claims, explanations and captions: their numbers come from the results, with the unit of the metric."""
+"""Fills the numbers from the results, with units, into claims, explanations and captions."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ NONE = "–"
 
 
 def fill(text: Sequence[Part], numbers: Numbers) -> str:
-    """Return a text with its numbers."""
+    """Return a text with its numbers filled in."""
     return " ".join("".join(p if isinstance(p, str) else number(p, numbers) for p in text).split())
 
 
 def number(item: Number, numbers: Numbers) -> str:
-    """Return a number of a text; of several cells the smallest and the largest."""
+    """Format a number in a text; several cells give the range from the smallest to the largest."""
     metric = numbers.plan.metrics[item.metric]
     if item.format == "threshold":
         return tables.scientific(metric.threshold) if metric.threshold is not None else NONE
@@ -100,7 +100,7 @@ def _single(form: str, cell: Cell, against: Cell | None, numbers: Numbers) -> fl
 
 
 def check(item: Check, numbers: Numbers) -> str:
-    """Describe a check, with the numbers that it compares."""
+    """Describe a check and the numbers that it compares."""
     metric = numbers.metric(item.cell)
     unit = metric.unit
     plan = numbers.plan
@@ -154,7 +154,7 @@ def check(item: Check, numbers: Numbers) -> str:
 def definition(metric: Metric, plan: Plan) -> str:
     """Describe the computation of a number: signals, window, formula and number of rows."""
     if metric.value is not None:
-        return f"{metric.value}, of the numbers of the same run"
+        return f"{metric.value}, computed from the metrics of the same run"
     names = ", ".join(plan.columns[index].name for index in metric.columns)
     combined = {"min": "the smallest", "max": "the largest", "norm": "the root of the sum of the squares"}
     if metric.combine == "squares":
@@ -167,7 +167,7 @@ def definition(metric: Metric, plan: Plan) -> str:
     if metric.minus is not None:
         parts.append(f"minus {plan.columns[metric.minus].name}")
     if metric.from_baseline:
-        parts.append("minus the same signal of the baseline's run")
+        parts.append("minus the same signal in the baseline's run")
     unit = tables.pretty_unit(metric.unit)
     if (metric.factor, metric.offset) != (1.0, 0.0):
         shift = f" and plus {tables.scientific(metric.offset)}" if metric.offset else ""
@@ -190,5 +190,5 @@ def definition(metric: Metric, plan: Plan) -> str:
 
 
 def checks(items: Sequence[Check], numbers: Numbers) -> list[tuple[Status, str]]:
-    """Return badge and words of each check."""
+    """Return badge and description of each check."""
     return [(numbers.status(item), check(item, numbers)) for item in items]
