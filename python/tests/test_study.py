@@ -846,8 +846,8 @@ def test_a_folder_that_a_string_names_is_a_warning(
         study += vary("road", "f:file", f'values = ["tables", ".", "{"long" * 100}"]')
     what = "`file` of `f`" if place == "parameter" else "a value of `road`"
     expected = (
-        f"{what} names the folder tables: `--resume` ignores changes of its files, and other machines do not get them; "
-        "use Strings that name files"
+        f"{what} names the folder tables: `--resume` does not detect changes in its files, and they are not sent "
+        "to other machines; use Strings that name files"
     )
     assert job(tmp_path, study, scenario).warnings() == [expected]
     assert run(tmp_path, write(tmp_path, study, scenario)) == 0
@@ -859,5 +859,5 @@ def test_a_file_with_an_absolute_path_does_not_travel(tmp_path: Path) -> None:
     data = tmp_path / "road.csv"
     data.write_text("first")
     scenario = SCENARIO.replace("c = 3.0 }", f'c = 3.0, file = "{data}" }}')
-    with pytest.raises(StudyError, match="an absolute path is another file on other machines"):
+    with pytest.raises(StudyError, match="an absolute path does not exist on other machines"):
         bundle.archive(job(tmp_path, SAMPLE + TWO, scenario))

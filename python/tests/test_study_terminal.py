@@ -47,7 +47,7 @@ def test_metrics_without_a_number_are_counted(tmp_path: Path, capsys: pytest.Cap
     study = write(tmp_path, 'method = "sweep"\n' + vary("p", "f:a", "values = [0.1, 0.2, 0.9]"), SCENARIO + undefined)
     assert study_system.carry_out([str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]) == 0
     # Two of the three values, in both cases.
-    assert "Inverse: not defined in 4 of 6 runs, which keep no requirement of it\n" in capsys.readouterr().out
+    assert "Inverse: undefined in 4 of 6 runs, which fail all its requirements\n" in capsys.readouterr().out
 
 
 def test_sensitivities_have_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

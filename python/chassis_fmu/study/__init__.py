@@ -1,6 +1,6 @@
-"""Studies: a scenario with values that vary, many runs of it, and what they tell.
+"""Studies: many runs of a scenario with varying values, and their evaluation.
 
-`file` reads a study, `factors` are what varies, `design` chooses the values of all samples, `job` puts both together
-with the scenario, `engines` and `cluster` execute it, `journal` keeps every row, `table` makes tables of them,
-`statistics`, `charts` and `report` say what they mean, `app` is the command.
+`file` reads a study, `factors` describes the varied values, `design` chooses the values of all samples, `job` combines
+them with the scenario, `engines` and `cluster` execute the runs, `journal` stores their rows, `table` writes them as
+tables, `statistics`, `charts` and `report` evaluate them, and `app` is the command.
 """

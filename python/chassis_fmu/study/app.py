@@ -28,28 +28,28 @@ from .file import StudyError
 from .job import Done, Job
 from .statistics import Numbers
 
-# What a call means that could not do its work; 1 is a requirement that is not met.
+# Exit code of a failed call; 1 means that a requirement is not met.
 UNABLE = 2
 
-# Without `[series]`, the page shows the signals of so many worst runs of each case and point, if these runs took no
-# longer than this, s.
+# Without `[series]`, the page shows the signals of the WORST worst runs of each case and point, if executing them again
+# takes at most CHEAP seconds.
 WORST = 3
 CHEAP = 10.0
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What `chassis study` asks for; `chassis study --help` explains it."""
+    """A request from `chassis study`, whose help explains the options."""
 
     study: Path
     fmus: list[Path]
     out: Path
     command: str
-    """The command that gives the same results."""
+    """The command that repeats the study."""
     jobs: int
     timeout: float
     runs: int | None = None
     dask: str | None = None
-    """The address of a scheduler; an empty one for a scheduler on this machine."""
+    """Address of the scheduler; empty for a scheduler on this machine."""
     shard: Shard | None = None
     merge: bool = False
     no_page: bool = False
@@ -67,7 +67,7 @@ def _engine(request: Request, job: Job) -> tuple[Engine, str]:
         return Local(job, jobs, request.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"
     from .cluster import Dask
 
-    where = f"at {request.dask}" if request.dask else "of this machine"
+    where = f"at {request.dask}" if request.dask else "on this machine"
     return Dask(job, request.dask or None, jobs, request.timeout), f"Dask, scheduler {where}"
 
 
@@ -81,7 +81,7 @@ def _total(job: Job, shard: Shard) -> int:
 
 
 class _Bar(execute.Progress):
-    """A progress bar. Rows that are there already count, but not for the rate."""
+    """A progress bar. Existing rows count as progress, but not for the rate."""
 
     def __init__(self, bar: Any) -> None:
         self._bar = bar
@@ -104,7 +104,7 @@ class _Bar(execute.Progress):
 
 
 def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
-    """Return samples and cells whose signals are recorded: those of `[series]`, or the worst ones if they are cheap."""
+    """Return samples and cells whose signals to record: those in `[series]`, or the worst ones if they are fast."""
     series = job.study.series or file.Series(worst=WORST)
     metric = report.series_metric(numbers)
     found = []
@@ -120,7 +120,7 @@ def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
 
 
 def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[Recorded, list[str]]:
-    """Record runs with an engine, and write those that `[series]` asks for as Parquet files."""
+    """Record the chosen runs with an engine; writes them as Parquet files if the study has `[series]`."""
     target = folder / "series"
     for old in target.glob("*.parquet"):
         old.unlink()
@@ -132,7 +132,7 @@ def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[R
         run = job.cells[cell]
         if isinstance(found, str):
             raise StudyError(
-                f"sample {number}, {run.case}, has metrics, but failed when its signals were recorded: {found}"
+                f"sample {number}, {run.case}: the first execution succeeded, but recording its signals failed: {found}"
             )
         times, columns = found
         recorded[number, cell] = found
@@ -159,7 +159,7 @@ def _run(request: Request) -> int:
     folder = Folder(request.out / job.name)
     shard = request.shard or WHOLE
     if (request.merge or shard != WHOLE) and job.study.is_adaptive:
-        raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
+        raise StudyError(f"method {job.study.method} does not support shards: its samples depend on earlier runs")
     with folder.locked(WHOLE if request.merge else shard):
         return _write(request, job, folder, shard)
 
@@ -176,7 +176,7 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
             with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
                 result = execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
         if shard != WHOLE:
-            print(f"{folder.journal(shard)}\n`{request.command} --merge` makes the tables when all parts are done")
+            print(f"{folder.journal(shard)}\nwhen all shards are done, `{request.command} --merge` makes the tables")
             return 0
         design.write(table.runs(job, result.values, result.rows), folder.runs)
         design.write(table.timing(job, result.rows), folder.timing)
@@ -198,7 +198,7 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
 
 
 def carry_out(request: Request) -> int:
-    """Carry a study out; returns the exit code."""
+    """Run a study; returns the exit code."""
     try:
         return _run(request)
     except (StudyError, ScenarioError, RunError, results.ResultsError, OSError, pa.ArrowException) as error:
@@ -208,12 +208,12 @@ def carry_out(request: Request) -> int:
         print("interrupted; --resume continues", file=sys.stderr)
         return 130
     except Exception:
-        # A mistake of this program. Python's own exit code would mean that a requirement is not met.
+        # A bug. Python's default exit code, 1, would mean that a requirement is not met.
         traceback.print_exc()
-        print("error: this is a mistake of the program, please report it; existing rows are kept", file=sys.stderr)
+        print("error: this is a bug in chassis-fmu, please report it; existing rows are kept", file=sys.stderr)
         return UNABLE
 
 
 def main() -> int:
-    """Carry out the request on the standard input; returns the exit code."""
+    """Execute the request on the standard input; returns the exit code."""
     return carry_out(msgspec.json.decode(sys.stdin.buffer.read(), type=Request, dec_hook=shell.path))

@@ -1,7 +1,7 @@
-"""What the workers of a Dask cluster need: scenario and FMUs, as one archive that is named by its content.
+"""Sends scenario and FMUs to the workers of a Dask cluster, as one archive that is named by its hash.
 
-It is a plugin of the workers: Dask gives it to each of them once, also to those that come later, and every study with
-the same content uses it, until the scheduler ends.
+The archive is a worker plugin, so Dask sends it to each worker once, including workers that join later. Studies with
+the same content reuse it until the scheduler ends.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ else:
 
 
 def archive(job: Job) -> bytes:
-    """Return scenario, the files that it names, and FMUs as an archive, the same bytes for the same content."""
+    """Return an archive of the scenario, the files that it names, and the FMUs. Same content, same bytes."""
     source = job.sources[0]
     files = {f"fmus/{path.name}": path for path in job.fmu_files()}
     top = source.file.parent
     texts = scenario_files(source.file)
     for path in (*texts, *_data_files(job, texts)):
-        # Beside each other as they are here, also those in folders above.
+        # Files keep their relative positions, including files in parent folders.
         files[(Path("scenario") / _relative(path, top)).as_posix()] = path
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as file:
@@ -49,32 +49,32 @@ def archive(job: Job) -> bytes:
 
 
 def _data_files(job: Job, texts: Sequence[Path]) -> list[Path]:
-    """Return the files that FMUs read; raises StudyError for one that other machines would not find."""
+    """Return the files that FMUs read; raises StudyError for an absolute path, which other machines would not find."""
     found = job.data_files()
     written = [path.read_text(encoding="utf-8", errors="replace") for path in texts]
     written += [str(level) for factor in job.study.vary for level in factor.levels or ()]
     for path in found:
         if any(str(path) in text for text in written):
             raise StudyError(
-                f"{path}: an absolute path is another file on other machines; write it relative to the scenario, "
-                "and put the file beside it"
+                f"{path}: an absolute path does not exist on other machines; put the file beside the scenario and "
+                "make the path relative to it"
             )
     return found
 
 
-# Folders above that of the scenario, as far as a name may lead.
+# Number of levels above the scenario's folder that a path can reach.
 DEPTH = 4
 
 
 def _relative(path: Path, top: Path) -> Path:
-    """Return where a file lies in a bundle: the scenario's own folder is so many levels deep, so that `../` works."""
-    # An archive drops `..` where it is unpacked.
+    """Return the path of a file in a bundle. The scenario's folder is DEPTH levels deep there, so `../` works."""
+    # zipfile drops `..` when it extracts a file.
     path = Path(os.path.normpath(path))
     tops = [top, *top.parents][: DEPTH + 1]
     for up, folder in enumerate(tops):
         if path.is_relative_to(folder):
             return Path(*(f"l{i}" for i in range(DEPTH - up))) / path.relative_to(folder)
-    raise StudyError(f"{path} is too far from the scenario to be sent to other machines; put it beside the scenario")
+    raise StudyError(f"{path} is more than {DEPTH} folders above the scenario; put it beside the scenario")
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def scenario_files(file: Path) -> list[Path]:
-    """Return a scenario file and those that it names: included ones and parameter sets."""
+    """Return a scenario file and the files that it includes, and their parameter sets."""
     found = [file]
     table = _load(file)
     tables = [table]
@@ -98,7 +98,7 @@ def scenario_files(file: Path) -> list[Path]:
 
 
 class _Opened:
-    """Bundles and scenarios that a process of a worker has opened. Every thread has scenarios of its own."""
+    """The bundles and scenarios that a worker process has opened. Each thread has its own scenarios."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -124,7 +124,7 @@ class _Opened:
         if known is not None:
             return known
         if folder is None:
-            raise RuntimeError("scenario and FMUs did not arrive; the log of the worker says why")
+            raise RuntimeError("this worker did not receive scenario and FMUs; its log contains the reason")
         deep = folder.joinpath("scenario", *(f"l{i}" for i in range(DEPTH)))
         here = replace(source, file=deep / source.file.name, folders=(folder / "fmus",))
         scenario = here.open()
@@ -138,9 +138,9 @@ opened = _Opened()
 
 
 class Bundle(distributed.WorkerPlugin):
-    """Scenario and FMUs on their way to the workers."""
+    """The worker plugin that unpacks scenario and FMUs."""
 
-    # A scheduler that has a plugin of this name keeps it.
+    # A scheduler ignores a second plugin with the same name.
     idempotent = True
 
     def __init__(self, content: bytes) -> None:
@@ -150,11 +150,11 @@ class Bundle(distributed.WorkerPlugin):
 
     @classmethod
     def of(cls, job: Job) -> Bundle:
-        """Pack scenario and FMUs of a study."""
+        """Pack the scenario and the FMUs of a study."""
         return cls(archive(job))
 
     def setup(self, worker: Any) -> None:  # noqa: ARG002, a method of plugins
         """Unpack the archive, in a worker."""
         opened.unpack(self.key, self.content)
-        # The folder has it.
+        # Frees memory: the content has been unpacked.
         self.content = b""

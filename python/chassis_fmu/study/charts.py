@@ -20,7 +20,7 @@ from .statistics import Numbers
 
 Array = NDArray[np.floating[Any]]
 
-# Points of a scatter plot and steps of a distribution that a page contains; more would only lie on each other.
+# Maximum number of points in a scatter plot and of steps in a distribution; more would only overlap.
 MOST_POINTS = 400
 MOST_STEPS = 400
 BINS = 30
@@ -28,7 +28,7 @@ BINS = 30
 
 @dataclass(frozen=True)
 class Group:
-    """The samples of a cell with the same FMUs, which have a color of their own."""
+    """The samples of a cell with the same FMUs; each group has its own color."""
 
     cell: int
     point: str | None
@@ -37,12 +37,12 @@ class Group:
     rows: NDArray[np.bool_]
 
     def of(self, values: Array) -> Array:
-        """Return the values of its samples; NaN for the others."""
+        """Return the values of the group's samples; NaN for all others."""
         return np.where(self.rows, values, math.nan)
 
 
 def groups(numbers: Numbers) -> Iterator[Group]:
-    """Return all groups; their cases are the plan's, or one for each choice of FMUs in a case."""
+    """Return all groups: one for each case, or for each choice of FMUs in a case."""
     job = numbers.job
     named = {case.name: case for case in job.plan.cases}
     fmus = [values for factor, values in zip(job.study.vary, numbers.values, strict=True) if factor.fmu is not None]
@@ -57,7 +57,7 @@ def groups(numbers: Numbers) -> Iterator[Group]:
 
 
 def cases(numbers: Numbers) -> list[Case]:
-    """Return the cases of all groups."""
+    """Return the figure cases of all groups, each once."""
     return list({group.case.name: group.case for group in groups(numbers)}.values())
 
 
@@ -70,7 +70,7 @@ def _groups_at(numbers: Numbers, point: str | None) -> list[Group]:
 
 
 def distributions(numbers: Numbers, index: int) -> list[Panel]:
-    """Return the cumulative distribution and histogram of a metric, at each point, with the limits it has to keep."""
+    """Return the cumulative distribution and histogram of a metric at each point, with its required limits."""
     job = numbers.job
     metric = job.plan.metrics[index]
     limits = [
@@ -85,7 +85,7 @@ def distributions(numbers: Numbers, index: int) -> list[Panel]:
 
 
 def changes(numbers: Numbers, requirement: Limits) -> list[Panel]:
-    """Return the distribution of the change of a metric against the baseline, with the limits it has to keep."""
+    """Return the distribution of a metric's change against the baseline, with its required limits."""
     job = numbers.job
     title = f"{job.plan.metrics[requirement.metric].title}, change against the baseline"
     values = {i: numbers.changes(requirement, i) for i, run in enumerate(job.cells) if run.case in requirement.cases}
@@ -108,7 +108,7 @@ def _distributions(
         for group, v in zip(shown, known, strict=True):
             if not v.size:
                 continue
-            # Runs that failed have no number: the curve ends below 1.
+            # The shares include failed runs, which have no number, so the curve can end below 1.
             case, count = group.case, int(group.rows.sum())
             cumulative.append(Line("run", case.title, *_steps(v, count), case))
             histogram.append(Line("run", case.title, *_outline(v, edges), case))
@@ -121,7 +121,7 @@ def _distributions(
                 for limit in dict.fromkeys(limits)
             ]
             y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0) if name == "cumulative" else None)
-            what = "share of the runs up to a value" if name == "cumulative" else "histogram"
+            what = "cumulative distribution" if name == "cumulative" else "histogram"
             found.append(Panel(f"{title}: {what}", note, x, y, (*panel_lines, *marked), kind="curve"))
     return found
 
@@ -155,7 +155,7 @@ def _outline(values: Array, edges: Array) -> tuple[Array, Array]:
 
 
 def over_factors(numbers: Numbers, index: int) -> list[Panel]:
-    """Return a metric over each factor: a point for each sample, or means where the factor has levels."""
+    """Return a metric over each factor: a point for each sample, or the mean at each level of a factor."""
     factors = [i for i in range(len(numbers.job.study.vary)) if _is_number(numbers, i)]
     return [panel for at in factors for panel in _over_factor(numbers, index, at, means=True)]
 
@@ -180,9 +180,9 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
 
 
 def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
-    """Return heat maps of a metric over each two factors with levels: means over the other factors.
+    """Return heat maps of a metric over each pair of factors with levels: means over the other factors.
 
-    Full factorial designs only: in others, the levels of one factor may go with those of another.
+    Only for full factorial designs: in other designs, the levels of different factors may be correlated.
     """
     job = numbers.job
     if job.study.method != "sweep" or job.study.chosen_design != "full_factorial":
@@ -212,7 +212,7 @@ def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
 
 
 def matrix(numbers: Numbers, shown: Sequence[int]) -> list[Panel]:
-    """Return the scatter matrix: every pair of some factors and metrics, a point for each sample."""
+    """Return the scatter matrix of factors and metrics, with a point for each sample."""
     job = numbers.job
     factors = [i for i in range(len(job.study.vary)) if _is_number(numbers, i)]
     pairs = list(itertools.combinations(factors, 2))
@@ -238,7 +238,7 @@ def _factor_axis(numbers: Numbers, factor: int) -> Axis:
 
 
 def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
-    """Return one factor over another, and which samples failed in which case."""
+    """Return one factor over another, with the failed samples of each case marked."""
     job = numbers.job
     x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
     failed: dict[str, NDArray[np.bool_]] = {}
@@ -267,7 +267,7 @@ def _cloud(x: Array, y: Array, case: Case | None, *, title: str | None = None) -
 
 
 def _means(of: Array, values: Array, case: Case) -> Line | None:
-    """Return the mean at each level of a factor."""
+    """Return the line of the means at each level of a factor."""
     known = np.isfinite(values)
     if not known.any():
         return None
@@ -276,7 +276,7 @@ def _means(of: Array, values: Array, case: Case) -> Line | None:
 
 
 def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
-    """Return one metric over another, with the Pareto front of all samples: none is better in both."""
+    """Return one metric over another, with the Pareto front: the samples that no other sample beats in both."""
     job = numbers.job
     across, up = (job.plan.metrics[i] for i in (first, second))
     signs = [_better(numbers, i) for i in (first, second)]
@@ -301,15 +301,15 @@ def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
 
 
 def _better(numbers: Numbers, index: int) -> float:
-    """Return -1 if a metric is better the larger it is, as its requirement says, else 1."""
+    """Return -1 if larger values of a metric are better, according to its requirement, otherwise 1."""
     limits = next((r for r in numbers.job.requirements if r.metric == index), None)
     return -1.0 if limits is not None and limits.max is None else 1.0
 
 
 def pareto(points: Array, signs: Sequence[float]) -> Array:
-    """Return those of some points (rows) than which none is better in both coordinates, by the first one.
+    """Return the Pareto-optimal points (rows), sorted by the first coordinate.
 
-    `signs` are 1 where less is better, -1 where more is.
+    `signs` are 1 where smaller is better, -1 where larger is better.
     """
     costs = points * np.array(signs)
     order = np.lexsort((costs[:, 1], costs[:, 0]))
@@ -326,11 +326,11 @@ History: TypeAlias = tuple[Array, Sequence[Array | None]]
 """Times and columns of a run."""
 
 Recorded: TypeAlias = Mapping[tuple[int, int], History]
-"""Runs by number of the sample and index of the cell."""
+"""Recorded runs, by sample number and cell index."""
 
 
 def history_cases(numbers: Numbers, recorded: Recorded) -> dict[tuple[int, int], Case]:
-    """Return a case for each recorded run, by case and number: its title has the values of the factors."""
+    """Return a figure case for each recorded run, by case and sample number; its title contains the factor values."""
     found = {}
     for number, cell in sorted(recorded, key=lambda key: (key[1], key[0])):
         shown = [at for at, factor in enumerate(numbers.job.study.vary) if factor.distribution != "seed"]
@@ -341,7 +341,7 @@ def history_cases(numbers: Numbers, recorded: Recorded) -> dict[tuple[int, int],
 
 
 def _setting(numbers: Numbers, factor: int, number: int) -> str:
-    """Write the value of a factor in a sample."""
+    """Format the value of a factor in a sample."""
     of, value = numbers.job.study.vary[factor], numbers.values[factor][number]
     if of.fmu is not None:
         return str(value)
@@ -353,7 +353,7 @@ def _setting(numbers: Numbers, factor: int, number: int) -> str:
 def histories(
     numbers: Numbers, columns: Sequence[int], recorded: Recorded, of_runs: Mapping[tuple[int, int], Case]
 ) -> Iterator[Panel]:
-    """Return the signals of some runs over time."""
+    """Return the panels of the recorded signals over time."""
     plan = numbers.job.plan
     for index in columns:
         column = plan.columns[index]

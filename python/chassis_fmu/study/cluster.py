@@ -1,15 +1,14 @@
 """The engine for a Dask cluster: one machine, several over SSH, SLURM, Kubernetes.
 
-A worker gets scenario and FMUs once, as one bundle that is named by its content (`bundle.py`). Every thread of a worker
-has a process that executes the FMUs. Tasks are batches of about a second, so that the scheduler costs little. What can
-go wrong:
+A worker receives scenario and FMUs once, as one bundle (`bundle.py`). Every thread of a worker has a process that
+executes the FMUs. Tasks are batches of about a second, which keeps the load on the scheduler low. Failures:
 
-- A worker is lost: Dask gives its batches to others.
-- A batch whose workers end again and again (`KilledWorker`) is halved until a single run is left; its rows have the
-  status `crashed`, and the study goes on.
-- The scheduler is lost: existing rows are kept, and the rest is submitted again when it is back.
-- Workers have no package, another version of it, or raise an exception: the study ends and says so, for no number of
-  repetitions would help. The rows stay for `--resume`.
+- A worker is lost: Dask gives its batches to other workers.
+- A batch ends its workers repeatedly (`KilledWorker`): it is halved until one sample is left. The rows of this sample
+  get the status `crashed`, and the study continues.
+- The scheduler is lost: existing rows are kept, and the other samples are submitted again when it is back.
+- Workers do not have the package, have another version, or raise an exception: the study ends with an error, because
+  repeating would not help. `--resume` uses the existing rows.
 """
 
 from __future__ import annotations
@@ -32,50 +31,50 @@ from .engines import Take
 from .file import StudyError, needed
 from .job import Done, Job, Source, Task
 
-# A batch takes about so long, s, and has at most so many tasks.
+# Intended duration of a batch (s), and its largest number of tasks.
 BATCH = 1.0
 LARGEST = 2000
 
-# Batches that wait for each thread of the cluster.
+# Number of batches submitted per thread of the cluster.
 AHEAD = 3
 
-# How long a scheduler that is lost may take to come back, s.
+# Longest wait for a lost scheduler to come back, s.
 PATIENCE = 300.0
 
-# A cluster without workers is reported after so long, s.
+# Time after which a cluster without workers is reported, s.
 NOTICE = 15.0
 
-# Scheduler and workers of this machine do not watch themselves, which takes 3 % of a processor for client, scheduler
-# and one worker: there is no dashboard that would show it.
+# On this machine, scheduler and workers do not monitor themselves. It would take 3 % of a processor for client,
+# scheduler and one worker, and there is no dashboard to show the result.
 QUIET = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.worker.profile.enabled": False,
 }
 
-# How often a batch that raises an exception is tried again, on any worker.
+# Number of times that a batch is tried again, on any worker, after an exception.
 RETRIES = 2
 
-LOST = "the Dask worker that executed it ended each time; its memory may not suffice (the log of the worker says more)"
+LOST = "the Dask worker that executed it ended each time, perhaps for lack of memory; see the log of the worker"
 
 
 def _advice(what: str, error: BaseException, here: str) -> str:
-    """Say what went wrong at a worker or the scheduler, and what to do."""
+    """Describe an error at a worker or the scheduler, and the remedy."""
     kind = type(error).__name__
     version = sys.version.partition(" ")[0]
     return (
-        f"{what}: {kind}: {error}\nScheduler and workers need chassis_fmu {here}, as this client with Python "
-        f"{version}: install the same wheel on all machines, or start them from the same .venv; --resume continues"
+        f"{what}: {kind}: {error}\nScheduler and workers need chassis_fmu {here} and Python {version}, like this "
+        "client: install the same wheel on all machines, or start them from the same .venv; --resume continues"
     )
 
 
 class OtherVersionError(Exception):
-    """A worker whose package differs from that of the client."""
+    """The package on a worker differs from the client's."""
 
 
 @functools.cache
 def identity() -> str:
-    """Return version and hash of the Python sources of this package: rows are the same only if they are."""
+    """Return the version of this package and the hash of its Python sources, which must agree for equal results."""
     content = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
         content.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
@@ -84,7 +83,7 @@ def identity() -> str:
 
 @dataclass(frozen=True)
 class Work:
-    """What the runs of a batch have in common."""
+    """The data that all runs of a batch share."""
 
     identity: str
     key: str
@@ -102,7 +101,7 @@ class Work:
 
 
 def run_batch(work: Work, samples: Sequence[Sample]) -> tuple[list[Outcome], float]:
-    """Execute samples in a worker; returns the outcomes and the time it took, s."""
+    """Execute samples in a worker; returns the outcomes and the elapsed time, s."""
     began = time.perf_counter()
     scenario = work.scenario()
     found: list[Outcome] = []
@@ -121,7 +120,7 @@ def record_run(work: Work, values: tuple[tuple[str, Value], ...], run: int) -> R
 
 
 class Dask:
-    """A Dask cluster: that of a scheduler, or one of this machine."""
+    """A Dask cluster, with a given scheduler or on this machine."""
 
     def __init__(self, job: Job, address: str | None, jobs: int, timeout: float) -> None:
         needed("--dask", "distributed")
@@ -147,15 +146,15 @@ class Dask:
             raise StudyError(f"no Dask scheduler at {address}: {error}") from error
 
     def execute(self, tasks: Sequence[Task], take: Take) -> None:
-        """Execute the tasks, in batches that become as long as they should."""
+        """Execute the tasks, in batches whose size adapts to the intended duration."""
         missing = {task.number: task for task in tasks}
 
         def kept(done: Done) -> None:
             try:
                 take(done)
             except OSError as error:
-                # A full disk here, not a lost scheduler.
-                raise StudyError(f"cannot keep a row: {error}") from error
+                # An error of this machine, such as a full disk; the scheduler is not lost.
+                raise StudyError(f"cannot write a row to the journal: {error}") from error
 
         def turn() -> None:
             for batch in self._submit(missing, kept):
@@ -164,7 +163,7 @@ class Dask:
         self._repeat(turn)
 
     def record(self, runs: Sequence[tuple[Task, int]]) -> list[Recorded | str]:
-        """Execute a run of each task again, in workers."""
+        """Execute a run of each task again, in the workers."""
         found: list[Recorded | str] = []
 
         def turn() -> None:
@@ -177,22 +176,22 @@ class Dask:
         return found
 
     def _repeat(self, turn: Callable[[], None]) -> None:
-        """Do something with the cluster, again if the scheduler is lost meanwhile."""
+        """Call `turn`, and call it again after reconnecting if the scheduler is lost."""
         while True:
             try:
                 return turn()
-            # A client without scheduler raises OSError, or RuntimeError when it has noticed; a future, CancelledError.
-            # Workers have already turned their errors into a StudyError.
+            # Without a scheduler, a client raises OSError or RuntimeError, and a future raises CancelledError. Errors
+            # from workers are already a StudyError.
             except (OSError, RuntimeError, concurrent.futures.CancelledError) as error:
                 cause = str(error) or type(error).__name__
                 if self._cluster is not None:
                     raise StudyError(
-                        f"the Dask scheduler of this machine ended ({cause}); --resume continues"
+                        f"the Dask scheduler on this machine ended ({cause}); --resume continues"
                     ) from error
                 self._reconnect(cause)
 
     def _share(self) -> None:
-        """Wait for workers, compare their versions, and send them scenario and FMUs, unless they have them."""
+        """Wait for workers, compare their versions, and send scenario and FMUs to workers that do not have them."""
         began = time.monotonic()
         told = False
         while not self._client.nthreads():
@@ -208,7 +207,7 @@ class Dask:
         found = self._client.run(identity, on_error="return")
         for worker, answer in sorted(found.items()):
             if isinstance(answer, OSError):
-                # It left meanwhile.
+                # The worker has left the cluster in the meantime.
                 continue
             if isinstance(answer, BaseException):
                 raise StudyError(_advice(f"the Dask worker {worker} cannot load this package", answer, here))
@@ -223,10 +222,10 @@ class Dask:
         return Work(identity(), self._bundle.key, source, variant, self._timeout)
 
     def _result(self, future: Any, *, suspicious: bool = False) -> Any:
-        """Return the result of a future; None if it is `suspicious` that its workers ended and they did."""
+        """Return the result of a future. With `suspicious`, returns None if its workers ended repeatedly."""
         if future.cancelled():
             raise RuntimeError("it has lost a batch")
-        # Not `result`: what a worker raises must not be taken for an error of this client.
+        # `result` would raise the worker's exception here, as if the client had failed.
         error = future.exception()
         if error is None:
             return future.result()
@@ -235,7 +234,7 @@ class Dask:
         raise StudyError(_advice("a Dask worker could not execute a batch", error, identity())) from error
 
     def _submit(self, missing: dict[int, Task], take: Take) -> list[list[Task]]:
-        """Execute what is missing; returns the batches whose workers ended."""
+        """Execute the missing tasks; returns the batches whose workers ended."""
         self._share()
         waiting = deque(sorted(missing.values(), key=lambda task: (task.variant, task.number)))
         size, threads = 1, max(1, sum(self._client.nthreads().values()))
@@ -261,7 +260,7 @@ class Dask:
                 suspects.append(batch)
             else:
                 seconds = self._take(batch, found, missing, take)
-                # As many tasks as fill the time of a batch, but no jump by more than four.
+                # As many tasks as take the intended time, but at most four times as many as before.
                 size = max(1, min(LARGEST, 4 * size, round(BATCH * len(batch) / max(seconds, 1e-3))))
             threads = max(1, sum(self._client.nthreads().values()))
             while waiting and len(pending) < AHEAD * threads:
@@ -269,7 +268,7 @@ class Dask:
         return suspects
 
     def _find(self, batch: list[Task], missing: dict[int, Task], take: Take) -> None:
-        """Execute a batch whose workers ended, with nothing beside it, and find the run that ends them."""
+        """Execute a batch whose workers ended, without other batches, and find the sample that ends the workers."""
         self._share()
         found = self._result(self._begin(batch), suspicious=True)
         if found is not None:
@@ -299,7 +298,7 @@ class Dask:
         return seconds
 
     def _reconnect(self, cause: str) -> None:
-        """Wait for a scheduler that is gone."""
+        """Wait for a lost scheduler, and connect to it again."""
         print(f"the Dask scheduler is lost ({cause}); waiting for it", file=sys.stderr)
         with contextlib.suppress(Exception):
             self._client.close(timeout=1)
@@ -317,7 +316,7 @@ class Dask:
                 return
 
     def close(self) -> None:
-        """Leave the cluster, and end it if it is one of this machine."""
+        """Disconnect from the cluster; ends a cluster on this machine."""
         self._client.close(timeout=5)
         if self._cluster is not None:
             self._cluster.close()

@@ -1,8 +1,8 @@
 """Designs: the values of all samples of a study, chosen before the first run.
 
-A design is a table with a row for each sample and a column for each factor. It depends on the study alone, to the bit:
-on its seed and number of samples, not on machine, engine or order. It is sampled once and written as `design.parquet`,
-which every engine, `--resume`, every shard and `merge` read.
+A design is a table with a row for each sample and a column for each factor. It depends only on the study, including its
+seed and number of samples, and is bit-identical for every machine, engine and execution order. It is sampled once and
+written as `design.parquet`, which all engines, `--resume`, shards and `merge` read.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ Array = NDArray[np.float64]
 
 
 def shares(study: Study) -> Array:
-    """Return the shares of the distributions, a row for each sample and a column for each factor.
+    """Return the shares (arguments of the inverse distribution functions), a row per sample and a column per factor.
 
-    In samples every choice of FMUs gets the same values of all other factors, so choices are compared in pairs. Weights
-    make the choice of an FMU random instead.
+    With method "sample", every choice of FMUs gets the same values of all other factors, so choices can be compared in
+    pairs. With weights, the choice of an FMU is random instead.
     """
     if study.method == "sensitivity":
         return sensitivity(study)
@@ -50,17 +50,17 @@ def shares(study: Study) -> Array:
 
 
 def samples(study: Study, factors: int) -> Array:
-    """Return shares of some factors that vary at random."""
+    """Return random or low-discrepancy shares for the given number of factors."""
     count = study.runs or SAMPLES
     design = study.chosen_design
     if design == "random":
-        # Neither 0 nor 1: a normal value would be infinite.
+        # Excludes 0, for which a normal value would be infinite.
         return np.maximum(np.random.default_rng(study.seed).random((count, factors)), 2.0**-54)
     if design == "latin_hypercube":
         sampler: Any = qmc.LatinHypercube(factors, rng=np.random.default_rng(study.seed))
         return np.asarray(sampler.random(count))
     sampler = qmc.Sobol(factors, rng=np.random.default_rng(study.seed))
-    # All points of the next power of two, of which the first ones are taken.
+    # Sobol points are generated up to the next power of two; the first `count` are used.
     return np.asarray(sampler.random_base2(max(0, (count - 1).bit_length()))[:count])
 
 
@@ -71,13 +71,13 @@ def middles(factor: Factor) -> list[float]:
 
 
 def by_levels(study: Study) -> Array:
-    """Return the shares of a design that takes every factor at its levels."""
+    """Return the shares of a design in which every factor takes its levels only."""
     levels = [middles(factor) for factor in study.vary]
     if study.chosen_design == "full_factorial":
         return np.array(list(itertools.product(*levels)), np.float64)
     if study.chosen_design == "list":
         return np.array(list(zip(*levels, strict=True)), np.float64)
-    # One at a time: all at their middle level, then each at all of its others.
+    # One at a time: all factors at their middle level, then each factor at its other levels.
     center = [values[len(values) // 2] for values in levels]
     rows = [center]
     for at, values in enumerate(levels):
@@ -86,13 +86,13 @@ def by_levels(study: Study) -> Array:
 
 
 def problem(study: Study) -> dict[str, Any]:
-    """Return what SALib calls a problem: names and ranges of the shares."""
+    """Return a SALib problem: names and ranges of the shares."""
     count = len(study.vary)
     return {"num_vars": count, "names": [f.name for f in study.vary], "bounds": [[0.0, 1.0]] * count}
 
 
 def sensitivity(study: Study) -> Array:
-    """Return the shares of a study of sensitivities."""
+    """Return the shares for a sensitivity analysis."""
     needed("method sensitivity", "SALib")
     import SALib.sample.morris
     import SALib.sample.sobol
@@ -102,24 +102,24 @@ def sensitivity(study: Study) -> Array:
         found = SALib.sample.morris.sample(problem(study), count, num_levels=4, seed=study.seed)
     else:
         found = SALib.sample.sobol.sample(problem(study), count, calc_second_order=False, seed=study.seed)
-    # The ends of an unlimited distribution are infinite.
+    # Shares of 0 or 1 would be infinite values of an unlimited distribution.
     return np.clip(np.asarray(found, np.float64), 1e-6, 1.0 - 1e-6)
 
 
 def values(study: Study, of: Array) -> list[list[Any]]:
-    """Return the values of each factor, correlated as the study says."""
+    """Return the values of each factor, with the correlations of the study."""
     if study.correlation:
         of = _correlated(study, of)
     return [factor.column(of[:, i]) for i, factor in enumerate(study.vary)]
 
 
 def _correlated(study: Study, of: Array) -> Array:
-    """Give the shares of the normal factors their correlation, by the Cholesky factor of its matrix."""
+    """Correlate the shares of the normal factors, with the Cholesky factor of the correlation matrix."""
     names = [factor.name for factor in study.vary]
     used = sorted({names.index(n) for c in study.correlation for n in c.between})
     factor = np.linalg.cholesky(study.correlations[np.ix_(used, used)])
     normal = scipy.stats.norm.ppf(of[:, used])
-    # Row by row and term by term, so that no library of linear algebra decides about the last bit.
+    # In a fixed order of operations: the rounding of linear algebra libraries depends on the machine.
     mixed = np.zeros_like(normal)
     for row in range(len(used)):
         for column in range(row + 1):
@@ -158,14 +158,14 @@ def table(study: Study, columns: list[list[Any]]) -> pa.Table:
 
 
 def key(study: Study) -> str:
-    """Return a hash of all that decides about the samples."""
+    """Return a hash of everything that determines the samples."""
     raw = msgspec.to_builtins(study)
     parts = {name: raw[name] for name in ("method", "design", "analysis", "runs", "seed", "vary", "correlation")}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def store(study: Study, path: Path) -> None:
-    """Sample the design of a study and write it, unless the file has it already."""
+    """Sample the design of a study and write it, unless the file already contains it."""
     try:
         is_there = (pyarrow.parquet.read_schema(path).metadata or {}).get(b"study") == key(study).encode()
     except (OSError, pa.ArrowException):
@@ -176,10 +176,10 @@ def store(study: Study, path: Path) -> None:
 
 
 def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
-    """Read the values of each factor from the file that `store` has written, and return them with its hash."""
+    """Return the values of each factor from the file that `store` has written, and the hash of the file."""
     try:
         content = path.read_bytes()
-        # Threads of pyarrow would free the buffer later, which ends a process that exits meanwhile with SIGABRT.
+        # Without threads: pyarrow's threads free the buffer later, which aborts a process that is exiting (SIGABRT).
         found = pyarrow.parquet.ParquetFile(pa.BufferReader(content), pre_buffer=False).read(use_threads=False)
     except (OSError, pa.ArrowException) as error:
         raise StudyError(f"cannot read {path}: {error}; --overwrite samples it again") from error
@@ -190,15 +190,15 @@ def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
 
 
 def check(study: Study, found: Sequence[Sequence[Any]], path: Path) -> None:
-    """Raise StudyError if a sensitivity has a design from which its indices cannot be calculated."""
+    """Raise StudyError if sensitivity indices cannot be computed from the design."""
     if study.method == "sensitivity" and values(study, shares(study)) != [list(column) for column in found]:
         raise StudyError(
-            f"{path} was sampled by another version of SALib or SciPy, with which the indices would be wrong: "
-            "continue with that version, or use --overwrite"
+            f"{path} was sampled by another version of SALib or SciPy, so the indices would be wrong: continue with "
+            "that version, or use --overwrite"
         )
 
 
 def write(found: pa.Table, path: Path) -> None:
-    """Write a table as Parquet: the same bytes for the same values."""
+    """Write a table as Parquet; the same values give the same bytes."""
     with results.replacing(path) as temporary:
         pyarrow.parquet.write_table(found, temporary, compression="zstd")

@@ -1,7 +1,7 @@
-"""What executes the tasks of a study: processes of this machine, or a Dask cluster.
+"""Engines, which execute the tasks of a study: processes on this machine, or a Dask cluster.
 
-Both let the worker program of this package execute the FMUs, so a row has the same bits wherever it comes from. An FMU
-that crashes costs its run.
+In both, worker processes of this package execute the FMUs, so their rows are bit-identical. If an FMU crashes, only its
+run fails.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Take = Callable[[Done], None]
 class Engine(Protocol):
     """Executes tasks.
 
-    All values of a task come from `design.parquet`, or from the search that proposes them.
+    The values of a task come from `design.parquet` or from a search.
     """
 
     def execute(self, tasks: Sequence[Task], take: Take) -> None:
-        """Execute tasks; `take` gets every row once, in no order, in the thread of the caller."""
+        """Execute tasks. `take` gets every row once, in any order, in the thread of the caller."""
 
     def record(self, runs: Sequence[tuple[Task, int]]) -> list[Recorded | str]:
         """Execute a run of each task again; returns its signals, or how it failed."""
@@ -36,7 +36,7 @@ class Engine(Protocol):
 
 
 class Local:
-    """Processes of this machine."""
+    """Processes on this machine."""
 
     def __init__(self, job: Job, jobs: int, timeout: float) -> None:
         self._job = job
@@ -45,7 +45,7 @@ class Local:
         self._started: set[int] = set()
 
     def execute(self, tasks: Sequence[Task], take: Take) -> None:
-        """Execute the tasks, one variant behind the other."""
+        """Execute the tasks, one variant after the other."""
         for variant in sorted({task.variant for task in tasks}):
             chosen = [task for task in tasks if task.variant == variant]
             scenario = self._job.scenarios[variant]
@@ -55,7 +55,7 @@ class Local:
                 take(self._job.done(chosen[outcome.sample], outcome))
 
     def record(self, runs: Sequence[tuple[Task, int]]) -> list[Recorded | str]:
-        """Execute a run of each task again, in processes of this machine."""
+        """Execute a run of each task again, in processes on this machine."""
         found: dict[int, Recorded | str] = {}
         for variant in sorted({task.variant for task, _ in runs}):
             self._start(variant)
@@ -75,20 +75,20 @@ class Local:
 
 
 class Nothing(Local):
-    """Executes no tasks: for a report of the rows that are there."""
+    """Executes no tasks, for a report from existing rows."""
 
     def execute(self, tasks: Sequence[Task], take: Take) -> None:  # noqa: ARG002, a method of the protocol
-        """Raise StudyError if there is something to do."""
+        """Raise StudyError if tasks are missing."""
         if tasks:
             raise StudyError(f"{len(tasks)} samples are missing: --resume runs them")
 
 
 def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Outcome]:
-    """Give the outcomes of `execute` as they come, in this thread, which an interrupt can end at any time.
+    """Yield the outcomes of `execute` as they arrive. An interrupt can end this thread at any time.
 
-    `execute` works in a thread of its own and is told to stop when this one ends early.
+    `execute` runs in another thread, which stops if this generator is closed early.
     """
-    # At the end None, or the error.
+    # The last item is None, or the error.
     outcomes: queue.SimpleQueue[Outcome | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()
 
@@ -100,13 +100,13 @@ def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Out
         try:
             execute(put)
             outcomes.put(None)
-        except BaseException as error:  # The other thread raises it.
+        except BaseException as error:  # Raised in the caller's thread.
             outcomes.put(error)
 
     threading.Thread(target=work, daemon=True).start()
     try:
         while True:
-            # With a limit, so that an interrupt is noticed on all systems.
+            # With a timeout: on some systems, an interrupt is noticed only after the call.
             try:
                 found = outcomes.get(timeout=0.5)
             except queue.Empty:

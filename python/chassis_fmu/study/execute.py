@@ -1,4 +1,4 @@
-"""Carries out a study: design, runs, tables."""
+"""Executes a study: design, runs, shards."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from .journal import Journal, parse
 
 
 class Progress:
-    """Is told how far a study is; this one ignores it."""
+    """Receives the progress of a study; this base class ignores it."""
 
     def begin(self, rows: Collection[Done]) -> None:
-        """Take the rows that are there already, before the first run."""
+        """Start with the existing rows, before the first run."""
 
     def add(self, done: Done) -> None:
-        """Take a new row."""
+        """Add a new row."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """A part of the samples: every `of`-th one, from `number` - 1 on."""
+    """A part of the samples: every `of`-th sample, starting with sample `number` - 1."""
 
     number: int
     of: int
@@ -49,22 +49,22 @@ class Folder:
         self.timing = path / "timing.parquet"
 
     def journal(self, shard: Shard) -> Path:
-        """Return the path of a journal."""
+        """Return the path of a shard's journal."""
         return self.path / ("rows.jsonl" if shard == WHOLE else f"rows-{shard.number}-of-{shard.of}.jsonl")
 
     def journals(self) -> list[Path]:
-        """Return the journals of shards."""
+        """Return the journals of all shards in the folder."""
         return sorted(self.path.glob("rows-*-of-*.jsonl"))
 
     @contextlib.contextmanager
     def locked(self, shard: Shard) -> Iterator[None]:
-        """Keep the results for this process; raises StudyError if another one has them."""
+        """Lock the results for this process; raises StudyError if another process has locked them."""
         self.path.mkdir(parents=True, exist_ok=True)
         with (self.path / f".{self.journal(shard).name}.lock").open("wb") as file:
             if sys.platform != "win32":
                 import fcntl
 
-                # The system takes the lock back when the process ends, however it ends.
+                # The system releases the lock when the process ends, even after a crash.
                 try:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError as error:
@@ -72,12 +72,12 @@ class Folder:
                         f"another process is writing to {self.path}: wait for it, or choose another folder with --out"
                     ) from error
                 except OSError:
-                    # A file system without locks.
+                    # The file system does not support locks.
                     pass
             yield
 
     def prepare(self, shard: Shard, *, resume: bool, overwrite: bool) -> None:
-        """Make room for results; raises StudyError if there are some that nobody said what to do with."""
+        """Prepare the folder; raises StudyError if it contains results and neither `resume` nor `overwrite` is set."""
         if overwrite:
             for path in (self.journal(shard), self.runs, self.timing):
                 path.unlink(missing_ok=True)
@@ -89,7 +89,7 @@ class Folder:
 
 @dataclass
 class Result:
-    """Values of all samples by factor, and the rows that are done."""
+    """Values of all samples by factor, and the completed rows."""
 
     values: list[list[Any]]
     rows: dict[tuple[int, int], Done]
@@ -106,19 +106,19 @@ def _header(path: Path) -> dict[str, Any]:
 
 
 def designed(job: Job, folder: Folder) -> tuple[list[list[Any]], str]:
-    """Return the values in `design.parquet`, which is written if it is not there, and its hash."""
+    """Return the values in `design.parquet` and its hash; samples and writes the file if it does not exist."""
     design.store(job.study, folder.design)
     values, found = design.read(job.study, folder.design)
     design.check(job.study, values, folder.design)
     for path in folder.journals():
         header = _header(path)
         if header.get("study") == job.fingerprint() and header.get("design") != found:
-            raise StudyError(f"{path} has rows of another {folder.design.name}: run that shard again with --overwrite")
+            raise StudyError(f"{path} has rows for another {folder.design.name}: run its shard again with --overwrite")
     return values, found
 
 
 def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progress, *, resume: bool) -> Result:
-    """Execute all runs that are not done yet. What is done when an exception ends it stays in the journal."""
+    """Execute all missing runs. After an exception, completed rows remain in the journal."""
     cells = len(job.cells)
 
     def wanted(journal: Journal, tasks: Sequence[Task]) -> list[Task]:
@@ -153,7 +153,7 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
 
 
 def merge(job: Job, folder: Folder) -> Result:
-    """Put the shards of a study together."""
+    """Combine the shards of a study."""
     journals = folder.journals()
     if not journals:
         raise StudyError(f"{folder.path} has no shards: `--shard 1/20` makes the first of twenty")
@@ -161,7 +161,7 @@ def merge(job: Job, folder: Folder) -> Result:
         if _header(path).get("study") != job.fingerprint():
             raise StudyError(
                 f"{path} belongs to another version of the study, its scenario or its FMUs, or to another number of "
-                "samples: if its part was run with `--runs N`, `--merge` needs that, too"
+                "samples: if its shard was run with `--runs N`, call `--merge` with the same option"
             )
     values, _ = designed(job, folder)
     rows: dict[tuple[int, int], Done] = {}
@@ -173,19 +173,19 @@ def merge(job: Job, folder: Folder) -> Result:
     if missing:
         some = ", ".join(map(str, missing[:5])) + (", …" if len(missing) > 5 else "")
         raise StudyError(
-            f"{len(missing)} of {count} samples are missing ({some}): run the shards they belong to, "
-            f"or `--resume` those that were interrupted"
+            f"{len(missing)} of {count} samples are missing ({some}): run their shards, or continue interrupted "
+            "shards with `--resume`"
         )
     return Result(values, rows)
 
 
 @contextlib.contextmanager
 def closing(engine: Engine) -> Any:
-    """End an engine however the block ends."""
+    """Close an engine at the end of the block, even after an exception."""
     try:
         yield engine
     finally:
         try:
             engine.close()
-        except Exception as error:  # What happens after the last row must not hide it.
-            print(f"warning: ending the engine: {error}", file=sys.stderr)
+        except Exception as error:  # An error in closing must not discard the results.
+            print(f"warning: cannot end the engine properly: {error}", file=sys.stderr)

@@ -1,7 +1,7 @@
-"""What varies in a study: values with their distributions.
+"""Factors of a study: varied values with their distributions.
 
-A factor maps a number u between 0 and 1 to a value, by the inverse of its distribution function. All designs are made
-of such numbers.
+A factor maps a number u between 0 and 1 (a share) to a value, by the inverse of its distribution function. All designs
+consist of such shares.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 Distribution = Literal["uniform", "log_uniform", "normal", "lognormal", "triangular", "grid", "seed"]
 
-# Keys of distributions, in the order in which they describe one.
+# Keys of distributions, in the order in which a description lists them.
 NUMBERS = ("mean", "median", "deviation", "min", "mode", "max")
 
-# A seed is one of so many.
+# Number of different seeds.
 SEEDS = 2**31 - 1
 
 
@@ -58,7 +58,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def levels(self) -> list[Value] | None:
-        """Return the values of a list or a grid; None of a continuous factor or a seed."""
+        """Return the values of a list or a grid; None for a continuous factor or a seed."""
         if self.values is not None:
             return list(self.values)
         if self.distribution == "grid" and self.min is not None and self.max is not None:
@@ -68,13 +68,13 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def ends(self) -> Array:
-        """Return the shares at which the levels end."""
+        """Return the upper end of each level's interval of shares."""
         weights = np.ones(len(self.levels or ())) if self.weights is None else np.array(self.weights)
         return np.cumsum(weights / weights.sum())
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Return the shares that a search looks at: to the limits, and on a side without one to 1 or 99 %."""
+        """Return the range of shares for a search: up to the limits of the distribution; without a limit, 1 or 99 %."""
         is_open = self.distribution in ("normal", "lognormal")
         low = 0.01 if is_open and self.min is None else 0.0
         return low, 0.99 if is_open and self.max is None else 1.0
@@ -88,7 +88,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
         """Return the values at shares of the distribution."""
         levels = self.levels
         if levels is not None:
-            # The last end may be less than 1 by rounding.
+            # Rounding can make the last end less than 1.
             rows = np.minimum(np.searchsorted(self.ends, u, side="right"), len(levels) - 1)
             return [levels[row] for row in rows]
         if self.distribution == "seed":
@@ -111,7 +111,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
         raise AssertionError(f"{self.distribution} is checked")
 
     def text(self, unit: str) -> str:
-        """Describe the distribution in words, with values in a unit; empty for none."""
+        """Describe the distribution, with values in `unit` ("" for none)."""
         unit = " times the scenario's own value" if self.relative else f" {unit}" if unit else ""
         levels = self.levels
         if self.values is not None:
@@ -127,7 +127,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class _Truncated:
-    """A distribution between two limits: of the part of it that lies there."""
+    """A distribution truncated to the range between two limits."""
 
     def __init__(self, whole: Any, low: float | None, high: float | None) -> None:
         self._whole = whole

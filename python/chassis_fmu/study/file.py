@@ -1,4 +1,4 @@
-"""Studies with `[[vary]]`, as `fmu_system::study` reads them. The reference of their files is `studies/README.md`."""
+"""Studies with `[[vary]]`, as `fmu_system::study` reads them. `studies/README.md` is the reference for their files."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from .factors import Factor
 Method = Literal["sweep", "sample", "sensitivity", "worst_case", "optimize"]
 Design = Literal["full_factorial", "list", "one_at_a_time", "random", "latin_hypercube", "sobol"]
 
-# Designs of studies that do not choose one.
+# Default designs, by method.
 DESIGNS: dict[str, Design] = {"sweep": "full_factorial", "sample": "latin_hypercube"}
 
-# Samples of a study that does not say how many, and of one that searches.
+# Default number of samples, also for searches.
 SAMPLES = 100
 
 
 class StudyError(Exception):
-    """A study that cannot be carried out; the text says what, where and what to do."""
+    """A study cannot be executed."""
 
 
 def needed(what: str, *packages: str, otherwise: str = "") -> None:
-    """Raise StudyError if a package is not installed that something needs; `otherwise` is another way out."""
+    """Raise StudyError if packages that `what` needs are not installed; `otherwise` is an alternative for the user."""
     missing = [package for package in packages if importlib.util.find_spec(package) is None]
     if missing:
-        # In the repository, with the versions of its lockfile.
+        # In the repository, scripts/setup installs the versions in the lockfile.
         is_ours = (ROOT / "scripts" / "setup").exists() and "torch" not in missing
         remedy = "scripts/setup --all" if is_ours else f"{sys.executable} -m pip install {' '.join(missing)}"
         raise StudyError(
@@ -43,16 +43,16 @@ def needed(what: str, *packages: str, otherwise: str = "") -> None:
 
 
 class Correlation(msgspec.Struct, kw_only=True, frozen=True):
-    """`[[correlation]]`: the coefficient of correlation of two normal factors."""
+    """`[[correlation]]`: the correlation coefficient of two normal factors."""
 
     between: tuple[str, str]
     coefficient: float
 
 
 class Requirement(msgspec.Struct, kw_only=True, frozen=True):
-    """`[[requirement]]`: limits of a metric, instead of those of the scenario, and how many runs keep them.
+    """`[[requirement]]`: limits of a metric, which replace those in the scenario, and the share of runs to keep them.
 
-    With `of_change` the limits are those of its change against the baseline of the case, in percent.
+    With `of_change`, the limits apply to the change against the baseline of the case, in percent.
     """
 
     metric: str
@@ -72,7 +72,7 @@ class Series(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Search(msgspec.Struct, kw_only=True, frozen=True):
-    """`[search]`: which metric of which case is searched for its extreme, and how."""
+    """`[search]`: the metric and case whose extreme is searched for, and the sampler."""
 
     metric: str
     direction: Literal["minimize", "maximize"]
@@ -83,7 +83,7 @@ class Search(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Study(msgspec.Struct, kw_only=True, frozen=True):
-    """A study as written."""
+    """The content of a study file."""
 
     title: str
     scenario: str
@@ -111,17 +111,17 @@ class Study(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def has_probability(self) -> bool:
-        """Tell whether the samples are drawn from distributions: others have no percentiles and no confidence."""
+        """True if the samples are drawn from distributions; otherwise percentiles and confidence are meaningless."""
         return self.method == "sample" or (self.method == "sensitivity" and self.analysis != "morris")
 
     @property
     def is_adaptive(self) -> bool:
-        """Tell whether the samples depend on the runs before."""
+        """True if the samples depend on earlier runs."""
         return self.method in ("worst_case", "optimize")
 
     @property
     def correlations(self) -> NDArray[np.float64]:
-        """Return the matrix of the coefficients of correlation."""
+        """Return the matrix of the correlation coefficients."""
         names = [factor.name for factor in self.vary]
         matrix = np.eye(len(names))
         for correlation in self.correlation:
@@ -130,7 +130,7 @@ class Study(msgspec.Struct, kw_only=True, frozen=True):
         return matrix
 
     def factor(self, name: str) -> Factor:
-        """Return the factor of a name."""
+        """Return the factor with a name."""
         return next(f for f in self.vary if f.name == name)
 
 

@@ -1,4 +1,4 @@
-"""What a study executes: its scenario once for each choice of FMUs, and the changes of each sample."""
+"""The work of a study: a scenario for each choice of FMUs (a variant), and the changes for each sample."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .file import Study
 
 @dataclass(frozen=True)
 class Source:
-    """How a scenario is opened; small, so that it can travel."""
+    """Arguments to open a scenario; small, because they are sent to workers."""
 
     file: Path
     folders: tuple[Path, ...]
@@ -44,7 +44,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Task:
-    """A sample of a variant: its number in the study, values, and runs of the plan."""
+    """A sample: its number in the study, its variant, its values, and the runs of the plan to execute."""
 
     number: int
     variant: int
@@ -53,7 +53,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What came of a run: number of the sample, index of the cell, and the outcome."""
+    """A completed run, which is a row of the results: sample number, cell index, outcome."""
 
     number: int
     cell: int
@@ -68,7 +68,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Limits:
-    """A requirement of a metric, in its unit, or of its change against the baseline, in percent."""
+    """Required limits of a metric, in its unit, or of its change against the baseline, in percent."""
 
     metric: int
     min: float | None
@@ -79,12 +79,12 @@ class Limits:
     of_change: bool = False
 
     def holds(self, value: float | None) -> bool:
-        """Tell whether a number keeps the limits; one that is not there or not finite does not."""
+        """Return whether a number is within the limits; False if it is missing or not finite."""
         return _native.holds(self.min, self.max, value)
 
 
 class Job:
-    """A study with its scenario: all that an engine needs, and what its rows mean."""
+    """A study with its scenario: the input for an engine, and the meaning of its rows."""
 
     def __init__(self, study: Study, path: Path, folders: Sequence[Path]) -> None:
         self.study = study
@@ -116,7 +116,7 @@ class Job:
         self._variables = {f.name: [self._variable(name) for name in f.variables] for f in study.vary if f.fmu is None}
 
     def _cells(self) -> list[plan.Run]:
-        """Return the runs of the plan that each sample is tried in: cases and points, with the first seed."""
+        """Return the runs of the plan that each sample executes: cases and points, with the first seed."""
         seed = self.plan.seed_values[0]
         return [
             run
@@ -156,14 +156,14 @@ class Job:
         return found
 
     def _variable(self, name: str) -> Variable:
-        """Return a variable, of the first choice of FMUs that has it."""
+        """Return a variable, from the first choice of FMUs that has it."""
         for scenario in self.scenarios[:-1]:
             with contextlib.suppress(ScenarioError):
                 return scenario.variable(name)
         return self.scenarios[-1].variable(name)
 
     def unit(self, factor: Factor) -> str:
-        """Return the unit of the values of a factor: as written, or that of its variables if it is the same."""
+        """Return the unit of a factor's values: as written, or the unit of its variables if they share one."""
         if factor.unit is not None or factor.relative or factor.distribution == "seed":
             return factor.unit or ""
         known = {variable.unit or "" for variable in self._variables.get(factor.name, ())}
@@ -175,13 +175,13 @@ class Job:
         return self.plan.place(self.cells[cell].case, self.cells[cell].point)
 
     def baseline(self, cell: int) -> int | None:
-        """Return the cell of the baseline of a case, at the same point; None if it is not run."""
+        """Return the cell of the baseline of a case, at the same point; None if it is not executed."""
         run = self.cells[cell]
         name = next(c.baseline for c in self.plan.cases if c.name == run.case)
         return next((i for i, r in enumerate(self.cells) if name and (r.case, r.point) == (name, run.point)), None)
 
     def judged(self, limits: Limits, rows: Mapping[tuple[int, int], Done], number: int, cell: int) -> float | None:
-        """Return the number of a run that a requirement is about; None if there is none."""
+        """Return the number in a run that `limits` apply to; None if there is none."""
         value = self._number(rows, limits.metric, number, cell)
         if not limits.of_change:
             return value
@@ -194,7 +194,7 @@ class Job:
         return row.numbers[self.metrics.index(metric)] if row is not None and row.numbers else None
 
     def task(self, number: int, values: Mapping[str, Value]) -> Task:
-        """Return the task of a sample: its values as changes of the scenario."""
+        """Return the task of a sample: its values as changes to the scenario."""
         choice = tuple(str(values[f.name]) for f in self._factors)
         variant = self._choices[choice]
         changes: list[tuple[str, Value]] = []
@@ -206,14 +206,14 @@ class Job:
         return Task(number, variant, Sample(tuple(changes), self._runs[variant]))
 
     def done(self, task: Task, outcome: Outcome) -> Done:
-        """Return the row of an outcome: with the metrics that the study reports."""
+        """Return the row of an outcome, with the metrics that the study reports."""
         cell = task.sample.runs.index(outcome.run)
         numbers = tuple(outcome.numbers[m] for m in self.metrics) if outcome.numbers else ()
         rest = {name: value for name, value in vars(outcome).items() if name not in ("sample", "run", "numbers")}
         return Done(task.number, cell, numbers, **rest)
 
     def lost(self, task: Task, message: str) -> list[Done]:
-        """Return the rows of a task whose processes ended, whatever it was that ended them."""
+        """Return the rows of a task whose worker processes ended, for whatever reason."""
         return [
             Done(task.number, cell, (), "crashed", None, None, None, message, 0.0) for cell in range(len(self.cells))
         ]
@@ -223,14 +223,14 @@ class Job:
         return sorted({unit.fmu for s in self.scenarios for run in s.plan.runs for unit in run.components})
 
     def data_files(self) -> list[Path]:
-        """Return all files that the FMUs read: those that Strings and levels of factors name, each once."""
+        """Return all files that Strings and levels of factors name, which the FMUs read; each once."""
         named = {text for _, text in self._strings()}
-        # Absolute already, because they are those of a plan.
+        # Strings in a plan that name files are absolute paths.
         found = {path for path in map(Path, named) if path.is_absolute() and path.is_file()}
         return sorted(found | set(self._levels().values()))
 
     def warnings(self) -> list[str]:
-        """Return a warning for each String that names a folder, whose files are not part of the study."""
+        """Return a warning for each String that names a folder, because a study does not track the files in it."""
         named = set(self._strings())
         named |= {
             (f"a value of `{factor.name}`", level)
@@ -241,15 +241,15 @@ class Job:
         }
         top = self.sources[0].file.parent
         return [
-            f"{what} names the folder {text}: `--resume` ignores changes of its files, and other machines do not get "
-            "them; use Strings that name files"
+            f"{what} names the folder {text}: `--resume` does not detect changes in its files, and they are not sent "
+            "to other machines; use Strings that name files"
             for what, text in sorted(named)
-            # A decimal or path separator is an option, not a folder.
+            # A String such as "." or "/" is a separator, not a folder.
             if any(map(str.isalnum, text)) and _tells((top / text).is_dir)
         ]
 
     def _strings(self) -> Iterator[tuple[str, str]]:
-        """Iterate over the Strings of all scenarios: parameter or input with its component, and value."""
+        """Iterate over the Strings in all scenarios: a description of the parameter or input, and the value."""
         for unit in (unit for s in self.scenarios for run in s.plan.runs for unit in run.components):
             for setting in (*unit.parameters, *unit.constants):
                 if setting.type == "String":
@@ -262,8 +262,8 @@ class Job:
         return {level: path for level, path in files.items() if _tells(path.is_file)}
 
     def fingerprint(self) -> str:
-        """Return a hash of all that decides about the rows: study, scenario, FMUs and the files that they read."""
-        # The identity of the runs does not depend on the folder of the FMUs.
+        """Return a hash of everything that determines the rows: study, scenario, FMUs and the files that they read."""
+        # Paths are replaced by hashes of the files, so the folder of the FMUs does not matter.
         hashes = {str(path): _hash(path) for path in (*self.fmu_files(), *self.data_files())}
         plans = [[_without_paths(s.json(), hashes) for s in self.scenarios], sorted(set(hashes.values()))]
         parts: list[Any] = [_of_study(self.study), plans]
@@ -276,7 +276,7 @@ def _hash(path: Path) -> str:
 
 
 def _tells(test: Callable[[], bool]) -> bool:
-    """Return what a test of a path tells; the path of any other text, however long, is neither file nor folder."""
+    """Return the result of a path test; False for text that is not a valid path, such as a very long one."""
     try:
         return test()
     except (OSError, ValueError):

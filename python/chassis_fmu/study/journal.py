@@ -1,6 +1,6 @@
-"""Every row of a study as it comes, on disk: an interrupted study goes on with them.
+"""The journal: a file with all completed rows of a study, from which an interrupted study continues.
 
-A line of JSON for each run; numbers are written so that they read back as the same doubles. A line that was cut off is
+It has a line of JSON for each run. Numbers are written such that reading gives the same doubles. A truncated line is
 ignored.
 """
 
@@ -20,10 +20,10 @@ FORMAT = 2
 
 
 class Journal:
-    """The rows of a study or of a shard of it."""
+    """The rows of a study or of one of its shards."""
 
     def __init__(self, path: Path, fingerprint: str, design: str | None, *, resume: bool) -> None:
-        """Open a journal of a study and its design (None: a search); without `resume` there must be none."""
+        """Open the journal; without `resume`, it must not exist. `design` is the design's hash, None for a search."""
         self.path = path
         self.rows: dict[tuple[int, int], Done] = {}
         header = json.dumps({"format": FORMAT, "study": fingerprint, "design": design})
@@ -33,7 +33,7 @@ class Journal:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file: IO[str] = path.open("r+" if kept else "w", encoding="utf-8", newline="\n")
         if kept:
-            # Behind the last line that is whole.
+            # Drops a truncated last line.
             self._file.truncate(kept)
             self._file.seek(kept)
         else:
@@ -52,7 +52,7 @@ class Journal:
         return end
 
     def add(self, done: Done) -> None:
-        """Write a row; one that is there already is left out."""
+        """Write a row, unless the journal already contains it."""
         if (done.number, done.cell) in self.rows:
             return
         self.rows[done.number, done.cell] = done
@@ -69,7 +69,7 @@ class Journal:
 
 
 def check(path: Path, found: str, expected: str) -> None:
-    """Raise StudyError if the header of a journal is not that of the study."""
+    """Raise StudyError if the header of a journal belongs to another study."""
     if found == expected:
         return
     try:

@@ -1,4 +1,4 @@
-"""The page of a study. Its text takes every number from the rows."""
+"""The page of a study."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class EffectTable:
 
 @dataclass(frozen=True)
 class Tornado:
-    """How far each factor moves a metric in a case."""
+    """The change in a metric that each factor causes in a case."""
 
     title: str
     swings: Sequence[Swing]
@@ -66,7 +66,7 @@ class Tornado:
 
 
 def _groups(numbers: Numbers, metric: int) -> Iterator[tuple[str, Distribution | None, int]]:
-    """Return titles, distributions of a metric and numbers of runs for each case, point and choice of FMUs."""
+    """Return title, distribution of a metric and number of runs for each case, point and choice of FMUs."""
     for group in charts.groups(numbers):
         done = sum((number, group.cell) in numbers.rows for number in np.flatnonzero(group.rows))
         title = ", ".join((numbers.job.place(group.cell), *group.choice))
@@ -74,7 +74,7 @@ def _groups(numbers: Numbers, metric: int) -> Iterator[tuple[str, Distribution |
 
 
 def _wanted(numbers: Numbers) -> list[int]:
-    """Return the metrics that the study is about: that of its search, and those with requirements."""
+    """Return the metrics of interest: the metric of the search, and metrics with requirements."""
     job = numbers.job
     found = [r.metric for r in job.requirements]
     if job.study.search is not None:
@@ -108,17 +108,17 @@ def _effect_tables(numbers: Numbers, metric: int) -> list[EffectTable]:
 
 
 def _left_out(study: Study, of: Sensitivities) -> str:
-    """Say which samples a sensitivity leaves out."""
+    """Describe the samples that a sensitivity analysis leaves out."""
     if not of.missing:
         return ""
     some = ", ".join(map(str, of.missing[:10])) + (", …" if len(of.missing) > 10 else "")
     groups = "trajectories" if study.analysis == "morris" else "groups of samples"
-    text = f"{len(of.missing)} samples have no number ({some}), so {of.left_out} of {of.groups} {groups} are left out"
+    text = f"{len(of.missing)} samples have no value ({some}), so {of.left_out} of {of.groups} {groups} are left out"
     return f"{text}." if of.effects else f"{text}; too few are left for indices."
 
 
 def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> Iterator[dict[str, Any]]:
-    """Return the changes against the baseline that requirements of a metric are about."""
+    """Return the changes against the baseline for requirements of a metric."""
     job = numbers.job
     for requirement in job.requirements:
         if requirement.metric != metric or not requirement.of_change:
@@ -143,17 +143,17 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
     found = [
         Chart(
             Picture(f"{name}_distribution", f"{title}: distribution", "xy"),
-            "How large it is in how many runs. A curve that ends below 1: the other runs have no number.",
+            "A curve that ends below 1 includes runs without a value.",
             [] if is_short else charts.distributions(numbers, metric),
         ),
         Chart(
-            Picture(f"{name}_factors", f"{title} over what varies", "scatter"),
-            f"A point for each run{'; where a factor has few values, the means over all others' if has_means else ''}.",
+            Picture(f"{name}_factors", f"{title} over the factors", "scatter"),
+            f"A point for each run{'; for factors with few values, means over all others' if has_means else ''}.",
             charts.over_factors(numbers, metric),
         ),
         Chart(
             Picture(f"{name}_map", f"{title} over two factors", "heat_map"),
-            "Means over all other factors. The colors of all cases mean the same.",
+            "Means over all other factors. All cases have the same color scale.",
             charts.over_two_factors(numbers, metric),
         ),
     ]
@@ -164,20 +164,20 @@ def _scatter_matrix(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
     panels = charts.matrix(numbers, shown)
     own = Picture("scatter_matrix", "Scatter matrix", "scatter")
     caption = (
-        f"Every pair of factors and metrics; a point for each run, at most {charts.MOST_POINTS} of a case. "
-        "Dashed, between metrics: the Pareto front, the runs of all cases than which none is better in both."
+        f"Every pair of factors and metrics, with a point for each run (at most {charts.MOST_POINTS} per case). "
+        "Dashed, between metrics: the Pareto front, the runs of all cases that no other run beats in both metrics."
     )
     return Chart(own, caption, panels) if panels else None
 
 
 def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
-    """Return the samples of a cell, the worst number of a metric first: what is worst the requirement says."""
+    """Return the samples of a cell, worst value of a metric first, according to the search or the requirement."""
     values = numbers.of(metric, cell)
     limits = next((r for r in numbers.job.requirements if r.metric == metric), None)
     sign = 1.0 if limits is not None and limits.max is None else -1.0
     wanted = numbers.job.study.search
     if wanted is not None and wanted.metric == numbers.job.plan.metrics[metric].name:
-        # What is searched for comes first.
+        # The extreme that the search looks for comes first.
         sign = -1.0 if wanted.direction == "maximize" else 1.0
     known = np.flatnonzero(np.isfinite(values))
     order = np.argsort(sign * values[known], kind="stable")
@@ -185,7 +185,7 @@ def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
 
 
 def _section(numbers: Numbers, metric: int, drawings: Drawings, is_shown: bool) -> dict[str, Any]:
-    """Return what is said of a metric; figures and effects of those that are shown."""
+    """Return the section of a metric, with figures and effects if `is_shown`."""
     job = numbers.job
     of = job.plan.metrics[metric]
     rows = list(_groups(numbers, metric))
@@ -267,19 +267,19 @@ def render(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], fol
 
 
 EFFECTS = {
-    "correlation": "Rank correlation with what varies",
+    "correlation": "Rank correlation with the factors",
     "morris": "Elementary effects (Morris)",
     "sobol": "Share of the variance (Sobol): first-order and total index",
 }
 
 
 def index_text(value: float | None) -> str:
-    """Write an index of a sensitivity or a correlation."""
+    """Format a sensitivity index or a correlation."""
     return "–" if value is None else tables.scientific(value, 3)
 
 
 def percent(share: float) -> str:
-    """Write a share in percent; 100 % and 0 % only if it is just that."""
+    """Format a share in percent; 100 % and 0 % only if the share is exactly 1 or 0."""
     if math.isnan(share):
         return "–"
     text = f"{100.0 * share:.1f}"
@@ -299,7 +299,7 @@ def series_metric(numbers: Numbers) -> int:
 
 
 def _columns(metrics: Sequence[Metric], at: int) -> list[int]:
-    """Return the columns of the plan that a metric is made of."""
+    """Return the columns of the plan that a metric is computed from."""
     metric = metrics[at]
     if metric.uses:
         return [column for used in metric.uses for column in _columns(metrics, used)]
@@ -307,7 +307,7 @@ def _columns(metrics: Sequence[Metric], at: int) -> list[int]:
 
 
 def _failed(numbers: Numbers) -> list[tuple[str, list[Done]]]:
-    """Return the rows of each status but ok."""
+    """Return the rows of each status other than "ok"."""
     found: dict[str, list[Done]] = {}
     for key in sorted(numbers.rows):
         done = numbers.rows[key]
@@ -318,19 +318,19 @@ def _failed(numbers: Numbers) -> list[tuple[str, list[Done]]]:
 
 @dataclass(frozen=True)
 class Found:
-    """What a search has found."""
+    """Result of a search."""
 
     sample: int
     value: float
     values: Mapping[str, Any]
     failure: Done | None
-    """The run that failed, of a worst case."""
+    """The failed run that is the worst case, if any."""
     failed: int
-    """Samples with such a run."""
+    """Number of samples with a failed run."""
 
 
 def best(numbers: Numbers) -> Found | None:
-    """Return what a search has found; None without a search, or if nothing was found."""
+    """Return the result of the search; None without a search, or if nothing was found."""
     wanted = numbers.job.study.search
     if wanted is None:
         return None
@@ -351,7 +351,7 @@ def best(numbers: Numbers) -> Found | None:
 
 
 def failure_text(numbers: Numbers, done: Done) -> str:
-    """Say which run failed and how."""
+    """Describe a failed run."""
     at = "" if done.time is None else f" at {done.time:g} s"
     return f"{numbers.job.place(done.cell)}: {done.status.replace('_', ' ')}{at}: {done.message}"
 
@@ -366,9 +366,9 @@ def write(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], fold
 
 
 def console(numbers: Numbers) -> str:
-    """Return what the terminal shows: numbers of the metrics, sensitivities, requirements, failed runs."""
+    """Return the text for the terminal: values of the metrics, sensitivities, requirements, failed runs."""
     job = numbers.job
-    # Of values that are chosen, not drawn, percentiles say where they were chosen.
+    # If the values are chosen, not drawn, percentiles would only describe the choice.
     picked = (0, 2, 4) if job.study.has_probability else ()
     named = [f"{statistics.PERCENTILES[i]:g} %" for i in picked]
     header = ["Metric", "Case", "runs", "mean", *named, "min", "max"]
@@ -387,7 +387,7 @@ def console(numbers: Numbers) -> str:
         undefined = sum(done.status == "ok" and done.numbers[at] is None for done in numbers.rows.values())
         if undefined:
             notes.append(
-                f"{of.title}: not defined in {undefined} of {len(numbers.rows)} runs, which keep no requirement of it"
+                f"{of.title}: undefined in {undefined} of {len(numbers.rows)} runs, which fail all its requirements"
             )
     parts = [tables.text(header, rows, 2, "simple"), *notes]
     if job.study.method == "sensitivity":
@@ -406,7 +406,7 @@ def console(numbers: Numbers) -> str:
 
 
 def _found(numbers: Numbers, best: Found) -> str:
-    """Say what a search has found."""
+    """Describe the result of a search."""
     job = numbers.job
     units = {factor.name: tables.pretty_unit(job.unit(factor)) for factor in job.study.vary}
     texts = {name: f"{v:g}" if isinstance(v, float) else str(v) for name, v in best.values.items()}
@@ -446,7 +446,7 @@ def _console_effects(numbers: Numbers) -> Iterator[str]:
 
 
 def limits_text(numbers: Numbers, share: Share) -> str:
-    """Write the limits of a requirement."""
+    """Format the limits of a requirement."""
     limits = share.limits
     if limits.of_change:
         return f"change of {_native.limits(limits.min, limits.max, '%')}"
@@ -459,7 +459,7 @@ def _verdict(numbers: Numbers, share: Share) -> str:
     limits = limits_text(numbers, share)
     limits = f"a {limits}" if share.limits.of_change else limits
     place = f"{metric.title}, {numbers.job.plan.place(share.case, share.point)}"
-    # Values that are chosen, not drawn, have an exact share: it needs no confidence interval.
+    # If the values are chosen, not drawn, the share is exact and needs no confidence interval.
     interval = ""
     if numbers.job.study.has_probability:
         low, high = share.interval

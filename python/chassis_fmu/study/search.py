@@ -1,7 +1,7 @@
-"""Searches for the extreme of a metric: Optuna proposes batches of samples, the engine tries them.
+"""Searches for the extreme of a metric: Optuna proposes batches of samples, the engine executes them.
 
-The batches have a fixed size and their results are told in the order of their numbers, so the search depends on the
-study alone, not on engine or number of processes.
+The batches have a fixed size, and Optuna gets their results in the order of the sample numbers, so a search depends
+only on the study, not on engine or number of processes.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from .file import SAMPLES, Search, Study, StudyError, needed
 from .job import Done, Job
 
 Evaluate = Callable[[int, Sequence[dict[str, Value]]], list[list[Done]]]
-"""Takes the number of the first sample and values of a batch, gives the rows of each."""
+"""Takes the number of the first sample and the values of a batch; returns the rows of each sample."""
 
 
-# Samplers of Optuna that propose batches, and the packages that they need beside it.
+# Optuna samplers that can propose batches, and the packages that they need in addition to Optuna.
 SAMPLERS: dict[str, tuple[str, ...]] = {
     "TPESampler": (),
     "CmaEsSampler": ("cmaes",),
@@ -33,12 +33,12 @@ SAMPLERS: dict[str, tuple[str, ...]] = {
     "RandomSampler": (),
 }
 
-# Those that try all combinations, which a sweep does.
+# Samplers that try all combinations; a sweep replaces them.
 EXHAUSTIVE = ("BruteForceSampler", "GridSampler")
 
 
 def _sampler(search: Search, seed: int) -> Any:
-    """Make the sampler; raises StudyError if that is not possible."""
+    """Make the sampler; raises StudyError if its name or options are invalid."""
     import optuna
 
     name = search.sampler
@@ -56,10 +56,10 @@ def _sampler(search: Search, seed: int) -> Any:
 
 @contextlib.contextmanager
 def _explained(what: str) -> Iterator[None]:
-    """Raise StudyError for whatever Optuna or a sampler raises: they document no set of exceptions."""
+    """Raise StudyError for any exception from Optuna or a sampler, because they do not document their exceptions."""
     try:
         with warnings.catch_warnings():
-            # Options of samplers that may change, in the words of Optuna.
+            # Hides Optuna's warnings about experimental options.
             warnings.simplefilter("ignore")
             yield
     except Exception as error:
@@ -77,12 +77,12 @@ def _suggest(trial: Any, factor: Factor) -> Value:
         log = factor.distribution == "log_uniform"
         found: Value = trial.suggest_float(factor.name, factor.min, factor.max, log=log)
         return found
-    # A search has no probabilities, but the limits of a distribution: its share is searched between its ends.
+    # A search uses only the limits of a distribution: it proposes shares within them.
     return factor.value(trial.suggest_float(factor.name, *factor.reach))
 
 
 def run(study: Study, job: Job, evaluate: Evaluate) -> list[list[Any]]:
-    """Search; returns the values of all samples, by factor. Raises StudyError if the sampler cannot do it."""
+    """Search; returns the values of all samples, by factor. Raises StudyError if the sampler fails."""
     needed(f"method {study.method} with [search]", "optuna")
     import optuna
 
@@ -112,10 +112,9 @@ def run(study: Study, job: Job, evaluate: Evaluate) -> list[list[Any]]:
 
 
 def objective(job: Job, search: Search, rows: Sequence[Done]) -> float | None:
-    """Return the metric of a sample, of the case named or the extreme of all cells; None if it has none.
+    """Return the metric of a sample in the chosen case, or its extreme over all cells; None if it has no value.
 
-    A run that fails is the worst case, whatever the numbers of others: it counts as infinite in the direction of the
-    search.
+    In a worst-case search, a failed run is the worst case: its metric is infinite in the direction of the search.
     """
     is_worst_case = job.study.method == "worst_case"
     index = [m.name for m in job.plan.metrics].index(search.metric)
@@ -127,5 +126,5 @@ def objective(job: Job, search: Search, rows: Sequence[Done]) -> float | None:
     found = [number for number in numbers if number is not None and math.isfinite(number)]
     if not found or len(found) < len(numbers):
         return None
-    # Of an optimum the worst cell counts, of a worst case the extreme itself.
+    # An optimization uses the worst cell, a worst-case search the most extreme one.
     return max(found) if (search.direction == "maximize") == is_worst_case else min(found)

@@ -1,4 +1,4 @@
-"""What the rows of a study say: shares with confidence, percentiles, effects of factors, comparisons of cases."""
+"""Evaluates the rows of a study: shares with confidence, percentiles, effects of factors, comparisons of cases."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 # Confidence of all intervals.
 CONFIDENCE = 0.95
 
-# Groups of samples that sensitivities need at least.
+# Minimum number of groups of samples for sensitivity indices.
 FEWEST_GROUPS = 4
 
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
@@ -30,7 +30,7 @@ PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
 @dataclass(frozen=True)
 class Share:
-    """How many of some runs keep a requirement, with the interval of confidence of their share (Wilson)."""
+    """The share of runs that keep a requirement, with its confidence interval (Wilson)."""
 
     limits: Limits
     case: str
@@ -40,22 +40,22 @@ class Share:
 
     @property
     def share(self) -> float:
-        """Return the share."""
+        """Return the share of runs that keep the requirement."""
         return self.met / self.of if self.of else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return the interval of confidence of the share."""
+        """Return the confidence interval of the share."""
         return wilson(self.met, self.of)
 
     @property
     def holds(self) -> bool:
-        """Tell whether enough runs keep it."""
+        """True if the required share of runs keeps the requirement."""
         return self.of > 0 and _native.is_enough(self.met, self.of, self.limits.share)
 
 
 def wilson(met: int, of: int) -> tuple[float, float]:
-    """Return Wilson's interval of confidence of a share (E. B. Wilson, 1927)."""
+    """Return Wilson's confidence interval of a share (E. B. Wilson, 1927)."""
     if of == 0:
         return 0.0, 1.0
     low, high = scipy.stats.binomtest(met, of).proportion_ci(CONFIDENCE, "wilson")
@@ -76,7 +76,7 @@ class Numbers:
         return {f.name: column[number] for f, column in zip(self.job.study.vary, self.values, strict=True)}
 
     def of(self, metric: int, cell: int) -> Array:
-        """Return the numbers of a metric in a cell, one for each sample; NaN where there is none."""
+        """Return the values of a metric in a cell, one for each sample; NaN where there is none."""
         at = self.job.metrics.index(metric)
         out = np.full(self.count, math.nan)
         for number in range(self.count):
@@ -99,14 +99,14 @@ class Numbers:
         return found
 
     def changes(self, limits: Limits, cell: int) -> Array:
-        """Return the numbers of a cell that a requirement is about; NaN where there is none."""
+        """Return the values of a cell that `limits` apply to, one for each sample; NaN where there is none."""
         found = [self.job.judged(limits, self.rows, number, cell) for number in range(self.count)]
         return np.array([math.nan if value is None else value for value in found])
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """Numbers of a metric in a case."""
+    """Statistics of a metric in a case."""
 
     count: int
     mean: float
@@ -117,7 +117,7 @@ class Distribution:
 
     @classmethod
     def of(cls, values: Array) -> Distribution | None:
-        """Return the distribution of the finite values; None without any."""
+        """Return the statistics of the finite values; None if there are none."""
         known = values[np.isfinite(values)]
         if not known.size:
             return None
@@ -128,7 +128,7 @@ class Distribution:
 
 @dataclass(frozen=True)
 class Compared:
-    """The difference of a metric between two cases, sample by sample: mean and its interval of confidence (Student)."""
+    """The difference of a metric between two cases, sample by sample: mean and its confidence interval (Student)."""
 
     case: str
     against: str
@@ -137,16 +137,16 @@ class Compared:
     mean: float
     interval: tuple[float, float]
     lower: int
-    """Samples in which the number of the case is the lower one."""
+    """Number of samples in which the case has the lower value."""
 
     @property
     def is_clear(self) -> bool:
-        """Tell whether the interval leaves out zero."""
+        """True if the interval does not contain zero."""
         return self.interval[0] > 0.0 or self.interval[1] < 0.0
 
 
 def student(values: Array) -> tuple[float, tuple[float, float]]:
-    """Return the mean of some values, at least two, and its interval of confidence (Student)."""
+    """Return the mean of at least two values and its confidence interval (Student)."""
     mean = float(values.mean())
     half = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, values.size - 1) * scipy.stats.sem(values))
     return mean, (mean - half, mean + half)
@@ -155,14 +155,14 @@ def student(values: Array) -> tuple[float, tuple[float, float]]:
 def welch(first: Array, second: Array) -> tuple[float, tuple[float, float]]:
     """Return the difference of the means of two independent groups, second minus first, and its interval (Welch)."""
     with warnings.catch_warnings():
-        # A group of equal values is not a loss of precision.
+        # SciPy warns about loss of precision if all values of a group are equal.
         warnings.simplefilter("ignore", RuntimeWarning)
         low, high = scipy.stats.ttest_ind(second, first, equal_var=False).confidence_interval(CONFIDENCE)
     return float(second.mean() - first.mean()), (float(low), float(high))
 
 
 def compared(numbers: Numbers, metric: int) -> list[Compared]:
-    """Compare every case with its baseline, by samples that both have."""
+    """Compare every case with its baseline, using the samples for which both have a value."""
     found = []
     cells = numbers.job.cells
     for cell, run in enumerate(cells):
@@ -181,7 +181,7 @@ def compared(numbers: Numbers, metric: int) -> list[Compared]:
 
 @dataclass(frozen=True)
 class Choice:
-    """A metric with one choice of a factor without order, as an FMU or a name, and against the first choice."""
+    """A metric for one choice of an unordered factor, such as an FMU or a name, compared with the first choice."""
 
     factor: str
     level: str
@@ -189,25 +189,25 @@ class Choice:
     mean: float
     interval: tuple[float, float] | None
     against: str | None = None
-    """The first choice; None for itself."""
+    """The first choice; None if this is the first."""
     difference: float | None = None
     difference_interval: tuple[float, float] | None = None
     pairs: int = 0
-    """Samples that differ in this factor only; 0 if there are none and the groups were compared as independent ones."""
+    """Number of pairs of samples that differ in this factor only; if 0, the groups were compared as independent."""
     lower: int = 0
-    """Pairs in which this choice has the lower number."""
+    """Number of pairs in which this choice has the lower value."""
 
     @property
     def is_clear(self) -> bool:
-        """Tell whether the interval of the difference leaves out zero."""
+        """True if the interval of the difference does not contain zero."""
         ends = self.difference_interval
         return ends is not None and (ends[0] > 0.0 or ends[1] < 0.0)
 
 
 def choices(numbers: Numbers, metric: int, cell: int) -> list[Choice]:
-    """Return the means of a metric for each choice of every factor without order, and the differences to the first one.
+    """Return the means of a metric for each choice of every unordered factor, and the differences from the first one.
 
-    Samples that have the same values of all other factors are pairs.
+    Two samples are a pair if they have the same values of all other factors.
     """
     y = numbers.of(metric, cell)
     found = []
@@ -217,7 +217,7 @@ def choices(numbers: Numbers, metric: int, cell: int) -> list[Choice]:
         others = [column for i, column in enumerate(numbers.values) if i != at]
         keys = list(zip(*others, strict=True)) if others else [()] * numbers.count
         levels = [level for level in factor.levels or () if level in set(values)]
-        # The number of each other setting, for each choice.
+        # The values for each choice, by the setting of all other factors.
         rows: dict[Any, dict[Any, float]] = {level: {} for level in levels}
         groups: dict[Any, list[float]] = {level: [] for level in levels}
         for level, key, value in zip(values, keys, y, strict=True):
@@ -248,17 +248,17 @@ def choices(numbers: Numbers, metric: int, cell: int) -> list[Choice]:
 
 @dataclass(frozen=True)
 class Swing:
-    """A bar of a tornado: a metric at the low and at the high end of a factor, in its own unit."""
+    """A bar of a tornado plot: a metric at the low and at the high end of a factor, in the unit of the metric."""
 
     factor: str
     low: float
-    """Value of the factor at its low end, or the mean of those there."""
+    """Value of the factor at its low end, or the mean of several values."""
     high: float
     at_low: float
-    """The metric there."""
+    """The metric at the low end."""
     at_high: float
     interval: tuple[float, float] | None = None
-    """Of the difference, high minus low; None where the samples are not random."""
+    """Confidence interval of the difference, high minus low; None if the samples are not random."""
 
     @property
     def difference(self) -> float:
@@ -266,17 +266,18 @@ class Swing:
         return self.at_high - self.at_low
 
 
-# The lowest and the highest share of the samples that stand for the ends of a factor, and how many they have to be.
+# Share of the samples, the lowest or the highest, that represents an end of a factor, and their minimum number.
 END = 0.2
 FEWEST = 3
 
 
 def swings(numbers: Numbers, metric: int, cell: int) -> list[Swing]:
-    """Return how far each factor moves a metric, the largest change first.
+    """Return the change of a metric that each factor causes, the largest change first.
 
-    In a sweep: from its lowest to its highest value, the others at their middle (one at a time) or averaged (all
-    combinations). In samples: from the mean over the lowest fifth of its values to that over the highest fifth, or
-    between its lowest and its highest value if it has few. Lists whose factors vary together have none.
+    In a sweep: from the lowest to the highest value of the factor, with the others at their middle value (one at a
+    time) or averaged (all combinations). In samples: from the mean over the lowest fifth of the factor's values to the
+    mean over the highest fifth, or from the lowest to the highest value if there are few. For the design "list", in
+    which all factors vary together, the result is empty.
     """
     study = numbers.job.study
     if study.method not in ("sweep", "sample") or study.chosen_design == "list":
@@ -306,7 +307,7 @@ def swings(numbers: Numbers, metric: int, cell: int) -> list[Swing]:
 
 
 def _alone(numbers: Numbers, name: str, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Of some samples of a design that changes one factor at a time, return those in which no other one is changed."""
+    """Return those of the `chosen` samples of a one-at-a-time design in which only the factor `name` is changed."""
     out = chosen.copy()
     for factor, values in zip(numbers.job.study.vary, numbers.values, strict=True):
         if factor.name != name:
@@ -317,22 +318,22 @@ def _alone(numbers: Numbers, name: str, chosen: NDArray[np.bool_]) -> NDArray[np
 
 @dataclass(frozen=True)
 class Effect:
-    """What a factor does to a metric."""
+    """The effect of a factor on a metric."""
 
     factor: str
     value: float
-    """Rank correlation (samples), difference of the means between the ends (sweeps), or the index of a sensitivity."""
+    """Rank correlation (samples), difference of the means between the ends (sweeps), or sensitivity index."""
     interval: tuple[float, float] | None = None
     total: float | None = None
     total_interval: tuple[float, float] | None = None
     sigma: float | None = None
-    """Standard deviation of the elementary effects (Morris): large where a factor is not linear or acts with others."""
+    """Standard deviation of the elementary effects (Morris): large if an effect is nonlinear or depends on others."""
 
 
 def effects(numbers: Numbers, metric: int, cell: int) -> list[Effect]:
     """Return the effect of each factor on a metric: rank correlation over the samples (Spearman), largest first.
 
-    The interval is that of Fisher's transformation. A list of names has no order, and no effect is given for it.
+    The interval is from Fisher's transformation. A list of names has no order and therefore no rank correlation.
     """
     y = numbers.of(metric, cell)
     found = []
@@ -343,7 +344,7 @@ def effects(numbers: Numbers, metric: int, cell: int) -> list[Effect]:
         known = np.isfinite(y)
         if known.sum() < 4 or np.ptp(x[known]) == 0.0 or np.ptp(y[known]) == 0.0:
             continue
-        # Spearman's coefficient is Pearson's of the ranks.
+        # Spearman's coefficient is Pearson's coefficient of the ranks.
         of = scipy.stats.pearsonr(*(scipy.stats.rankdata(v[known]) for v in (x, y)))
         low, high = of.confidence_interval(CONFIDENCE)
         found.append(Effect(factor.name, float(of.statistic), (float(low), float(high))))
@@ -352,29 +353,29 @@ def effects(numbers: Numbers, metric: int, cell: int) -> list[Effect]:
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Sensitivities of a metric, and what they leave out."""
+    """Sensitivities of a metric, and the samples that they leave out."""
 
     effects: list[Effect]
     """Largest first; empty if too few groups of samples are left."""
     missing: list[int]
     """Samples without a number."""
     left_out: int
-    """Groups of samples without the number of one of them, which the indices leave out."""
+    """Number of groups of samples that the indices leave out, because a sample has no value."""
     groups: int
 
 
 def sensitivities(study: Study, shares: Array, y: Array) -> Sensitivities:
     """Return the sensitivities that SALib computes.
 
-    Morris: mean of the magnitudes of the elementary effects, in the unit of the metric, and their deviation. Sobol:
-    first-order and total index. Both are made of groups of samples, a trajectory or a point with its exchanges; a group
-    of which a number is missing is left out.
+    Morris: mean magnitude of the elementary effects, in the unit of the metric, and their deviation. Sobol: first-order
+    and total index. Both use groups of samples: a trajectory, or a point with its exchanged coordinates. A group in
+    which a sample has no value is left out.
     """
     import SALib.analyze.morris
     import SALib.analyze.sobol
 
     problem = design.problem(study)
-    # Both have a group of one sample more than there are factors; that of Sobol has another one.
+    # A trajectory has one sample more than there are factors, a Sobol group two.
     size = len(study.vary) + (1 if study.analysis == "morris" else 2)
     missing = np.flatnonzero(~np.isfinite(y))
     groups = y.size // size

@@ -11,11 +11,11 @@ from . import design
 from .job import Done, Job
 
 Rows = Mapping[tuple[int, int], Done]
-"""By number of the sample and index of the cell."""
+"""Rows by sample number and cell index."""
 
 
 def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
-    """Return a row for each run that is done, by sample, case and point: values, metrics, requirements, status."""
+    """Return a row for each completed run, by sample, case and point: values, metrics, requirements, status."""
     keys = sorted(rows)
     done = [rows[key] for key in keys]
     cells = [job.cells[cell] for _, cell in keys]
@@ -43,13 +43,13 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
 
 
 def timing(job: Job, rows: Rows) -> pa.Table:
-    """Return how long each run took (s), which no two executions agree on."""
+    """Return the duration of each run (s), in a separate table because it differs between executions."""
     seconds = [rows[key].seconds for key in sorted(rows)]
     return _table([*_places(job, rows), (pa.field("seconds", pa.float64(), metadata={"unit": "s"}), seconds)])
 
 
 def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
-    """Return the columns that say which run a row is of."""
+    """Return the columns that identify the run of a row."""
     return [
         (pa.field("sample", pa.int64()), [number for number, _ in sorted(rows)]),
         (pa.field("case", pa.string()), [job.cells[cell].case for _, cell in sorted(rows)]),
@@ -58,6 +58,6 @@ def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
 
 
 def _table(columns: Sequence[tuple[pa.Field, Any]]) -> pa.Table:
-    """Return a table of fields and their values."""
+    """Return a table from fields and their values."""
     schema = pa.schema([field for field, _ in columns])
     return pa.table([pa.array(of, field.type) for field, of in columns], schema=schema)
