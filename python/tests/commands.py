@@ -1,4 +1,4 @@
-"""Commands that tests call."""
+"""Runs the commands of the project for tests."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 CARGO_FMU = (str(ROOT / "target" / "debug" / "cargo-fmu"), "fmu")
-"""The command `cargo fmu` as `scripts/test` builds it: with its dependencies compiled for all packages."""
+"""The command `cargo fmu`, which `scripts/test` builds."""
 
 
 def patience(seconds: float) -> float:
-    """Return a limit of wall-clock time, s; CHASSIS_TEST_PATIENCE is the factor of all limits on a slow machine."""
+    """Return a time limit (s), multiplied by CHASSIS_TEST_PATIENCE, which slow machines set."""
     return seconds * float(os.environ.get("CHASSIS_TEST_PATIENCE", "1"))
 
 
 def until(is_so: Callable[[], bool], what: str) -> None:
-    """Wait for something that another process does."""
+    """Wait for a condition that another process fulfills."""
     end = time.monotonic() + patience(90.0)
     while not is_so():
         assert time.monotonic() < end, what
@@ -38,5 +38,5 @@ def cargo_fmu(*arguments: str | Path) -> tuple[int, str]:
 
 
 def chassis(*arguments: str | Path) -> tuple[int, str]:
-    """Run a command of `chassis`, as `cargo_fmu` does."""
+    """Run a command of `chassis`, like `cargo_fmu`."""
     return _call([sys.executable, "-m", "chassis_fmu", *arguments])

@@ -1,4 +1,4 @@
-"""The data of pages, validated by the schema of `web/`."""
+"""Reads the data of pages and validates it with the schema in `web/`."""
 
 import json
 from pathlib import Path
@@ -11,14 +11,14 @@ SCHEMA = Path(__file__).parents[2] / "web" / "page-data.schema.json"
 
 
 def read(text: str) -> dict[str, Any]:
-    """Return the data in a text."""
+    """Return the data in the text of a page."""
     data: dict[str, Any] = json.loads(text)
     jsonschema.validate(data, json.loads(SCHEMA.read_text(encoding="utf-8")), jsonschema.Draft202012Validator)
     return data
 
 
 def data_of(page: Path) -> dict[str, Any]:
-    """Return the data of a page. Each figure has an element with its name."""
+    """Return the data of a page, and check that each figure has an element with its name."""
     tree = html.document_fromstring(page.read_text(encoding="utf-8"))
     (text,) = tree.xpath("//script[@id='page-data']/text()")
     data = read(text)

@@ -1,6 +1,6 @@
 """The quarter car of `examples/quarter-car` in Python, for `scripts/bench exporters`.
 
-`pythonfmu build -f python_quarter_car.py -d my_fmus` makes `my_fmus/PythonQuarterCar.fmu` of it.
+`pythonfmu build -f python_quarter_car.py -d my_fmus` builds `my_fmus/PythonQuarterCar.fmu`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A yaw control in a few lines of Python, with the signals of the FMU `DirectYawControl`.
 
-`pythonfmu build -f python_yaw_control.py -d my_fmus` makes `my_fmus/PythonYawControl.fmu` of it.
+`pythonfmu build -f python_yaw_control.py -d my_fmus` builds `my_fmus/PythonYawControl.fmu`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ WHEELS = ("fl", "fr", "rl", "rr")
 
 
 class PythonYawControl(Fmi2Slave):
-    """A yaw moment proportional to what is missing of the yaw rate that a steady turn has at this steering angle."""
+    """A yaw moment proportional to the difference from the yaw rate of a steady turn at this steering angle."""
 
     description = "Yaw moment proportional to the yaw rate error, made by the brakes of one side"
 
@@ -24,7 +24,7 @@ class PythonYawControl(Fmi2Slave):
         self.stability_factor = 7.99903e-4
         self.friction_limit = 0.85 * 0.77 * 9.81
         self.brake_gain = {"f": 1.6748e-4, "r": 6.6396e-5}
-        # What there is to tune: N.m per rad/s.
+        # The only tunable parameter, N.m per rad/s.
         self.gain = 60e3
         self.values: dict[str, float] = {}
         self.is_enabled = False
@@ -55,7 +55,7 @@ class PythonYawControl(Fmi2Slave):
         self.register_variable(variable, nested=False)
 
     def do_step(self, current_time: float, step_size: float) -> bool:  # noqa: ARG002
-        """Take the inputs, give the outputs that hold until the next step."""
+        """Compute the outputs from the inputs; they are held until the next step."""
         v = self.values
         speed = max(v["vehicle.speed"], 3.0)
         target = speed * v["driver.steer"] / (self.wheelbase * (1.0 + self.stability_factor * speed**2))

@@ -1,14 +1,14 @@
-"""Driver, PathDriver, Road, Sensor, Actuator and SuspensionMixer, written anew from their equations: made without Rust.
+"""Independent implementation of Driver, PathDriver, Road, Sensor, Actuator and SuspensionMixer, for reference data.
 
-Nothing here comes from the Rust code: the formulas and the definition of the random numbers are those of the README
-files. Whole signals are computed at once with numpy; the all-pass is integrated by a series, the cosines are
-summed one by one, and the generator ChaCha8 is written from its definition (Bernstein, "ChaCha, a variant of Salsa20",
-2008; as in RFC 8439, but with 8 rounds, and 64 bits each for the counter and the stream).
+It was written from the README files, not from the Rust code, including the random numbers. numpy computes whole signals
+at once; the all-pass is integrated by a series, the cosines are summed one by one, and ChaCha8 follows its definition
+(Bernstein, "ChaCha, a variant of Salsa20", 2008; as in RFC 8439, but with 8 rounds, and 64 bits each for the counter
+and the stream).
 
     .venv/bin/python python/tests/reference_runs.py
 
-writes `tests/references/sources` and the `reference.csv` of the six packages; test_reference_data.py compares them
-with a new computation.
+writes `tests/references/sources` and the `reference.csv` of the six packages; test_reference_data.py compares them with
+the results of a new run.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ Signals: TypeAlias = dict[str, Array]
 # Sample time and communication step, s.
 STEP = 0.001
 
-# Rows between two rows with outputs.
+# Outputs are written in every THINNED-th row.
 THINNED = 7
 
-# Inputs of the FMUs whose runs are written here; they come right after the time.
+# Input columns of the files, which follow the column of the time.
 INPUTS = (
     "vehicle.position_x",
     "vehicle.position_y",
@@ -42,7 +42,7 @@ INPUTS = (
     "actuator.command",
 )
 
-# Digits of a number: rounding costs 5e-10 of the value.
+# Significant digits in the files; the relative rounding error is up to 5e-10.
 DIGITS = 10
 
 
@@ -50,7 +50,7 @@ DIGITS = 10
 
 
 def chacha8(seed: int, stream: int, blocks: int) -> Words:
-    """Return the words of the first blocks: the key is the seed in its first 8 bytes, the rest of it is zero."""
+    """Return the words of the first blocks. The first 8 bytes of the key are the seed, the others are zero."""
     low, high = 0xFFFF_FFFF, 32
     state = np.zeros((16, blocks), dtype=np.uint32)
     for place, word in enumerate((0x61707865, 0x3320646E, 0x79622D32, 0x6B206574, seed & low, seed >> high)):
@@ -77,7 +77,7 @@ def chacha8(seed: int, stream: int, blocks: int) -> Words:
 
 
 def normals(seed: int, stream: int, count: int) -> Array:
-    """Return standard normal numbers: four words each, by Box and Muller from the upper 53 bits of two integers."""
+    """Return standard normal numbers (Box-Muller), each from four words: the upper 53 bits of two integers."""
     words = chacha8(seed, stream, -(-count // 4)).astype(np.uint64).reshape(-1, 2)
     whole = ((words[:, 0] | (words[:, 1] << np.uint64(32))) >> np.uint64(11)).astype(np.float64)
     radius, angle = (whole[0::2] + 1.0) / 2.0**53, whole[1::2] / 2.0**53
@@ -108,7 +108,7 @@ def ramp(t: Array, start: float, rise_time: float) -> Array:
 
 
 def periods(phase: Array, end: float = math.inf) -> Array:
-    """Return sin(2 pi phase) from phase 0 to the end."""
+    """Return sin(2 pi phase) for phases from 0 to `end`, otherwise 0."""
     return np.where((phase >= 0.0) & (phase < end), np.sin(2.0 * np.pi * phase), 0.0)
 
 
@@ -122,7 +122,7 @@ def sweep(t: Array, first: float, last: float, duration: float) -> Array:
 
 
 def covered(t: Array, speed: Callable[[Array], Array], start: float) -> Array:
-    """Return the distance covered since the start, by the trapezoidal rule on a fine grid (exact for ramps on it)."""
+    """Return the distance covered since the start, by the trapezoidal rule on a fine grid (exact for ramps)."""
     grid = np.arange(round(t[-1] / 1e-4) + 1) * 1e-4
     v = speed(grid)
     distance = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2.0 * 1e-4)])
@@ -132,7 +132,7 @@ def covered(t: Array, speed: Callable[[Array], Array], start: float) -> Array:
 
 
 def driver(seconds: float, steer: Callable[[Array], Array], **others: Callable[[Array], Array]) -> Signals:
-    """Return the four demands; those that are not given have the start values of their parameters."""
+    """Return the driver's four demands; by default they follow from the start values of the parameters."""
     t = np.arange(round(seconds / STEP)) * STEP
     zero = np.zeros_like(t)
     result = {"time": t, "driver.steer": steer(t), "driver.speed": zero + 60.0 / 3.6}
@@ -160,7 +160,7 @@ def demand(name: str) -> Callable[[Array], Array]:
 
 
 def dwelling(t: Array) -> Array:
-    """Return 0.08 rad of a sine of 0.8 Hz from 1 s on that waits 0.45 s at three quarters of its period."""
+    """Return a sine of 0.08 rad and 0.8 Hz from 1 s on, held for 0.45 s after three quarters of its period."""
     running = t - 1.0
     peak = 0.75 / 0.8
     played = np.where(running < peak, running, np.maximum(running - 0.45, peak))
@@ -194,7 +194,8 @@ DRIVER: dict[str, Callable[[], Signals]] = {
 
 # Road ---------------------------------------------------------------------------------------------------------------
 
-# Grid points of shaped noise before the front axle at the start: point 0 of the random numbers is 1022 cells behind it.
+# First grid point of shaped noise, relative to the front axle at the start: the random numbers begin 1022 cells behind
+# it.
 FIRST = -1022
 
 # Distance of the axles behind the front axle, m.
@@ -211,7 +212,7 @@ def deviation(coefficient: float, cutoff: float) -> float:
 
 
 def shaped(seed: int, stream: int, coefficient: Array, cutoff: float, spacing: float, last_zero: float | None) -> Array:
-    """Return the height of every grid point; the coefficient is given for every point."""
+    """Return the height at every grid point; `coefficient` has a value for each."""
     numbers = normals(seed, stream, len(coefficient))
     alpha = math.exp(-2.0 * math.pi * cutoff * spacing)
     z = np.zeros(len(coefficient))
@@ -224,10 +225,10 @@ def shaped(seed: int, stream: int, coefficient: Array, cutoff: float, spacing: f
 
 
 def all_pass(z: Array, place: Array, length: float) -> Array:
-    """Return the output of the all-pass at the places of an input that is linear in between.
+    """Return the output of the all-pass at the given places, for an input that is linear between them.
 
-    The state with a linear input, [X1, X2, z, slope], obeys a linear equation with constant coefficients; its solution
-    over a cell is the exponential of a matrix, by its series.
+    With the linear input, the state [X1, X2, z, slope] obeys a linear equation with constant coefficients. Its solution
+    over a cell is a matrix exponential, computed from its series.
     """
     a = np.zeros((4, 4))
     a[0] = [0.0, 1.0, -12.0 / length, 0.0]
@@ -255,13 +256,13 @@ def all_pass(z: Array, place: Array, length: float) -> Array:
 
 
 def mixed(first: Array, second: Array, rho: float) -> tuple[Array, Array]:
-    """Return the two tracks of a correlation."""
+    """Return two tracks with the correlation rho, mixed from independent ones."""
     common, opposite = math.sqrt((1.0 + rho) / 2.0) * first, math.sqrt((1.0 - rho) / 2.0) * second
     return common + opposite, common - opposite
 
 
 def cosines(x: Array, coefficient: float, seed: int, delay: float = 0.0) -> Array:
-    """Return the sum of 800 cosines, each of them delayed by the all-pass, faded in over 20 m."""
+    """Return the sum of 800 cosines, each delayed by the all-pass, faded in over 20 m."""
     spacing = (2.83 - 0.011) / 800
     total = np.zeros_like(x)
     for k, fraction in enumerate(split_mix(seed, 800)):
@@ -280,7 +281,7 @@ class Ride:
     def __init__(self, seconds: float, speed: Callable[[Array], Array], offsets: Mapping[str, float] = OFFSETS) -> None:
         self.offsets = offsets
         self.time = np.arange(round(seconds / STEP)) * STEP
-        # As the file gives it.
+        # Rounded as in the file.
         self.speed = np.array([float(f"{v:.{DIGITS}g}") for v in speed(self.time)])
         self.distance = np.concatenate([[0.0], np.cumsum(self.speed[:-1] * STEP)])
 
@@ -310,7 +311,7 @@ class Ride:
         return result | heights | frictions | sides | {"road.distance": self.distance}
 
     def points(self, spacing: float) -> int:
-        """Return the grid points up to the far end of the last cell."""
+        """Return the number of grid points up to the far end of the last cell."""
         return math.floor(float(self.distance.max()) / spacing + 1e-6) + 2 - FIRST
 
     def on_grid(self, spacing: float, left: Array, right: Array) -> Callable[[Array], tuple[Array, Array]]:
@@ -325,7 +326,7 @@ def constant(coefficient: float, count: int) -> Array:
 
 
 def default() -> Signals:
-    """Return the road of the start values at a speed that changes, with a standstill."""
+    """Return the road with the start values of its parameters, at a varying speed with a standstill."""
     ride = Ride(6.0, lambda t: np.maximum(0.0, 15.0 * np.cos(1.3 * t)), NO_OFFSETS)
     count = ride.points(0.01)
     tracks = [shaped(1, stream, constant(256e-6, count), 0.011, 0.01, None) for stream in (0, 1)]
@@ -333,7 +334,7 @@ def default() -> Signals:
 
 
 def from_front_axle() -> Signals:
-    """Return mixed tracks of class B that start at the front axle, of class F from 1.5 s on; a short way back."""
+    """Return mixed tracks that start at the front axle, of class B, of class F from 1.5 s on; the vehicle reverses."""
     ride = Ride(2.6, lambda t: 12.0 * np.cos(0.9 * t))
     spacing = 0.02
     count = ride.points(spacing)
@@ -385,7 +386,7 @@ def table() -> Signals:
 
     def track(x: Array) -> tuple[Array, Array]:
         left = np.interp(x, rows, heights)
-        # The all-pass at the rows and at every place between and behind them.
+        # The all-pass needs the rows of the table and the places of the samples.
         places = np.unique(np.concatenate([rows, x[x > rows[0]]]))
         response = all_pass(np.interp(places, rows, heights), places, TRACK)
         return left, np.where(x <= rows[0], left, np.interp(x, places, response))
@@ -394,7 +395,7 @@ def table() -> Signals:
 
 
 def bump_and_friction() -> Signals:
-    """Return a bump in distance on a flat road, split friction, and less of it from 21 m on."""
+    """Return a bump by distance on a flat road, with split friction that is lower from 21 m on."""
     ride = Ride(3.0, lambda t: 15.0 + 0.0 * t)
 
     def obstacle(x: Array) -> tuple[Array, Array]:
@@ -431,14 +432,14 @@ ROAD: dict[str, Callable[[], Signals]] = {
 
 
 def signal(t: Array) -> Array:
-    """Return what the sensor measures and the actuator follows: two sines and three steps."""
+    """Return the signal for sensor and actuator: two sines and three steps."""
     steps = 1.5 * (t >= 0.4) - 2.5 * (t >= 0.9) + 1.2 * (t >= 1.5)
     result: Array = 0.6 * np.sin(9.0 * t) + 0.1 * np.sin(70.0 * t) + steps
     return result
 
 
 def as_printed(values: Array) -> Array:
-    """Return the values as the file gives them."""
+    """Return the values rounded as in the file."""
     return np.array([float(f"{v:.{DIGITS}g}") for v in values])
 
 
@@ -448,7 +449,7 @@ def sensor(delay: int, bias: float, noise: float, seed: int, resolution: float) 
     u = as_printed(signal(t))
     y = u[np.maximum(np.arange(len(t)) - delay, 0)] + bias + noise * normals(seed, 2, len(t))
     if resolution > 0.0:
-        # The nearest multiple; of two the one away from zero.
+        # Rounds to the nearest multiple; halves away from zero.
         y = np.copysign(np.floor(np.abs(y) / resolution + 0.5) * resolution, y)
     return {"time": t, "sensor.true_value": u, "sensor.measured_value": y}
 
@@ -459,7 +460,7 @@ def sensor_imperfect() -> Signals:
 
 
 def sensor_noisy() -> Signals:
-    """Return a sensor with the longest delay and noise alone."""
+    """Return a sensor with the longest delay, and noise only."""
     return sensor(1000, 0.0, 0.5, 3, 0.0)
 
 
@@ -475,9 +476,9 @@ SENSOR: dict[str, Callable[[], Signals]] = {"sensor_imperfect": sensor_imperfect
 
 
 def actuator(time_constant: float, rate: float, least: float, greatest: float, start: float) -> Signals:
-    """Return a command, and the value before each step: the differential equation by the classical Runge-Kutta method.
+    """Return a command, and the actuator's value before each step, integrated by the classical Runge-Kutta method.
 
-    200 parts of a step: where the rate becomes limited, inside of a part of 5 us, it errs by less than 1e-9.
+    A step has 200 substeps of 5 us. If the rate limit begins within a substep, the error is below 1e-9.
     """
     t = np.arange(2000) * STEP
     u = as_printed(signal(t))
@@ -501,7 +502,7 @@ def actuator(time_constant: float, rate: float, least: float, greatest: float, s
 
 
 def actuator_limited() -> Signals:
-    """Return an actuator whose rate and range limits act."""
+    """Return an actuator that reaches its limits of rate and range."""
     return actuator(0.04, 8.0, -0.9, 1.3, 0.25)
 
 
@@ -517,14 +518,14 @@ ACTUATOR: dict[str, Callable[[], Signals]] = {"actuator_limited": actuator_limit
 
 
 def mixer() -> str:
-    """Return the weighted sum of two forces at six wheels, within 100 kN: a table with a number in every cell."""
+    """Return a table with the weighted sum of two forces at six wheels, limited to 100 kN, without empty cells."""
     t = np.arange(100) * STEP
     signals: Signals = {"time": t, "weight.integrated": 0.5 - 0.5 * np.cos(40.0 * t), "weight.roll": 0.9 * t / t[-1]}
     places = ("fl", "fr", "ml", "mr", "rl", "rr")
     for k, place in enumerate(places):
         signals[f"integrated_force.{place}"] = 70e3 * np.sin(60.0 * t + k)
         signals[f"roll_force.{place}"] = 90e3 * np.cos(50.0 * t - 2.0 * k)
-    # As the file gives them.
+    # Rounded as in the file.
     signals = {name: np.array([float(f"{v:.{DIGITS}g}") for v in values]) for name, values in signals.items()}
     for place in places:
         force = signals["weight.integrated"] * signals[f"integrated_force.{place}"]
@@ -540,13 +541,13 @@ RUNS = DRIVER | ROAD | SENSOR | ACTUATOR
 
 
 def double_lane_change() -> tuple[Array, Array, Array, Array]:
-    """Return x, y and headings of the points of the path with the start values, and their stations."""
+    """Return x, y, heading and station of the path's points, for the start values."""
     width, overlap = 1.61, 6.0
     x = np.arange(2751) * 0.1
     right = -(1.1 * width + 0.25) / 2.0
     second = right + 3.5 + (1.2 * width + 0.25) / 2.0 - 0.1
     third = right + (1.3 * width + 0.25) / 2.0
-    # y and slope: a step of height 1 between two lanes
+    # y and slope of the transition between two lanes, normalized to height 1.
     step, rise = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6]), np.polynomial.Polynomial([0, 0, 30, -60, 30])
     y, slope = np.zeros_like(x), np.zeros_like(x)
     for begin, end, height in (
@@ -559,7 +560,7 @@ def double_lane_change() -> tuple[Array, Array, Array, Array]:
 
 
 def path_driver_default() -> Signals:
-    """Return a run with the start values: a vehicle beside the path of the double lane change."""
+    """Return a run with the start values: a vehicle that starts beside the path of the double lane change."""
     n = 1500
     k = np.arange(n)
     at_x, at_y = 40.0 + 0.05 * k, np.round(1.75 - 1.75 * np.cos(math.pi * k / n), 2)
@@ -617,7 +618,7 @@ def path_driver_default() -> Signals:
 
 
 def text(signals: Mapping[str, Array], thinned: int = THINNED) -> str:
-    """Return a table; outputs have numbers in every seventh row only, inputs in all."""
+    """Return a table with inputs in all rows, and outputs in every `thinned`-th row."""
     inputs = [name for name in signals if name in INPUTS]
     names = [name for name in signals if name not in ("time", *INPUTS)]
     lines = [",".join(signals)]
@@ -634,18 +635,18 @@ def csv(columns: Mapping[str, list[float]]) -> str:
     return "\n".join([",".join(columns), *(",".join(f"{v:g}" for v in row) for row in rows)]) + "\n"
 
 
-# Bytes of a file inside an FMU.
+# Maximum size of a reference file inside an FMU, bytes.
 LARGEST = 60_000
 
 
 def beginning(table: str) -> str:
-    """Return as many rows as an FMU carries."""
+    """Return the first rows, up to the size limit for a file inside an FMU."""
     end = len(table) if len(table) <= LARGEST else table.rindex("\n", 0, LARGEST) + 1
     return table[:end]
 
 
 def files() -> dict[str, str]:
-    """Return all files with their paths in the repository; those that end with .gz are packed."""
+    """Return the content of all files by path in the repository; names that end with .gz are to be compressed."""
     folder = "tests/references/sources"
     result = {f"{folder}/{name}.csv.gz": text(run()) for name, run in RUNS.items()}
     result[f"{folder}/driver_table_file.csv"] = csv(DEMANDS)

@@ -1,4 +1,4 @@
-"""A system of one small FMU from C, for tests of studies: y = f(a, b, c) after a step."""
+"""A system with one small FMU written in C, for tests of studies: y = f(a, b, c) after a step."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ title = "Twice the value"
 value = "2 * y"
 """
 
-# What the C function calls a, b, c.
+# Declares a, b and c in the C function.
 NAMES = "double a = i->v.real[0], b = i->v.real[2], c = i->v.real[3]; int seed = i->v.integer[0]; (void)seed;"
 
 
 def build(folder: Path, value: str = "a + 10 * b + 100 * c", before: str = "", name: str = "Function") -> Path:
-    """Build the FMU whose output is an expression in C, after a statement; returns its folder."""
+    """Build an FMU whose output is the C expression `value`, after the statement `before`; returns its folder."""
     fmus = folder / "fmus"
     fmus.mkdir(exist_ok=True)
     library, source = folder / f"{name}.so", folder / f"{name}.c"
@@ -96,12 +96,12 @@ def write(folder: Path, study: str, scenario: str = SCENARIO) -> Path:
 
 
 def vary(name: str, variable: str, distribution: str) -> str:
-    """Return a factor."""
+    """Return the TOML text of a factor."""
     return f'[[vary]]\nname = "{name}"\nvariable = "{variable}"\n{distribution}\n'
 
 
 def request(arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[bytes]:
-    """Call `chassis study`, whose request to Python is its output."""
+    """Call `chassis study` such that it prints its request to Python."""
     python = folder / "python"
     python.write_text("#!/bin/sh\nexec cat\n")
     python.chmod(0o755)
@@ -119,7 +119,7 @@ def start(arguments: Sequence[str], folder: Path, **options: Any) -> subprocess.
 
 
 def carry_out(arguments: Sequence[str]) -> int:
-    """Carry a study out as `chassis study` does, in this process; returns the exit code."""
+    """Run a study like `chassis study`, but in this process; returns the exit code."""
     done = request(arguments, Path(arguments[0]).parent)
     if done.returncode:
         # Messages are wrapped, with a bar at their left.

@@ -1,7 +1,7 @@
-"""Directional and adjoint derivatives of every continuous-time FMU of FMI 3.0, in model exchange.
+"""Directional and adjoint derivatives of every continuous-time FMI 3.0 FMU, in model exchange.
 
-References: the adjoint derivatives are the transpose of the directional ones, and both are the limits of central
-differences of what the same FMU computes. The FMUs are those of `test_fmi3.py`.
+References: adjoint derivatives are the transpose of directional derivatives, and both agree with central differences of
+the values of the same FMU. The FMUs are those of `test_fmi3.py`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ FOLDER = Path(os.environ.get("CHASSIS_FMU3_DIR", Path(__file__).parents[2] / "ta
 DESCRIPTIONS = {path: fmpy.read_model_description(str(path)) for path in sorted(FOLDER.glob("*.fmu"))}
 CONTINUOUS = [path for path, description in DESCRIPTIONS.items() if description.numberOfContinuousStates > 0]
 
-# Both sum the same products, of which all but one are zero; over the greatest derivative.
+# Relative to the largest derivative. Both derivatives sum the same products, all but one of them zero.
 TRANSPOSED = 1e-14
-# Step of the differences in nominal values. Their error is the third derivative times its square, and a rounding of the
-# values, 1e-16, over it.
+# Step of the differences, in nominal values. Their error is the third derivative times the square of the step, plus the
+# rounding of the values, 1e-16, divided by the step.
 STEP = 1e-5
 DIFFERENCES = 1e-6
 ROUNDING = 1e-10
@@ -54,7 +54,7 @@ def test_derivatives_are_those_of_the_equations(path: Path, seed: int) -> None:
     random = np.random.default_rng(seed)
     point = np.array(instance.getFloat64(columns)) + 0.01 * nominal * random.uniform(-1.0, 1.0, len(knowns))
     instance.setFloat64(columns, list(point))
-    # Relations take the sides of the new point.
+    # Event mode updates the frozen relations to the new point.
     instance.enterEventMode()
     instance.updateDiscreteStates()
     instance.enterContinuousTimeMode()

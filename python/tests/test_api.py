@@ -1,6 +1,6 @@
 """The Python interface `chassis_fmu`: `Scenario`, `Env`, `trim` and `linearize`, with the FMUs of the library.
 
-Two runs that make the same calls have the same bits, so most comparisons are exact.
+Runs that make the same calls are bit-identical, so most comparisons are exact.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[2]
 STEP_STEER = ROOT / "scenarios/rescue_vehicle_step_steer.toml"
 BRAKING = ROOT / "scenarios/esp_car_braking.toml"
 
-# The driver steers within the short run.
+# Makes the driver steer within the short run.
 STEERING = {"driver:steer.start": 0.1}
 AXLES = {f"plant:steer.{axle}": (-1.0, 1.0) for axle in ("front", "middle", "rear")}
 BODY = ("plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "body.roll_acceleration")
@@ -53,7 +53,7 @@ def brake() -> cf.Scenario:
 
 @pytest.fixture(scope="module")
 def plain(steer: cf.Scenario) -> dict[str, Array]:
-    """Signals of the run without an agent."""
+    """Return the signals of the run without an agent."""
     table = steer.simulate(STEERING, case="coordination")
     return {name: table[name].to_numpy() for name in table.column_names}
 
@@ -64,7 +64,7 @@ def environment(loop: cf.Scenario, **options: Any) -> cf.Env:
 
 
 def wired(plain: dict[str, Array]) -> Array:
-    """Return what the wires carry to the axles: the steering makes its step before the vehicle, so the next row."""
+    """Return the steering angles that the vehicle gets in each step: from the next row, as the steering steps first."""
     return np.column_stack([plain[f"steer.{axle}"][1:] for axle in ("front", "middle", "rear")])
 
 
@@ -119,7 +119,7 @@ def test_signals_are_those_of_the_command(steer: cf.Scenario, plain: dict[str, A
 
 
 def test_metrics_are_those_of_the_recording(steer: cf.Scenario, plain: dict[str, Array]) -> None:
-    """Reference: the root mean square by numpy. Its sum of 301 squares is rounded 301 times: 301 * 2^-53 < 1e-13."""
+    """Reference: the root mean square in numpy, whose sum of 301 squares is rounded 301 times: 301 * 2^-53 < 1e-13."""
     numbers = steer.run(STEERING, case="coordination")
     for metric in ("roll", "roll_acceleration", "heave_acceleration"):
         expected = math.sqrt(np.mean(plain[f"body.{metric}"] ** 2))
@@ -160,8 +160,8 @@ def test_an_exception_of_progress_ends_the_runs(steer: cf.Scenario, workers: int
 
 def test_another_thread_goes_on_during_a_run(tmp_path: Path) -> None:
     inside, go = tmp_path / "inside", tmp_path / "go"
-    # A step that waits for a file, which another thread of this process writes when the step has begun. With Python's
-    # lock it would wait in vain, and return an error after a minute.
+    # A step that waits for a file, which another thread of this process writes after the step has begun. If the step
+    # held Python's lock, the thread could not run, and the step would fail after a minute.
     waits = f'for (int n = 0; access("{go}", 0); n++) {{ if (n > 60000) return 3; usleep(1000); }}'
     build(tmp_path, before=f'FILE *f = fopen("{inside}", "w"); if (f) fclose(f); {waits}')
     write(tmp_path, "")
@@ -179,7 +179,7 @@ def test_another_thread_goes_on_during_a_run(tmp_path: Path) -> None:
 
 
 class Objective:
-    """What Optuna minimizes; it can travel to other processes."""
+    """The objective that Optuna minimizes; it can be pickled for other processes."""
 
     def __init__(self, loop: cf.Scenario) -> None:
         self.loop = loop
@@ -247,17 +247,17 @@ def test_a_scenario_without_seeds_takes_none(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore:.*symmetric and normalized space:UserWarning")
 @pytest.mark.filterwarnings("ignore:.*alternative render modes:UserWarning")
 def test_gymnasium_accepts_the_environment(steer: cf.Scenario) -> None:
-    """Its warnings advise normalized spaces, which signals in physical units have not, and registered environments."""
+    """Ignores warnings: they advise normalized spaces, unlike physical units, and registered environments."""
     check_env(environment(steer, act={"plant:steer.front": (-0.1, 0.2)}))
 
 
 def test_actions_of_the_wires_give_the_plain_run(steer: cf.Scenario, plain: dict[str, Array]) -> None:
     env = environment(steer)
     np.testing.assert_array_equal(play(env, wired(plain)), observed(plain))
-    # Other actions give another run.
+    # Different actions give a different run.
     other = play(env, 0.5 * wired(plain))
     assert not np.array_equal(other, observed(plain))
-    # After a reset, the instances have the bits of new ones, whatever came before.
+    # After a reset, instances behave bit-identically to new ones, whatever happened before.
     np.testing.assert_array_equal(play(env, wired(plain)), observed(plain))
     env.reset()
     env.step(np.ones(3))
@@ -266,7 +266,7 @@ def test_actions_of_the_wires_give_the_plain_run(steer: cf.Scenario, plain: dict
 
 
 def test_a_constant_action_of_the_wire_gives_the_plain_run(steer: cf.Scenario, plain: dict[str, Array]) -> None:
-    """The speed of this maneuver does not change."""
+    """Uses the speed, which is constant in this maneuver."""
     speed = steer.variable("driver:speed.initial").value
     assert isinstance(speed, float)
     env = environment(steer, act={"plant:driver.speed": (0.0, 50.0)})
@@ -360,7 +360,7 @@ def test_names_of_an_environment_are_checked(steer: cf.Scenario) -> None:
 
 
 def test_a_session_goes_back_to_any_step(brake: cf.Scenario) -> None:
-    """Reference: the run without going back, with a road profile whose random numbers belong to the states."""
+    """Reference: the run without going back. The random numbers of its road are part of the state."""
     run = brake.index("coordination", "rough", 3)
     columns = [i for i, slot in enumerate(brake.plan.runs[run].columns) if slot is not None]
     times, expected = brake.record((), run)
@@ -408,7 +408,7 @@ def test_errors_of_linearizations_say_what_to_do() -> None:
 
 
 def test_steady_states_are_equilibria_of_linear_models() -> None:
-    """Reference: the closed form of the yaw gain, u/(L + K u^2), with the numbers of the README of the car."""
+    """Reference: the yaw gain in closed form, u/(L + K u^2), with the values in the car's README."""
     steady = cf.trim("BicycleCar", {"steer.front": 0.02})
     assert steady.states["vehicle.yaw_rate"] == pytest.approx(0.02 * 5.192615, rel=1e-6)
     assert steady.drifting == ("vehicle.yaw", "vehicle.position_x", "vehicle.position_y")
@@ -444,7 +444,7 @@ def test_errors_of_trims_name_the_state() -> None:
 def test_masters_and_other_values_start_steady(
     tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
 ) -> None:
-    """Both masters start a plant at rest with the same bits; a run with another value finds its own steady state."""
+    """Both masters start in the same steady state, bit-identically; a run with a changed value in its own one."""
     file = tmp_path / "turn.toml"
     file.write_text(STEADY, encoding="utf-8")
     with run_by_both_masters(file, cf.fmus()["RescueVehicle"].parent).open(encoding="utf-8") as text:

@@ -1,4 +1,4 @@
-"""Tables and page of a scenario, as `chassis run` asks for them, with the plan of the tests."""
+"""Tables and page of a scenario, from requests like those of `chassis run`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from chassis_fmu.files.plan import Plan
 
 HERE = Path(__file__).parent
 
-# Metrics of the runs, by hand.
+# Metrics of the runs, computed by hand.
 NUMBERS = {"passive#1": (40.0, 0.3), "passive#2": (80.0, 0.6), "active#1": (120.0, 0.9), "active#2": (160.0, None)}
 
 
 class Ask(Protocol):
-    """Passes a request on; returns the exit code."""
+    """Executes a request; returns the exit code."""
 
     def __call__(self, out: str = "out", **more: Any) -> int: ...
 
@@ -87,7 +87,7 @@ def test_outputs_repeat_to_the_byte(
     assert one["trial/runs/active_1.csv"] == (recorded / "active_1.csv").read_bytes()
     out = capsys.readouterr().out
     assert "Roll angle <RMS> (°)" in out
-    # The numbers grow from run to run: no reduction by a quarter.
+    # The values rise from run to run, so there is no reduction by 25 %.
     assert "Not reproduced  Less <roll>, by 25.0 %" in out
     assert b'href="trial/index.html"' in one["index.html"]
     assert b"runs/active_1.csv" in one["trial/index.html"]

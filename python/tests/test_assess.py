@@ -1,4 +1,4 @@
-"""The page of an assessment. Reference: the file of the assessment, which Rust writes and tests."""
+"""The page of an assessment. Reference: `assessment.json`, which Rust writes and tests."""
 
 import html
 import json
@@ -30,11 +30,11 @@ FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Assess the car in all maneuvers, the series of sine with dwell only up to its first unstable runs."""
+    """Assess the car in all maneuvers; the series of sine with dwell ends at the first unstable runs."""
     out = tmp_path_factory.mktemp("assess") / "car"
     command = [sys.executable, "-m", "chassis_fmu", "bench", "run", "EspCar", "--with", "AntilockBraking", "--quick"]
     done = subprocess.run([*command, "--out", str(out)], cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
-    # Antilock brakes alone do not prevent the spin of sine with dwell.
+    # Antilock brakes alone do not prevent the spin in sine with dwell, so a verdict is "failed".
     assert done.returncode == 1, done.stderr
     assert done.stdout.endswith(f"{out / 'index.html'}\n")
     return out
@@ -72,14 +72,14 @@ def test_the_page_has_data_by_the_schema_and_the_seeds(folder: Path, page: str) 
 
 
 def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> None:
-    """A car without antilock brakes misses the distance of UN R13-H, with them it does not."""
+    """Only with antilock brakes does the car stay within the braking distance of UN R13-H."""
     table = re.findall(r'<table class="verdicts">.*?</table>', page, re.DOTALL)[0]
     (row,) = re.findall(r"<tr>\s*<th>Braking: braking distance.*?</tr>", table, re.DOTALL)
     assert re.findall(r'class="badge [a-z]+">([A-Za-z]+)<', row) == ["Failed", "Passed", "better"]
     found = Folder(folder).read()
     judged = [row for row in found.metrics if row.verdict != "info" or row.verdict_without != "info"]
     assert table.count("<tr>") == 1 + len(judged)
-    # Above the figures: what was assessed.
+    # The section on the assessed systems, above the verdicts.
     head = html.unescape(page[: page.index('<table class="verdicts">')])
     assert head.index(found.plant["guid"] or "-") < head.index("<th>wheelbase</th>") < head.index("road_height.fl")
     for name, _ in found.data:
@@ -88,7 +88,7 @@ def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> N
 
 
 def test_the_page_says_where_systems_were_compared() -> None:
-    """By hand: a faster and a slower system, a bound, and a number that is missing."""
+    """Constructed cases: a faster and a slower system, a bound, and a missing value."""
     common = {"definition": "", "unit": "km/h", "suite": "stability", "verdict": "info", "verdict_without": "info"}
     data = {
         **common, "id": "iso3888_1.roll_peak", "title": "Roll", "without": 2.0, "with": 3.0, "change": -25.0,
@@ -115,7 +115,7 @@ def test_the_page_says_where_systems_were_compared() -> None:
 def test_the_page_explains_what_it_counts(page: str) -> None:
     assert re.search(r"<b>\d+</b> passed with controllers</li>", page)
     assert "Unit A: multiples of the amplitude A. A is the steering-wheel angle" in page
-    # Inputs that the bench writes, from a signal or with a constant.
+    # Inputs that the bench sets, to a signal or to a constant.
     assert "<dt><code>steer.front</code></dt><dd>signal <code>driver.steer</code></dd>" in page
     assert "<dt><code>suspension_force.fl</code></dt><dd>constant 0.0</dd>" in page
     assert [report.is_signal(v) for v in ("driver.steer", "0.5", "-1.0e-3", "true", "Off")] == [True] + 4 * [False]
@@ -129,12 +129,12 @@ def test_angles_have_one_notation(folder: Path) -> None:
     axes = [panel["y"] for panel in panels]
     assert any(axis["units"][0]["name"] == "°" for axis in axes)
     assert not any("deg" in unit["name"] for axis in axes for unit in axis["units"])
-    # Each axis says what it shows.
+    # Each axis has a title.
     assert all(axis["title"] for panel in panels for axis in (panel["x"], panel["y"]))
 
 
 def test_the_line_of_regression_gives_the_amplitude(folder: Path) -> None:
-    """Reference: A_raw of the evaluator, for the angle at 0.3 g; the angles are 13.5 °/s times the time since 1 s."""
+    """Reference: the angle at 0.3 g from the evaluator (A_raw), and the recorded signals for the slope."""
     found = Folder(folder).read()
     chart = charts.slowly_increasing_steer(charts.Source(found, Folder(folder), report.systems(found)))
     assert chart is not None
@@ -144,7 +144,7 @@ def test_the_line_of_regression_gives_the_amplitude(folder: Path) -> None:
     x, y = lines[0].x, lines[0].y
     at = math.degrees(float(np.interp(0.3 * 9.81, x, y)))
     assert at == pytest.approx(run.metrics["A_raw"], rel=1e-9)
-    # The slope is that of the filtered signals, but for the noise, of which there is none.
+    # The signals have no noise, so filtering does not change the slope.
     recording = Folder(folder).recording("without", run.name)
     assert recording is not None
     across, wheel = recording.values["vehicle.lateral_acceleration"], recording.values["driver.steering_wheel"]
@@ -170,8 +170,8 @@ def test_the_page_is_on_the_list_of_results(folder: Path) -> None:
 def test_the_path_of_the_driver_is_that_of_the_maneuver(folder: Path) -> None:
     """Reference: the path of the single lane change, y = H (q - sin(2 pi q) / (2 pi)), which ends 1.4637 m to the side.
 
-    The deviation of a row is that of the step before, so that the point is off by what the vehicle moves to the side of
-    the path in 1 ms: less than 0.1 mm, as it does so by less than 0.1 m/s at both ends.
+    The deviation in a row is from the step before. The error is therefore the vehicle's movement away from the path in
+    1 ms: less than 0.1 mm, because this velocity is below 0.1 m/s at both ends.
     """
     recording = Folder(folder).recording("without", "single_lane_change")
     assert recording is not None
@@ -182,7 +182,7 @@ def test_the_path_of_the_driver_is_that_of_the_maneuver(folder: Path) -> None:
 
 
 def test_footprints_have_the_size_of_the_vehicle(folder: Path) -> None:
-    """Reference: by hand, a vehicle at (10, 2) that looks along y."""
+    """Reference: computed by hand for a vehicle at (10, 2) that points along y."""
     found = Folder(folder).read()
     front, rear, width = (found.datum(name) or 0.0 for name in ("front", "rear", "width"))
     x, y = charts._corners(found, *(np.array([value]) for value in (10.0, 2.0, math.pi / 2)))
@@ -194,7 +194,7 @@ def test_the_page_of_an_assessment_that_is_there(folder: Path, page: str) -> Non
     code, text = commands.chassis("bench", "run", "EspCar", "--out", folder, "--report-only")
     assert (code, text) == (0, f"{folder / 'index.html'}\n")
     again = (folder / "index.html").read_text(encoding="utf-8")
-    # But for the command.
+    # Equal except for the command.
     assert re.sub(r"<code>chassis bench .*?</code>", "", again) == re.sub(r"<code>chassis bench .*?</code>", "", page)
 
 
@@ -269,7 +269,7 @@ signals = ["plant:vehicle.*", "driver:*"]
 def test_both_masters_drive_alike_and_to_both_sides(
     tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
 ) -> None:
-    """The fixture compares the bytes of both masters. A mirrored track gives the mirrored run: 1e-12 of each peak."""
+    """A mirrored track gives the mirrored run (1e-12 of each peak). The fixture compares the bytes of both masters."""
     scenario = tmp_path / "loop.toml"
     runs = []
     for mirror in ("false", "true"):
@@ -288,20 +288,20 @@ def test_both_masters_drive_alike_and_to_both_sides(
             assert float(np.abs(values - sign * right[name]).max()) <= 1e-12 * peak, name
             compared += 1
     assert compared >= 9
-    # It was a lane change.
+    # The vehicle did change lanes.
     assert left["vehicle.position_y"].max() > 2.0
 
 
 @pytest.mark.parametrize(
     ("arguments", "warning"),
     [
-        # The weights of its paper come from FuzzyCoordination.
+        # In its paper, FuzzyCoordination provides the weights.
         (
             ("RescueVehicle", "--with", "DualSlidingModeSteering"),
             "nothing writes `weight.steering`, which keeps its start value 0.0; "
             "FMUs that write it: `FuzzyCoordination`",
         ),
-        # Its pressures are inputs of AntilockBraking.
+        # AntilockBraking gets the pressures from this FMU.
         (
             ("EspCar", "--with", "DirectYawControl"),
             "DirectYawControl has no effect: nothing reads its outputs; FMUs that read them: `AntilockBraking`",

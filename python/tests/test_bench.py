@@ -1,4 +1,4 @@
-"""What `scripts/bench exporters`, `masters` and `workers` run and print; nothing is timed here."""
+"""The commands and output of `scripts/bench exporters`, `masters` and `workers`; no times are tested."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_programs_may_have_fmus_of_their_own() -> None:
 
 
 def test_ratio_is_the_median_of_the_pairs() -> None:
-    # Ratios 1.1, 0.9, 1.0, of which no two means have the ratio.
+    # The ratios of the pairs are 1.1, 0.9 and 1.0; the ratio of the means would be different.
     cells = bench_workers.line("run", [(10.0, 11.0), (20.0, 18.0), (1.0, 1.0)]).split()
     assert cells == ["run", "3", "10.00", "s", "11.00", "s", "1.000", "(0.950", "to", "1.050)"]
 

@@ -1,7 +1,7 @@
 """CasADi imports the continuous-time FMUs as model exchange, and finds an optimal lane change with one of them.
 
 References: FMPy for the derivatives, `cargo fmu linearize` for the matrices at the same operating point, and for the
-lane change the necessary conditions of Pontryagin, solved by scipy with equations written down here.
+lane change Pontryagin's necessary conditions, solved by scipy with equations that are implemented here.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PACKAGES = (
     "single-track",
     "van-der-pol",
 )
-# Over the greatest element of a matrix: both tools pass on what the same function of the FMU returns.
+# Relative to the largest element of a matrix. Both tools return the values of the same function of the FMU.
 TOLERANCE = 1e-10
 
 
@@ -67,7 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def operating_point(description: ModelDescription, unpacked: str) -> tuple[dict[str, float], Array]:
-    """Return what differs from the start values, and all states: a hundredth of the nominal values, some negative."""
+    """Return the changes from the start values (0.01 of the nominal values, some negative), and all states."""
     states = [derivative.variable.derivative for derivative in description.derivatives]
     inputs = [v for v in description.modelVariables if v.causality == "input" and v.type == "Real"]
     moved = {}
@@ -104,7 +104,7 @@ def derivatives_by_fmpy(description: ModelDescription, unpacked: str, moved: dic
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_derivatives_and_jacobians_are_those_of_the_fmu(folder: Path, package: str) -> None:
-    """Left out are outputs that are not real, which CasADi 3.8 reads by fmi2GetReal."""
+    """Excludes outputs that are not real, because CasADi 3.8 reads them with fmi2GetReal."""
     import casadi
 
     path = folder / f"{name_of(package)}.fmu"
@@ -119,7 +119,7 @@ def test_derivatives_and_jacobians_are_those_of_the_fmu(folder: Path, package: s
 
     model = casadi.DaeBuilder("model", unpacked, {})
     assert model.provides_directional_derivatives()
-    # Relations keep the sides that they have after initialization.
+    # Relations stay frozen as they are after initialization.
     for name, value in moved.items():
         model.set(name, value)
     types = {v.name: v.type for v in description.modelVariables}
@@ -128,7 +128,7 @@ def test_derivatives_and_jacobians_are_those_of_the_fmu(folder: Path, package: s
     assert sorted(model.x()) == sorted(expected["states"])
     assert sorted(model.u()) == sorted(expected["inputs"])
     inputs = np.array([moved[name] for name in model.u()])
-    # CasADi orders the states by itself.
+    # CasADi uses its own order of states.
     order = [v.variable.derivative.name for v in description.derivatives]
     x = states[[order.index(name) for name in model.x()]]
 
@@ -163,14 +163,14 @@ def example() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # Dataclasses look up their module.
+    # Dataclasses look up their module in sys.modules.
     sys.modules["lane_change"] = module
     spec.loader.exec_module(module)
     return module
 
 
 def solve(example: ModuleType, folder: Path, **problem: float) -> tuple[Any, Any]:
-    """Return a problem with other values and its solution."""
+    """Return a problem with changed values, and its solution."""
     task = example.Problem(**problem)
     plant, names = example.import_fmu(folder / "SingleTrack.fmu", Path(tempfile.mkdtemp()))
     assert tuple(names) == NAMES
@@ -178,10 +178,10 @@ def solve(example: ModuleType, folder: Path, **problem: float) -> tuple[Any, Any
 
 
 def test_the_lane_change_keeps_its_limits(example: ModuleType, folder: Path) -> None:
-    """Tolerance of limits: that of IPOPT, 1e-8 of their size. The acceleration reaches its limit between two rows.
+    """Tolerance of the limits: 1e-8 of their size, as for IPOPT. The acceleration reaches its limit between two rows.
 
-    Tolerance of the run in co-simulation: the error of the collocation, whose order is 6, is (0.05 s times 6.5/s)^6 /
-    100,800 = 1e-8 of the states in an interval, and IPOPT stops at 1e-9; 60 intervals add up to less than 1e-6.
+    Tolerance of the run in co-simulation: the collocation has order 6, so its error in an interval is (0.05 s times
+    6.5/s)^6 / 100,800 = 1e-8 of the states. IPOPT stops at 1e-9. 60 intervals add up to less than 1e-6.
     """
     problem, solution = solve(example, folder)
     steer = solution.states[:, NAMES.index("steer")]
@@ -194,7 +194,7 @@ def test_the_lane_change_keeps_its_limits(example: ModuleType, folder: Path) -> 
 
 
 def equations(x: Array, rate: Array) -> tuple[Array, Array]:
-    """Return the derivatives of the README's equations and their Jacobian, for many states side by side."""
+    """Return the derivatives from the README's equations and their Jacobian, for many states at once."""
     speed, mass, inertia, front, rear, stiffness, friction = 25.0, 1500.0, 2500.0, 1.2, 1.4, (100e3, 110e3), 0.8
     _, yaw, v, r, steer = x
     zero, one = np.zeros_like(yaw), np.ones_like(yaw)
@@ -229,8 +229,8 @@ def equations(x: Array, rate: Array) -> tuple[Array, Array]:
 def test_the_lane_change_is_optimal(example: ModuleType, folder: Path) -> None:
     """Reference: Pontryagin's conditions, w = -p_steer / 2 and p' = -(df/dx)^T p, as a boundary value problem.
 
-    The steering rate of CasADi is constant in an interval of the length h, so its cost is greater: by h^2/12 times the
-    integral of w'^2, and terms of the order h^4. Tolerance: these, (h times 2 pi / 1.5 s)^2 = 4 %.
+    In CasADi, the steering rate is constant in each interval of length h, so the cost is higher by h^2/12 times the
+    integral of w'^2, plus terms of order h^4. Tolerance: (h times 2 pi / 1.5 s)^2 = 4 %, the size of these terms.
     """
     from scipy.integrate import solve_bvp
 
@@ -241,7 +241,7 @@ def test_the_lane_change_is_optimal(example: ModuleType, folder: Path) -> None:
         return np.vstack([derivatives, -np.einsum("ijk,ik->jk", jacobian, z[5:])])
 
     target = np.array([problem.width, 0.0, 0.0, 0.0, 0.0])
-    # From a straight line to the whole width in small steps: each solution is the guess for the next.
+    # The width grows from 0 in small steps; each solution is the initial guess for the next.
     times, z = np.linspace(0.0, problem.duration, 41), np.zeros((10, 41))
 
     def ends(width: float, start: Array, end: Array) -> Array:

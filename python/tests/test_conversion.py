@@ -12,8 +12,8 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 
-# The brake pedal (a Real from 0 to 1) enables the first antilock logic. Its flag (a Boolean) is the target slip of a
-# wheel of the second. The wheels of both slip by more than a half throughout.
+# The brake pedal (a Real from 0 to 1) enables the first antilock logic, a Boolean input. Its Boolean flag is connected
+# to a target slip of the second logic, a Real. The slip of all wheels is above 0.5 throughout.
 SCENARIO = """
 title = "Conversion"
 reference = "None: a test."
@@ -70,7 +70,8 @@ def test_both_masters_convert_alike(tmp_path: Path, run_by_both_masters: Callabl
     assert on > 300
     assert on <= switched <= on + 20
     assert not first[:switched].any()
-    # With the target 0 the wheel is modulated, with the target 1 it is not. Its neighbor shows that the slip stays.
+    # The pressure is modulated with target slip 0, but not with 1. The neighboring wheel shows that the slip does not
+    # change.
     assert left[switched - 1] == 1.0
     assert left[-1] == 0.0
     assert right[-1] == 1.0

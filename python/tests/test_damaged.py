@@ -1,4 +1,4 @@
-"""Damaged FMUs given to `chassis run --engine fmpy`: a message and an exit code, no traceback, nothing left behind."""
+"""`chassis run --engine fmpy` with damaged FMUs: a message and exit code 1, no traceback, no temporary files."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _way_out(entries: Entries) -> None:
 
 
 def _wild_guid(entries: Entries) -> None:
-    # The FMU quotes the GUID that it does not know. U+009B begins a sequence that a terminal obeys.
+    # The FMU repeats an unknown GUID in its message. U+009B starts a terminal control sequence.
     xml = entries["modelDescription.xml"].decode()
     entries["modelDescription.xml"] = xml.replace('guid="{', 'guid="{\x9b5m', 1).encode()
 
@@ -64,7 +64,7 @@ ENTRIES: list[tuple[Callable[[Entries], None], str]] = [
 
 
 def _cosim(fmu: bytes, folder: Path) -> tuple[int, str]:
-    """Run the reference scenario with this file as the vehicle. Returns the exit code and all that was said."""
+    """Run the reference scenario with this file as the vehicle. Returns the exit code and all output."""
     fmus, temporary = folder / "fmus", folder / "temporary"
     fmus.mkdir()
     temporary.mkdir()
@@ -93,7 +93,7 @@ def _cosim(fmu: bytes, folder: Path) -> tuple[int, str]:
     assert not list(folder.rglob("evil")), "a file was written outside"
     assert not list((folder / "out").rglob("runs/*.csv")), "a run with a damaged FMU has results"
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", done.stdout + done.stderr), "a terminal would obey"
-    # Lines end anywhere.
+    # Messages are wrapped at arbitrary places.
     return done.returncode, " ".join((done.stdout + done.stderr).replace("\u2502", " ").split())
 
 

@@ -1,7 +1,7 @@
-"""Study files with mistakes of every kind: always a message that names the file, never another exception.
+"""Random mistakes in study files always give a message that names the file, never another exception.
 
-The committed studies are changed at random, with fixed seeds; tuning studies and scenarios in `tests/tests/damaged.rs`.
-What a particular mistake is answered with is tested in `test_study.py`.
+The committed studies are changed at random, with fixed seeds. `tests/tests/damaged.rs` does the same with tuning
+studies and scenarios; `test_study.py` tests the messages for particular mistakes.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from chassis_fmu.study.job import Job
 ROOT = Path(__file__).parents[2]
 STUDIES = [path for path in sorted((ROOT / "studies").glob("*.toml")) if "[[vary]]" in path.read_text(encoding="utf-8")]
 CHANGES = 60
-# Samples of a design that is worth trying here.
+# Designs with more samples are not tried here.
 MANY = 10_000
 
-# Those of `damaged.rs`, which Python cannot read, and lists that only these studies may contain.
+# The values in `damaged.rs`, which Python cannot import, and lists, which only these studies can contain.
 VALUES = (
     *(
         "0",
@@ -61,7 +61,7 @@ def damage(text: str, chance: random.Random) -> str:
             place = chance.randrange(len(line) + 1)
             lines[at] = line[:place] + chance.choice("\0\ufeff[*:\U0001f697") + line[place:]
         elif "=" in line:
-            # Another value, and with it another type.
+            # A value that can have another type.
             lines[at] = f"{line.partition('=')[0]}= {chance.choice(VALUES)}"
     return "\n".join(lines)
 
@@ -84,5 +84,5 @@ def test_damaged_studies_are_rejected_with_a_message(path: Path, tmp_path: Path)
         except StudyError as error:
             messages.append(str(error))
     assert all("study.toml" in message or message.startswith("runs is") for message in messages)
-    # Most changes of a file that says little else than what it needs are mistakes.
+    # The files contain little that is optional, so most changes are mistakes.
     assert len(messages) > CHANGES // 2

@@ -1,4 +1,4 @@
-"""The runs in the pictures of models fit the packed FMUs: names of variables, one unit per plot."""
+"""The runs in the model pictures use existing variables of the packed FMUs, and each plot has one unit."""
 
 from __future__ import annotations
 

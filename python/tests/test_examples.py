@@ -1,7 +1,7 @@
 """Every model in `examples` becomes an FMU that passes `cargo fmu check` and simulates in FMPy.
 
-References: closed forms and published values, stated at each test. The tests of the packages compare the models more
-closely; here the way through the FMU counts.
+References: closed forms and published values, stated at each test. The tests of the packages have tighter tolerances;
+this file tests the export as an FMU.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def test_van_der_pol_has_the_amplitude_of_its_limit_cycle(folder: Path) -> None:
 def test_a_bouncing_ball_follows_its_closed_form(folder: Path, fmi_type: str) -> None:
     """Reference: t_n+1 = t_n + 2 v_n / g, v_n+1 = e v_n.
 
-    Tolerance: roundings, and that of the time of an event. In model exchange an event is up to 1e-9 m behind the zero
-    crossing, so that its indicator is not zero: 1e-7 s at the least velocity, in 18 bounces less than 2e-6 s.
+    Tolerance: rounding, and the time of an event. In model exchange, an event is up to 1e-9 m behind the zero crossing,
+    to make its indicator differ from zero: 1e-7 s at the lowest velocity, less than 2e-6 s in 18 bounces.
     """
     g, restitution, least = 9.81, 0.7, 0.01
     exchange = fmi_type == "ModelExchange"
@@ -124,7 +124,7 @@ def test_robertson_has_the_published_fractions(folder: Path) -> None:
 
 
 def test_the_drive_reaches_its_reference_under_load(folder: Path) -> None:
-    """Reference: k i = b w + M and u = R i + k w without a control error. Tolerance: what is left of it after 30 s."""
+    """Reference: k i = b w + M and u = R i + k w without control error. Tolerance: the remaining error after 30 s."""
     values = {"reference_speed": 150.0, "load_torque": 0.25, "motor.resistance": 0.6}
     result = simulate(folder, "dc-motor-drive", stop_time=30.0, output_interval=0.01, start_values=values)
     end, constant, friction = result[-1], 0.05, 1e-4

@@ -1,10 +1,9 @@
-"""Texts of the scenarios hold no typed numbers, and the numbers of their tables are those of the references.
+"""Texts in scenarios contain no typed numbers, and the numbers in their tables agree with references.
 
-The references are the tables of the model specifications, computed by an implementation of its own in another
-language. Deterministic numbers (no road, or the roads of the reference) agree to the digits printed there. The roads
-of the rescue vehicle, the half car and the car are other realizations than the reference's, so that their means are
-compared within six standard errors: of some three hundred means of three to eight values, the largest deviation is
-about five.
+The references are tables computed by an independent implementation in another language. Deterministic numbers (without
+a road, or with the same road as the reference) agree to the printed digits. The roads of the rescue vehicle, the half
+car and the car are other realizations than the reference's, so their means are compared within six standard errors: in
+about three hundred means of three to eight values, the largest deviation is about five.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ else:
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.toml"))
 
-# What may contain digits: numbers of the results, references to a paper, names of scenarios.
+# Text that can contain digits: numbers from the results, references to a paper, names of scenarios.
 ALLOWED = re.compile(
     r"\{[^}]*\}"
     r"|\b(Figures?|Tables?|Sections?|equations?) \d+(\.\d+)*( \([a-z]\))?(( and | to |, )\d+)*"
@@ -67,10 +66,10 @@ CHANGE = "change_percent"
 class Pin:
     """A cell of a table and its reference.
 
-    `within` is what the digits of the reference leave open. `seeds`: the reference is a mean over so many other roads,
-    and six standard errors of the difference of the two means come on top, of the scatter between our roads, but no
-    more than a third of the number (two percentage points of a small change), so that a run that scatters wildly does
-    not pass.
+    `within` is the uncertainty from the printed digits of the reference. `seeds` is the number of other roads that the
+    reference is a mean over. It adds six standard errors of the difference between the two means, from the scatter
+    between our roads. The addition is limited to a third of the number (two percentage points for a small change), so
+    large scatter does not pass.
     """
 
     cell: str
@@ -118,7 +117,7 @@ HALF_CAR = (
 HALF_CAR_DIGITS = "0.001 0.001 0.001 0.01 0.001 0.001 0.001 0.01 0.01 0.01 0.01 0.1"
 
 PINS: dict[str, list[Pin]] = {
-    # Table 4 and section 7: means and scatter over eight roads.
+    # Table 4 and section 7 of the rescue vehicle: means and scatter over eight roads.
     "rescue_vehicle_step_steer": [
         *pins(
             """
@@ -135,7 +134,7 @@ PINS: dict[str, list[Pin]] = {
         *pins("yaw_acceleration_rms.coordination 0.05", 0.02, 8, CHANGE),
         *pins("heave_acceleration_rms.coordination 23", 1.0, 8, CHANGE),
     ],
-    # Variants of section 7: one road; those that depend on it by more than they differ are left out.
+    # Variants in section 7: one road. Variants whose effect is smaller than the scatter between roads are left out.
     "rescue_vehicle_step_steer_variants": [
         *pins(
             """
@@ -186,7 +185,7 @@ PINS: dict[str, list[Pin]] = {
             CHANGE,
         ),
     ],
-    # Table 7: one road. Before the turn: the shares that the rules give without steering, and the audit's numbers.
+    # Table 7: one road. Before the turn: the shares from the rules without steering, and the numbers of the audit.
     "rescue_vehicle_test_condition": [
         *pins("roll_rms.individual 0.0295\nyaw_acceleration_rms.individual 0.0467", 0.0001, 1),
         *pins("roll_acceleration_rms.individual 0.1515\nlateral_acceleration_rms.individual 1.5258", 0.0001, 1),
@@ -416,7 +415,7 @@ PINS: dict[str, list[Pin]] = {
             """,
             0.0001,
         ),
-        # The target is recorded after the step, a row later than in the reference.
+        # We record the target after the step, one row later than the reference does.
         *pins("yaw_rate_error_rms.none@flat 0.1749", 0.0002),
         *pins(
             """
@@ -527,7 +526,7 @@ PINS: dict[str, list[Pin]] = {
             "0.001 0.001 0.001 0.001 0.01",
             8,
         ),
-        # The audit: disturbances before the turn, alike with all controls, against the nominal peak of one road.
+        # The audit: disturbances before the turn, equal for all controls, against the nominal peak on one road.
         *(
             Pin(f"roll_shift.disturbance_{n}@{control}", shift, 0.0005)
             for n, shift in ((1, 0.019), (2, 0.038))
@@ -556,13 +555,14 @@ PINS: dict[str, list[Pin]] = {
     ],
 }
 
-# What every tier runs: no road, seconds. The others of the sample are in .ci/run, the rest in scripts/nightly.
+# Every tier runs these scenarios, which take seconds, without a road. .ci/run adds a sample of the others,
+# scripts/nightly runs all.
 FIRST_TIER = ("heavy_vehicle_steering",)
 SAMPLE = ("rescue_vehicle_test_condition", "esp_car_steering_braking")
 
 
 def tier(path: Path) -> object:
-    """Return the scenario as a parameter, with the mark of its tier."""
+    """Return the scenario as a test parameter with the marker of its tier."""
     marks = [] if path.stem in FIRST_TIER else [pytest.mark.ci] if path.stem in SAMPLE else [pytest.mark.nightly]
     return pytest.param(path, id=path.stem, marks=marks)
 
@@ -578,13 +578,15 @@ def test_the_tables_are_those_of_the_references(path: Path, tmp_path: Path) -> N
         }
     missed = [text for pin in PINS.get(path.stem, []) if (text := pin.misses(rows[pin.cell]))]
     assert not missed, "\n".join(missed)
-    # A claim of our own that the runs refute, and a badge that could not be computed, are mistakes of the scenario.
+    # Badges that say that a claim of ours is refuted, or that a check was not evaluated, mean a mistake in the
+    # scenario.
     badges = json.loads((tmp_path / path.stem / "page.json").read_text(encoding="utf-8"))["badges"]
     assert not {"refuted", "open"} & set(badges), done.stdout
 
 
 def test_every_table_has_its_references() -> None:
-    # Scenarios of our own have none: what tuning runs evaluate, swaps, and the sensor and actuators of a loop.
+    # Scenarios without a paper have no references: those for tuning, for swapping controllers, and for sensors and
+    # actuators.
     without = {p.stem for p in SCENARIOS} - set(PINS)
     own = ("swap_", "hydro_pneumatic_tuning_", "rescue_vehicle_sensor_actuator")
     assert all(name.startswith(own) for name in without)
@@ -593,7 +595,7 @@ def test_every_table_has_its_references() -> None:
 @pytest.mark.studies
 @pytest.mark.parametrize(("study", "bound"), [("hydro_pneumatic_ride", 0.82), ("hydro_pneumatic_handling", 0.30)])
 def test_the_tuner_stays_below_the_bounds(study: str, bound: float) -> None:
-    """PACSA with any seed (section 6 of the half car): ride below 0.82, handling below 0.30."""
+    """Bounds for PACSA with any seed (section 6 of the half car): ride 0.82, handling 0.30."""
     studies = Path(os.environ["CHASSIS_FMU_STUDIES"])
     summary = json.loads((studies / study / "summary.json").read_text(encoding="utf-8"))
     found = [m["best"]["objective"] for m in summary["methods"] if m["kind"] == "pacsa"]

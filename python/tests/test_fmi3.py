@@ -1,8 +1,8 @@
-"""FMUs of FMI 3.0 pass the validators and have the bits of FMI 2.0.
+"""FMI 3.0 FMUs pass the validators, and their results are bit-identical to FMI 2.0.
 
-References: the schemas of FMI 3.0 that FMPy ships, the rules of FMPy, of the FMU manipulation toolbox and of
-`cargo fmu check`; the FMUs of FMI 2.0 from the same sources. `.ci/run` packs some FMUs for FMI 3.0, `scripts/nightly
-fmi3` all of them and the examples; CHASSIS_FMU3_DIR names another folder than target/fmu3.
+References: the schemas of FMI 3.0 that FMPy ships; the rules of FMPy, of the FMU manipulation toolbox and of
+`cargo fmu check`; FMI 2.0 FMUs from the same sources. `.ci/run` packs some FMUs for FMI 3.0, `scripts/nightly fmi3` all
+of them and the examples. CHASSIS_FMU3_DIR replaces the folder target/fmu3.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.ci
 FOLDER3 = Path(os.environ.get("CHASSIS_FMU3_DIR", validators.ROOT / "target" / "fmu3"))
 FMUS = sorted(FOLDER3.glob("*.fmu"))
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
-# Length of the runs that are compared, s.
+# Duration of the compared runs, s.
 DURATION = 2.0
 
 each_fmu = pytest.mark.parametrize("path", FMUS, ids=lambda path: path.stem)
@@ -97,7 +97,7 @@ def test_native_arrays_pass_the_validators(with_arrays: list[Path]) -> None:
 @both
 @each_fmu
 def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
-    """Ten steps, without units and nominal values: fmi-sim 0.7.0 cannot read them."""
+    """Ten steps of a copy without units and nominal values, which fmi-sim 0.7.0 cannot read."""
     description = fmpy.read_model_description(str(path))
     if interface == "ModelExchange" and description.modelExchange is None:
         return
@@ -137,10 +137,10 @@ def test_terminals_name_variables(path: Path) -> None:
 @both
 @each_fmu
 def test_runs_have_the_bits_of_fmi_2(path: Path, interface: str) -> None:
-    """Inputs move at every step. Model exchange is integrated by Euler's method, which both versions do alike."""
+    """Inputs change in every step. FMPy integrates model exchange by Euler's method, equally in both versions."""
     old = validators.FOLDER / path.name
     if not old.is_file():
-        # An example: not among the packed FMUs of the library.
+        # An example, which is not among the packed FMUs of the library.
         old = FOLDER3.with_name("fmu2") / path.name
     descriptions = [fmpy.read_model_description(str(file)) for file in (old, path)]
     if interface == "ModelExchange" and descriptions[1].modelExchange is None:

@@ -1,4 +1,4 @@
-"""Runs by FMPy of an FMU built from C that crashes, exits or hangs in one of them; rows taken from CSV files."""
+"""Runs by FMPy with an FMU, built from C, that crashes, exits or hangs in one of its runs; reports from CSV files."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ title = "Good"
 parameters.ramp = { gain = 0.5 }
 """
 
-# Functions that fmpy looks for and this FMU lacks.
+# Functions that fmpy requires; in this FMU, they return an error.
 MISSING = (
     "SetDebugLogging CancelStep GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus "
     "SetRealInputDerivatives GetRealOutputDerivatives"
@@ -56,7 +56,7 @@ BAD = "t > {} && i->v.real[2] == 1"
 
 
 def build(folder: Path, step: str, declarations: str = "") -> Path:
-    """Build the integrator whose steps begin with a statement in C, and a scenario of two cases with it."""
+    """Build an integrator whose steps begin with the C statement `step`, and a scenario with two cases."""
     (folder / "ramp.toml").write_text(SCENARIO, encoding="utf-8")
     library, source = folder / "Ramp.so", folder / "ramp.c"
     stubs = "\n".join(f"EXPORT int fmi2{name}(void) {{ return 3; }}" for name in MISSING.split())
@@ -76,7 +76,7 @@ def command(folder: Path, *options: str | Path) -> list[str | Path]:
 
 
 def run(folder: Path, *options: str | Path) -> tuple[dict[str, Any], str]:
-    """Return how the runs ended, by run, and what the command says."""
+    """Return the status of each run, and the messages of the command."""
     done = subprocess.run(
         command(folder, *(options or ("--engine", "fmpy", "--no-page"))),
         cwd=ROOT,
@@ -112,9 +112,9 @@ def test_an_fmu_costs_its_run_only(tmp_path: Path, end: str, expected: str) -> N
     assert expected in bad["message"]
     assert "fmi2DoStep" in bad["message"]
     assert good["status"] == "completed"
-    # exact but for the rounding of three sums
+    # Exact up to the rounding of three sums.
     assert rows(tmp_path, "good").values["x"][-1] == pytest.approx(0.3, abs=1e-15)
-    # The rows before the failure are kept, marked, and not taken for those of a whole run.
+    # Rows before the failure are kept and marked, and do not count as a complete run.
     assert len(rows(tmp_path, "bad").times) == 2
     assert [bad[key] for key in ("status", "file", "end", "at", "component")] == ["failed", "bad.csv", 0.1, 0.1, "ramp"]
     taken, _ = run(tmp_path, "--from-csv", tmp_path / "out" / "ramp")
@@ -146,12 +146,12 @@ def test_rows_of_earlier_runs_are_replaced_by_those_that_are_taken(tmp_path: Pat
     out = tmp_path / "out" / "ramp" / "runs"
     for name in ("bad.csv", "good.csv", "status.json"):
         assert (out / name).read_bytes() == (source / name).read_bytes()
-    # Rows that are not there any more are not those of the earlier run.
+    # If a file is missing, the rows of an earlier run do not replace it.
     (source / "bad.csv").unlink()
     taken, _ = run(tmp_path, "--from-csv", source)
     assert not (out / "bad.csv").exists()
     assert taken["bad"]["file"] is None
-    # Neither are those of a run that cannot be read.
+    # The same applies to a file that cannot be read.
     (source / "good.csv").unlink()
     taken, said = run(tmp_path, "--from-csv", source)
     assert "has no results for ramp" in said
@@ -162,7 +162,7 @@ def test_rows_of_earlier_runs_are_replaced_by_those_that_are_taken(tmp_path: Pat
 def test_rows_that_are_taken_are_checked(tmp_path: Path) -> None:
     build(tmp_path, "")
     run(tmp_path)
-    # From their own folder, they stay.
+    # If the files are read from the results folder itself, they are kept.
     out = tmp_path / "out" / "ramp" / "runs"
     (tmp_path / "link").symlink_to(out)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
@@ -182,12 +182,12 @@ def test_rows_that_are_taken_are_checked(tmp_path: Path) -> None:
         assert taken["good"]["status"] == "completed"
 
 
-# Elsewhere a daemon leaves the process group that ends with its worker (docs/guide/src/untrusted.md). All tiers of CI
-# run on Linux, so the test is never skipped there.
+# On other systems, a daemon can leave the process group that ends with its worker (docs/guide/src/untrusted.md). All CI
+# tiers run on Linux, so CI never skips the test.
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has supervisors")
 @pytest.mark.parametrize("end", ["", "abort()", "for (;;) sleep(1)"])
 def test_what_an_fmu_starts_ends_with_its_run(tmp_path: Path, end: str) -> None:
-    # A daemon: in another session, without its parent.
+    # A daemon: a process in another session, whose parent has exited.
     note = tmp_path / "number"
     writing = f'FILE *f = fopen("{note}.part", "w"); fprintf(f, "%d", getpid()); fclose(f);'
     start = f'{writing} rename("{note}.part", "{note}"); sleep(300);'
@@ -229,15 +229,15 @@ def test_a_library_that_does_not_load_in_time_is_named(tmp_path: Path) -> None:
 
 
 def is_alive(process: str) -> bool:
-    """Whether a process is there and not only waits for its end to be noticed."""
+    """Return whether a process is running; false for a zombie."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2][0] != "Z"
     except OSError:
         return False
 
 
-# `is_alive` needs /proc to tell a process that has ended from one that still runs. All tiers of CI run on Linux, so the
-# test is never skipped there.
+# `is_alive` needs /proc to distinguish a zombie from a running process. All CI tiers run on Linux, so CI never skips
+# the test.
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
 def test_an_end_by_signal_leaves_no_process(tmp_path: Path, number: int) -> None:
@@ -245,7 +245,7 @@ def test_an_end_by_signal_leaves_no_process(tmp_path: Path, number: int) -> None
     writing = f'{{ FILE *f = fopen("{note}.part", "w"); fprintf(f, "%d", getpid()); fclose(f);'
     build(tmp_path, f'{writing} rename("{note}.part", "{note}"); }} for (;;) sleep(1)')
     call = command(tmp_path, "--engine", "fmpy", "--no-page", "--timeout", "600", "--jobs", "1")
-    # Whoever runs the tests in the background may ignore signals.
+    # Tests that run in the background can inherit ignored signals.
     with subprocess.Popen(
         ["env", "--default-signal", *call], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as process:

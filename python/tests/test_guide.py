@@ -1,4 +1,4 @@
-"""Links of the documentation, and blocks of README and guide. Rust blocks are doctests of the package `guide`."""
+"""Links in the documentation, and code blocks in README and guide. Rust blocks are doctests of the package `guide`."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_every_block_has_a_language(path: Path) -> None:
 
 
 def with_blocks(language: str) -> list[Path]:
-    """Return README and the pages of the guide that have blocks of a language."""
+    """Return the README and the guide's pages that have blocks in a language."""
     return [path for path in (ROOT / "README.md", *sorted(GUIDE.glob("*.md"))) if blocks(path, language)]
 
 
@@ -87,7 +87,7 @@ def name_of(path: Path) -> str:
     return path.name
 
 
-# The words before a command of this project, and the program that has its options.
+# The words that start a command of this project, and the program whose help lists its options.
 COMMANDS = {
     "chassis": ["chassis"],
     "cargo fmu": ["cargo-fmu"],
@@ -95,7 +95,7 @@ COMMANDS = {
     "scripts/study": ["chassis", "study"],
     "scripts/assess": ["chassis", "bench", "run"],
 }
-# Folders whose files are there in every clone, and a file that a page tells to write.
+# Paths that exist in every clone; `mass.toml` is a file that a page tells the reader to write.
 SHIPPED = re.compile(r"(crates|examples|modelDescription|python|scenarios|scripts|studies|web)/(?!mass\.toml)[\w./-]+")
 
 
@@ -105,7 +105,7 @@ def help_of(program: str, verbs: tuple[str, ...]) -> str:
 
 
 def calls(text: str) -> Iterator[list[str]]:
-    """Return the words of each command of a shell block, also of those that other commands get as an argument."""
+    """Return the words of each command in a shell block, including commands that are arguments of other commands."""
     for line in text.replace("\\\n", " ").splitlines():
         lexer = shlex.shlex(line, posix=True, punctuation_chars="&;|>")
         lexer.whitespace_split = True
@@ -153,14 +153,14 @@ def test_toml_blocks_are_understood(path: Path, tmp_path: Path) -> None:
             (tmp_path / "Cargo.toml").write_text(f"[workspace]\n{text}", encoding="utf-8")
             assert "this workspace has no package" in messages("cargo-fmu", "pack", "--no-portable")
         elif "[signals]" in text:
-            # Read, and compared with the signals of a plant that has others.
+            # The command reads the file and compares its signals with those of a plant that does not have them.
             assert "`delta`" in messages("chassis", "bench", "run", "EspCar", "--vehicle", file, "--fmus", FOLDER, *out)
         elif "method =" in text:
             # One of the runs.
             runs = text.partition("runs = ")[2].split()[0]
             assert not messages("chassis", "study", file, "--shard", f"1/{runs}", "--fmus", FOLDER, *out)
         else:
-            # A part of a scenario lacks others, but has only keys and words that exist.
+            # An incomplete scenario must contain only existing keys and words.
             found = messages("chassis", "plan", file, "--fmus", FOLDER)
             assert not re.search("unknown (key|word)|must be", found), found
             assert not ("[simulation]" in text and found), found
@@ -180,7 +180,7 @@ def test_yaml_blocks_are_lists_of_documents(path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["interfaces.md", "steady-states.md", "studies.md"])
 def test_the_python_of_a_page_runs(name: str) -> None:
-    # FMI 3.0 has both interfaces as well, and this FMU is packed for the tests of it.
+    # The FMI 3.0 FMU also has both interfaces, and other tests have already packed it.
     code = blocks(GUIDE / name, "python")[-1].replace("target/fmu/BouncingBall", "target/fmu3/BouncingBall")
     run_python(code, ROOT)
 
@@ -212,7 +212,7 @@ def test_the_python_of_the_readme_prints_what_it_says() -> None:
 def test_the_readme_counts_its_lines_as_the_benchmarks_do() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     (code,) = blocks(ROOT / "README.md", "rust")
-    # docs/benchmarks.md: lines that are neither empty nor comments.
+    # Lines are counted as in docs/benchmarks.md: without empty lines and comments.
     lines = [line for line in code.splitlines() if line.strip() and not line.strip().startswith("//")]
     assert re.findall(r"Export a model in (\d+) lines", text) == [str(len(lines))]
 
@@ -237,7 +237,7 @@ def test_the_scenario_of_the_guide_runs(tmp_path: Path) -> None:
 def test_the_first_model_is_created_tested_packed_and_simulated(tmp_path: Path) -> None:
     page = GUIDE / "first-model.md"
     install, create, pack, environment = blocks(page, "sh")
-    # Installed is a link to the command of this build, FMPy is that of this environment.
+    # Instead of an installation, the test uses a link to the command of this build, and FMPy of this environment.
     assert install == "cargo install --locked --path crates/cargo-fmu\n"
     assert environment.splitlines()[-1] == ".venv/bin/pip install fmpy"
     (tmp_path / "bin").mkdir()
@@ -251,7 +251,7 @@ def test_the_first_model_is_created_tested_packed_and_simulated(tmp_path: Path) 
         "CARGO_NET_OFFLINE": "true",
         "CARGO_PROFILE_DEV_DEBUG": "none",
     }
-    # The page expects the FMU in the package, but CARGO_TARGET_DIR moves it.
+    # The page expects the FMU in the package's target folder, but CARGO_TARGET_DIR points elsewhere.
     script = script.replace("cargo fmu pack", "cargo fmu pack --out target/fmu")
     script = script.replace("cargo fmu check MyOscillator", "cargo fmu check target/fmu/MyOscillator.fmu")
     result = subprocess.run(

@@ -1,4 +1,4 @@
-"""The page that links all pages of a folder."""
+"""The page that links all result pages in a folder."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from chassis_fmu.report import index
 def test_all_pages_are_linked_by_name_with_their_badges(tmp_path: Path) -> None:
     for name in ("b study", "a", "c", "without a page"):
         (tmp_path / name).mkdir()
-    # of another version, or of somebody else
+    # A page from another version or another program.
     (tmp_path / "c" / "index.html").write_text("<p>page</p>")
     (tmp_path / "c" / "page.json").write_text('{"title": "C", "badges": 7}')
     entry = index.Entry("A <b>", "Table 1", {"reproduced": 3, "refuted": 1})

@@ -1,9 +1,9 @@
-"""The first step of a loop under OMSimulator's order: no jump from the initial outputs to those of the first step.
+"""The first step of a loop in OMSimulator's order: no jump from the initial outputs to those of the first step.
 
-OMSimulator steps all components at once; after a step an output with feedthrough is read only when the inputs that it
-depends on have been passed on (docs/masters.md). A prescribed speed that is 0 before the first step reaches the
-controllers one step earlier there than under `jacobi`; in the rescue vehicle's loop that was a difference of 0.36 of
-the peak. Driver and Road give the values of their first sample in Initialization Mode, so it vanishes.
+OMSimulator steps all components at once; after a step, it reads an output with feedthrough only after the inputs that
+the output depends on have been passed on (docs/masters.md). If a prescribed speed were 0 before the first step, the
+controllers would get it one step earlier than with `jacobi`; in the rescue vehicle's loop, the difference was 0.36 of
+the peak. Driver and Road therefore return the values of their first sample in Initialization Mode.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import exported_system as systems
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 
-# A hundred times the largest difference after the start, 3.5e-12 (docs/masters.md), and far below that of a jump.
+# Far above the largest difference after the start, 3.5e-12 (docs/masters.md), and far below a jump.
 TOLERANCE = 1e-9
 
 Port = tuple[str, str]
@@ -80,7 +80,7 @@ class System:
                 self.components[name].set(key, systems._value(kind, text))
 
     def pass_on(self) -> None:
-        """Read outputs as soon as the inputs that they depend on have been passed on, and pass them on."""
+        """Pass on all outputs. An output is read after the inputs that it depends on have been set."""
         waiting = {
             (name, output): {(name, i) for i in inputs} & self.writers.keys()
             for name, component in self.components.items()
@@ -134,13 +134,13 @@ def test_the_first_step_has_no_jump_under_the_order_of_omsimulator(folder: Path,
     jacobi = systems.with_fmpy(folder, "jacobi").values
     names = [f"{component}:{name}" for component, name, _ in system.structure.outputs]
     expected = np.array([jacobi[name] for name in names]).T
-    # The prescribed speed is there from the start, at the driver and at the plant that follows it.
+    # The prescribed speed is output from the start, by the driver and by the plant that follows it.
     assert found[0, names.index("driver:driver.speed")] == found[1, names.index("driver:driver.speed")] > 9.0
     assert found[0, names.index("plant:vehicle.speed")] == found[1, names.index("plant:vehicle.speed")] > 9.0
     measured = {
         name: float(np.abs(found[:, i] - expected[:, i]).max() / max(np.abs(expected[:, i]).max(), 1e-6))
         for i, name in enumerate(names)
-        # Accelerations belong to the newer inputs there, at every step: not what is looked at.
+        # OMSimulator reads accelerations with newer inputs, in every step. This test is not about them.
         if not system.components[name.split(":")[0]].feedthrough[name.split(":")[1]]
     }
     print({name: value for name, value in measured.items() if value > 1e-12})

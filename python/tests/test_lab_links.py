@@ -1,4 +1,4 @@
-"""Links of pages to the lab. Reference: the format of docs/guide/src/lab.md."""
+"""Links from pages to the lab. Reference: the format in docs/guide/src/lab.md."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_setup_is_readable(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("hosted")
 def test_only_maneuvers_of_the_lab_have_links(tmp_path: Path) -> None:
-    """Reference: the maneuvers of the lab, in its source, and those of the test bench."""
+    """Reference: the maneuvers in the lab's source, and the maneuvers of the test bench."""
     source = (ROOT / "crates" / "fmu-assess" / "src" / "single.rs").read_text(encoding="utf-8")
     of_lab = set(re.findall(r'Maneuver \{\s+id: "(\w+)"', source))
     bench = (ROOT / "crates" / "fmu-assess" / "src" / "maneuvers.rs").read_text(encoding="utf-8")
@@ -87,7 +87,7 @@ def test_cases_are_replayed_beside_their_baseline(scenario: Plan, tmp_path: Path
     fragments = [parse_qs(urlsplit(link).fragment) for _, link in found]
     assert fragments[0] == {"scenario": [plan.name], "case": ["a"], "seed": ["3"]}
     assert fragments[1] == {"scenario": [plan.name], "case": ["b"], "seed": ["3"], "twin": ["a"]}
-    # The lab does not have other scenarios.
+    # The lab contains only the scenarios of the library.
     assert lab.of_scenario(replace(plan, file=str(tmp_path / "x.toml")), tmp_path) == []
 
 

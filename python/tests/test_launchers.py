@@ -1,4 +1,4 @@
-"""`scripts/run`, `scripts/study` and `scripts/assess` in a folder of their own, with stand-ins for what they call."""
+"""`scripts/run`, `scripts/study` and `scripts/assess` in a temporary project, with mocks of the called programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEFAULT = "scenarios/rescue_vehicle_step_steer.toml"
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make a project that is set up: its programs note their arguments."""
+    """Make a project that is set up, with mock programs that record their arguments."""
     folder = tmp_path / "project"
     (folder / "scripts").mkdir(parents=True)
     for name in ("run", "study", "assess", "build"):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "chassis_fmu"
 
-# From the bottom to the top. A module in the folder of the package is a layer of its own.
+# From bottom to top. A folder is one layer, and so is each module in the package's top folder.
 LAYERS = (
     ("_native", "libpython", "program", "terminal"),
     ("__main__",),
@@ -18,7 +18,7 @@ LAYERS = (
 
 
 def imports(path: Path) -> set[str]:
-    """Return the folders and modules of the package that a file imports, its own folder left out."""
+    """Return the layers that a file imports, except its own."""
     folder = path.relative_to(PACKAGE).parts[:-1]
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -1,4 +1,4 @@
-"""`cargo fmu linearize`: its files. References: numpy and scipy. The page is in `test_page_data`."""
+"""The files from `cargo fmu linearize`. References: numpy and scipy. `test_page_data` tests the page."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_all_files_have_the_same_numbers(files: Path, linear: dict[str, Any]) ->
 def test_modes_are_the_eigenvalues(linear: dict[str, Any]) -> None:
     expected = np.linalg.eigvals(np.array(linear["A"]))
     scale = np.abs(expected).max()
-    # Poles at 0 belong to blocks that cannot be diagonalized: rounding moves them by its root.
+    # Poles at 0 belong to non-diagonalizable blocks, where rounding moves them by the root of the rounding error.
     for mode in linear["modes"]:
         pole = complex(mode["real"], mode["imaginary"])
         assert np.abs(expected - pole).min() < 1e-6 * scale

@@ -1,4 +1,4 @@
-"""The master against stand-ins for FMUs: order of the calls, values on the bus, errors."""
+"""The master with mock FMUs: order of calls, values on the bus, errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 
 
 class StandIn:
-    """The functions of an FMU in Python: `step` changes `values`, every call is noted in a shared list."""
+    """A mock FMU: `step` changes `values`, and every call is recorded in a shared list."""
 
     def __init__(self, name: str, calls: list[str], step: Callable[[dict[int, Any], float], int]) -> None:
         self.name = name
@@ -90,19 +90,19 @@ class StandIn:
 
 
 def count(values: dict[int, Any], _step: float) -> int:
-    """Step of the source: a counter."""
+    """Make a step of the source, a counter."""
     values[30] = values.get(30, 0) + 1
     return OK
 
 
 def integrate(values: dict[int, Any], step: float) -> int:
-    """Step of the plant: the integral of gain * (input + bias)."""
+    """Make a step of the plant, which integrates gain * (input + bias)."""
     values[13] = values.get(13, 0.0) + step * values[10] * (values[11] + values[12])
     return OK
 
 
 class System:
-    """The two components of the fixture as stand-ins; those of `ending` end the simulation at a time."""
+    """Mocks of the fixture's two components; those in `ending` end the simulation at a given time."""
 
     def __init__(
         self,
@@ -170,7 +170,7 @@ def test_sequential_sees_fresh_outputs(scenario: Plan, run: Run) -> None:
     times, rows = master.simulate(run, scenario.simulation, System())
     assert times.tolist() == [0.0, 0.1, 0.2, 0.0 + 3 * 0.1]
     assert rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0]
-    # sum of step * 2 * (k + 0.5) for k = 1, 2, 3; exact but for rounding
+    # Sum of step * 2 * (k + 0.5) for k = 1, 2, 3; exact up to rounding.
     assert rows[:, 1] == pytest.approx([0.0, 0.3, 0.8, 1.5], abs=1e-15)
 
 
@@ -185,7 +185,7 @@ def test_a_connection_converts_between_real_and_boolean(scenario: Plan, run: Run
 
     source = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], type="Real"),))
     wire, output = run.components[1].inputs[0], run.components[1].outputs[0]
-    # The Boolean output of the plant is recorded as 0 or 1, which is what a Real input would get.
+    # The Boolean output of the plant is recorded as 0 or 1, the value that a Real input would get.
     wires = {"inputs": (replace(wire, type="Boolean"),), "outputs": (replace(output, type="Boolean"),)}
     plant = replace(run.components[1], **wires)
     converting = replace(run, components=(source, plant))
@@ -197,7 +197,7 @@ def test_a_connection_converts_between_real_and_boolean(scenario: Plan, run: Run
 def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:
     jacobi = replace(scenario.simulation, order="jacobi")
     _, rows = master.simulate(run, jacobi, System())
-    # the same sum for k = 0, 1, 2
+    # The same sum for k = 0, 1, 2.
     assert rows[:, 1] == pytest.approx([0.0, 0.1, 0.4, 0.9], abs=1e-15)
 
 
@@ -214,7 +214,7 @@ def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> 
 
 
 def test_an_input_series_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
-    # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
+    # The last row, at 3*0.1 = 0.30000000000000004, applies in the step that begins there.
     feed = InputSeries(2, "hold", (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
     plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))
     fed = replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
@@ -224,8 +224,8 @@ def test_an_input_series_is_held_between_its_rows(scenario: Plan, run: Run) -> N
 
 
 def test_a_linear_input_series_has_its_value_in_the_middle_of_the_step(scenario: Plan, run: Run) -> None:
-    # By hand: 0 to 1 within 0.2 s, then a jump to 3 and down to 1 at 0.4 s; row 0 is the start, each other row
-    # the middle of its step.
+    # The signal rises from 0 to 1 in 0.2 s, jumps to 3 and falls to 1 at 0.4 s. Row 0 has its value at the start, each
+    # other row its value in the middle of the step.
     feed = InputSeries(2, "linear", (0.0, 0.2, 0.2, 0.4), (0.0, 1.0, 3.0, 1.0))
     plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))
     fed = replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
@@ -335,7 +335,7 @@ def test_an_fmu_ends_the_simulation(scenario: Plan, run: Run, order: str, is_don
     assert caught.value.recorded is not None
     times, values = caught.value.recorded
     assert times.tolist() == [0.0, 0.1, 0.2][:rows]
-    # The other component has made the last step of these rows.
+    # The other component has already made the last of these steps.
     if order == "sequential":
         assert values[-1, 1] == pytest.approx(sum(0.2 * (k + 1 + 0.5) for k in range(rows - 1)))
     assert [call for call in system.calls if call.endswith("Terminate")] == ["source Terminate", "plant Terminate"]
@@ -347,7 +347,7 @@ def test_the_first_of_two_components_that_end_in_one_step_is_named(scenario: Pla
     with pytest.raises(master.RunError, match="the FMU ended the simulation") as caught:
         master.simulate(run, replace(scenario.simulation, order=order), system)
     assert caught.value.component == "source"
-    # The second one has made the step, too.
+    # The second component has made the step, too.
     assert [len(component.steps) for component in system.components.values()] == [2, 2]
 
 
@@ -393,7 +393,7 @@ def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
 
 
 def test_an_integer_that_does_not_fit_is_an_error(scenario: Plan, run: Run) -> None:
-    """A constant and a signal beyond 32 bits; ctypes and NumPy would wrap them around."""
+    """Test a constant and a signal beyond 32 bits, which ctypes and NumPy would let overflow."""
     constant = Setting(name="mode", type="Integer", reference=40, value=2**31)
     constants = replace(run, components=(run.components[0], replace(run.components[1], constants=(constant,))))
     with pytest.raises(master.RunError, match=r"fmi2SetInteger.*mode = 2147483648"):
@@ -407,7 +407,7 @@ def test_an_integer_that_does_not_fit_is_an_error(scenario: Plan, run: Run) -> N
 
 
 class WideLibrary:
-    """The functions of an FMU of FMI 3.0 with one Int64."""
+    """A mock of an FMI 3.0 library with one Int64 variable."""
 
     def __init__(self) -> None:
         self.value = 0
@@ -435,7 +435,7 @@ def test_integers_of_64_bits_are_exact_up_to_two_to_53() -> None:
 
 
 def test_rows_that_cannot_be_written_fail_the_run(monkeypatch: pytest.MonkeyPatch, scenario: Plan) -> None:
-    """The rule of the workers: whatever happens in a run is its failure, not the end of the process."""
+    """Any exception in a run makes the run fail; it does not end the worker process."""
     run = replace(scenario.runs[0], series=())
     file = worker.File("rows.csv", ".rows.csv")
     request = worker.Request(scenario.simulation, run, [], ([column.name for column in scenario.columns], file), False)

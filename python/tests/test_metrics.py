@@ -54,7 +54,7 @@ def evaluate(metric: Metric, times: Signal, values: Signal, step: float, until: 
 
 
 def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Recording | None = None) -> float | None:
-    """Return a metric of the signals of a plan that a run has."""
+    """Return a metric of a recording with columns of a plan."""
 
     def columns(of: Recording) -> dict[int, Array]:
         return {i: of.values[c.name].astype(np.float64) for i, c in enumerate(plan.columns) if c.name in of.values}
@@ -69,7 +69,7 @@ def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Rec
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [
-        # 3 sin(2 pi t) - 1 over two whole periods without the double end point: the sums are exact but for rounding
+        # 3 sin(2 pi t) - 1 over two whole periods, without the repeated end point: the sums are exact up to rounding.
         ("rms", math.sqrt(3.0**2 / 2.0 + 1.0)),
         ("mean", -1.0),
         ("peak", 4.0),
@@ -113,12 +113,12 @@ def test_a_crossing_is_the_time_of_the_first_row_above() -> None:
     saw = np.array([0.0, 1.0, 0.5, 2.0, -3.0])
     times = np.arange(5) * 0.1
     assert evaluate(metric("crossing", threshold=0.9), times, saw, 0.1) == 0.1
-    # not above: the threshold itself
+    # The threshold itself does not count as above.
     assert evaluate(metric("crossing", threshold=1.0), times, saw, 0.1) == times[3]
     assert evaluate(metric("crossing", (0.2, 0.4), threshold=0.9), times, saw, 0.1) == times[3]
     assert evaluate(metric("crossing", threshold=2.5), times, saw, 0.1) is None
     assert evaluate(metric("magnitude_crossing", threshold=2.5), times, saw, 0.1) == times[4]
-    # the threshold is in the unit of the metric
+    # The threshold is in the unit of the metric.
     percent = Conversion("%", 100.0, 0.0)
     assert evaluate(metric("crossing", unit=percent, threshold=90.0), times, saw, 0.1) == 0.1
 
@@ -133,9 +133,9 @@ def test_shares_and_changes() -> None:
 
 
 def test_overshoot_rise_and_settling_refer_to_the_last_value() -> None:
-    # Second-order step response, damping ratio z = 0.5, w = 10 rad/s: overshoot exp(-pi z/sqrt(1 - z^2)) (closed form;
-    # 1e-3 covers the peak between two rows and what the last value lacks). The envelope of the error falls below 5 %
-    # when exp(-z w t) = 0.05 sqrt(1 - z^2); 0.01 s covers the last value again.
+    # Second-order step response, damping ratio z = 0.5, w = 10 rad/s. The overshoot in closed form is exp(-pi z/sqrt(1
+    # - z^2)); the tolerance 1e-3 covers a peak between two rows and the remaining error of the last value. The envelope
+    # of the error falls below 5 % when exp(-z w t) = 0.05 sqrt(1 - z^2); 0.01 s covers the error of the last value.
     z, w, start = 0.5, 10.0, 0.2
     t = TIMES - start
     root = math.sqrt(1.0 - z * z)
@@ -163,7 +163,7 @@ def test_without_an_end_value_there_is_no_overshoot() -> None:
     assert evaluate(metric("overshoot"), times, returns, 0.1) is None
     assert evaluate(metric("rise_time", threshold=0.9), times, returns, 0.1) is None
     assert evaluate(metric("settling_time", threshold=0.05), times, returns, 0.1) is None
-    # a share that is never reached, and a value that is there from the first row on
+    # A share that is never reached, and a value that is reached in the first row.
     assert evaluate(metric("rise_time", threshold=1.5), times, np.ones(4), 0.1) is None
     assert evaluate(metric("settling_time", threshold=0.05), times, np.ones(4), 0.1) == 0.0
     assert evaluate(metric("overshoot"), times, np.ones(4), 0.1) == 0.0
@@ -173,12 +173,12 @@ def test_without_an_end_value_there_is_no_overshoot() -> None:
 def test_a_window_ends_where_a_signal_says(until: Until, expected: float) -> None:
     times = np.arange(6) * 0.1
     signal = np.array([9.0, 1.0, 1.0, 1.0, 5.0, 5.0])
-    # below 0.5 or above 1.5 also before the window, which does not count, and again after the end
+    # The condition also holds before the window, which does not count, and again after it.
     ends = np.array([0.0, 1.0, 0.4 if not until.above else 1.5, 1.0, 2.0, 0.0])
     windowed = replace(metric("final", (0.1, 0.5)), until=until)
     values = np.cumsum(signal) - 9.0
     assert evaluate(windowed, times, values, 0.1, ends) == expected
-    # without such a row there is no number; one outside the window does not count
+    # The metric is undefined without such a row; a row outside the window does not count.
     assert evaluate(windowed, times, values, 0.1, np.ones(6)) is None
     outside = np.where(np.arange(6) == 0, 9.0 if until.above else 0.0, 1.0)
     assert evaluate(windowed, times, values, 0.1, outside) is None
@@ -194,7 +194,7 @@ def test_a_metric_of_a_difference(scenario: Plan) -> None:
     assert of_recording(difference, scenario, recording) == 2.0
     until = replace(difference, until=Until(0, True, 2.5))
     assert of_recording(until, scenario, recording) == 1.0
-    # a case without the component that it is compared with
+    # A case without the component to compare with.
     assert of_recording(difference, scenario, Recording(times, {"source.count": times})) is None
 
 
@@ -207,8 +207,9 @@ def test_a_threshold_that_is_missing_is_an_error(kind: str) -> None:
 
 
 def test_the_spectrum_of_white_noise_is_flat() -> None:
-    # Variance s^2 at interval dt spreads over 0 to 1/(2 dt): one-sided density 2 s^2 dt. A density of Welch's method
-    # with eight half overlapping segments scatters by about 1/sqrt(5); the mean of its 1000 scatters by 1 to 2 %.
+    # White noise with variance s^2 at interval dt has the one-sided density 2 s^2 dt from 0 to 1/(2 dt). With eight
+    # half-overlapping segments, Welch's estimate scatters by about 1/sqrt(5); the mean of 1000 values scatters by 1 to
+    # 2 %.
     values = np.random.default_rng(1).normal(0.0, 3.0, 9001)
     frequencies, densities = metrics.spectrum(np.arange(9001) * STEP, values)
     assert len(frequencies) == 1000
@@ -217,7 +218,7 @@ def test_the_spectrum_of_white_noise_is_flat() -> None:
 
 
 def signals(rows: int) -> list[Signal]:
-    """Noise beside a large mean, rounded steps with many equal rows, and a decay through many orders of magnitude."""
+    """Return noise with a large mean, rounded steps with many equal rows, and a decay by many orders of magnitude."""
     random = np.random.default_rng(rows)
     return [
         1e3 + random.normal(0.0, 3.0, rows),
@@ -227,7 +228,7 @@ def signals(rows: int) -> list[Signal]:
 
 
 def by_numpy(kind: str, x: Signal, t: Signal, threshold: float) -> float | None:
-    """Return the number of a kind, with sums that are rounded once."""
+    """Return the metric of a kind, computed by numpy with sums that are rounded once."""
     above, far = x > threshold, np.abs(x) > threshold
     mean = math.fsum(x) / len(x)
     if kind in ("overshoot", "rise_time", "settling_time"):
@@ -273,7 +274,7 @@ def by_numpy(kind: str, x: Signal, t: Signal, threshold: float) -> float | None:
     ],
 )
 def test_every_kind_is_that_of_numpy(kind: str) -> None:
-    # Equal to the bit: each element is computed as in numpy, and sums are rounded once in both.
+    # Bit-identical: the elements are computed as in numpy, and both round sums once.
     for rows in (1, 2, 17, 1000):
         if rows == 1 and kind == "integral":
             continue
@@ -285,7 +286,7 @@ def test_every_kind_is_that_of_numpy(kind: str) -> None:
 
 
 def test_sums_are_rounded_once() -> None:
-    # The numbers cancel except for the last digits of the smallest, over 200 orders of magnitude.
+    # Numbers over 200 orders of magnitude, which cancel except for the last digits of the smallest.
     random = np.random.default_rng(3)
     large = random.normal(0.0, 1.0, 300) * 10.0 ** random.integers(-100, 100, 300)
     values = np.concatenate([large, random.normal(0.0, 1.0, 300), -large])
@@ -304,9 +305,10 @@ def test_a_value_that_is_not_finite_gives_no_number(value: float) -> None:
 
 @pytest.mark.parametrize("rows", [18, 23, 100, 901, 4547, 9005])
 def test_the_spectrum_is_that_of_scipy(rows: int) -> None:
-    # Segments of 4, 5, 22, 200, 1010 and 2001 rows. A transform of N rows is right to some log2(N) units in the last
-    # place of its largest line, which gives the absolute tolerance. scipy's mean of values near 1e3 is right to 1e-13.
-    # The remainder is in the first line, beside noise of 3: at most N/4 1e-13/(3 sqrt(3 N/8)) = 1e-12 of its amplitude.
+    # Segments of 4, 5, 22, 200, 1010 and 2001 rows. A transform of N rows has an error of about log2(N) units in the
+    # last place of its largest line, which gives the absolute tolerance. scipy's mean of values near 1e3 has an error
+    # of 1e-13. It appears in the first line, with noise of 3: at most N/4 1e-13/(3 sqrt(3 N/8)) = 1e-12 of its
+    # amplitude.
     times = 3.0 + np.arange(rows) * 0.004
     size = rows * 2 // 9
     for values in signals(rows):
@@ -324,12 +326,12 @@ def test_the_spectrum_is_that_of_scipy(rows: int) -> None:
 
 @pytest.mark.parametrize("rows", [18, 901, 4547])
 def test_transfer_functions_are_those_of_scipy(rows: int) -> None:
-    # The segments are those of the spectrum, and so is the error of a line. A quotient of two lines that are not small
-    # is right to some times that.
+    # Segments and errors of the lines are as for the spectrum. The error of a quotient is several times as large, if
+    # its lines are not small.
     times = 3.0 + np.arange(rows) * 0.004
     rng = np.random.default_rng(7)
     given = rng.normal(size=rows)
-    # A delay of three rows, and noise of the output.
+    # The output is delayed by three rows and has noise.
     found = np.roll(given, 3) + 0.1 * rng.normal(size=rows)
     size = rows * 2 // 9
     options = {"fs": 250.0, "window": "hann", "nperseg": size, "noverlap": size - size // 2, "detrend": "constant"}
@@ -338,7 +340,7 @@ def test_transfer_functions_are_those_of_scipy(rows: int) -> None:
     measured = metrics.cross(times, given, found)
     gain, phase, coherence = metrics.transfer(measured)
     assert measured[0] == pytest.approx(scipy.signal.welch(given, **options)[0][1:], rel=1e-12)
-    # The highest frequency of an even segment is its own mirror image in both.
+    # In numpy and here, the highest frequency of an even segment is its own mirror image.
     np.testing.assert_allclose(gain, np.abs(cross) / power, rtol=1e-9)
     np.testing.assert_allclose(phase, np.unwrap(np.angle(cross)), atol=1e-9)
     np.testing.assert_allclose(coherence, scipy.signal.coherence(given, found, **options)[1][1:], atol=1e-9)
@@ -370,12 +372,12 @@ def test_signals_are_combined_as_by_numpy(combine: Literal["min", "max", "norm",
     for row in range(50):
         limited = replace(combined, window=(0.0, float(row)))
         got = _native.value(msgspec.json.encode(limited, enc_hook=float), rows, dict(enumerate(columns)), None, 1.0)
-        # Sums of three products in another order; they may cancel.
+        # Sums of three products in different orders, which can cancel.
         assert got == pytest.approx(expected[row], rel=1e-15, abs=1e-14)
 
 
 def test_running_values_are_those_of_numpy(scenario: Plan) -> None:
-    # Sums in order, as in numpy: equal to the bit.
+    # Sums in row order, as in numpy, are bit-identical.
     values = np.random.default_rng(6).normal(1.0, 1.0, len(TIMES))
     counts = np.arange(1, len(TIMES) + 1)
     for kind, expected in (
@@ -395,8 +397,8 @@ def test_arrays_of_different_lengths_are_an_error() -> None:
 
 @pytest.mark.parametrize("rows", [9000, 9005])
 def test_the_spectrum_of_a_sine_has_its_power(rows: int) -> None:
-    # The window has its zeros at the whole cycles of a segment beyond the next one: the power is in three lines.
-    # Even and odd numbers of rows per segment; a sine between the lines leaks little.
+    # With a Hann window, the power of a sine on a line is in this line and its two neighbors; the window is zero at all
+    # other lines. A sine between lines leaks little. Segments have even and odd numbers of rows.
     values = 7.0 + 2.0 * np.sin(2.0 * np.pi * 40.0 * np.arange(rows) * STEP)
     frequencies, densities = metrics.spectrum(np.arange(rows) * STEP, values)
     assert frequencies[densities.argmax()] == pytest.approx(40.0, abs=0.26)
@@ -409,8 +411,8 @@ def test_a_short_spectrum_is_an_error() -> None:
 
 
 def test_the_power_of_a_band_is_that_of_its_sines() -> None:
-    # A sine of amplitude A has the power A^2/2. Hann windows of 2 s hold all of it within three lines of 0.5 Hz; the
-    # lines are sums of squares, and 1e-3 covers what leaks from sines between two lines.
+    # A sine of amplitude A has the power A^2/2. With Hann windows of 2 s, it is within three lines of 0.5 Hz; the
+    # tolerance 1e-3 covers leakage from sines between two lines.
     times = np.arange(9001) * STEP
     values = 5.0 + 2.0 * np.sin(2.0 * np.pi * 4.0 * times) + 0.5 * np.sin(2.0 * np.pi * 20.0 * times)
 
@@ -429,12 +431,12 @@ def test_the_power_of_a_band_is_that_of_its_sines() -> None:
 
 def test_deviation_integral_and_share_below() -> None:
     values = 3.0 * np.sin(2.0 * np.pi * TIMES) - 1.0
-    # two whole periods without the double end point: 3/sqrt(2), whatever the mean
+    # Two whole periods without the repeated end point: 3/sqrt(2), independent of the mean.
     assert evaluate(metric("deviation", (0.0, 1.999)), TIMES, values, STEP) == pytest.approx(
         3.0 / math.sqrt(2.0), rel=1e-12
     )
     assert evaluate(metric("integral", (0.0, 1.999)), TIMES, values, STEP) == pytest.approx(-2.0, rel=1e-12)
-    # every second row only: the distance of the rows counts, not the step of the simulation
+    # Every second row: the integral uses the interval of the rows, not the step of the simulation.
     assert evaluate(metric("integral", (0.0, 1.998)), TIMES[::2], values[::2], STEP) == pytest.approx(-2.0, rel=1e-12)
     saw = np.array([0.0, 1.0, 0.5, 2.0])
     assert evaluate(metric("share_below", threshold=1.0), np.arange(4) * 0.1, saw, 0.1) == 0.5
@@ -443,7 +445,7 @@ def test_deviation_integral_and_share_below() -> None:
 
 
 def test_several_signals_are_combined_row_by_row(scenario: Plan) -> None:
-    # A circle of radius 7 m driven in 2 s: the speed along and across the axis changes, the path is its circumference.
+    # A circle of radius 7 m in 2 s: both components of the velocity change, and the path is the circumference.
     speed = 7.0 * math.pi
     recording = Recording(
         TIMES, {"source.count": speed * np.cos(3.0 * TIMES), "body.roll": speed * np.sin(3.0 * TIMES)}
@@ -482,10 +484,10 @@ def test_a_metric_over_a_growing_window_ends_at_its_value(scenario: Plan) -> Non
         times, values = got
         assert (times[0], times[-1]) == (0.5, 1.5)
         assert values[-1] == pytest.approx(of_recording(of, scenario, recording), rel=1e-12)
-        # half way: the metric of the first half
+        # Halfway, the running value is the metric of the first half.
         half = of_recording(metric(kind, (0.5, 1.0)), scenario, recording)
         assert half is not None
-        # the integral's distance of the rows is that of the whole window, to rounding
+        # Up to rounding, because the integral uses the mean row interval of the whole window.
         assert values[500] == pytest.approx(half, rel=1e-9)
     with pytest.raises(metrics.MetricError, match="no running values"):
         metrics.running(metric("peak"), scenario, recording)

@@ -1,11 +1,11 @@
-"""Model exchange against co-simulation: the same FMU, integrated by CVode and by itself.
+"""Model exchange against co-simulation: the same FMU, integrated by CVode and by its own solver.
 
-The importer is FMPy with CVode of SUNDIALS. Inputs are piecewise constant in both interfaces: they change every 10 ms,
-for model exchange in an event, so that `fmpy.simulate_fmu`, which interpolates inputs, is not used. The inputs are
-those of the runs in `tests/references`.
+The importer is FMPy with CVode from SUNDIALS. Inputs come from the runs in `tests/references`. In both interfaces they
+are constant for 10 ms; in model exchange, they change in an event. `fmpy.simulate_fmu` is not used, because it
+interpolates inputs.
 
-CVode runs with a relative tolerance of 1e-12. With 1e-10, its error in the slip of a wheel that rolls freely, a small
-difference of two large speeds, is 1e-5 of the peak; a tenth of the tolerance is a tenth of that error. With 1e-12 it is
+CVode runs with a relative tolerance of 1e-12. With 1e-10, its error in the slip of a free-rolling wheel, a small
+difference of two large speeds, is 1e-5 of the peak, and it is proportional to the tolerance. With 1e-12, the error is
 4e-8 in the worst signal of all runs (EspCar on a rough road), measured against co-simulation in steps of 6 us.
 """
 
@@ -38,7 +38,7 @@ Values: TypeAlias = Mapping[str, float]
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 
-# Rows of a reference run are 1 ms apart; inputs are taken from every tenth and held (s).
+# Row interval of a reference run, and the time for which inputs from every tenth row are held (s).
 ROW = 0.001
 HOLD = 0.01
 
@@ -66,7 +66,7 @@ class Fmu:
 
     @contextmanager
     def instance(self, interface: type[Any], parameters: Values, inputs: Values) -> Iterator[Any]:
-        """Give an initialized instance of `FMU2Model` or `FMU2Slave`."""
+        """Yield an initialized instance of `FMU2Model` or `FMU2Slave`."""
         element = self.description.modelExchange if interface is FMU2Model else self.description.coSimulation
         instance = interface(
             guid=self.description.guid,
@@ -99,7 +99,7 @@ def write(instance: Any, variable: ScalarVariable, value: float) -> None:
 
 
 def read(instance: Any, variables: Sequence[ScalarVariable]) -> list[float]:
-    """Return values, bit for bit those of the calls."""
+    """Return the values of variables of any type as floats."""
     result = []
     for variable in variables:
         kind = "Integer" if variable.type == "Enumeration" else variable.type
@@ -124,14 +124,14 @@ class Run:
     """Inputs of an FMU from a reference run."""
 
     fmu: str
-    # In tests/references, or the folder of a package with a reference run of its own.
+    # Path in tests/references, or the folder of a package with its own reference run.
     file: str
     parameters: Values = field(default_factory=dict)
     # Inputs that the file does not contain.
     constants: Values = field(default_factory=dict)
     # End of the run, if it is before the end of the file (s).
     stop: float = math.inf
-    # `max_step` with which order 4 is measured: errors at it and at its half are far above those of CVode (s).
+    # `max_step` (s) to measure order 4. At this step and at half of it, the errors are far above those of CVode.
     coarse: float | None = None
 
     def __str__(self) -> str:
@@ -154,7 +154,7 @@ class Run:
 ROLLING = {"vehicle.initial_speed": 60.0 / 3.6}
 SPEED_70 = {"driver.speed": 70.0 / 3.6}
 
-# The rate and the range are limits that the reference run reaches.
+# Parameters of Actuator for which the reference run reaches the limits of rate and range.
 LIMITED = {
     "actuator.time_constant": 0.02,
     "actuator.rate_limit": 5.0,
@@ -175,12 +175,12 @@ SMOOTH = (
     Run("Actuator", "fmu-plant/actuator", {"actuator.time_constant": 0.02}),
 )
 
-# Runs that show order 4. After 0.9 s the slip of EspCar's wheels passes zero, where the second derivative of the force
-# jumps. BicycleCar is smoother: its error at 10 ms, the longest step here, is below that of CVode.
-# BrakeAndDriveActuators and Actuator have their solutions in closed form.
+# Runs that show order 4. EspCar's run ends at 0.9 s, before the slip of its wheels passes zero, where the second
+# derivative of the force jumps. BicycleCar is excluded because its error is below that of CVode even at 10 ms, the
+# longest step here; BrakeAndDriveActuators and Actuator, because they use their solutions in closed form.
 CONVERGING = (*(run for run in SMOOTH if run.coarse), replace(SMOOTH[0], stop=0.9, coarse=1.25e-3))
 
-# Tires that lose the ground, contacts that begin to slide, wheels that lock.
+# Runs with kinks: tires that lift off, contacts that begin to slide, wheels that lock.
 KINKED = (
     Run("EspCar", "esp_car/plant_handling_lock", ROLLING),
     Run("EspCar", "esp_car/plant_launch_stop", {"vehicle.initial_speed": 0.0}),
@@ -189,13 +189,13 @@ KINKED = (
     Run("Actuator", "fmu-plant/actuator", LIMITED),
 )
 
-# The runs of these in which relations change their sides. The tires of HydroPneumaticHalfCar lift off by `max`, which
-# is not a relation; its only relation is for a vehicle in the air.
+# The runs with kinks in which relations change their sides. Lift-off in HydroPneumaticHalfCar is computed by `max`,
+# which is not a relation; its only relation is for a vehicle in the air.
 SWITCHING = KINKED[:3]
 
 
 def co_simulation(fmu: Fmu, run: Run, max_step: float | None = None, part: int = 1) -> Array:
-    """Return all outputs at the start of every interval; `part` steps make an interval, each with a row."""
+    """Return all outputs at the start of every step; an interval of length `HOLD` has `part` steps."""
     names, rows = run.inputs(fmu)
     inputs = [fmu.variables[name].valueReference for name in names]
     outputs = [v.valueReference for v in fmu.of("output")]
@@ -211,7 +211,7 @@ def co_simulation(fmu: Fmu, run: Run, max_step: float | None = None, part: int =
 
 
 class Held:
-    """Inputs of FMPy's solver that it does not set: they are set in events."""
+    """A replacement for the inputs of FMPy's solver, which does nothing: inputs are set in events."""
 
     def apply(self, time: float) -> None:
         pass
@@ -235,14 +235,14 @@ def solver(fmu: Fmu, instance: Any) -> CVodeSolver:
 
 
 def pass_event(instance: Any) -> None:
-    """Handle the events of the present time."""
+    """Handle the events at the current time."""
     instance.enterEventMode()
     instance.newDiscreteStates()
     instance.enterContinuousTimeMode()
 
 
 def sides(fmu: Fmu, instance: Any) -> list[bool]:
-    """Return the sides of all relations: after an event each indicator has the sign of its side."""
+    """Return the sides of all relations, which are the signs of their event indicators after an event."""
     indicators = (c_double * fmu.indicators)()
     instance.getEventIndicators(indicators, fmu.indicators)
     return [value > 0.0 for value in indicators]
@@ -304,9 +304,9 @@ def above(found: Mapping[str, float], tolerance: float) -> dict[str, float]:
 
 @pytest.mark.parametrize("run", SMOOTH, ids=str)
 def test_smooth_runs_are_equal(fmus: dict[str, Fmu], run: Run) -> None:
-    """Tolerance: three times the error of co-simulation, 3.5e-7 in the slip of EspCar's wheels that roll freely.
+    """Tolerance: three times the error of co-simulation, which is 3.5e-7 in the slip of EspCar's free-rolling wheels.
 
-    The slip passes zero again and again, where the second derivative of the tire force jumps.
+    This slip passes zero repeatedly, where the second derivative of the tire force jumps.
     """
     fmu = fmus[run.fmu]
     expected, changes = model_exchange(fmu, run)
@@ -316,10 +316,10 @@ def test_smooth_runs_are_equal(fmus: dict[str, Fmu], run: Run) -> None:
 
 @pytest.mark.parametrize("run", CONVERGING, ids=str)
 def test_the_difference_falls_with_order_four(fmus: dict[str, Fmu], run: Run) -> None:
-    """Reference: the classical Runge-Kutta method. Half the step has a sixteenth of the error, in every signal.
+    """Reference: order 4 of the classical Runge-Kutta method. Half the step gives a sixteenth of the error.
 
-    Only errors far above those of CVode count. Tolerance: the next term of the error, of the order of the step times
-    the fastest eigenvalue; measured 3.86 to 4.29.
+    Signals are compared if their errors are far above those of CVode. Tolerance: the next term of the error, of the
+    size of the step times the fastest eigenvalue; the measured orders are 3.86 to 4.29.
     """
     fmu = fmus[run.fmu]
     assert run.coarse is not None
@@ -332,7 +332,7 @@ def test_the_difference_falls_with_order_four(fmus: dict[str, Fmu], run: Run) ->
 
 @pytest.mark.parametrize("run", KINKED, ids=str)
 def test_runs_with_kinks_are_equal(fmus: dict[str, Fmu], run: Run) -> None:
-    """Tolerance: co-simulation integrates over a kink with an error of the order `max_step` squared; measured 2e-6."""
+    """Tolerance: a kink within a step gives co-simulation an error of the order `max_step` squared; measured 2e-6."""
     fmu = fmus[run.fmu]
     expected, _ = model_exchange(fmu, run)
     assert not above(errors(fmu, co_simulation(fmu, run), expected), 1e-5)
@@ -356,7 +356,7 @@ LOCKING = {"fl": 1500.0, "fr": 1500.0, "rl": 2500.0, "rr": 2500.0}
 
 
 def test_locked_wheels_leave_the_ground(fmus: dict[str, Fmu]) -> None:
-    """Sliding tires lose their load: D and N of Dugoff's law become 0 at once. Tolerance: as for runs with kinks."""
+    """Sliding tires lose their load: D and N in Dugoff's law become 0 at the same time. Tolerance: as for kinks."""
     fmu, run = fmus["EspCar"], Kerb("EspCar", "kerb", ROLLING)
     found = co_simulation(fmu, run)
     names = [v.name for v in fmu.of("output")]
@@ -368,10 +368,10 @@ def test_locked_wheels_leave_the_ground(fmus: dict[str, Fmu]) -> None:
 
 @pytest.mark.parametrize("run", SWITCHING, ids=str)
 def test_relations_change_within_one_step(fmus: dict[str, Fmu], run: Run) -> None:
-    """Co-simulation does not report its relations: its states are given to an instance in model exchange.
+    """Co-simulation does not report its relations, so its states are passed to an instance in model exchange.
 
-    Its states are known at the ends of its steps, so a change is seen at the first end from the event on: up to one
-    `max_step` late. Measured: 0 to 0.995 of it. Tolerance: 1 % of it, because the two solutions differ.
+    The states are known at the ends of steps, so a change is detected at the first end after the event: up to one
+    `max_step` late (measured: 0 to 0.995 of it). Tolerance: 1 % of `max_step`, because the two solutions differ.
     """
     fmu = fmus[run.fmu]
     _, expected = model_exchange(fmu, run)
@@ -379,7 +379,7 @@ def test_relations_change_within_one_step(fmus: dict[str, Fmu], run: Run) -> Non
     max_step = float(fmu.variables["max_step"].start)
     part = round(HOLD / max_step)
     outputs = [v.valueReference for v in fmu.of("output")]
-    # States whose start values follow from the parameters are outputs, too.
+    # Calculated states are listed as outputs, too.
     columns = [outputs.index(reference) for reference in fmu.state_references]
     trajectory = co_simulation(fmu, run, part=part)[:, columns]
     names, rows = run.inputs(fmu)
@@ -422,7 +422,7 @@ class Point:
         return self.indicators()
 
     def event(self, inputs: Array | None = None) -> Array:
-        """Pass an event and return the indicators as they are in event mode."""
+        """Handle an event; returns the indicators in event mode."""
         self.instance.enterEventMode()
         if inputs is not None:
             self.instance.setReal(self.inputs, inputs.tolist())
@@ -471,10 +471,10 @@ def spread(fmu: Fmu, random: np.random.Generator) -> tuple[Array, Array]:
 def test_indicators_keep_their_sides_between_events(fmus: dict[str, Fmu], name: str, states: int) -> None:
     """Properties at random states and on random lines through them.
 
-    - After an event no indicator is zero, and leaving event mode does not change one.
-    - As long as no indicator has changed its sign, an event changes no derivative: the equations between events are
-      those of the values. Tolerance: the band of the exporter's relations, 1e-9 of their scales.
-    - An indicator that changes its sign keeps the new one in the event: no second event follows.
+    - After an event, no indicator is zero, and leaving event mode does not change the indicators.
+    - If no indicator has changed its sign, an event does not change derivatives, so the frozen relations agree with the
+      current values. Tolerance: the hysteresis of the exporter's relations, 1e-9 of their scales.
+    - An indicator that has changed its sign keeps the new sign in the event, so no second event follows.
     """
     fmu, random = fmus[name], np.random.default_rng(20261122)
     crossings = 0
@@ -482,7 +482,7 @@ def test_indicators_keep_their_sides_between_events(fmus: dict[str, Fmu], name: 
         point = Point(fmu, instance)
         nominals = (c_double * fmu.states)()
         instance.getNominalsOfContinuousStates(nominals, fmu.states)
-        # Of a change by the nominal value within a second.
+        # Relative to a derivative of one nominal value per second.
         tolerance = 1e-9 * np.array(nominals)
         for _ in range(states):
             (x, u), (direction, _) = spread(fmu, random), spread(fmu, random)
@@ -520,7 +520,7 @@ def test_indicators_keep_their_sides_between_events(fmus: dict[str, Fmu], name: 
 def test_discrete_outputs_are_equal_at_every_sample(fmus: dict[str, Fmu]) -> None:
     """Reference: co-simulation, which samples at the start of a step. The inputs are those of the run in the FMU.
 
-    Outputs of all types have to be equal to the last bit, also in the events between samples, in which inputs change.
+    Outputs of all types must be bit-identical, also in the events between samples in which inputs change.
     """
     compared = []
     for fmu in fmus.values():
@@ -543,7 +543,7 @@ def test_discrete_outputs_are_equal_at_every_sample(fmus: dict[str, Fmu]) -> Non
                 instance.doStep(time, ROW)
                 expected.append(read(instance, outputs))
 
-        # Initialization mode sets the inputs: the first sample is part of the first event.
+        # The first sample is part of the first event, so its inputs are set in initialization mode.
         first = {variable.name: float(rows[0][i]) for i, variable in inputs}
         samples = 0
         with fmu.instance(FMU2Model, {}, first) as instance:
@@ -556,7 +556,7 @@ def test_discrete_outputs_are_equal_at_every_sample(fmus: dict[str, Fmu]) -> Non
                 instance.enterContinuousTimeMode()
                 assert read(instance, outputs) == expected[k], (fmu.name, time)
                 assert is_defined
-                # The next sample, a whole number of sample times away. Roundings of the times of the rows are left.
+                # The next sample is a whole number of sample times away, up to rounding of the row times.
                 assert next_time > time
                 periods = next_time / sample_time
                 assert abs(periods - round(periods)) < 1e-9 * max(1.0, periods), (fmu.name, next_time)

@@ -1,4 +1,4 @@
-"""`scripts/nightly` in a repository of its own, with a stand-in for the part `windows`."""
+"""`scripts/nightly` in a temporary repository, with a mock for the part `windows`."""
 
 from __future__ import annotations
 

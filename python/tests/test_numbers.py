@@ -14,7 +14,7 @@ from chassis_fmu.files.plan import Cell, Check, Expect, Finding, Plan, Point
 def test_statistics() -> None:
     assert Statistic.of([]) is None
     assert Statistic.of([2.0]) == Statistic(2.0, None, 1)
-    # sample standard deviation of 1, 2, 3, 4: sqrt(5/3)
+    # The sample standard deviation of 1, 2, 3, 4 is sqrt(5/3).
     four = Statistic.of([1.0, 2.0, 3.0, 4.0])
     assert four is not None
     assert four.mean == 2.5
@@ -42,12 +42,12 @@ def test_changes_are_paired_by_seed(scenario: Plan) -> None:
     passive, active, count_passive, count_active = Numbers(scenario, values(scenario)).table()
     assert passive.ours is not None
     assert (passive.ours.mean, passive.ours.count) == (6.0, 2)
-    # sample standard deviation of 4 and 8
+    # The sample standard deviation of 4 and 8.
     assert passive.ours.deviation == pytest.approx(math.sqrt(8.0), rel=1e-15)
     assert passive.change is None
     assert passive.paper == 4.0
     assert passive.difference == 50.0
-    # -25 % and -12.5 %, not 5/6 - 1 = -16.7 %
+    # The changes of the seeds are -25 % and -12.5 %; the change of the means would be 5/6 - 1 = -16.7 %.
     assert active.change is not None
     assert active.change.mean == -18.75
     assert active.paper_change == -25.0
@@ -116,7 +116,8 @@ def seeded(plan: Plan, passive: list[float], active: list[float]) -> Numbers:
         ([3.3, 3.3, 3.3], Status.PARTLY),
         ([4.0, 4.0, 4.0], Status.NOT_REPRODUCED),
         ([5.0, 5.0, 5.0], Status.NOT_REPRODUCED),
-        # Mean of the differences -1, standard deviation 1: half width 4.303/sqrt(3) = 2.48 contains zero.
+        # Mean of the differences -1, standard deviation 1: with half width 4.303/sqrt(3) = 2.48, the interval contains
+        # zero.
         ([2.0, 3.0, 4.0], Status.PARTLY),
         # Standard deviation 0.1: half width 0.248.
         ([2.9, 3.0, 3.1], Status.REPRODUCED),
@@ -146,7 +147,7 @@ def test_what_was_fitted_is_calibrated_and_never_reproduced(scenario: Plan) -> N
 
     fitted = calibrated(("passive",), {})
     assert fitted.status_of(PASSIVE) is Status.CALIBRATED
-    # A change from a fitted number to another one is a prediction.
+    # The change from a fitted value to a value that is not fitted is a prediction.
     assert fitted.status_of(ACTIVE) is Status.REPRODUCED
     assert calibrated(("active",), {}).status_of(ACTIVE) is Status.CALIBRATED
     printed = {"active/passive": -77.0}
@@ -159,7 +160,7 @@ def test_what_was_fitted_is_calibrated_and_never_reproduced(scenario: Plan) -> N
     [
         ("lower", None, [3.0, 3.1, 2.9], Status.REPRODUCED),
         ("lower", None, [2.0, 3.0, 4.0], Status.PARTLY),
-        # -0.008 % and lost in the scatter is no effect.
+        # A change of -0.008 % with an interval that contains zero is no effect.
         ("lower", None, [3.999, 4.0, 4.0], Status.NOT_REPRODUCED),
         ("higher", None, [3.0, 3.1, 2.9], Status.NOT_REPRODUCED),
         ("unchanged", None, [4.19, 4.1, 4.2], Status.REPRODUCED),
@@ -192,19 +193,19 @@ def test_a_change_may_be_larger_than_another(scenario: Plan) -> None:
     }
     of = Numbers(replace(scenario, points=points, runs=runs, seeds=(1,)), values)
     slow, fast = Cell(0, "active", "slow"), Cell(0, "active", "fast")
-    # -30 % against -25 %
+    # The changes are -30 % and -25 %.
     assert of.status(Check(fast, slow, "falls_more", None)) is Status.REPRODUCED
     assert of.status(Check(slow, fast, "falls_more", None)) is Status.NOT_REPRODUCED
 
 
 def test_no_percent_is_taken_of_next_to_nothing(scenario: Plan) -> None:
-    # 0.1 beside 30 is less than half a percent of the scale of the metric.
+    # 0.1 is less than 0.5 % of 30, the largest value of the metric.
     of = seeded(scenario, [0.1, 0.1], [30.0, 30.0])
     assert of.is_negligible(PASSIVE)
     assert of.change(ACTIVE, PASSIVE) is None
     passive, active = of.table()[:2]
     assert (passive.negligible, active.negligible) == (False, True)
-    # The sign can be told all the same, the size not.
+    # The sign of the change is still known, but not its size in percent.
     assert of.status(Check(ACTIVE, PASSIVE, "higher", None)) is Status.REPRODUCED
     assert of.status(Check(ACTIVE, PASSIVE, "unchanged", None)) is Status.NOT_REPRODUCED
     assert not seeded(scenario, [0.2, 0.2], [30.0, 30.0]).is_negligible(PASSIVE)
@@ -218,7 +219,7 @@ def test_a_finding_has_the_badge_of_its_worst_check(scenario: Plan) -> None:
     assert of.finding(Finding((), (), own=False, checks=(good, bad))) is Status.NOT_REPRODUCED
     assert of.finding(Finding((), (), own=True, checks=(good,))) is Status.OWN_RESULT
     assert of.finding(Finding((), (), own=True, checks=(good, bad))) is Status.REFUTED
-    # A run that failed leaves the badge open, also where its absence would be a result.
+    # After a failed run, a check is not evaluated, even one that expects a missing value.
     failed = Numbers(of.plan, {}, finished=set())
     assert failed.finding(Finding((), (), own=False, checks=(good,))) is Status.OPEN
     assert failed.finding(Finding((), (), own=True, checks=(Check(ACTIVE, None, "never", None),))) is Status.OPEN

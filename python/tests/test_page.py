@@ -1,4 +1,4 @@
-"""The page: everything escaped, nothing requested, every identifier unique."""
+"""The page: all text is escaped, nothing is loaded from elsewhere, every identifier is unique."""
 
 import dataclasses
 
@@ -72,10 +72,10 @@ def test_the_recorded_signals_are_linked(scenario: Plan) -> None:
 
 def test_nothing_is_requested(text: str) -> None:
     tree = html.document_fromstring(text)
-    # The code and its data are part of the page.
+    # The scripts and their data are embedded in the page.
     assert {str(v) for v in tree.xpath("//script/@*")} == {"application/json", "page-data"}
     assert not tree.xpath("//script[@src] | //link | //img | //iframe | //object | //*[@src]")
-    # what is linked stands beside the page, or is the index above it
+    # Links lead to files beside the page, or to the index in the parent folder.
     links = {str(v) for v in tree.xpath("//@href | //@*[name() = 'xlink:href']") if not str(v).startswith("#")}
     assert links == {"table.csv", "table.md", "../index.html"}
     assert "@import" not in text
@@ -114,19 +114,19 @@ def test_the_parts_are_there(text: str) -> None:
     ]
     assert len(tree.xpath("//table[@class='headline seeds']/tbody")) == 2
     assert len(tree.xpath("//table[@class='headline seeds']/tbody/tr")) == 4
-    # 3 against 3: no change, the paper has one
+    # 3 compared with 3 is no change, but the paper has one.
     assert tree.xpath("string(//article[@class='not_reproduced']/span)") == "Not reproduced"
     assert tree.xpath("string(//article/p[@class='claim'])") == "Less <roll>, by 25.0 %"
     assert "0.0 %, paper −25.0 %" in tree.xpath("string(//ul[@class='checks'])")
     badges = tree.xpath("//table[@class='headline seeds']//span[@class='badge']/text()")
     assert badges == ["Not reproduced", "Not reproduced"]
-    # Defined before the first of them.
+    # The legend before the findings defines their badges.
     assert tree.xpath("//dl[@class='legend']/dt/span/text()") == ["Not reproduced"]
     assert "the opposite sign" in tree.xpath("string(//dl[@class='legend']/dd)")
     assert text.index('<dl class="legend">') < text.index("<table")
     assert "1 not reproduced" in " ".join(tree.xpath("string(//ul[@class='facts'])").split())
     assert len(tree.xpath("//figure//svg")) == 2
-    # A narrow window hides the head of the table.
+    # Labels replace the head of the table, which is hidden in a narrow window.
     assert {*tree.xpath("//table[@class='components']//td[contains(@class, 'number')]/@data-label")} == {
         "Default",
         "Here",
@@ -157,7 +157,7 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
 
 
 def test_components_are_in_the_order_of_every_run(scenario: Plan) -> None:
-    """By hand: the first case leaves out the component between the two others, and one in front of them."""
+    """The first case leaves out a component between the other two, and one before them."""
     run = scenario.runs[0]
     component = run.components[0]
 
@@ -222,7 +222,7 @@ def test_requirements_definitions_and_hashes_are_on_the_page(text: str) -> None:
     assert "4.00 °, required <1>" in requirement.text_content()
     assert "Passed: the metric is within the limits for every run and seed.</p>" in text
     definition = tree.xpath("string(//details[@class='definition']/small)")
-    # Four rows from 0 to 0.3 s.
+    # The window contains four rows from 0 to 0.3 s.
     expected = (
         "square root of the mean of the squares of x: body.roll, times 57.2958; rows from 0 s to 0.3 s (4 rows); in °"
     )

@@ -1,4 +1,4 @@
-"""The data of a page: it follows the schema of `web/`, and its numbers are those of the recordings."""
+"""The data of a page follow the schema in `web/`, and their numbers agree with the recordings."""
 
 import base64
 import json
@@ -22,7 +22,7 @@ from tests.page_schema import SCHEMA, data_of, read
 
 
 def numbers(data: dict[str, Any], column: dict[str, Any]) -> NDArray[np.float64]:
-    """Decode a column as the schema says."""
+    """Decode a column according to the schema."""
     words = np.frombuffer(zlib.decompress(base64.b64decode(data["block"])), "<u2")
     own = np.cumsum(words[column["at"] : column["at"] + column["count"]], dtype=np.uint16)
     values = column["first"] + column["step"] * own.astype(np.float64)
@@ -48,7 +48,7 @@ def test_numbers_are_rounded_to_parts_of_their_range(scenario: Plan) -> None:
     line = first_line(data)
     # Times lie on the grid of the recording, so only the last digits may differ.
     np.testing.assert_allclose(numbers(data, line["x"]), times, rtol=1e-13)
-    # Half a step, by definition of rounding.
+    # Rounding error: half a step.
     half = 0.5 * np.ptp(values[np.isfinite(values)]) / page_data.LARGEST
     np.testing.assert_allclose(numbers(data, line["y"]), values, atol=half * (1.0 + 1e-9))
 
@@ -124,8 +124,8 @@ def test_the_page_of_a_linear_model_has_the_bode_plot_of_numpy(tmp_path: Path) -
     eye = np.eye(len(a))
     states = [np.linalg.solve(2j * np.pi * frequency * eye - a, b[:, i]) for frequency in frequencies]
     response = np.array([c[o] @ x + d[o, i] for x in states])
-    # The logarithm of the gain has 16 bits of some decades, the phase 16 bits of some hundred degrees. The rest is what
-    # 16 bits of the frequency change.
+    # The tolerance covers rounding to 16 bits: of the gain's logarithm (some decades), of the phase (some hundred
+    # degrees), and of the frequency.
     np.testing.assert_allclose(numbers(data, gain["y"]), np.abs(response), rtol=2e-3)
     np.testing.assert_allclose(numbers(data, phase["y"]), np.degrees(np.unwrap(np.angle(response))), atol=0.1)
 
@@ -145,10 +145,10 @@ def test_centers_of_cells_are_exact_and_their_values_rounded() -> None:
     (panel_data,) = data["figures"][0]["panels"]
     line = panel_data["lines"][0]
     assert (panel_data["kind"], panel_data["z"]["title"]) == ("heat", "Roll")
-    # Small multiples of the least distance: only floating-point errors.
+    # Small multiples of the smallest distance, which are exact up to floating-point errors.
     np.testing.assert_allclose(numbers(data, line["x"]), x, rtol=1e-14)
     np.testing.assert_allclose(numbers(data, line["y"]), y, rtol=1e-14)
-    # Half a step, by definition of rounding.
+    # Rounding error: half a step.
     half = 0.5 * np.ptp(z[np.isfinite(z)]) / page_data.LARGEST
     np.testing.assert_allclose(numbers(data, line["z"]), z, atol=half * (1.0 + 1e-9))
 
@@ -171,8 +171,8 @@ def test_of_many_seeds_the_first_ones_are_lines(scenario: Plan) -> None:
     panels = figures.panels(plan, figure, recordings, Numbers(plan, {}))
     lines = [line for line in panels[0].lines if line.case == plan.cases[0] and line.kind == "run"]
     assert [line.seed for line in lines] == list(plan.seeds[: figures.MOST_SEEDS])
-    # All of them have as many samples as twelve had.
+    # All seeds together have as many samples as FEW_SEEDS seeds.
     most = 2 * figures.FEW_BUCKETS * figures.FEW_SEEDS + 2 * figures.MOST_SEEDS * 2
     assert sum(len(line.x) for line in lines[1:]) <= most
-    # Mean and deviation are of all seeds.
+    # Mean and deviation use all seeds.
     assert any(line.title.endswith(f"mean of {count}") for line in panels[0].lines)

@@ -1,4 +1,4 @@
-"""Pages of studies: their data follow the schema, and numbers are defined."""
+"""Pages of studies: their data follow the schema, and their metrics have definitions."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def test_the_page_of_a_study_has_data_by_the_schema_and_definitions(tmp_path: Pa
     definitions = [
         " ".join(small.text_content().split()) for small in tree.xpath("//details[@class='definition']/small")
     ]
-    # One for each metric: of a signal, and of another metric.
+    # One definition for each metric: one is computed from a signal, one from the other metric.
     assert len(definitions) == 2
     assert "x: y; rows from 0 s to 0.2 s (3 rows)" in definitions[0]
     assert definitions[1] == "2 * y, of the numbers of the same run"

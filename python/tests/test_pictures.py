@@ -1,4 +1,4 @@
-"""Pictures of models: grouping of ports, breaking of lines, and that files repeat."""
+"""Pictures of models: grouped ports, line breaks, reproducible files."""
 
 import dataclasses
 
@@ -28,7 +28,7 @@ def test_drawing_twice_gives_equal_bytes() -> None:
     first = pictures.draw(block())
     assert first == pictures.draw(block())
     assert first.startswith(b"\x89PNG")
-    # Chunks of text would hold names of programs or dates.
+    # Text chunks could contain program names or dates.
     assert not any(chunk in first for chunk in (b"tEXt", b"iTXt", b"zTXt", b"tIME"))
 
 
@@ -82,5 +82,5 @@ def test_inputs_of_demos() -> None:
     assert demos.through((1.0, 0.0), (2.0, 4.0))(times).tolist() == [0.0, 2.0, 4.0]
     step = 1e-6
     slope = (demos.wave(2.0, 0.5)(times + step) - demos.wave(2.0, 0.5)(times - step)) / (2.0 * step)
-    # The central difference errs by its rounding, 1e-16 / 1e-6, more than by its order.
+    # The error of the central difference is mostly rounding, 1e-16 / 1e-6.
     np.testing.assert_allclose(slope, demos.wave_rate(2.0, 0.5)(times), atol=1e-8)

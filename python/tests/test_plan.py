@@ -49,7 +49,7 @@ def test_text_that_is_not_json_is_rejected() -> None:
 
 
 def test_the_types_are_those_of_the_command() -> None:
-    """If it fails, call `scripts/plan_types.py` as its docstring says."""
+    """If this test fails, run `scripts/plan_types.py`; its docstring contains the command."""
     code, text = chassis("schema", "plan")
     assert code == 0
     assert Path(plan.__file__).read_text(encoding="utf-8") == plan_types.python(json.loads(text))

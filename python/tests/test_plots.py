@@ -1,4 +1,4 @@
-"""Pictures of figures: what they show, and that files repeat."""
+"""Pictures of figures: their content, and reproducible files."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def recordings() -> dict[Key, Recording]:
 
 
 def panels(plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None) -> list[Panel]:
-    """Return the panels of a figure, of runs of the first seed."""
+    """Return the panels of a figure for runs of the first seed."""
     shown = Recordings(plan)
     shown.first = found
     return figures.panels(plan, figure, shown, numbers or Numbers(plan, {}))
@@ -119,7 +119,7 @@ def test_a_figure_shows_its_cases_and_levels(scenario: Plan) -> None:
 
 
 def test_levels_are_in_panels_of_their_unit(scenario: Plan) -> None:
-    """By hand: a level of the first signal means nothing beside a signal in another unit."""
+    """A level in the unit of the first signal must not appear in the panel of a signal with another unit."""
     other = replace(scenario.columns[1], unit="N", display_unit=None, factor=1.0, offset=0.0)
     plan = replace(scenario, columns=(scenario.columns[0], other))
     figure = replace(plan.figures[0], columns=(0, 1), unit=None)
@@ -131,7 +131,7 @@ def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
     first = scenario.figures[0]
     overlaid = draw(scenario, first, recordings())
     separate = draw(scenario, replace(first, separate=True), recordings())
-    # two signals, one of which only one case has
+    # Two signals, one of which exists in one case only.
     assert overlaid.svg.count('<g id="axes_') == 2
     assert separate.svg.count('<g id="axes_') == 3
     assert "Active &lt;fast&gt;" in separate.svg
@@ -145,7 +145,7 @@ def test_a_signal_stands_dashed_beside_others(scenario: Plan) -> None:
         plain = draw(scenario, figure, recordings())
         beside = draw(scenario, replace(figure, against=0), recordings())
         assert "stroke-dasharray" not in plain.svg
-        # one of the two cases has that signal; one line is in the legend
+        # One of the two cases has the signal; another dashed line is in the legend.
         assert beside.svg.count("stroke-dasharray") == 2
     assert figures.columns_of(scenario, replace(bare, against=0)) == {0, 1}
 
@@ -158,13 +158,13 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     recording = Recording(times, {"body.roll": values})
     assert figures.spectra_of(noisy, noisy.runs[0], recording) == {}
     spectra = figures.spectra_of(noisy, noisy.runs[2], recording)
-    # in degrees, the unit people read, and only the signal that was recorded
+    # Only the recorded signal has a spectrum.
     assert list(spectra) == [("roll", 1)]
     _, densities = metrics.spectrum(times, values)
     assert spectra["roll", 1][1] == pytest.approx(densities * 57.29577951308232**2, rel=1e-12)
     shown = Recordings(noisy)
     assert figures.panels(noisy, figure, shown, Numbers(noisy, {})) == []
-    # a signal that stays zero has no place on a logarithmic axis
+    # A logarithmic axis cannot show a signal that is always zero.
     still = Recordings(noisy)
     still.add(noisy.runs[2], Recording(times, {"body.roll": np.zeros(900)}))
     assert figures.panels(noisy, figure, still, Numbers(noisy, {})) == []
@@ -196,7 +196,7 @@ def test_panels_are_titled_in_words(scenario: Plan) -> None:
     for column in (scenario.columns[1], long):
         named = replace(scenario, columns=(scenario.columns[0], column))
         drawing = draw(named, figure, recordings())
-        # matplotlib leaves the text of a title as a comment before its outlines
+        # matplotlib writes the text of a title as a comment before its outlines.
         assert "<!-- body.roll -->" not in drawing.svg
         assert f"<!-- {column.description[:6]}" in drawing.svg
 
@@ -204,7 +204,7 @@ def test_panels_are_titled_in_words(scenario: Plan) -> None:
 def test_signals_over_another_signal(scenario: Plan) -> None:
     figure = replace(scenario.figures[0], kind="xy", columns=(1,), over=0, levels=(), window=None)
     (panel,) = panels(scenario, figure, recordings())
-    # The case without the signal of the abscissa has no curve.
+    # A case without the abscissa's signal has no curve.
     (line,) = panel.lines
     assert panel.kind == "curve"
     np.testing.assert_array_equal(line.x, np.arange(4) * 0.1 * 10.0)
@@ -235,7 +235,7 @@ def test_transfer_functions_have_gain_phase_and_coherence(scenario: Plan) -> Non
         shown.add(run, Recording(times, {"source.count": given, "body.roll": 0.5 * given}))
     found = figures.panels(plan, figure, shown, Numbers(plan, {}))
     assert [panel.title.rsplit(": ")[-1] for panel in found] == ["gain", "phase", "coherence"]
-    # Half of it, in degrees.
+    # The center is half of the range, in degrees.
     for panel, expected in zip(found, (0.5 * 57.29577951308232, 0.0, 1.0), strict=True):
         (line,) = panel.lines
         np.testing.assert_allclose(line.y, expected, rtol=1e-9, atol=1e-9)
@@ -275,7 +275,7 @@ def test_a_second_axis_and_equal_scales(scenario: Plan) -> None:
     found = panels(scenario, figure, recordings())
     assert [panel.y.range for panel in found] == [found[0].y.range] * 2
     low, high = found[0].y.range or (0.0, 0.0)
-    # The larger of the two goes from 0 to 0.3 rad.
+    # The larger signal goes from 0 to 0.3 rad.
     assert low < 0.0
     assert 0.3 < high * 0.017453292519943295 < 0.35
     beside = [line for line in found[0].lines if line.right]

@@ -1,7 +1,7 @@
-"""An FMU written in Python takes the place of the car's yaw control, in both masters.
+"""An FMU written in Python replaces the car's yaw control, in both masters.
 
-It is made by PythonFMU from python_yaw_control.py. Such an FMU needs the Python library in the process that loads it:
-fmpy has it, the native master is given it.
+PythonFMU builds it from python_yaw_control.py. Such an FMU needs the Python library in the process that loads it. With
+fmpy, this process is Python; the native master gets the path of the library.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 SOURCE = Path(__file__).with_name("python_yaw_control.py")
 SCENARIO = ROOT / "scenarios" / "swap_esp_car_yaw_control.toml"
 
-# What a user adds to the scenario.
+# The lines that a user adds to the scenario.
 CASE = """
 [[case]]
 name = "python"
@@ -34,8 +34,8 @@ baseline = "left_out"
 fmu.yaw_control = "PythonYawControl"
 """
 
-# When the turn is settled (s), and what gives its steady yaw rate: front angle (rad), wheelbase (m), stability factor
-# (s2/m2).
+# Time from which the turn is steady (s), and the data for its yaw rate: front-wheel angle (rad), wheelbase (m),
+# stability factor (s2/m2).
 SETTLED = 1.5
 STEER, WHEELBASE, STABILITY_FACTOR = 0.046, 2.34, 7.99903e-4
 
@@ -77,7 +77,7 @@ def columns(folder: Path, case: str) -> dict[str, NDArray[np.float64]]:
 
 
 def yaw_rate_error(folder: Path, case: str) -> float:
-    """Return the RMS distance from the yaw rate of a steady turn at the speed of the moment (rad/s)."""
+    """Return the RMS difference from the yaw rate of a steady turn at the current speed (rad/s)."""
     values = columns(folder, case)
     speed = values["vehicle.speed"]
     target = speed * STEER / (WHEELBASE * (1.0 + STABILITY_FACTOR * speed**2))
@@ -86,20 +86,20 @@ def yaw_rate_error(folder: Path, case: str) -> float:
 
 
 def test_it_controls_the_yaw_rate(folder: Path) -> None:
-    # Proportional control leaves an error. A quarter of that without control is far above it (less than a tenth) and
-    # far below what a control without effect gives.
+    # Proportional control leaves an error of less than a tenth of the error without control. A control without effect
+    # would leave all of it.
     assert yaw_rate_error(folder, "python") < 0.25 * yaw_rate_error(folder, "left_out")
 
 
 def test_it_is_another_law(folder: Path) -> None:
     moments = [columns(folder, case)["demand.yaw_moment"] for case in ("python", "coordination")]
-    # N.m, where both ask for some hundred
+    # N.m; both yaw moments are some hundred N.m.
     assert np.abs(moments[0] - moments[1]).max() > 10.0
 
 
 @pytest.fixture(scope="module")
 def python() -> list[str]:
-    """Return the arguments that give a program that is not Python the library for FMUs in Python."""
+    """Return the arguments that pass the Python library to a native program."""
     path = libpython.find()
     if path is None:
         pytest.skip("this Python has no shared library, which a master that is not Python needs for FMUs in Python")
@@ -107,24 +107,24 @@ def python() -> list[str]:
 
 
 def test_the_check_validates_description_and_binary(folder: Path, python: list[str]) -> None:
-    """References: FMI 2.0.4, section 2.2.8 (initial unknowns), and what PythonFMU does: it compares no GUID."""
+    """References: FMI 2.0.4, section 2.2.8 (initial unknowns), and PythonFMU, which does not compare the GUID."""
     check = (*CARGO_FMU, "check", str(folder / "PythonYawControl.fmu"))
     report = call(*check, *python, code=1)
     errors = [line for line in report.splitlines() if line.startswith("  error: ")]
     assert len(errors) == 7
     assert all("is not listed in ModelStructure/InitialUnknowns" in line for line in errors), report
     assert "a wrong GUID is accepted" in report
-    # Without the library of Python the binary is a finding too, which says what to do.
+    # Without the Python library, loading the binary is also a finding, with the remedy.
     without = call(*check, code=1)
     assert "needs the Python library" in without
     assert "--libpython FILE" in without
 
 
 def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
-    """Reference: what proportional control of the yaw rate does: it answers a step faster, by 10 % at least."""
+    """Reference: with proportional control, the yaw rate responds faster to a step, by at least 10 %."""
     out = folder / "assessed"
     controller = str(folder / "PythonYawControl.fmu")
-    # The antilock brakes add what the controller asks for to the pressure of the pedal.
+    # The antilock brakes add the pressures that the controller requests to the pedal's pressure.
     base = ["--base", "AntilockBraking", "--base", "BrakeAndDriveActuators"]
     more = ["--suite", "handling", "--fmus", str(FOLDER), "--out", str(out)]
     call("cargo", "chassis", "bench", "run", "EspCar", *base, "--no-page", "--with", controller, *python, *more)
@@ -138,7 +138,7 @@ def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
 
 def test_both_masters_agree_to_the_last_bit(folder: Path, python: list[str]) -> None:
     out = folder / "native"
-    # It finds the library by itself.
+    # The Python command finds the library automatically.
     call(sys.executable, "-m", "chassis_fmu", "run", *options(folder), "--out", str(out))
     assert python
     names = sorted(p.name for p in (out / "swapped" / "runs").glob("*.csv"))

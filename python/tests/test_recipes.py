@@ -1,4 +1,4 @@
-"""The recipes for other Python packages are executed as they are, and their numbers are compared with references."""
+"""The guide's recipes for other Python packages are executed unchanged, and their results compared with references."""
 
 import re
 import subprocess
@@ -28,14 +28,14 @@ def numbers(text: str) -> list[float]:
 
 
 def distances(values: Sequence[dict[str, float]]) -> list[float]:
-    """Return the braking distance in m with each of some values."""
+    """Return the braking distance (m) for each set of values."""
     brake = cf.Scenario(ROOT / "scenarios/esp_car_braking.toml")
     found = brake.run_many(values, case="individual", point="flat", workers=1)
     return [float(brake.numbers(outcome)["distance"] or np.nan) for outcome in found]
 
 
 def check_cross_entropy(lines: list[str]) -> None:
-    """Compare the law with a plant without rear steering and with a random search."""
+    """Compare the control law with a plant without rear steering, and with a random search."""
     steer = cf.Scenario(ROOT / "scenarios/rescue_vehicle_step_steer.toml", stop=2.0)
 
     def earned(law: list[float]) -> float:
@@ -56,8 +56,8 @@ def check_cross_entropy(lines: list[str]) -> None:
     none = earned([0.0, 0.0])
     generations = [numbers(line) for line in lines]
     assert [g[0] for g in generations] == [*range(6)]
-    # Twelve laws at random are worse than none; the search halves the loss of none. As many laws at random as it tried
-    # in all, 144, came to 0.98 times that loss at best (NumPy, seed 3).
+    # The best of twelve random laws is worse than no law; the search halves the loss without a law. The best of 144
+    # random laws, as many as the search tries, reached 0.98 times that loss (NumPy, seed 3).
     assert generations[0][1] < none
     assert 0.5 * none < generations[-1][1] < 0.0
     assert 0.5 * none < earned(generations[-1][2:]) < 0.0
@@ -72,22 +72,22 @@ def check_openturns(lines: list[str]) -> None:
 
 
 def check_optuna(lines: list[str]) -> None:
-    """Compare with the least distance on a grid of 23 by 21 values, 21.337 m."""
+    """Compare with the shortest distance on a grid of 23 by 21 values, 21.337 m."""
     best, rise, fall = numbers(lines[-1])
     assert distances([{RISE: rise, FALL: fall}]) == pytest.approx([best], abs=PRINTED)
-    # 1.5 % of the grid come to within 0.04 m of it, and one of 20 random samples does in a quarter of all searches; the
-    # scenario's own parameters are 0.41 m away.
+    # 1.5 % of the grid is within 0.04 m of this distance; a random search with 20 samples gets as close in a quarter of
+    # all cases. With the scenario's own parameters, the distance is 0.41 m longer.
     assert 21.33 < best < 21.337 + 0.04
 
 
 def check_salib(lines: list[str]) -> None:
-    """Compare with the estimators of the indices, written out: Saltelli et al. (2010), Jansen (1999)."""
+    """Compare with the formulas of the estimators: Saltelli et al. (2010), Jansen (1999)."""
     names, bounds = [RISE, FALL, BAND], [[5.0, 60.0], [20.0, 120.0], [0.005, 0.05]]
     problem = {"num_vars": 3, "names": names, "bounds": bounds}
     samples = sobol.sample(problem, 16, calc_second_order=False, seed=1)
     found = distances([dict(zip(names, row.tolist(), strict=True)) for row in samples])
     a, *exchanged, b = np.array(found).reshape(16, 5).T
-    # SALib takes off the mean of all numbers first, which matters with 16 base samples.
+    # SALib first subtracts the mean of all numbers, which matters with 16 base samples.
     mean = np.mean(found)
     variance = np.var(np.concatenate((a, b)))
     for line, name, of in zip(lines[-3:], names, exchanged, strict=True):
@@ -97,11 +97,11 @@ def check_salib(lines: list[str]) -> None:
 
 
 def check_scipy(lines: list[str]) -> None:
-    """Compare with the distances beside the minimum that was found; the method looks for a local one."""
+    """Compare with the distances near the result, because the method searches for a local minimum."""
     best, band, runs = numbers(lines[-1])
     assert best < OWN
     assert runs == 15
-    # A grid of bands around it, itself too; the recipe prints four decimals of the band.
+    # A grid of bands around the result, including the result; the recipe prints the band with four decimals.
     beside = distances([{BAND: band + 0.0005 * step} for step in range(-4, 5)])
     assert best <= min(beside) + PRINTED
     assert best == pytest.approx(beside[4], abs=PRINTED)

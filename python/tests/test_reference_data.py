@@ -1,6 +1,6 @@
-"""The reference data of the drivers, Road, Sensor, Actuator and SuspensionMixer are those of `reference_runs.py`.
+"""The reference data of the drivers, Road, Sensor, Actuator and SuspensionMixer agree with `reference_runs.py`.
 
-Its random numbers and cosines are compared with published numbers, so that the data stand on more than themselves.
+The random numbers and road harmonics of `reference_runs.py` are compared with published numbers.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def test_harmonics_give_the_published_numbers() -> None:
 
 
 def test_committed_files_are_those_of_the_program() -> None:
-    # Ten digits are printed. Elementary functions of other versions of numpy may differ in their last bit, which may
-    # turn the last digit printed.
+    # Ten digits are printed. Elementary functions in other versions of numpy can differ in the last bit, which can
+    # change the last printed digit.
     for name, expected in runs.files().items():
         path = ROOT / name
         data = path.read_bytes()

@@ -1,8 +1,9 @@
-"""The reference run inside an FMU, reproduced through fmpy as a stranger would.
+"""The reference run inside an FMU, reproduced with fmpy and only the FMU's documentation.
 
-`extra/io.github.chassis-fmu/reference.csv` was made by an independent implementation of the model. The documentation
-inside the FMU gives the order of calls: set the inputs of a row, and for a plant read its outputs before the step, for
-a discrete-time model after it. Plants are told by providesDirectionalDerivative. An empty cell is not compared.
+An independent implementation of the model computed `extra/io.github.chassis-fmu/reference.csv`. The documentation
+inside the FMU describes the order of calls: set the inputs of a row; read the outputs of a plant before the step, those
+of a discrete-time model after the step. Plants are recognized by providesDirectionalDerivative. Empty cells are not
+compared.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ ENTRY = "extra/io.github.chassis-fmu/reference.csv"
 # Time between rows without a time column (s).
 STEP = 0.001
 
-# Largest error over the peak of a column. The file has 8 significant digits, so that reading it costs up to 5e-8; in
-# runs without jumps both integrations err by less than 1e-9. The rest is room for columns that are small differences
-# of large numbers, such as accelerations.
+# Largest error relative to the peak of a column. The 8 significant digits of the file give an error of up to 5e-8; in
+# runs without jumps, the errors of both integrations are below 1e-9. The rest is a margin for columns that are small
+# differences of large numbers, such as accelerations.
 TOLERANCE = 1e-6
 
-# Peak a column has at least, so that columns that are zero up to rounding pass.
+# Smallest peak of a column, so that columns that are zero up to rounding pass.
 FLOOR = 1e-6
 
 
-# Rows with numbers in each column of outputs: fewer show nothing of a run.
+# Smallest number of values in each column of outputs, for a meaningful comparison.
 FEWEST = 30
 
 MODELS = sorted(path.parent for top in ("fmu-plant", "fmu-controllers") for path in ROOT.glob(f"{top}/*/Cargo.toml"))

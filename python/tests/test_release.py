@@ -1,4 +1,4 @@
-"""`scripts/release` with a stand-in for cargo that writes two small files instead of FMUs."""
+"""`scripts/release` with a mock of cargo that writes two small files instead of FMUs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ printf 'second' > "$2/B.fmu"
 
 @pytest.fixture
 def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Put a `cargo` on the path that notes the arguments of `cargo fmu`, and fails if the file `failing` exists."""
+    """Put a mock `cargo` on the path. It records the arguments of `cargo fmu`, and fails if `failing` exists."""
     log = tmp_path / "log"
     script = tmp_path / "bin" / "cargo"
     script.parent.mkdir()

@@ -1,4 +1,4 @@
-"""Requirements: `chassis run` and its page come to the same verdicts, in the same words."""
+"""Requirements: the verdicts of `chassis run` and of its page are the same, including their text."""
 
 import subprocess
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from chassis_fmu import program
 
-# Requirements of several units, with and without a share, that are met, missed and without a number.
+# Requirements in several units, with and without a share, that are met, missed and undefined.
 SCENARIO = """
 title = "Requirements"
 simulation = { stop = 2.0, step = 0.01 }
@@ -91,7 +91,7 @@ def run(*command: str | Path) -> tuple[int, str]:
 
 
 def requirements(text: str) -> list[str]:
-    """Return the lines below the heading, up to an empty one."""
+    """Return the lines below the heading, up to an empty line."""
     _, _, rest = text.partition("Requirements\n")
     lines = rest.split("\n\n")[0].strip().splitlines()
     # Notes on shortened runs follow without an empty line.
@@ -107,7 +107,7 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     native, text = run("cargo", "chassis", "run", "--no-page", *shared, tmp_path / "native.xml", "--out", out)
     python: list[str | Path] = ["cargo", "chassis", "run", *shared, tmp_path / "python.xml", "--out", again]
     code, words = run(*python, "--from-csv", out / "limits")
-    # Runs that were cut short leave open what they would have missed, but not what is too large already.
+    # For shortened runs, a requirement is not evaluated, unless a value is already too large.
     is_cut = "--stop" in options
     assert (native, code) == (1, 1)
     lines = requirements(text)
@@ -122,7 +122,7 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
 
 
 def test_verdicts_are_those_of_the_recorded_rows(tmp_path: Path) -> None:
-    """Compute peak and RMS of each run with NumPy; the printed numbers have four and three digits."""
+    """Compare with peak and RMS of each run by NumPy; the printed numbers have four and three digits."""
     scenario = tmp_path / "limits.toml"
     scenario.write_text(SCENARIO, encoding="utf-8")
     _, text = run("cargo", "chassis", "run", "--no-page", scenario, "--out", tmp_path)

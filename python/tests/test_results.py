@@ -1,4 +1,4 @@
-"""Files of results: round trips to the bit, files that are whole or absent."""
+"""Results files: exact round trips, and files that are complete or absent."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import pytest
 
 from chassis_fmu.files import results
 
-# The last one lies halfway between two shortest texts.
+# The last one is halfway between two shortest decimal representations.
 NASTY = [0.1 + 0.2, -0.0, 5e-324, 1.7976931348623157e308, 1e-5, 1e16, 123456789.12345679, 1.0, -2.5e-8, 2.0**-25]
 
 
@@ -35,7 +35,7 @@ def test_csv_gives_the_same_doubles_back(tmp_path: Path, table: tuple[list[str],
 
 
 def test_csv_is_written_as_the_native_master_does(tmp_path: Path) -> None:
-    # crates/fmu-system/src/results/number.rs has the same line.
+    # The test in crates/fmu-system/src/results/number.rs expects the same line.
     expected = (
         "0.30000000000000004,-0.0,5e-324,1.7976931348623157e308,1e-5,1e16,123456789.12345679,1.0,-2.5e-8,"
         "2.9802322387695312e-8"

@@ -1,4 +1,4 @@
-"""The JSON Schemas of files, by an independent validator: they accept all shipped files and reject mistakes."""
+"""The JSON Schemas accept all shipped files and reject mistakes, according to an independent validator."""
 
 from __future__ import annotations
 

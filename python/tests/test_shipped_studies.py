@@ -1,4 +1,4 @@
-"""The studies of this repository run, with few samples, and `scripts/study_library.py` tells of them."""
+"""The studies in this repository run, with few samples, and `scripts/study_library.py` writes its page from them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests import commands
 pytestmark = pytest.mark.ci
 
 STUDIES = Path(__file__).parents[2] / "studies"
-# How the page describes the first factor: its distribution in the study file, the unit of its variable.
+# The page's description of the first factor: the distribution in the study file, with the unit of the variable.
 MASS = {
     "robust_esp_car": "mass: uniform, min 1100, max 1600 kg;",
     "robust_heavy_vehicle": "mass: uniform, min 14000, max 22000 kg;",
@@ -28,7 +28,7 @@ MASS = {
 
 
 def carry_out(name: str, out: Path, runs: int) -> Numbers:
-    """Carry a study out with few samples, whatever it requires, and read its rows."""
+    """Run a study with few samples, even if its requirements fail, and read its rows."""
     path = STUDIES / f"{name}.toml"
     code, _ = commands.chassis("study", path, "--runs", str(runs), "--no-fail", "--out", out)
     assert code == 0

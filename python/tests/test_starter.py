@@ -1,4 +1,4 @@
-"""`chassis new`: what it writes runs, for every plant of the library."""
+"""`chassis new`: the scenarios that it writes run, for every plant in the library."""
 
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,12 @@ from tests.commands import chassis
 
 PLANTS = ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]
 
-# The maneuvers of the driver; a table of angles needs a file and is none of them.
+# The maneuvers of the driver, except for the table of angles, which needs a file.
 MANEUVERS = ["straight", "ramp_step", "fishhook", "double_lane_change", "slalom", "sine_with_dwell", "sine_sweep"]
 
 
 def start(plant: str, maneuver: str, folder: Path) -> Path:
-    """Write a scenario that fits on a page."""
+    """Write a scenario and check that it is short."""
     name = folder / f"{plant}_{maneuver}".lower()
     code, _ = chassis("new", name, "--plant", plant, "--maneuver", maneuver)
     assert code == 0
@@ -36,7 +36,7 @@ def lateral_acceleration(scenario: Path, out: Path, *options: str) -> NDArray[np
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_new_scenario_runs(plant: str, tmp_path: Path) -> None:
     scenario = start(plant, "sine_with_dwell", tmp_path)
-    # The driver steers: the vehicle is pushed to both sides.
+    # The driver steers, so the vehicle accelerates to both sides.
     acceleration = lateral_acceleration(scenario, tmp_path / "out")
     assert acceleration.min() < -0.5
     assert acceleration.max() > 0.5
@@ -50,7 +50,8 @@ def test_every_maneuver_runs_with_every_plant(maneuver: str, tmp_path: Path) -> 
     for plant in PLANTS:
         acceleration = lateral_acceleration(start(plant, maneuver, tmp_path), tmp_path / "out", "--stop", "3")
         assert np.isfinite(acceleration).all(), plant
-        # The first steering of all others is within these 3 s; on a rough road a straight vehicle moves, too.
+        # All other maneuvers steer within these 3 s. On a rough road, the vehicle also moves when it drives straight
+        # ahead.
         assert maneuver == "straight" or np.abs(acceleration).max() > 0.5, plant
 
 
@@ -60,7 +61,7 @@ def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.Cap
     text = " ".join(capfd.readouterr().err.replace("│", " ").split())
     for name in MANEUVERS:
         assert f"{name}," in text
-    # What needs more than its name is refused with what it needs.
+    # The error for a maneuver that needs more than its name lists what is missing.
     code, _ = chassis("new", tmp_path / "a", "--plant", "EspCar", "--maneuver", "table")
     assert code == 1
     assert "table.file" in " ".join(capfd.readouterr().err.replace("│", " ").split())

@@ -1,4 +1,4 @@
-"""Studies with a small FMU from C whose output is a known function of its parameters."""
+"""Studies with a small FMU, written in C, whose output is a known function of its parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TWO = vary("p", "f:a", UNIFORM) + vary("q", "f:c", 'distribution = "normal"\nmea
 
 
 def run(folder: Path, study: Path, *options: str, page: bool = False) -> int:
-    """Carry out a study with the FMUs of a folder, without its page unless a test reads it."""
+    """Run a study with the FMUs in a folder, without its page unless a test reads it."""
     if not page and "--report-only" not in options:
         options = ("--no-page", *options)
     return study_system.carry_out([str(study), "--fmus", str(folder / "fmus"), "--out", str(folder / "out"), *options])
@@ -56,7 +56,7 @@ def test_every_run_is_a_row_with_its_values_and_metrics(tmp_path: Path) -> None:
         p, q = row["p"], row["q"]
         assert isinstance(p, float)
         assert isinstance(q, float)
-        # The sum in the order of the C expression: the same bits.
+        # The sum in the order of the C expression, so it is bit-identical.
         y = p + 10.0 * (2.0 if row["case"] == "plain" else 3.0) + 100.0 * q
         assert (row["y"], row["twice"], row["status"], row["time"]) == (y, 2.0 * y, "ok", None)
     designed = rows(tmp_path, "design")
@@ -66,7 +66,7 @@ def test_every_run_is_a_row_with_its_values_and_metrics(tmp_path: Path) -> None:
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     assert "A study" in page
     assert "20</b> samples" in page
-    # A run that gives metrics only writes no series.
+    # Runs that only provide metrics write no CSV files.
     assert not list((tmp_path / "out").rglob("*.csv"))
     assert not (tmp_path / "out" / "study" / "series").exists()
 
@@ -97,7 +97,7 @@ def test_fmus_are_factors(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("keep", "plain", "shifted"), [("true", -321.0, -331.0), ("false", -10.0, -30.0)])
 def test_an_fmu_keeps_parameters_if_the_study_says_so(tmp_path: Path, keep: str, plain: float, shifted: float) -> None:
-    """By hand: a, b, c are 1, 2, 3 in the scenario and 0, 1, 0 in the FMU; b is 3 in the second case, always."""
+    """a, b, c are 1, 2, 3 in the scenario and 0, 1, 0 in the FMU; in the second case, b is always 3."""
     build(tmp_path)
     build(tmp_path, "-(a + 10 * b + 100 * c)", name="Other")
     law = 'method = "sweep"\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
@@ -111,12 +111,12 @@ def test_an_fmu_keeps_parameters_if_the_study_says_so(tmp_path: Path, keep: str,
 
 
 def test_a_seed_reaches_the_variable(tmp_path: Path) -> None:
-    # A double has all digits of a seed below 2^31.
+    # A double represents every seed below 2^31 exactly.
     build(tmp_path, "seed")
     assert run(tmp_path, write(tmp_path, SAMPLE + vary("s", "f:seed", 'distribution = "seed"'))) == 0
     found = rows(tmp_path)
     assert [r["y"] for r in found] == [r["s"] for r in found]
-    # Another one for each sample, the same for both cases.
+    # Each sample has a different seed, which is the same for both cases.
     assert [r["s"] for r in found[::2]] == [r["s"] for r in found[1::2]]
     assert len({r["s"] for r in found}) == 20
     assert pyarrow.parquet.read_schema(tmp_path / "out" / "study" / "runs.parquet").field("s").type == pyarrow.int64()
@@ -135,14 +135,14 @@ def test_correlated_factors_are_correlated_in_the_runs(tmp_path: Path) -> None:
     found = np.corrcoef((p, q, r))
     assert abs(found[0, 1] - 0.8) < 5.0 * (1.0 - 0.8**2) / np.sqrt(400)
     assert np.abs(found[:2, 2]).max() < 5.0 / np.sqrt(400)
-    # The FMU got these values: the same bits, in the order of the C expression.
+    # The FMU got exactly these values; the sum is in the order of the C expression.
     assert np.array_equal(y, p + 10.0 * r + 100.0 * q)
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     assert "p and q are correlated with a coefficient of 0.8." in page
 
 
 def test_inputs_and_start_values_are_factors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An input keeps the value of the sample through both steps; y is the start value at first."""
+    """An input keeps the value of the sample in both steps; y begins with its start value."""
     parameter = 'causality="parameter" variability="fixed" initial="exact"'
     text = study_system.DESCRIPTION
     for name, instead in (
@@ -152,7 +152,7 @@ def test_inputs_and_start_values_are_factors(tmp_path: Path, monkeypatch: pytest
         assert f"{name} {parameter}" in text
         text = text.replace(f"{name} {parameter}", f"{name} {instead}")
     monkeypatch.setattr(study_system, "DESCRIPTION", text)
-    # The sum over both steps: an input that were set only once, or not again, would show.
+    # y is the sum over both steps, which reveals an input that is set in one step only.
     build(tmp_path, "(t < 0.05 ? 0.0 : i->v.real[1]) + a + 100 * c")
     scenario = SCENARIO.replace("parameters = { a = 1.0, b = 2.0, c = 3.0 }", "inputs = { a = 7.0 }")
     scenario += '[[metric]]\nname = "first"\ntitle = "First"\nsignal = "f:y"\nkind = "min"\n'
@@ -172,7 +172,7 @@ def test_the_command_line_sets_the_number_of_samples(tmp_path: Path, capsys: pyt
     assert [r["sample"] for r in rows(tmp_path)] == [n for n in range(7) for _ in range(2)]
     assert len(rows(tmp_path, "design")) == 7
     assert "--runs 7" in (tmp_path / "out" / "study" / "index.html").read_text()
-    # The same as if the study had that number; a Latin hypercube of 7 is not the first part of one of 20.
+    # The same samples as if the study file had this number; a Latin hypercube of 7 is not a part of one of 20.
     assert run(tmp_path, write(tmp_path, SAMPLE.replace("runs = 20", "runs = 7") + TWO), "--overwrite") == 0
     assert table(tmp_path) == seven
     sweep = write(tmp_path, 'method = "sweep"\n' + vary("p", "f:a", "values = [1.0, 2.0]"))
@@ -223,7 +223,7 @@ def test_an_interrupted_study_goes_on(
     assert run(tmp_path, study, "--report-only") == 2
     assert "samples are missing: --resume runs them" in capsys.readouterr().err
     assert not (tmp_path / "out" / "study" / "runs.parquet").exists()
-    # A kill may cut a line off.
+    # A killed process can leave a truncated line.
     journal.write_text("\n".join(lines) + "\n[12, 0, [3.")
     assert run(tmp_path, study, "--resume") == 0
     assert table(tmp_path) == whole
@@ -299,7 +299,7 @@ def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.Captu
     scenario = SCENARIO.replace('kind = "final"', 'kind = "final"\nmax = 325.0\nshare = 0.5\nrequired_of = ["plain"]')
     study = 'method = "sweep"\n' + vary("p", "f:a", "values = [5.0, 6.0]")
     assert run(tmp_path, write(tmp_path, study, scenario), page=True) == 0
-    # A sweep has no interval of confidence.
+    # A sweep has no confidence interval.
     assert "Passed  Value, Plain: at most 325 in 50.0 % of the runs, required 50.0 %" in capsys.readouterr().out
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     assert 'Runs that keep them</th><th class="number">Required</th>' in page
@@ -355,11 +355,11 @@ def ishigami(runs: int, analysis: str) -> str:
 
 
 def ishigami_errors(samples: int) -> dict[str, tuple[float, float]]:
-    """Return the standard errors of first-order and total indices of the Ishigami function from so many base samples.
+    """Return the standard errors of first-order and total indices of the Ishigami function, by number of base samples.
 
-    Of the estimators by Saltelli et al. (2010), first-order mean(B (A_i - A)) / V and total mean((A - A_i)^2) / 2 V, by
-    the delta method: the deviation of the term of a sample, less the index times what the sample adds to the variance
-    V, over the root of the number of samples. The deviations are those of 2^18 random samples: within 1 %.
+    Estimators of Saltelli et al. (2010): first-order mean(B (A_i - A)) / V, total mean((A - A_i)^2) / 2 V. The delta
+    method gives the error: the deviation of a sample's term, minus the index times the sample's contribution to the
+    variance V, divided by the root of the number of samples. 2^18 random samples give the deviations within 1 %.
     """
     random = np.random.default_rng(1)
     one, other = (random.uniform(-np.pi, np.pi, (3, 2**18)) for _ in range(2))
@@ -384,7 +384,7 @@ def ishigami_errors(samples: int) -> dict[str, tuple[float, float]]:
 
 
 def test_sobol_indices_of_the_ishigami_function(tmp_path: Path) -> None:
-    """T. Ishigami, T. Homma (1990): the indices in closed form for a = 7, b = 0.1, inside the intervals found."""
+    """Reference: the indices in closed form for a = 7, b = 0.1 (T. Ishigami, T. Homma, 1990), within the intervals."""
     build(tmp_path, "sin(a) + 7 * sin(b) * sin(b) + 0.1 * pow(c, 4) * sin(a)")
     assert run(tmp_path, write(tmp_path, ishigami(1024, "sobol"))) == 0
     a, b = 7.0, 0.1
@@ -406,15 +406,15 @@ def test_sobol_indices_of_the_ishigami_function(tmp_path: Path) -> None:
         assert effect.total_interval is not None
         assert effect.interval[0] <= first[i] <= effect.interval[1], name
         assert effect.total_interval[0] <= total[i] <= effect.total_interval[1], name
-        # The intervals are 1.96 standard errors to each side, neither wider nor narrower: those of a bootstrap with 100
-        # resamples have a deviation of 1/sqrt(2 * 99) = 7 %, of which four, and a tenth for the 1,024 samples.
+        # The intervals must be 1.96 standard errors wide to each side. Tolerance: four deviations of a bootstrap with
+        # 100 resamples, each 1/sqrt(2 * 99) = 7 %, and 10 % for the 1,024 samples.
         for (low, high), error in zip((effect.interval, effect.total_interval), errors[name], strict=True):
             assert 0.5 * (high - low) == pytest.approx(1.96 * error, rel=0.38), name
 
 
 def test_morris_finds_the_effects_of_a_linear_function(tmp_path: Path) -> None:
-    # y = a + 10 b + 100 c over ranges of 2 pi: every elementary effect is the slope times the range, exactly but for
-    # rounding and the clipped ends of the shares (1e-6).
+    # y = a + 10 b + 100 c over ranges of 2 pi: every elementary effect is the slope times the range, up to rounding and
+    # the clipped ends of the shares (1e-6).
     build(tmp_path)
     assert run(tmp_path, write(tmp_path, ishigami(8, "morris"))) == 0
 
@@ -428,16 +428,16 @@ def test_morris_finds_the_effects_of_a_linear_function(tmp_path: Path) -> None:
     )
 
 
-# The TPE sampler draws its first ten samples at random; in batches of eight, those are the first two batches.
+# The TPE sampler draws its first ten samples at random; with batches of eight, the first two batches are random.
 STARTUP = 16
 
 
 def chance(hits: int, of: int, share: float) -> float:
-    """Return the probability that a random search has at least so many samples in a part of the range (binomial)."""
+    """Return the probability (binomial) that `hits` or more of `of` random samples are in a `share` of the range."""
     return float(scipy.stats.binom.sf(hits - 1, of, share))
 
 
-# Random search finds so many samples near the extreme in one of 100,000 studies.
+# Limit for `chance`: one in 100,000 studies.
 BY_CHANCE = 1e-5
 
 
@@ -450,7 +450,7 @@ BY_CHANCE = 1e-5
     ],
 )
 def test_a_search_finds_the_extreme(tmp_path: Path, method: str, direction: str, settings: str) -> None:
-    # -(a - 0.3)^2 is largest at 0.3; (…)^2 least there.
+    # -(a - 0.3)^2 has its maximum at 0.3, (a - 0.3)^2 its minimum.
     sign = "-" if direction == "maximize" else ""
     build(tmp_path, f"{sign}(a - 0.3) * (a - 0.3)")
     study = f'method = "{method}"\nruns = 60\ncases = ["plain"]\n' + vary("p", "f:a", UNIFORM)
@@ -463,8 +463,8 @@ def test_a_search_finds_the_extreme(tmp_path: Path, method: str, direction: str,
     distances = [abs(float(str(r["p"])) - 0.3) for r in found]
     # The search reports the sample closest to the extreme.
     assert abs(float(str(best["p"])) - 0.3) == min(distances)
-    # The best of 60 random samples is as near as 0.001 in 11 % of all studies, so it proves little alone. A search that
-    # learns puts most samples near the extreme: within 0.1 lies a fifth of the range.
+    # The best of 60 random samples is within 0.001 in 11 % of all studies, which is weak evidence. A search that learns
+    # puts most samples near the extreme; a fifth of the range is within 0.1 of it.
     assert min(distances) < 0.001
     assert chance(sum(d < 0.1 for d in distances[STARTUP:]), 60 - STARTUP, 0.2) < BY_CHANCE
     first = table(tmp_path)
@@ -492,7 +492,7 @@ LEVELS = vary("level", "f:b", "values = [1.0, 2.0, 3.0]")
 
 @pytest.mark.parametrize("sampler", sorted(set(search.SAMPLERS) - {"GPSampler"}))
 def test_every_sampler_searches_the_same_for_any_number_of_processes(tmp_path: Path, sampler: str) -> None:
-    # Every fifth run or so fails: samplers have to take that, too.
+    # About every fifth run fails, which samplers must accept.
     build(tmp_path, "(a - 0.3) * (a - 0.3) + b", before="if (a > 0.8) return 3")
     study = f'method = "optimize"\nruns = 24\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}{LEVELS}'
     path = write(tmp_path, f'{study}{SEARCH}sampler = "{sampler}"\n')
@@ -589,12 +589,12 @@ def test_a_package_that_is_missing_is_explained(
 def test_a_run_that_fails_is_the_worst_case(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], direction: str, sign: float
 ) -> None:
-    # The numbers lead away from where it fails.
+    # The metric leads away from the range where runs fail.
     build(tmp_path, f"{-sign} * a", before="if (a > 0.7) return 3")
     study = f'method = "worst_case"\nruns = 40\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}'
     assert run(tmp_path, write(tmp_path, f'{study}[search]\nmetric = "y"\ndirection = "{direction}"\n'), page=True) == 0
     failed = [r for r in rows(tmp_path) if r["status"] == "diverged"]
-    # It fails in 30 % of the range; a search that goes where it fails has more of them among its samples.
+    # Runs fail in 30 % of the range; a search that looks for failures has a larger share of failed samples.
     assert chance(sum(int(str(r["sample"])) >= STARTUP for r in failed), 40 - STARTUP, 0.3) < BY_CHANCE
     assert all(float(str(r["p"])) > 0.7 for r in failed)
     assert (
@@ -620,7 +620,7 @@ def test_the_design_that_was_written_is_what_is_run(tmp_path: Path, capsys: pyte
     assert run(tmp_path, study, "--shard", "1/2") == 0
     path = tmp_path / "out" / "study" / "design.parquet"
     sampled = pyarrow.parquet.read_table(path)
-    # Another shard does not sample again: it runs what the file has, and says so where the rows that are there do not.
+    # Another shard does not sample again: it uses the file, and reports existing rows from another design.
     moved = [v / 2.0 for v in sampled["p"].to_pylist()]
     changed = sampled.set_column(1, sampled.schema.field(1), pyarrow.array(moved))
     pyarrow.parquet.write_table(changed, path)
@@ -645,7 +645,7 @@ def test_resuming_reads_the_design(tmp_path: Path, capsys: pytest.CaptureFixture
     assert run(tmp_path, study) == 0
     path = tmp_path / "out" / "study" / "design.parquet"
     whole = path.read_bytes()
-    # One that is lost is sampled again, one that was changed is noticed, one that is no Parquet file is replaced.
+    # A missing design is sampled again, a changed one is reported, and a file that is not Parquet is replaced.
     path.unlink()
     assert run(tmp_path, study, "--resume") == 0
     assert path.read_bytes() == whole
@@ -763,7 +763,7 @@ def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
     assert run(tmp_path, write(tmp_path, study + factors), page=True) == 0
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     meaning = '<i class="first swatch"></i> The metric rises with the factor, <i class="total swatch"></i> it falls.'
-    # Of the outer fifths and of the rank correlations, for each of both metrics.
+    # For the outer fifths and for the rank correlations, for each of the two metrics.
     assert page.count(meaning) == 4
     (rank,) = re.findall(r"<h3>Rank correlation.*?</table>", page.partition("<h2>Twice")[0], re.DOTALL)
     rows = dict(re.findall(r'<tr><th>(\w+)</th>.*?<i class="(first|total)"', rank))
@@ -777,7 +777,7 @@ def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
 
 
 def job(folder: Path, study: str, scenario: str) -> Job:
-    """Return a study as it is executed."""
+    """Return the job of a study."""
     path = write(folder, study, scenario)
     return Job(load_study(path, [folder / "fmus"]), path, [folder / "fmus"])
 
@@ -798,7 +798,7 @@ def test_files_that_fmus_read_are_part_of_the_study(tmp_path: Path, place: str) 
     scenario, study = naming("data/road.csv", place)
     first = job(tmp_path, study, scenario)
     assert first.data_files() == [data]
-    # Wherever it is executed: the path is absolute where it is a parameter.
+    # A path that is a parameter is absolute, so the study can be executed in any folder.
     settings = [s for unit in first.plan.runs[0].components for s in unit.parameters if s.type == "String"]
     assert [s.value for s in settings] == ([str(data)] if place == "parameter" else [])
     before = first.fingerprint()
@@ -842,7 +842,7 @@ def test_a_folder_that_a_string_names_is_a_warning(
     if place == "parameter":
         scenario = SCENARIO.replace("c = 3.0 }", 'c = 3.0, file = "tables" }')
     else:
-        # Neither a separator nor a text that is too long for a name is a folder.
+        # A separator, or a String that is too long for a path, is not a folder.
         study += vary("road", "f:file", f'values = ["tables", ".", "{"long" * 100}"]')
     what = "`file` of `f`" if place == "parameter" else "a value of `road`"
     expected = (

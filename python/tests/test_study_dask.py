@@ -1,4 +1,4 @@
-"""Studies on a Dask cluster of real processes that are killed: the tables are those of the local engine."""
+"""Studies on a Dask cluster of real processes, which are killed: the tables agree with the local engine."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.ci
 DASK = Path(sys.executable).with_name("dask")
 STUDY = 'method = "sample"\nruns = 60\n' + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0')
 TWELVE = 'method = "sample"\nruns = 12\ncases = ["plain"]\n' + STUDY.partition("runs = 60\n")[2]
-# A fifth of a second for the two steps of a run, so that there is a middle in which something can be killed.
+# Makes the two steps of a run take 0.2 s, enough time to kill processes during the study.
 SLOW = "usleep(100000)"
 
 
@@ -59,13 +59,13 @@ class Cluster:
         until(is_listening, "the scheduler listens")
 
     def restart_scheduler(self) -> None:
-        """Kill the scheduler and start another one at its place."""
+        """Kill the scheduler and start another one at the same address."""
         self.scheduler.kill()
         self.scheduler.wait()
         self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
 
     def worker(self, nanny: str = "--no-nanny", **environment: str) -> subprocess.Popen[bytes]:
-        """Start a worker, by default without a nanny, which would start it anew."""
+        """Start a worker, by default without a nanny, which would restart the worker."""
         options = ["--nthreads", "1", nanny, "--no-dashboard", "--death-timeout", "60"]
         return self._start("worker", self.address, *options, **environment)
 
@@ -76,7 +76,7 @@ class Cluster:
             return len(client.nthreads())
 
     def is_busy(self) -> bool:
-        """Tell whether every worker has a batch."""
+        """Return whether every worker is executing a batch."""
         dask: Any = distributed
         with dask.Client(self.address) as client:
             return all(client.processing().values())
@@ -93,7 +93,7 @@ class Cluster:
         )
 
         def end() -> None:
-            # A nanny ends its worker when it is asked to.
+            # A nanny that is terminated ends its worker.
             process.terminate()
             try:
                 process.wait(10)
@@ -116,7 +116,7 @@ def arguments(folder: Path, out: str, *options: str) -> list[str]:
 
 
 def start(folder: Path, cluster: Cluster, *options: str) -> subprocess.Popen[bytes]:
-    """Start the study as a process."""
+    """Start the study in another process."""
     return study_system.start(arguments(folder, "dask", f"--dask={cluster.address}", *options), folder, cwd=folder)
 
 
@@ -130,7 +130,7 @@ TOTAL = 120
 
 
 def is_unfinished(folder: Path, study: subprocess.Popen[Any]) -> bool:
-    """Tell whether a study is in its middle: its process is alive, and runs are missing."""
+    """Return whether a study is in progress: its process is alive, and runs are missing."""
     return study.poll() is None and 0 < rows(folder) < TOTAL
 
 
@@ -151,7 +151,7 @@ def test_an_fmu_crashes_and_a_worker_is_killed(tmp_path: Path, cluster: Cluster)
     with start(tmp_path, cluster) as study:
         until(lambda: rows(tmp_path) > 10 and cluster.is_busy(), "some rows, and batches at both workers")
         first.send_signal(signal.SIGKILL)
-        # It was still at work, so the rows of the worker's batches come from the other one.
+        # The worker was still busy, so the other worker has executed its batches.
         assert first.wait(10) == -signal.SIGKILL
         assert is_unfinished(tmp_path, study)
         assert study.wait(120) == 0
@@ -174,9 +174,9 @@ def test_the_client_is_killed_and_resumed_and_the_scheduler_is_restarted(tmp_pat
     with begin(tmp_path, cluster.address, "--resume") as resumed:
         until(lambda: rows(tmp_path) > before, "more rows")
         cluster.restart_scheduler()
-        # No scheduler, so no rows come: that of the restart was needed.
+        # Without a scheduler, no rows arrive, so the study needs the restarted one.
         assert is_unfinished(tmp_path, resumed)
-        # Workers that have lost their scheduler end.
+        # Workers exit when they lose their scheduler.
         cluster.worker()
         cluster.worker()
         code, text = text_of(resumed, 150.0)
@@ -196,13 +196,13 @@ def test_no_scheduler_is_explained(tmp_path: Path) -> None:
 
 
 def text_of(study: subprocess.Popen[str], seconds: float = 120.0) -> tuple[int, str]:
-    """Wait for a study; returns its exit code and what it wrote."""
+    """Wait for a study; returns its exit code and its messages."""
     out, _ = study.communicate(timeout=patience(seconds))
     return study.returncode, out
 
 
 def begin(folder: Path, address: str, *options: str) -> subprocess.Popen[str]:
-    """Start the study as a process whose text is read."""
+    """Start the study in another process, to read its messages."""
     given = arguments(folder, "dask", f"--dask={address}", *options)
     said = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8"}
     return study_system.start(given, folder, cwd=folder, **said)
@@ -243,7 +243,7 @@ def test_a_worker_with_another_version_is_explained(tmp_path: Path, cluster: Clu
 
 
 def test_a_worker_that_cannot_open_the_scenario_is_explained(tmp_path: Path, cluster: Cluster) -> None:
-    # It has the package, but no room for the FMUs.
+    # The worker has the package, but no space for the FMUs.
     build(tmp_path)
     write(tmp_path, STUDY)
     cluster.worker(TMPDIR="/proc")
@@ -255,12 +255,13 @@ def test_a_worker_that_cannot_open_the_scenario_is_explained(tmp_path: Path, clu
 
 
 def test_a_run_that_kills_its_worker_is_a_row(tmp_path: Path, cluster: Cluster) -> None:
-    # The FMU ends the worker of Dask, as when the system is out of memory. Between them is the supervisor.
+    # The FMU kills the Dask worker, as the system does when it is out of memory. The Dask worker is the parent of the
+    # supervisor, which is the parent of the FMU's process.
     supervisor = 'char path[64]; snprintf(path, sizeof path, "/proc/%d/stat", getppid()); FILE *f = fopen(path, "r");'
     parent = 'int worker; if (f && fscanf(f, "%*d (%*[^)]) %*c %d", &worker) == 1) kill(worker, SIGKILL);'
     build(tmp_path, before=f"if (a > 11.0 / 12.0) {{ {supervisor} {parent} sleep(30); }}")
     write(tmp_path, TWELVE)
-    # With a nanny, which starts the worker anew.
+    # The nanny restarts the worker.
     cluster.worker("--nanny")
     cluster.worker("--nanny")
     with begin(tmp_path, cluster.address) as study:
@@ -270,7 +271,7 @@ def test_a_run_that_kills_its_worker_is_a_row(tmp_path: Path, cluster: Cluster) 
     assert len(found) == 12
     for row in found:
         assert row["status"] == ("crashed" if row["p"] > 11.0 / 12.0 else "ok")
-    # A Latin hypercube has one sample in the last twelfth.
+    # In a Latin hypercube of twelve samples, exactly one is in the last twelfth of the range.
     (killed,) = [row for row in found if row["status"] == "crashed"]
     assert "the Dask worker that executed it ended each time" in killed["message"]
 
@@ -297,7 +298,7 @@ def test_a_cluster_of_this_machine_runs_choices_of_fmus(tmp_path: Path) -> None:
     for name in ("design.parquet", "runs.parquet"):
         found, expected = ((tmp_path / out / "study" / name).read_bytes() for out in ("dask", "local"))
         assert found == expected, name
-    # The page has the signals that the workers recorded.
+    # The page contains the signals that the workers recorded.
     assert "Time histories" in (tmp_path / "dask" / "study" / "index.html").read_text()
 
 
@@ -305,9 +306,9 @@ def test_a_cluster_of_this_machine_runs_choices_of_fmus(tmp_path: Path) -> None:
 def test_tables_do_not_depend_on_the_size_of_batches(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
 ) -> None:
-    """The tables are those of the local engine; each worker gets scenario and FMUs once, whatever is executed."""
+    """The tables agree with the local engine; each worker gets scenario and FMUs only once, for all calls."""
     build(tmp_path)
-    # Two calls of the engine, for the runs and for the signals of the worst ones.
+    # The engine is called twice: for the runs, and for the signals of the worst runs.
     write(tmp_path, STUDY)
     monkeypatch.setattr(study_cluster, "BATCH", seconds)
     monkeypatch.setattr(study_cluster, "LARGEST", largest)
@@ -338,7 +339,7 @@ def test_tables_do_not_depend_on_the_size_of_batches(
     assert study_system.carry_out(arguments(tmp_path, "dask", "--dask", "--jobs", "2")) == 0
     same_tables(tmp_path)
     assert sum(sizes) == 60
-    # Sizes grow at most fourfold from 1: six batches wait at first, then come 4, 16 and the rest.
+    # Batch sizes start at 1 and grow at most fourfold: first six batches of 1, then 4, 16 and more.
     assert max(sizes) == 1 if largest == 1 else max(sizes) > 16
     assert len(shared) == 2
     assert len(set(shared)) == 1

@@ -19,16 +19,16 @@ N = 4096
 
 
 def study(*factors: Factor, **keys: object) -> Study:
-    """Return a study of method sample with factors."""
+    """Return a study with method "sample" and these factors."""
     given = {"title": "", "scenario": "", "method": "sample", "vary": list(factors), **keys}
     return Study(**given)  # type: ignore[arg-type]
 
 
 def lognormal_moment(order: int, low: float, high: float) -> float:
-    """Return a moment of the part of a lognormal distribution (median 3, deviation 0.5) between two limits.
+    """Return a moment of a lognormal distribution (median 3, deviation 0.5) that is truncated to two limits.
 
-    Johnson, Kotz: Continuous univariate distributions, section 14.3: that of the whole one, times the share of a normal
-    distribution moved by `order` deviations.
+    Johnson, Kotz: Continuous univariate distributions, section 14.3: the moment without truncation, times a ratio of
+    shares of normal distributions, one of them shifted by `order` deviations.
     """
     of, deviation = scipy.stats.norm, 0.5
     ends = [(math.log(v / 3.0) / deviation if v < math.inf else math.inf) for v in (low, high)]
@@ -56,14 +56,14 @@ FACTORS = [
         (25.0 + 1.0 - 5.0) / 18.0,
     ),
     (Factor(name="x", variable="f:a", values=[1.0, 3.0], weights=[1.0, 3.0]), 2.5, 0.75),
-    # Both sides equally far: the mean stays; the variance of a normal one cut off at its deviation (Johnson, Kotz:
-    # Continuous univariate distributions, section 13.10.1).
+    # A normal distribution truncated symmetrically at one deviation keeps its mean; for the variance, see Johnson,
+    # Kotz: Continuous univariate distributions, section 13.10.1.
     (
         Factor(name="x", variable="f:a", distribution="normal", mean=5.0, deviation=2.0, min=3.0, max=7.0),
         5.0,
         4.0 * (1.0 - 2.0 * scipy.stats.norm.pdf(1.0) / (2.0 * scipy.stats.norm.cdf(1.0) - 1.0)),
     ),
-    # Cut off at its mean: half a normal distribution, to either side (section 13.10.2).
+    # Truncated at its mean: half a normal distribution, on either side (section 13.10.2).
     (
         Factor(name="x", variable="f:a", distribution="normal", mean=5.0, deviation=2.0, min=5.0),
         5.0 + 2.0 * math.sqrt(2.0 / math.pi),
@@ -92,7 +92,7 @@ FACTORS = [
 def test_moments_are_those_of_the_distribution(factor: Factor, mean: float, variance: float, chosen: str) -> None:
     of = study(factor, runs=N, design=chosen)
     (values,) = design.values(of, design.shares(of))
-    # Five standard errors of random samples; those of the other designs lie closer.
+    # Five standard errors of random samples; the errors of the other designs are smaller.
     fourth = float(np.mean((np.array(values) - mean) ** 4))
     assert abs(np.mean(values) - mean) < 5.0 * math.sqrt(variance / N)
     assert abs(np.var(values) - variance) < 5.0 * math.sqrt(max(fourth - variance**2, 1e-9) / N)
@@ -126,14 +126,15 @@ def test_correlations_are_those_of_the_study(chosen: str) -> None:
     of = study(*factors, runs=N, correlation=wanted, design=chosen)
     values = design.values(of, design.shares(of))
     found = np.corrcoef(values)
-    # Five standard errors of a coefficient of correlation, (1 - r^2)/sqrt(n).
+    # Five standard errors of a correlation coefficient, (1 - r^2)/sqrt(n).
     for (i, j), r in {(0, 2): 0.8, (1, 2): -0.3, (0, 1): 0.0}.items():
         assert abs(found[i, j] - r) < 5.0 * (1.0 - r * r) / math.sqrt(N)
-    # Correlated or not, each keeps its own distribution, from which that of the sample differs by at most `most`. A
-    # stratified sample has one value in each of N equal parts, so 1/N; mixing keeps the parts of `a` and `b`, which
-    # are independent, and not those of `c`. For random samples, Dvoretzky-Kiefer-Wolfowitz: more than `most` in one of
-    # 1,000 studies, 2 exp(-2 N most^2) = 0.001 (Massart 1990). That is 0.030, what a mean that is wrong by 0.076
-    # deviations or a deviation that is wrong by 13 % gives.
+    # Each factor keeps its own distribution, correlated or not; the sample's distribution function differs from it by
+    # at most `most`. In a stratified sample, each of N equal parts has one value, so the limit is 1/N. The correlation
+    # keeps this property for the independent factors `a` and `b`, but not for `c`. For random samples, the
+    # Dvoretzky-Kiefer-Wolfowitz inequality gives a larger difference in one of 1,000 studies: 2 exp(-2 N most^2) =
+    # 0.001 (Massart 1990). The limit is 0.030, which detects an error of 0.076 deviations in the mean or of 13 % in the
+    # deviation.
     random = math.sqrt(math.log(2.0 / 0.001) / (2.0 * N))
     for name, of_one, deviation in zip("abc", values, (1.0, 2.0, 3.0), strict=True):
         most = random if chosen == "random" or name == "c" else 1.0 / N
@@ -152,7 +153,7 @@ def test_a_seed_decides_about_a_design_of_sensitivities(analysis: str) -> None:
     assert first.shape == (16 * (4 if analysis == "morris" else 5), 3)
     assert np.array_equal(first, of(1))
     assert not np.array_equal(first, of(2))
-    # Neither depends on random numbers that others have drawn.
+    # Neither depends on the state of other random number generators.
     np.random.seed(5)
     assert np.array_equal(first, of(1))
 

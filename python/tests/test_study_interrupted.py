@@ -1,4 +1,4 @@
-"""Studies that are interrupted and gone on with, and processes that get in each other's way."""
+"""Studies that are interrupted and continued, and processes that use the same folder."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def row(number: int, status: str = "ok") -> Done:
 
 
 def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
-    # 0.04 s for each of 120 runs: there is a middle.
+    # Each of the 120 runs takes 0.04 s, enough time to interrupt the study.
     build(tmp_path, before="usleep(20000)")
     write(tmp_path, STUDY)
     rows = tmp_path / "stopped" / "study" / "rows.jsonl"
-    # Who runs the tests in the background may ignore the signal.
+    # Tests that run in the background can inherit an ignored signal.
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     default = functools.partial(signal.signal, signal.SIGINT, signal.default_int_handler)
     with study_system.start(arguments(tmp_path, "stopped"), tmp_path, preexec_fn=default, **options) as study:
@@ -68,7 +68,7 @@ def test_two_processes_do_not_write_to_one_folder(tmp_path: Path, capsys: pytest
             capsys.readouterr()
             assert study_system.carry_out(arguments(tmp_path, "out", option)) == 2
             assert f"another process is writing to {folder.path}: wait for it" in capsys.readouterr().err
-        # Shards have journals of their own.
+        # Each shard has its own journal.
         with folder.locked(Shard(1, 3)), folder.locked(Shard(2, 3)):
             pass
     assert [path.read_bytes() for path in tables] == before
@@ -79,7 +79,7 @@ def test_the_bar_begins_with_the_rows_that_are_there() -> None:
     with tqdm(total=10, file=io.StringIO()) as bar:
         progress = app._Bar(bar)
         progress.begin([row(0), row(1), row(2, "crashed")])
-        # tqdm calculates rate and time left from what came after `initial`.
+        # tqdm computes rate and remaining time from the rows after `initial`.
         assert (bar.n, bar.initial, bar.postfix) == (3, 3, "failed=1")
         progress.add(row(3, "diverged"))
         assert (bar.n, bar.initial, bar.postfix) == (4, 3, "failed=2")

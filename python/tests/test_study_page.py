@@ -1,4 +1,4 @@
-"""The page of a study: its tables and figures have the numbers that follow from `runs.parquet`."""
+"""The page of a study: the numbers in its tables and figures agree with `runs.parquet`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 class Page:
-    """The page of a study and the rows that it is about."""
+    """The page of a study and its rows."""
 
     def __init__(self, folder: Path, study: str, scenario: str = SCENARIO) -> None:
         out = folder / "out"
@@ -45,7 +45,7 @@ class Page:
         self._table = pyarrow.parquet.read_table(self.folder / "runs.parquet")
 
     def column(self, name: str, case: str = "plain", **factors: object) -> Array:
-        """Return a column of the runs of a case, and with some values of factors."""
+        """Return a column of the runs of a case with the given values of factors."""
         chosen = [r for r in self._table.to_pylist() if r["case"] == case]
         return np.array([r[name] for r in chosen if all(r[k] == v for k, v in factors.items())], np.float64)
 
@@ -65,7 +65,7 @@ class Page:
         return len(tables)
 
     def panels(self, figure: str) -> dict[tuple[str, str], dict[str, Any]]:
-        """Return the panels of a figure by title and note; it is drawn, too, on the page and as a file."""
+        """Return the panels of a figure by title and note, and check that page and folder contain its picture."""
         (drawn,) = self._tree.xpath(f'//figure[@id="{figure}"]')
         assert drawn.xpath('.//*[local-name()="svg"]//*[local-name()="path"]')
         assert (self.folder / "figures" / f"{figure}.svg").is_file()
@@ -73,7 +73,7 @@ class Page:
         return {(p["title"], p["note"]): p for p in of["panels"]}
 
     def cases(self, figure: str | None = None) -> list[dict[str, Any]]:
-        """Return the cases of the page, or those that one figure has alone."""
+        """Return the cases of the page, or those of a figure with its own cases."""
         return [case for case in self._data["cases"] if case.get("figure") == figure]
 
     def values(self, column: dict[str, Any]) -> Array:
@@ -91,7 +91,7 @@ def number(text: str) -> float:
 
 
 def numbers(text: str) -> list[float]:
-    """Return the numbers of a cell, as of `1.2 to 3.4`."""
+    """Return the numbers in a cell such as `1.2 to 3.4`."""
     return [number(part) for part in re.split(r" to | of |, ", text.replace(" %", ""))]
 
 
@@ -100,7 +100,7 @@ def cells(row: Any) -> list[str]:
 
 
 def bars(row: Any) -> list[tuple[str, float, float]]:
-    """Return what the bars of a row of a table show: class, left and right end in percent."""
+    """Return class, left end and right end (percent) of the bars in a table row."""
     found = []
     for bar in row.xpath(".//span/i"):
         ends = re.fullmatch(r"left:([\d.]+)%?;right:([\d.]+)%", bar.get("style"))
@@ -110,25 +110,25 @@ def bars(row: Any) -> list[tuple[str, float, float]]:
 
 
 def near(expected: object, digits: int) -> Any:
-    """Return a number or numbers as a page rounds them to significant digits: half a unit of the last one."""
+    """Return expected numbers with the tolerance of rounding to significant digits: half a unit of the last digit."""
     return pytest.approx(expected, rel=0.5 * 10.0 ** (1 - digits) * 1.001, abs=1e-12)
 
 
 def is_drawn(page: Page, line: dict[str, Any], x: Array, y: Array) -> None:
-    """Check the points of a line; the page has numbers of 16 bits."""
+    """Check the points of a line; numbers in the page have 16 bits."""
     for name, expected in (("x", x), ("y", y)):
         found = page.values(line[name])
         assert found == pytest.approx(expected, rel=1e-12, abs=0.51 / 65534 * float(np.ptp(expected)))
 
 
 def by_abscissa(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return points in the order in which a figure has them."""
+    """Return points sorted by abscissa, as in a figure."""
     order = np.argsort(x, kind="stable")
     return x[order], y[order]
 
 
 def test_sobol_indices_and_their_bars(tmp_path: Path) -> None:
-    """Saltelli et al. (2010), Jansen (1999): the estimators, written out; the intervals are those of SALib."""
+    """Reference: the formulas of the estimators (Saltelli et al., 2010; Jansen, 1999); the intervals are SALib's."""
     build(tmp_path, "a + 10 * b * c")
     page = Page(tmp_path, f'method = "sensitivity"\nanalysis = "sobol"\nruns = 64\n{PLAIN}{THREE}')
     y = page.column("y")
@@ -141,7 +141,7 @@ def test_sobol_indices_and_their_bars(tmp_path: Path) -> None:
     rows = page.table("Share of the variance (Sobol): first-order and total index: Plain")
     assert [cells(row)[0] for row in rows] == sorted("pqr", key=lambda name: -total[name])
     halves = {n: (float(of["S1_conf"][i]), float(of["ST_conf"][i])) for i, n in enumerate("pqr")}
-    # A bar is as long as the largest end of an interval allows, or 1.
+    # The scale of the bars ends at the largest end of an interval, at least at 1.
     scale = max(1.0, *(total[n] + halves[n][1] for n in "pqr"))
     for row in rows:
         name, one, interval, whole, whole_interval, _ = cells(row)
@@ -160,7 +160,7 @@ def test_sobol_indices_and_their_bars(tmp_path: Path) -> None:
 
 
 def test_elementary_effects_and_their_bars(tmp_path: Path) -> None:
-    """M. D. Morris (1991): changes of the metric by those of one factor, along trajectories of four samples."""
+    """Reference: M. D. Morris (1991), the effects of changing one factor along trajectories of four samples."""
     build(tmp_path, "a + 10 * b * c")
     page = Page(tmp_path, f'method = "sensitivity"\nanalysis = "morris"\nruns = 16\n{PLAIN}{THREE}')
     y = page.column("y").reshape(16, 4)
@@ -179,24 +179,25 @@ def test_elementary_effects_and_their_bars(tmp_path: Path) -> None:
     longest = max(numbers(cells(row)[2])[1] for row in rows)
     for row in rows:
         name, value, interval, sigma, _ = cells(row)
-        # The clipped ends of the shares change an effect by 1e-6 of itself.
+        # The clipped ends of the shares change an effect by a relative 1e-6.
         assert number(value) == near(size[name], 3)
-        # Of `a` all effects are 1.
+        # All effects of `a` are 1.
         assert number(sigma) == (near(spread[name], 3) if name != "p" else pytest.approx(0.0, abs=1e-5))
         (kind, start, stop), (_, *ends) = bars(row)
         assert (kind, start) == ("first", 0.0)
-        # Ends of the intervals are known to three digits here.
+        # The page states the ends of the intervals with three digits.
         assert stop == pytest.approx(100.0 * size[name] / longest, abs=1.0)
         assert ends == pytest.approx([100.0 * end / longest for end in numbers(interval)], abs=1.0)
-        # Symmetric about the mean, and 1.96 standard errors wide: a bootstrap of 1,000 resamples has a deviation of 2 %
-        # of that; effects of a factor that acts with others depend on few levels, so a quarter.
+        # The interval is symmetric about the mean, with 1.96 standard errors to each side. A bootstrap with 1,000
+        # resamples has a deviation of 2 %. If a factor interacts with others, its effects depend on few levels, so the
+        # tolerance is 25 %.
         half = 1.96 * float(np.std(np.abs(effects[name]), ddof=1)) / 4.0
         low, high = numbers(interval)
         assert 0.5 * (low + high) == pytest.approx(size[name], rel=0.005)
         assert 0.5 * (high - low) == pytest.approx(half, rel=0.25, abs=1e-5)
 
 
-# The signal is c at first and less than the sum later, so one metric falls with c and the other one rises.
+# The first value of the signal is c, later it is smaller than the sum, so one metric falls with c and the other rises.
 FIRST = '[[metric]]\nname = "first"\ntitle = "First"\nsignal = "f:y"\nkind = "min"\n'
 CONFLICT = "2 - c + a * a"
 
@@ -210,7 +211,7 @@ def test_the_scatter_matrix_has_every_pair(tmp_path: Path) -> None:
     assert list(panels) == [(f"{titles[up]} over {titles[across]}", "") for across, up in pairs]
     for (across, up), panel in zip(pairs, panels.values(), strict=True):
         lines = [line for line in panel["lines"] if line["kind"] == "run"]
-        # Samples are the same for all cases.
+        # All cases have the same samples, so factors need one line only.
         assert len(lines) == (1 if up in "pqr" else 2)
         for line, case in zip(lines, ("plain", "shifted"), strict=False):
             is_drawn(page, line, *by_abscissa(page.column(across, case), page.column(up, case)))
@@ -223,7 +224,7 @@ def test_an_optimization_of_one_of_two_metrics_has_a_pareto_front(tmp_path: Path
     study += '[search]\nmetric = "y"\ndirection = "minimize"\n'
     page = Page(tmp_path, study, SCENARIO + FIRST)
     points = [*zip(page.column("y"), page.column("first"), strict=True)]
-    # By definition: no point is as good in both metrics and better in one.
+    # Pareto front, by definition: no point is at least as good in both metrics and better in one.
     front = sorted(
         (y, first) for y, first in points if not any(v <= y and w <= first and (v, w) != (y, first) for v, w in points)
     )
@@ -235,12 +236,12 @@ def test_an_optimization_of_one_of_two_metrics_has_a_pareto_front(tmp_path: Path
 
 
 def test_choices_are_compared(tmp_path: Path) -> None:
-    """Means and intervals of SciPy, from pairs of runs with the same values."""
+    """Reference: means and intervals from SciPy, for pairs of runs with the same values."""
     build(tmp_path)
     build(tmp_path, "a + 10 * b + 100.2 * c - 1", name="Other")
     law = '[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
     page = Page(tmp_path, f'method = "sample"\nruns = 25\n{law}{THREE}')
-    # Each FMU has a color and a switch of its own, and the points of its runs.
+    # Each FMU has its own color and switch, and the points of its runs.
     titles = [f"{case}, {name}" for case in ("Plain", "Shifted") for name in ("Function", "Other")]
     assert [(case["title"], case["color"]) for case in page.cases()] == [(t, i) for i, t in enumerate(titles)]
     lines = page.panels("y_factors")["Value over p", ""]["lines"]
@@ -262,7 +263,7 @@ def test_choices_are_compared(tmp_path: Path) -> None:
         assert numbers(interval) == near([of.low, of.high], 4)
         count = int(np.sum(second < first))
         assert numbers(lower) == [count, 25, pytest.approx(4.0 * count)]
-        # By hand: the laws differ by 0.2 c - 1, which is below zero for all samples.
+        # The FMUs differ by 0.2 c - 1, which is below zero for all samples.
         assert count == 25
         assert rows[1].xpath('./td[@class="number strong"]')
 
@@ -286,7 +287,7 @@ def test_tables_of_choices_have_intervals_only_with_a_probability(tmp_path: Path
         assert "(Student)" in text
         assert "Bold" in text
     else:
-        # Factor, choice, runs, mean, against, difference, share.
+        # Columns: factor, choice, runs, mean, against, difference, share.
         assert len(cells(rows[1])) == 7
         assert cells(rows[1])[:3] == ["law", "Other", "3"]
         assert cells(rows[1])[4] == "Function"
@@ -318,7 +319,7 @@ def test_main_effects_are_means_over_the_other_factors(tmp_path: Path) -> None:
         for line, case in zip(lines, ("plain", "shifted"), strict=True):
             means = np.array([page.column("y", case, **{name: level}).mean() for level in of])
             is_drawn(page, line, np.array(of), means)
-    # The tornado has the same means at the ends, the largest change first.
+    # The tornado shows the same means at the ends, sorted by the size of the change.
     rows = page.table("Effect of the factors: Plain")
     assert [cells(row)[0] for row in rows] == ["q", "r", "p (m)"]
     for row in rows:
@@ -337,7 +338,7 @@ def test_a_histogram_and_a_cumulative_distribution(tmp_path: Path) -> None:
     cumulative, histogram = panels.values()
     cases = ("plain", "shifted")
     everything = np.concatenate([page.column("y", case) for case in cases])
-    # As many bins as the root of the number of runs, from the least to the largest number of all cases.
+    # The number of bins is the root of the number of runs; they cover the range of all cases.
     edges = np.linspace(everything.min(), everything.max(), 11)
     for panel in (cumulative, histogram):
         assert [line["title"] for line in panel["lines"]] == ["Plain", "Shifted", "limit 1.5"]
@@ -345,7 +346,7 @@ def test_a_histogram_and_a_cumulative_distribution(tmp_path: Path) -> None:
     for at, case in enumerate(cases):
         y = np.sort(page.column("y", case))
         shares = [float(np.mean((low <= y) & (y < high))) for low, high in itertools.pairwise(edges)]
-        # The last bin has its upper end, too.
+        # The last bin includes its upper end.
         shares[-1] += float(np.mean(y == edges[-1]))
         assert sum(shares) == pytest.approx(1.0, rel=1e-14)
         is_drawn(page, histogram["lines"][at], np.repeat(edges, 2), np.array([0.0, *np.repeat(shares, 2), 0.0]))

@@ -1,4 +1,4 @@
-"""Statistics of studies against SciPy, closed forms and numbers made by hand."""
+"""Statistics of studies against SciPy, closed forms and values computed by hand."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_the_difference_of_constants_is_certain() -> None:
 def test_a_distribution_is_that_of_the_numbers_that_are_there() -> None:
     found = Distribution.of(np.array([4.0, NAN, 1.0, 2.0, 3.0, 5.0]))
     assert found is not None
-    # By hand: five numbers from 1 to 5; percentiles by linear interpolation of their ranks.
+    # The numbers 1 to 5; percentiles by linear interpolation between ranks.
     assert (found.count, found.mean, found.min, found.max) == (5, 3.0, 1.0, 5.0)
     assert found.deviation == pytest.approx(math.sqrt(2.5), rel=1e-15)
     assert found.percentiles == pytest.approx((1.2, 2.0, 3.0, 4.0, 4.8), rel=1e-15)
@@ -95,7 +95,7 @@ def test_rank_correlations_are_those_of_scipy_with_the_interval_of_fisher() -> N
     rho = scipy.stats.spearmanr(x, y).statistic
     assert found.value == pytest.approx(rho, rel=1e-14)
     assert found.interval is not None
-    # Fisher's interval is that of a Pearson correlation, here of the ranks.
+    # Fisher's interval is defined for a Pearson correlation, here of the ranks.
     ranks = scipy.stats.pearsonr(scipy.stats.rankdata(x), scipy.stats.rankdata(y)).confidence_interval(0.95)
     assert found.interval == pytest.approx((ranks.low, ranks.high), rel=1e-12)
 
@@ -132,7 +132,7 @@ def test_samples_are_crossed_with_fmus() -> None:
     assert (a[1::2], b[1::2]) == (a[::2], b[::2])
     assert law == ["A", "B"] * 7
     weighted = study(Factor(name="law", fmu="f", values=["A", "B"], weights=[1.0, 3.0]), uniform("a"), runs=8)
-    # A Latin hypercube has its share of each to the sample.
+    # In a Latin hypercube, the number of samples with each choice is exactly its share.
     assert sorted(design.values(weighted, design.shares(weighted))[0]) == ["A"] * 2 + ["B"] * 6
 
 
@@ -143,7 +143,7 @@ def test_a_tornado_of_one_at_a_time_has_the_others_in_the_middle() -> None:
     swept = study(*SWEPT, method="sweep", design="one_at_a_time")
     a, b = design.values(swept, design.shares(swept))
     y = [3.0 * u + 100.0 * v for u, v in zip(a, b, strict=True)]
-    # Of b the middle value is 20.
+    # The middle value of b is 20.
     second, first = statistics.swings(numbers(swept, [a, b], y), 0, 0)[::-1]
     assert (first.factor, first.low, first.high, first.at_low, first.at_high) == ("b", 10.0, 20.0, 1006.0, 2006.0)
     assert (second.factor, second.at_low, second.at_high, second.difference) == ("a", 2003.0, 2012.0, 9.0)
@@ -206,7 +206,7 @@ def test_sensitivities_leave_out_groups_with_a_run_that_failed(analysis: str) ->
     size = 4 if analysis == "morris" else 5
     whole = statistics.sensitivities(wanted, shares, y)
     assert (whole.missing, whole.left_out, whole.groups) == ([], 0, 64)
-    # The indices of what is left are those of a study without these groups.
+    # The indices from the remaining groups agree with a study without the missing groups.
     y[[1, 2, 3 * size]] = NAN
     found = statistics.sensitivities(wanted, shares, y)
     assert (found.missing, found.left_out, found.groups) == ([1, 2, 3 * size], 2, 64)
@@ -225,7 +225,7 @@ def test_morris_tells_factors_that_act_together() -> None:
     shares = design.shares(wanted)
     a, b, c = (np.array(v) for v in design.values(wanted, shares))
     found = {e.factor: e for e in statistics.sensitivities(wanted, shares, a + b * c).effects}
-    # The clipped ends of the shares cost 1e-6.
+    # The clipped ends of the shares give an error of 1e-6.
     assert found["a"].value == pytest.approx(1.0, rel=1e-5)
     assert found["a"].sigma == pytest.approx(0.0, abs=1e-5)
     # Levels 0, 1/3, 2/3 and 1 of c have a deviation of sqrt(5)/6 = 0.37; five standard errors of 50 values are 0.19.

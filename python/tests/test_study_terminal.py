@@ -1,4 +1,4 @@
-"""What the terminal shows of a study: numbers by FMU, undefined metrics, indices, what a search found, advice."""
+"""Terminal output of a study: numbers by FMU, undefined metrics, indices, results of a search, advice."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
 
 
 def shown(folder: Path, study: str, capsys: pytest.CaptureFixture[str], *options: str, code: int = 0) -> str:
-    """Carry a study out; returns what it prints."""
+    """Run a study; returns its output."""
     path = write(folder, study, SCENARIO) if study else folder / "study.toml"
     given = [str(path), "--fmus", str(folder / "fmus"), "--out", str(folder / "out"), "--overwrite", *options]
     assert study_system.carry_out(given) == code
@@ -22,7 +22,7 @@ def shown(folder: Path, study: str, capsys: pytest.CaptureFixture[str], *options
 
 
 def row(text: str, *first: str) -> list[str]:
-    """Return the cells of the row that begins with some cells."""
+    """Return the cells of the row that begins with the texts `first`."""
     for line in text.splitlines():
         if all(cell in line for cell in first):
             return line.split()
@@ -36,7 +36,7 @@ def test_every_choice_of_fmus_has_a_row(tmp_path: Path, capsys: pytest.CaptureFi
     text = shown(
         tmp_path, 'method = "sample"\nruns = 3\ncases = ["plain"]\n' + choice + vary("p", "f:a", UNIFORM), capsys
     )
-    # Three runs of each, with the constant of the FMU.
+    # Each FMU has three runs, with the constant of the FMU.
     assert row(text, "Value ", "Plain, Function")[-7:] == ["3", *["5.000"] * 6]
     assert row(text, "Value ", "Plain, Other")[-7:] == ["3", *["7.000"] * 6]
 
@@ -46,7 +46,7 @@ def test_metrics_without_a_number_are_counted(tmp_path: Path, capsys: pytest.Cap
     undefined = '[[metric]]\nname = "inverse"\ntitle = "Inverse"\nvalue = "1 / y"\n'
     study = write(tmp_path, 'method = "sweep"\n' + vary("p", "f:a", "values = [0.1, 0.2, 0.9]"), SCENARIO + undefined)
     assert study_system.carry_out([str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]) == 0
-    # Two of the three values, in both cases.
+    # Two of the three values make the metric undefined, in both cases.
     assert "Inverse: undefined in 4 of 6 runs, which fail all its requirements\n" in capsys.readouterr().out
 
 
@@ -96,13 +96,13 @@ def test_sobol_indices_need_a_power_of_two(tmp_path: Path, capsys: pytest.Captur
 
 def test_the_worst_runs_are_those_of_the_requirement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(tmp_path)
-    # `square` is least where y, the first metric, is in the middle of its range.
+    # `square` has its minimum where y, the first metric, is in the middle of its range.
     middle = '[[metric]]\nname = "square"\ntitle = "Square"\nvalue = "(y - 323) * (y - 323)"\n'
     values = vary("p", "f:a", "values = [1.0, 2.0, 3.0, 4.0, 5.0]")
     required = '[[requirement]]\nmetric = "square"\nmin = 1.0\n[series]\nworst = 1\n'
     study = write(tmp_path, f'method = "sweep"\ncases = ["plain"]\n{values}{required}', SCENARIO + middle)
     given = ["--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out"), "--no-fail"]
     assert study_system.carry_out([str(study), *given]) == 0
-    # With a minimum, the least number is the worst: a = 3, the sample in the middle.
+    # For a requirement with `min`, the smallest value is the worst: a = 3, the sample in the middle.
     assert [path.name for path in (tmp_path / "out" / "study" / "series").iterdir()] == ["2_plain.parquet"]
     assert capsys.readouterr().err == ""

@@ -88,7 +88,7 @@ def test_spreads() -> None:
     assert tables.spread_percent(Statistic(-12.34, 0.12, 8)) == "−12.3 ± 0.1 %"
     assert tables.spread_percent(Statistic(-12.34, 0.0, 8)) == "−12.3 %"
     assert tables.spread_percent(Statistic(919.8, 183.8, 8)) == "+920 ± 184 %"
-    # Beside a baseline next to zero digits would say nothing: from 0.011 to 0.137.
+    # A baseline close to zero, such as a change from 0.011 to 0.137: exact digits would be meaningless.
     assert tables.spread_percent(Statistic(1143.0, 183.8, 8)) == "over +1000 %"
     assert tables.spread_percent(Statistic(3.2e9, 1.1e9, 8)) == "over +1000 %"
     assert tables.signed(-2e4) == "over −1000 %"

@@ -1,4 +1,4 @@
-"""Text of FMUs cannot control the terminal."""
+"""Text from FMUs cannot control the terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from chassis_fmu.terminal import escaped
 @pytest.mark.parametrize(
     ("text", "shown"),
     [
-        # ECMA-48: ESC and CSI begin a sequence; Unicode Standard Annex 9: U+202E turns the line round.
+        # ECMA-48: ESC and CSI start control sequences. Unicode Standard Annex 9: U+202E reverses the text direction.
         ("a\x1b[2Jb", "a\\u001b[2Jb"),
         ("\x9b31m", "\\u009b31m"),
         ("a\rb\x08\x7f\0", "a\\u000db\\u0008\\u007f\\u0000"),

@@ -1,18 +1,18 @@
-"""One closed loop of each vehicle, written by `chassis export`, runs in masters that others made.
+"""A closed loop of each vehicle, written by `chassis export`, in third-party masters.
 
-The reference is the native master in the same order of stepping: libcosim and Ecos step all components at once,
-which is its order `jacobi`. All recorded signals are compared at every step; a difference is the largest one over the
-peak of its signal. Measured:
+The reference is the native master with the same execution order: libcosim and Ecos step all components at once, which
+is our order `jacobi`. All recorded signals are compared at every step. Measured differences, relative to the peak of
+the signal:
 
-- FMPy, reading the SSP file, in both orders: equal to the last bit.
+- FMPy, reading the SSP file, in both orders: bit-identical.
 - libcosim, from OspSystemStructure.xml, from the SSP file and by calls: up to 3e-13. It counts time in nanoseconds,
-  ours is start + k step; the times differ in the last bit, and with them the driver's signal and the road.
-- Ecos, from the SSP file and by calls: signals that do not depend on an input at the same instant are equal to the last
-  bit. The others (accelerations, wheel loads) are read again after the inputs of the next step were passed on, so that
-  they belong to these: up to 1.1 of the peak where a sliding mode switches. FMPy told to read so gives Ecos's rows to
-  the last bit.
-
-- The whole loop as one FMU, made by fmucontainer and run by FMPy, in both orders: equal to the last bit.
+  while our time is start + k step; the times differ in the last bit, and therefore also the driver's signal and the
+  road.
+- Ecos, from the SSP file and by calls: signals that do not depend on an input at the same instant are bit-identical.
+  Ecos reads the others (accelerations, wheel loads) again after setting the inputs of the next step, so they belong to
+  the new inputs: up to 1.1 of the peak where a sliding mode switches. FMPy with the same reading order gives the same
+  bits as Ecos.
+- The whole loop as one FMU, made by fmucontainer and run by FMPy, in both orders: bit-identical.
 
 Ecos and libcosim need Linux on x86-64; Ecos needs Debian's libtbb12, libcosim a Python from 3.11 to 3.14. Their tests
 carry the marker `ci`: `.ci/run` installs what they need and runs them.
@@ -41,7 +41,7 @@ from tests.commands import CARGO_FMU
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 
-# A thousand times what is measured, and far below any difference that a wrong wire, parameter or order makes.
+# A thousand times the measured differences, and far below the effect of a wrong wire, parameter or order.
 TOLERANCE = 1e-9
 
 
@@ -49,7 +49,7 @@ TOLERANCE = 1e-9
 class Loop:
     """A run of a scenario, long enough for its maneuver to begin (s).
 
-    No step passes the stop time by rounding: there our masters shorten the last one, others do not.
+    Rounding must not move the last step beyond the stop time: our masters would shorten this step, others do not.
     """
 
     scenario: str
@@ -69,7 +69,7 @@ LOOPS = (
 )
 
 
-# What `cargo fmu check` reports of a container.
+# The findings of `cargo fmu check` for a container.
 CONTAINER = (
     "is listed in ModelStructure/InitialUnknowns, where it does not belong",
     "a wrong GUID is accepted",
@@ -79,7 +79,7 @@ CONTAINER = (
 
 @dataclass(frozen=True)
 class Written:
-    """What the command wrote, and the native results by order."""
+    """The exported files, and the native results by order."""
 
     folder: Path
     native: dict[str, Recording]
@@ -111,7 +111,7 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 def run(written: Written, tool: str) -> Recording:
-    """Run the files in a tool, in a process of its own: a tool that crashes fails one test only."""
+    """Run the files in a tool, in a separate process: a tool that crashes fails only one test."""
     out = written.folder.with_name(f"{tool}.csv")
     done = call(
         sys.executable, str(ROOT / "scripts/run_system.py"), str(written.folder), "--tool", tool, "--out", str(out)
@@ -121,10 +121,10 @@ def run(written: Written, tool: str) -> Recording:
 
 
 def differences(found: Recording, expected: Recording) -> dict[str, float]:
-    """Return the largest difference over the peak for every recorded signal, from the first row of `found` on."""
+    """Return the largest difference, relative to the peak, for every recorded signal, from the first row of `found`."""
     rows = len(found.times)
     assert len(expected.times) - rows in (0, 1)
-    # Times of other masters are sums or whole nanoseconds.
+    # Times of other masters are sums of steps or whole nanoseconds.
     assert np.abs(found.times - expected.times[-rows:]).max() < TOLERANCE
     result = {}
     for name, values in expected.values.items():
@@ -140,12 +140,12 @@ def differences(found: Recording, expected: Recording) -> dict[str, float]:
 
 def test_the_files_follow_the_schemas_of_ssp(written: Written) -> None:
     path = str(systems.package(written.folder))
-    # Both raise an exception where the schema does not hold.
+    # Both raise an exception if the file violates the schema.
     structure = ssd.read_ssd(path)
     for component in structure.system.elements:
         for binding in component.parameterBindings:
             ssd.read_ssv(path, binding.source)
-    # The FMUs provide model exchange, too. FMPy does not read which of the two a component uses.
+    # The FMUs also provide model exchange, and FMPy ignores which interface a component uses.
     with zipfile.ZipFile(path) as package:
         root = etree.fromstring(package.read("SystemStructure.ssd"))
     components = list(root.iter("{http://ssp-standard.org/SSP1/SystemStructureDescription}Component"))
@@ -160,7 +160,7 @@ def test_fmpy_gives_the_same_bits(written: Written, order: systems.Order) -> Non
 
 
 def test_the_orders_differ(written: Written) -> None:
-    """The comparisons see the order: the same files in the other one miss the tolerance by far."""
+    """The comparisons detect a wrong order: in the other order, the same files are far outside the tolerance."""
     assert max(differences(written.native["sequential"], written.native["jacobi"]).values()) > 1e-3
 
 
@@ -175,7 +175,7 @@ def test_libcosim_agrees(written: Written, tool: str) -> None:
 @pytest.mark.parametrize("tool", ["ecos", "ecos-calls"])
 def test_ecos_agrees(written: Written, tool: str) -> None:
     found = run(written, tool)
-    # Read as Ecos reads them, all signals are equal to the bit; as the native master does, those of the loop are.
+    # With Ecos's reading order, all signals are bit-identical; with the native master's, the signals in the loop are.
     fresh = systems.with_fmpy(written.folder, "jacobi", fresh=True)
     for name, values in fresh.values.items():
         assert np.array_equal(found.values[name], values), name
@@ -185,7 +185,7 @@ def test_ecos_agrees(written: Written, tool: str) -> None:
 
 
 def direct(written: Written) -> set[str]:
-    """Return the outputs that depend on inputs at the same instant, as the model structure says."""
+    """Return the outputs that depend on inputs at the same instant, according to the model structure."""
     names = set()
     for path in written.folder.glob("*.fmu"):
         description = fmpy.read_model_description(str(path))
@@ -215,7 +215,7 @@ def test_the_loop_as_one_fmu(written: Written, order: str, tmp_path: Path) -> No
     )
     found = Recording(rows["time"], {named: rows[name].astype(float) for name, named in names.items()})
     assert set(differences(found, written.native[order]).values()) == {0.0}
-    # What docs/masters.md says of the file, and nothing else.
+    # Exactly the findings that docs/masters.md lists.
     checked = call(*CARGO_FMU, "check", str(path))
     findings = [line for line in checked.stdout.splitlines() if line.startswith(("  error: ", "  warning: "))]
     assert any(CONTAINER[0] in finding for finding in findings), checked.stdout

@@ -94,7 +94,7 @@ def folder(tmp_path: Path) -> Path:
 def test_the_histories_become_one_table(folder: Path) -> None:
     tuning.report(folder, "chassis study trial.toml")
     table = pyarrow.parquet.read_table(folder / "history.parquet")
-    # what lies beyond the budget is left out
+    # Rows beyond the budget are left out.
     assert table["method"].to_pylist() == ["pacsa"] * 4 + ["lost"]
     assert table["a:x"].to_pylist()[:4] == [0.1, 0.2, 0.1 + 0.2, 0.4]
     assert table["b:y, z"].to_pylist()[0] == 1e-300
@@ -113,7 +113,7 @@ def test_the_best_so_far_ignores_what_is_not_feasible(folder: Path) -> None:
 def test_the_median_of_seeds() -> None:
     nan = np.nan
     np.testing.assert_array_equal(tuning.median([np.array([nan, 3.0, 2.0])]), [nan, 3.0, 2.0])
-    # one that has ended stays where it is, one that has nothing yet is the worst
+    # A curve that has ended keeps its last value; a curve without a value counts as infinite.
     curves = [np.array([nan, 9.0, 1.0]), np.array([4.0]), np.array([6.0, 5.0, 5.0])]
     np.testing.assert_array_equal(tuning.median(curves), [6.0, 5.0, 4.0])
     np.testing.assert_array_equal(tuning.median(curves[:2]), [nan, 6.5, 2.5])
@@ -141,7 +141,7 @@ def test_seeds_of_a_method_stand_together(folder: Path) -> None:
 
 @pytest.fixture
 def canvas(monkeypatch: pytest.MonkeyPatch) -> Figure:
-    """Keep the figure that is drawn on."""
+    """Return the matplotlib figure that a function draws on."""
     canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
     monkeypatch.setattr(tuning, "Figure", lambda **_: canvas)
     return canvas
@@ -150,7 +150,7 @@ def canvas(monkeypatch: pytest.MonkeyPatch) -> Figure:
 @pytest.mark.parametrize(
     ("objectives", "labels", "lines"),
     [
-        # the curve goes from 4 to 3: up to 4.5 a line, above an arrow
+        # The curve goes from 4 to 3: levels up to 4.5 are lines, higher ones have an arrow.
         ({"Near": 4.5, "Far": 4.6}, ["Far: 4.6\N{NO-BREAK SPACE}\N{UPWARDS ARROW}", "Near: 4.5"], [4.5, 3.25]),
         ({"Better": 0.5}, ["Better: 0.5"], [3.25, 0.5]),
     ],
@@ -188,27 +188,27 @@ def test_names_of_levels_do_not_overlap(folder: Path, canvas: Figure) -> None:
 def test_labels_are_moved_as_little_as_needed() -> None:
     np.testing.assert_allclose(tuning.spread([0.9, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.9, 0.5, 0.1])
     np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.55, 0.45, 0.1])
-    # a block that grows meets the next one
+    # A joined block can touch the next one.
     np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.41], [0.1, 0.1, 0.1]), [0.57, 0.47, 0.37])
-    # at the ends they stay in the plot
+    # Labels at the ends stay within the plot.
     line = tuning.LINE
     np.testing.assert_allclose(tuning.spread([1.0, 1.0], [line, line]), [1.0, 1.0 - line])
     np.testing.assert_allclose(tuning.spread([0.0, 0.0], [line, line]), [line, 0.0], atol=1e-15)
 
 
 def test_the_axis_shows_where_the_methods_differ() -> None:
-    # the first evaluations are chance, and a level far above is none of the axis
+    # The first evaluations and a level far above do not determine the axis.
     curve = np.array([np.nan, 50.0, *[2.0] * 28, 1.0])
     scale = tuning.Scale.of([[curve]], [1.2, 40.0])
     assert not scale.logarithmic
     np.testing.assert_allclose([scale.bottom, scale.top, scale.reach], [0.94, 2.06, 2.5])
-    # decades: the same in logarithms
+    # Over decades, the same applies to logarithms.
     curve = np.repeat([100.0, 1.0], 40)
     scale = tuning.Scale.of([[curve]], [0.0, 0.1])
     assert scale.logarithmic
     np.testing.assert_allclose([scale.bottom, scale.top], [0.1 * 10**-0.18, 10**2.18])
     np.testing.assert_allclose([scale.share(0.0), scale.share(scale.bottom), scale.share(scale.top)], [0.0, 0.0, 1.0])
-    # a method that never moves still has an axis
+    # A constant objective still gives an axis.
     scale = tuning.Scale.of([[np.array([0.0])]], [])
     assert scale.bottom < 0.0 < scale.top
 

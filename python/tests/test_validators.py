@@ -1,8 +1,8 @@
 """Every packed FMU passes the validators that importers use, without an error or a warning.
 
-References: the rules of FMPy (its validation of the model description), the XML schema of FMI 2.0 that FMPy ships, the
-schema and rules of the FMU manipulation toolbox (`fmutool -check`), and fmi-sim, an importer written in Rust, whose run
-has to be the one of FMPy. Validators that are run by hand: docs/validators.md.
+References: FMPy's validation of the model description, the XML schema of FMI 2.0 that FMPy ships, the schema and rules
+of the FMU manipulation toolbox (`fmutool -check`), and fmi-sim, an importer written in Rust, whose runs must agree with
+FMPy's. docs/validators.md describes validators that are run manually.
 
 fmi-sim is not a Python package, so its tests carry the marker `ci`: `.ci/run` installs it and runs them.
 CHASSIS_FMI_SIM names the program if it is elsewhere.
@@ -32,10 +32,11 @@ FMUS = sorted(FOLDER.glob("*.fmu"))
 FMUTOOL = Path(sys.executable).with_name("fmutool")
 FMI_SIM = Path(os.environ.get("CHASSIS_FMI_SIM", ROOT / "target" / "tools" / "bin" / "fmi-sim"))
 
-# Length of the run that two importers are compared in, s.
+# Duration of the run in which two importers are compared, s.
 DURATION = 2.0
-# Over the peak of a signal. A hundred times what is measured (9e-12, tire forces of EspCar). fmi-sim passes on t1 - t0
-# as the step and interpolates inputs by another formula than FMPy: both differ in the last bit.
+# Relative to the peak of a signal. About a hundred times the measured difference (9e-12, tire forces of EspCar).
+# fmi-sim passes t1 - t0 as the step and uses another formula than FMPy to interpolate inputs; both effects are
+# differences in the last bit.
 TOLERANCE = 1e-9
 
 each_fmu = pytest.mark.parametrize("path", FMUS, ids=lambda path: path.stem)
@@ -46,7 +47,7 @@ def test_there_are_fmus() -> None:
 
 
 def by_schema(path: Path) -> list[str]:
-    """Return what the schema of the standard has against a model description."""
+    """Return the violations of the standard's schema in a model description."""
     schema = etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"))
     with zipfile.ZipFile(path) as archive:
         schema.validate(etree.fromstring(archive.read("modelDescription.xml")))
@@ -54,22 +55,22 @@ def by_schema(path: Path) -> list[str]:
 
 
 def by_fmpy(path: Path) -> list[str]:
-    """Return what `fmpy validate` finds."""
+    """Return the findings of `fmpy validate`."""
     return list(validate_fmu(str(path)))
 
 
 def by_toolbox(path: Path) -> list[str]:
-    """Return all lines of `fmutool -check` that are no information, and a word if it fails without any."""
+    """Return the warnings and errors from `fmutool -check`; if it fails without any, its exit code."""
     done = call(str(FMUTOOL), "-input", str(path), "-check")
     lines = [line for line in done.stdout.splitlines() if not line.startswith("INFO ")]
     return lines or ([f"exit code {done.returncode}"] if done.returncode else [])
 
 
 def by_fmi_sim(path: Path) -> list[str]:
-    """Return what fmi-sim says in short runs, by each interface that there is, besides the times of the rows."""
+    """Return the messages of fmi-sim in short runs with each interface of the FMU."""
     description = fmpy.read_model_description(path, validate=False)
     interfaces = {"co-simulation": description.coSimulation, "model-exchange": description.modelExchange}
-    # A step beyond the end is an error: fmi-sim takes steps of the default experiment.
+    # fmi-sim uses the step of the default experiment; a step beyond the end would be an error.
     end = max(0.01, 10.0 * float(description.defaultExperiment.stepSize))
     found = []
     for interface in (name for name, declared in interfaces.items() if declared is not None):
@@ -98,12 +99,12 @@ def test_nothing_is_found(validator: Callable[[Path], list[str]], path: Path) ->
     assert validator(path) == []
 
 
-# A defect of the description that the validator must see: what is replaced, by what, and the words of the report.
+# For each validator, a defect that it must find: replaced pattern, replacement, and a part of the report.
 DEFECTS: dict[Callable[[Path], list[str]], tuple[str, str, str]] = {
     by_schema: (" modelName=", ' modelMaker="me" modelName=', "modelMaker"),
     by_fmpy: ('(causality="input"[^>]*>\\s*<Real[^>]*?) start="[^"]*"', "\\1", "start"),
     by_toolbox: ('(causality="input"[^>]*>\\s*<Real[^>]*?) start="[^"]*"', "\\1", "a start value is required"),
-    # The binary belongs to another description: only a tool that loads it can tell.
+    # The binary belongs to another description, which only a tool that loads the binary can detect.
     by_fmi_sim: ('guid="\\{', 'guid="{0', "Error instantiating import"),
 }
 
@@ -134,7 +135,7 @@ def write_changed(good: Path, to: Path, pattern: str, replacement: str) -> int:
 @pytest.mark.ci
 @each_fmu
 def test_fmi_sim_runs_as_fmpy_does(path: Path, tmp_path: Path) -> None:
-    """All inputs move, at the step that the FMU proposes; all outputs are compared at every step."""
+    """All inputs change, with the step that the FMU proposes; all outputs are compared at every step."""
     description = fmpy.read_model_description(str(path))
     step = float(description.defaultExperiment.stepSize)
     inputs = waves(description, step)
@@ -162,14 +163,14 @@ def test_fmi_sim_runs_as_fmpy_does(path: Path, tmp_path: Path) -> None:
 
 
 def number(text: str) -> float:
-    """Return a number of fmi-sim's file, which has Booleans as words."""
+    """Parse a value from fmi-sim's file, in which Booleans are words."""
     return {"false": 0.0, "true": 1.0}[text] if text in ("false", "true") else float(text)
 
 
 def waves(description: ModelDescription, step: float) -> NDArray[np.float64] | None:
     """Return inputs about their start values and within their limits, no two equal, at the start of every step.
 
-    Booleans are true throughout: the tools may differ in the step in which a discrete input changes.
+    Booleans are always true, because the tools can differ in the step in which a discrete input changes.
     """
     inputs = [v for v in description.modelVariables if v.causality == "input"]
     if not inputs:
@@ -192,7 +193,7 @@ def waves(description: ModelDescription, step: float) -> NDArray[np.float64] | N
 
 @each_fmu
 def test_the_default_experiment_runs(path: Path) -> None:
-    """A tenth of it, with the step that the FMU proposes; all recorded outputs have to be finite."""
+    """Run a tenth of the experiment, with the step that the FMU proposes; all recorded outputs must be finite."""
     description = fmpy.read_model_description(str(path))
     experiment = description.defaultExperiment
     result = fmpy.simulate_fmu(

@@ -1,4 +1,4 @@
-"""Badges: intervals by hand, decisions by their rules."""
+"""Badges: intervals computed by hand, and the rules for each badge."""
 
 import math
 
@@ -9,14 +9,14 @@ from chassis_fmu.evaluation.grading import Interval, Status
 
 
 def test_an_interval_by_hand() -> None:
-    # Differences -1, -2, -3, -6: mean -3, sum of squares 14, standard deviation sqrt(14/3), half width 3.1824 times
-    # half of that.
+    # Differences -1, -2, -3, -6: mean -3, sum of squares 14, standard deviation sqrt(14/3); the half width is 3.1824
+    # times half the standard deviation.
     found = grading.paired([(1.0, 2.0), (2.0, 4.0), (3.0, 6.0), (1.0, 7.0)])
     assert found.mean == -3.0
     assert found.half == pytest.approx(3.1824463053 * math.sqrt(14.0 / 3.0) / 2.0, rel=1e-10)
     assert (found.sign, found.is_clear) == (-1, False)
     assert grading.paired([(1.0, 2.0)]) == Interval(-1.0, 0.0)
-    # what rounding leaves is nothing
+    # Rounding errors are no difference.
     assert grading.paired([(0.1 + 0.2, 0.3), (0.3, 0.3)]) == Interval(0.0, 0.0)
     with pytest.raises(ValueError, match="no differences"):
         grading.paired([])
@@ -27,7 +27,7 @@ def test_an_interval_by_hand() -> None:
     [
         (-1.0, 0.5, -30.0, -40.0, Status.REPRODUCED),
         (-1.0, 0.5, -29.9, -40.0, Status.PARTLY),
-        # five points are more than a quarter of a small change
+        # For a small change, five percentage points are more than 25 %.
         (-1.0, 0.5, -7.0, -2.0, Status.REPRODUCED),
         (-1.0, 0.5, -7.1, -2.0, Status.PARTLY),
         (-1.0, 1.0, -30.0, -40.0, Status.PARTLY),
@@ -35,12 +35,12 @@ def test_an_interval_by_hand() -> None:
         (0.0, 0.0, 0.0, -2.0, Status.NOT_REPRODUCED),
         (-1.0, 1.5, 0.1, -2.0, Status.NOT_REPRODUCED),
         (-1.0, 0.5, None, -2.0, Status.PARTLY),
-        # no effect: less than 0.5 %, in the scatter or not, where the paper has more
+        # No effect: less than 0.5 %, with or without zero in the interval, while the paper's change is larger.
         (-0.008, 0.015, -0.008, -4.0, Status.NOT_REPRODUCED),
         (-0.008, 0.0, -0.008, -4.0, Status.NOT_REPRODUCED),
         (-0.4, 0.0, -0.4, -0.5, Status.REPRODUCED),
         (-0.3, 0.0, -0.3, -0.4, Status.REPRODUCED),
-        # the paper says that nothing changes
+        # The paper reports no change.
         (1.0, 0.5, 4.9, 0.0, Status.REPRODUCED),
         (1.0, 0.5, 5.1, 0.0, Status.NOT_REPRODUCED),
         (1.0, 1.5, 5.1, 0.0, Status.PARTLY),

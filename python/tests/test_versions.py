@@ -1,4 +1,4 @@
-"""A plan with components of FMI 2.0 and 3.0, in both masters, on FMUs built from C."""
+"""A plan with FMI 2.0 and FMI 3.0 components, in both masters, with FMUs built from C."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "crates" / "fmu-import" / "tests" / "data"
 
-# x' = -2 x from 1, exactly; y = x + u. The component of FMI 2.0 reads the output of that of FMI 3.0, whose variables
-# have types that FMI 2.0 lacks. Its array is left out: this master takes no elements.
+# x' = -2 x from 1, exactly; y = x + u. The FMI 2.0 component reads the output of the FMI 3.0 component, whose variables
+# have types that FMI 2.0 lacks. The array of the latter is not connected, because the FMPy master does not support
+# elements.
 SCENARIO = """
 title = "Versions"
 reference = "None: a test."

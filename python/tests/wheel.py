@@ -1,4 +1,4 @@
-"""Uses an installed wheel in every way it has, its FMUs and worker program included: `python wheel.py ROOT FOLDER`."""
+"""Tests all parts of an installed wheel, including its FMUs and worker program: `python wheel.py ROOT FOLDER`."""
 
 import json
 import subprocess
@@ -47,7 +47,7 @@ min = 1200.0
 max = 1400.0
 """
 )
-# The command finds the FMUs and this Python by itself.
+# The command finds the FMUs and this Python without options.
 chassis = Path(sys.executable).with_name("chassis")
 subprocess.run([chassis, "study", study, "--out", folder, "--no-fail"], cwd="/", check=True)
 rows = pyarrow.parquet.read_table(folder / "study" / "runs.parquet").to_pylist()
