@@ -2,9 +2,9 @@
 //
 //   node build-lab.mjs --in FOLDER --out FOLDER [--worker FILE]
 //
-// The first folder has core.wasm, texts.json ({path: text} of scenarios and what they include) and fmus/NAME.fmu with binaries for
-// wasm32. The site is index.html, lab.js, lab.css, and for each FMU fmus/NAME.module.js, loaded when a system needs it, and
-// fmus/NAME.documentation.js, loaded when it is read. Everything is in scripts, because a page from file:// may not fetch other files.
+// The first folder contains core.wasm, texts.json (scenarios and the files they include, {path: text}) and fmus/NAME.fmu with binaries for
+// wasm32. The site consists of index.html, lab.js, lab.css, and for each FMU fmus/NAME.module.js, loaded when a system needs the FMU, and
+// fmus/NAME.documentation.js, loaded when it is read. All data is in scripts, because a page from file:// cannot fetch other files.
 import { mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { parseArgs } from "node:util";
@@ -37,7 +37,7 @@ function archive(path) {
   };
 }
 
-/** Bytes as text of a script: compressed, because base64 alone compresses badly on a server. */
+/** Bytes as text for a script. They are compressed first, because a server compresses base64 badly. */
 const packed = (bytes) => deflateRawSync(bytes, { level: 9 }).toString("base64");
 
 const fmus = readdirSync(join(options.in, "fmus"))
@@ -58,7 +58,7 @@ const fmus = readdirSync(join(options.in, "fmus"))
 const bundled = { bundle: true, minify: true, format: "iife", target: "es2022", charset: "utf8", write: false, legalComments: "none" };
 const worker = await build({ ...bundled, entryPoints: [options.worker] });
 
-/** What the page contains besides its code. */
+/** The data that is bundled with the page's code. */
 const data = {
   core: packed(readFileSync(join(options.in, "core.wasm"))),
   worker: worker.outputFiles[0].text,

@@ -1,5 +1,4 @@
-// Bundles the code and the style of the pages: one file each, which the Python package contains, so that making a page needs no
-// Node.
+// Bundles the code and the style of the pages into one file each. They are part of the Python package, so pages can be made without Node.
 import { readFileSync } from "node:fs";
 import { build } from "esbuild";
 

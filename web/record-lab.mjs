@@ -44,7 +44,7 @@ for (let i = 0; from + i / RATE <= to; i++) {
     slider.value = String(time);
     slider.dispatchEvent(new Event("input"));
   }, from + i / RATE);
-  // The display draws in its next frame.
+  // The page draws in the next frame.
   await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
   const image = (await page.locator("#view").screenshot()).toString("base64");
   const frame = await page.evaluate(

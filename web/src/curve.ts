@@ -1,4 +1,4 @@
-/** Curves in the plane: signals over another signal, the top view of a track, points of a plane. */
+/** Curves in a plane: a signal over another signal, a track from above, scatter plots. */
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
@@ -9,45 +9,45 @@ import { type Range, type Values, Plane, coordinates } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
 
-/** The cursor that plots over time share. */
+/** Key of the cursor that plots over time share. */
 const TIME = "Time (s)";
 const HEIGHT = 340;
 /** Free space beside the curves, as a share of their extent. */
 const ROOM = 0.05;
 /** Radius of marks, px. */
 const MARK = 3.5;
-/** So many points of a cloud are opaque; more of them are translucent, so that their density shows. */
+/** Scatter plots with more points have translucent ones, which show their density. */
 const OPAQUE = 40;
 const LEAST_OPAQUE = 0.25;
-/** Heights of a map, px: what it shows decides. */
+/** Range of the height of a map, px; its content determines the height. */
 const MAP: Range = [120, 420];
 /** Width of the numbers and titles beside a map, px. */
 const BESIDE = 74;
 
 interface Drawn {
   line: Line;
-  /** Points in the units shown. */
+  /** Points in the displayed units. */
   xs: number[];
   ys: number[];
-  /** Points that are not joined to the one before: there is a gap. */
+  /** Indices of points after a gap, which are not joined to the previous point. */
   begins: Set<number>;
   /** Times of the points, s; empty if they have none. */
   times: number[];
   digits: [number, number];
 }
 
-/** Least and greatest of some numbers. */
+/** Smallest and largest of the values. */
 function extent(values: number[]): Range {
   return [values.reduce((m, v) => Math.min(m, v), Infinity), values.reduce((m, v) => Math.max(m, v), -Infinity)];
 }
 
 export class Curve extends Plane {
   #drawn: Drawn[] = [];
-  /** Lines of which all recorded samples are there; null: they cannot be had. */
+  /** All recorded samples of lines that were loaded; null if they are not available. */
   readonly #recorded = new Map<Line, { x: Values; y: Values; times: number[] } | null>();
-  /** The points at the cursor: of each line an index. */
+  /** The index of the point at the cursor, for each line. */
   #at = new Map<Drawn, number>();
-  /** Whether the cursor is at a point of this plot, not where another plot has it. */
+  /** Whether the cursor was set in this plot, not by another one. */
   #isOwn = false;
   /** The mark of each line. */
   #marks = new Map<Drawn, HTMLElement>();
@@ -55,7 +55,7 @@ export class Curve extends Plane {
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
     super(data, panel, state, words);
     this.element.classList.toggle("is-map", this.#isMap);
-    // The cursor of plots over time; uPlot calls its members by this function.
+    // Receives the cursor of plots over time, as a member of uPlot's sync group.
     const follower = { pub: (_: string, plot: uPlot, x: number) => this.#follow(x < 0 ? null : plot.posToVal(x, "x")) };
     uPlot.sync(TIME).sub(follower as unknown as uPlot);
     state.watch((time, source) => {
@@ -70,12 +70,12 @@ export class Curve extends Plane {
     return Math.round(Math.max(MAP[0], Math.min(MAP[1], wanted + 56)));
   }
 
-  /** The range of an axis: its own, or that of the values. */
+  /** The range of an axis: fixed, or from the values. */
   #room(axis: Axis, values: number[]): Range {
     return axis.range === null ? withRoom(...extent(values), axis.log, ROOM) : [axis.range[0], axis.range[1]];
   }
 
-  /** Points per unit are the same on both axes. */
+  /** Whether both axes have the same scale. */
   get #isMap(): boolean {
     return this.panel.kind === "map";
   }
@@ -110,7 +110,7 @@ export class Curve extends Plane {
     this.#at.clear();
     this.#isOwn = false;
     const series = this.#drawn.map((drawn) => ({ paint: (plot: uPlot) => this.#paint(plot, drawn), points: [drawn.xs, drawn.ys] as [number[], number[]] }));
-    // When all cases are off: a plot needs a series.
+    // uPlot needs a series even if all cases are off.
     const { over } = this.make(series.length === 0 ? [{ paint: () => {}, points: [[], []] }] : series, [1, 10]);
     this.#marks = new Map(this.#drawn.map((drawn) => [drawn, element("div", { className: "plot-mark" })]));
     over.append(...this.#marks.values());
@@ -131,7 +131,7 @@ export class Curve extends Plane {
     if (this.#isMap) {
       const shape = plot.bbox.height / plot.bbox.width;
       const height = (max - min) * shape;
-      // What was chosen stays; all of it gets more room on one of the axes.
+      // A zoomed range stays; the full range is extended on one of the axes.
       if (range === null && high - low > height) {
         const half = (high - low) / shape / 2;
         [min, max] = [(min + max) / 2 - half, (min + max) / 2 + half];
@@ -149,7 +149,7 @@ export class Curve extends Plane {
     if (isReadable && max - min <= CLOSE * (this.full[1] - this.full[0])) void this.#refine();
   }
 
-  /** Replaces the samples of the page by all that were recorded within their times. */
+  /** Replaces the samples in the page by all recorded samples in the same time range. */
   async #refine(): Promise<void> {
     const coarse = this.#drawn.map((drawn) => drawn.line).filter((line) => !this.#recorded.has(line));
     const found = coarse.map(async (line) => {
@@ -203,7 +203,7 @@ export class Curve extends Plane {
     }
   }
 
-  /** Finds the point that is nearest to the mouse. */
+  /** Finds the point nearest to the mouse. */
   protected find(plot: uPlot): void {
     const { left = -1, top = -1 } = plot.cursor;
     let [found, least]: [[Drawn, number] | null, number] = [null, Infinity];
@@ -218,7 +218,7 @@ export class Curve extends Plane {
     this.#point(found);
   }
 
-  /** Goes to a point of a line, and tells plots over time when that was. */
+  /** Moves the cursor to a point of a line, and passes its time to the plots over time. */
   #point(found: [Drawn, number] | null): void {
     const wasOwn = this.#isOwn;
     this.#isOwn = found !== null;
@@ -229,7 +229,7 @@ export class Curve extends Plane {
     this.#read();
   }
 
-  /** Goes to the points of a time, s; null: to none. */
+  /** Moves the cursor to the points at a time, s; null removes it. */
   #follow(time: number | null): void {
     this.#isOwn = false;
     this.#at.clear();
@@ -247,7 +247,7 @@ export class Curve extends Plane {
     const [drawn, index] = [...this.#at][0] ?? [this.#drawn[0], 0];
     if (drawn === undefined) return;
     const last = drawn.xs.length - 1;
-    // Some hundred presses go through a curve.
+    // A curve takes about 200 key presses.
     const step = Math.max(1, Math.round(last / 200));
     const wanted = to === "start" ? 0 : to === "end" ? last : index + step * to;
     this.#point([drawn, Math.max(0, Math.min(last, wanted))]);
@@ -266,7 +266,7 @@ export class Curve extends Plane {
     }
   }
 
-  /** Writes the coordinates at the cursor, or the keys of the lines without one. */
+  /** Writes the coordinates at the cursor; without a cursor, the legend. */
   #read(): void {
     this.#place();
     const named = this.#drawn.filter((drawn) => drawn.line.title !== "" || this.#at.has(drawn));

@@ -2,10 +2,10 @@
 
 import type { Column, PageData } from "./page-data";
 
-/** The word of a number that does not exist. */
+/** The word for a missing number. */
 const MISSING = 65535;
 
-/** The data that the page contains; null: it has none, or data of another version. */
+/** Returns the data in the page; null if there is none, or if its version is different. */
 export function read(): PageData | null {
   const element = document.getElementById("page-data");
   if (element === null) return null;
@@ -13,7 +13,7 @@ export function read(): PageData | null {
   return data.format === 1 ? data : null;
 }
 
-/** Bytes that are compressed, in base64. */
+/** Decompresses bytes in base64. */
 export async function inflated(base64: string, format: CompressionFormat): Promise<ArrayBuffer> {
   const text = atob(base64);
   const compressed = new Uint8Array(text.length);
@@ -21,13 +21,13 @@ export async function inflated(base64: string, format: CompressionFormat): Promi
   return new Response(new Blob([compressed]).stream().pipeThrough(new DecompressionStream(format))).arrayBuffer();
 }
 
-/** The words of the block, each column as differences. */
+/** Returns the words of the block; each column consists of differences. */
 export async function unpack(block: string): Promise<Uint16Array> {
   const bytes = new DataView(await inflated(block, "deflate"));
   return Uint16Array.from({ length: bytes.byteLength / 2 }, (_, i) => bytes.getUint16(2 * i, true));
 }
 
-/** The numbers of a column; null where there is none. */
+/** Returns the numbers of a column; null for missing ones. */
 export function numbers(words: Uint16Array, column: Column): (number | null)[] {
   let word = 0;
   return Array.from(words.subarray(column.at, column.at + column.count), (difference) => {
@@ -38,7 +38,7 @@ export function numbers(words: Uint16Array, column: Column): (number | null)[] {
   });
 }
 
-/** Significant digits that the numbers of a column have after they were rounded to words. */
+/** Returns the number of significant digits that remain after rounding a column to words. */
 export function digits(column: Column): number {
   if (column.step === 0) return 6;
   if (column.log) return 4;

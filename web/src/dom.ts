@@ -1,8 +1,8 @@
-/** Elements of a page, and its colors. */
+/** Helpers for HTML elements and colors. */
 
 type Attributes = { [name: `aria-${string}` | `data-${string}`]: string; role?: string };
 
-/** An element with properties, attributes and children. */
+/** Makes an element with properties, attributes and children. */
 export function element<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   properties: Partial<Omit<HTMLElementTagNameMap[K], "style" | "role">> & Attributes = {},
@@ -17,13 +17,13 @@ export function element<K extends keyof HTMLElementTagNameMap>(
   return result;
 }
 
-/** A button that does something. The label, for screen readers and as a hint, contains the text. */
+/** Makes a button. `label`, for screen readers and as a tooltip, must contain `text`. */
 export function button(text: string, action: () => void, label = text): HTMLButtonElement {
   const hint = label === text ? {} : { "aria-label": label, title: label };
   return element("button", { type: "button", textContent: text, onclick: action, ...hint });
 }
 
-/** A button that is on or off. */
+/** Makes a toggle button. */
 export function toggle(text: string, label: string, on: boolean, change: (on: boolean) => void): HTMLButtonElement {
   const result = button(text, () => {
     const now = result.getAttribute("aria-pressed") !== "true";
@@ -34,12 +34,12 @@ export function toggle(text: string, label: string, on: boolean, change: (on: bo
   return result;
 }
 
-/** Controls that belong together, with a title. */
+/** Makes a group of controls with a title. */
 export function group(title: string, controls: HTMLElement[]): HTMLElement {
   return element("div", { className: "group", role: "group", "aria-label": title }, element("span", {}, title), ...controls);
 }
 
-/** A color of the page's style. */
+/** Returns a color from the page's style. */
 export function color(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }

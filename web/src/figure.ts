@@ -1,4 +1,4 @@
-/** A figure: its panels instead of the static picture, which stays for print. */
+/** Figures: interactive panels replace the static picture, which is kept for printing. */
 
 import { Curve } from "./curve";
 import { button, element } from "./dom";

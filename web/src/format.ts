@@ -3,10 +3,10 @@
 import { element } from "./dom";
 import type { Axis, Unit } from "./page-data";
 
-/** Signs of a power of ten. */
+/** Characters of an exponent. */
 const RAISED: Record<string, string> = Object.fromEntries([..."-0123456789"].map((sign, i) => [sign, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"[i]!]));
 
-/** A number with so many significant digits, with a true minus sign and without zeros at the end. */
+/** Formats a number with up to `digits` significant digits, with a typographic minus sign and without trailing zeros. */
 export function text(value: number, digits: number): string {
   if (value === 0) return "0";
   const size = Math.abs(value);
@@ -17,23 +17,23 @@ export function text(value: number, digits: number): string {
   return plain.replaceAll("-", "−");
 }
 
-/** A number in a cell of a heat map: of as many significant digits as in the other cells, zeros at the end too. */
+/** Formats a number in a cell of a heat map, with the same number of significant digits in all cells, including trailing zeros. */
 export function cell(value: number): string {
   const plain = value.toPrecision(3);
   return value === 0 || Math.abs(value) < 1e-4 || plain.includes("e") ? text(value, 3) : plain.replace("-", "−");
 }
 
-/** A value in a readout: after a space, in bold, with its unit. */
+/** Formats a value in a readout: a space, the number in bold, its unit. */
 export function measured(value: number, digits: number, unit: Unit): (string | Node)[] {
   return [" ", element("b", {}, text(value, digits)), unit.name === "" ? "" : ` ${unit.name}`];
 }
 
-/** The title of an axis with its unit. */
+/** Returns the title of an axis with its unit. */
 export function axisTitle(axis: Axis, unit: Unit): string {
   return `${axis.title} (${unit.name === "" ? "–" : unit.name})`;
 }
 
-/** Ends of a range about numbers, with free space beside them; on a logarithmic axis by ratio. */
+/** Returns a range with free space on both sides; on a logarithmic axis, the space is a ratio. */
 export function withRoom(low: number, high: number, log: boolean, share = 0.06): [number, number] {
   if (!(low <= high)) return log ? [1, 10] : [0, 1];
   if (log) return low < high ? [low * (low / high) ** share, high * (high / low) ** share] : [low / 2, high * 2];
@@ -41,12 +41,12 @@ export function withRoom(low: number, high: number, log: boolean, share = 0.06):
   return [low - room, high + room];
 }
 
-/** A value in a unit. */
+/** Converts a value from the unit of the data to a display unit. */
 export function convert(value: number, unit: Unit): number {
   return value * unit.factor + unit.offset;
 }
 
-/** What a value in a unit is in the unit of the data. */
+/** Converts a value from a display unit to the unit of the data. */
 export function revert(value: number, unit: Unit): number {
   return (value - unit.offset) / unit.factor;
 }

@@ -1,4 +1,4 @@
-/** Heat maps: a value over two others, as the color of the cells of a grid. */
+/** Heat maps: a value over two others, shown as colored cells. */
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
@@ -9,11 +9,11 @@ import { type Range, Plane, coordinates } from "./panel";
 import type { State } from "./state";
 
 const HEIGHT = 340;
-/** Cells narrower or lower than this have no number in them, px. */
+/** Minimum width and height of a cell with a number in it, px. */
 const ROOM: readonly [number, number] = [46, 20];
-/** Up to so many cells in a row have a tick each. */
+/** Up to this many cells in a row have individual ticks. */
 const MOST_TICKS = 12;
-/** Viridis, which the color-blind can read, from the least to the greatest value; the static picture has it, too. */
+/** Viridis, a color map that is readable with color blindness, from low to high; the static picture uses it, too. */
 const COLORS: readonly (readonly [number, number, number])[] = [
   [68, 1, 84],
   [59, 82, 139],
@@ -22,7 +22,7 @@ const COLORS: readonly (readonly [number, number, number])[] = [
   [253, 231, 37],
 ];
 
-/** The color at a share of the range. */
+/** Returns the color for a share of the range. */
 function colorAt(share: number): [number, number, number] {
   const place = Math.max(0, Math.min(1, share)) * (COLORS.length - 1);
   const low = Math.min(COLORS.length - 2, Math.floor(place));
@@ -33,12 +33,12 @@ function css([red, green, blue]: readonly [number, number, number]): string {
   return `rgb(${red}, ${green}, ${blue})`;
 }
 
-/** Whether black is easier to read on a color than white. */
+/** Whether black text is more readable on a color than white text. */
 function isLight([red, green, blue]: readonly [number, number, number]): boolean {
   return 0.299 * red + 0.587 * green + 0.114 * blue > 128;
 }
 
-/** Borders of cells about their centers, which rise: half way to the neighbors, on a logarithmic axis by ratio. */
+/** Returns the borders between cells with rising `centers`: arithmetic means, on a logarithmic axis geometric means. */
 function borders(centers: number[], log: boolean): number[] {
   const there = (value: number) => (log ? Math.log10(value) : value);
   const back = (value: number) => (log ? 10 ** value : value);
@@ -51,7 +51,7 @@ function borders(centers: number[], log: boolean): number[] {
 
 export class Heat extends Plane {
   readonly #line: Line;
-  /** Centers of the cells in the units shown, and values by row and column. */
+  /** Centers of the cells in the displayed units, and values by row and column. */
   #xs: number[] = [];
   #ys: number[] = [];
   #values: (number | null)[][] = [];
@@ -174,7 +174,7 @@ export class Heat extends Plane {
     return true;
   }
 
-  /** Writes the cell at the cursor, or what the colors mean. */
+  /** Writes the cell at the cursor; without a cursor, the color scale. */
   #read(): void {
     const plot = this.plot;
     if (plot === null) return;

@@ -1,4 +1,4 @@
-/** Makes the page interactive. Without this code it shows the same results as static pictures and tables. */
+/** Makes the page interactive. Without this code, the page shows the same results as static pictures and tables. */
 
 import "uplot/dist/uPlot.min.css";
 import "./page.css";
@@ -11,7 +11,7 @@ import { enhanceTable } from "./table";
 async function start(): Promise<void> {
   for (const table of document.querySelectorAll("table")) enhanceTable(table);
   const data = read();
-  // An old browser keeps the pictures.
+  // In an old browser, the static pictures stay.
   if (data === null || data.figures.length === 0 || !("DecompressionStream" in window)) return;
   const words = await unpack(data.block);
   const state = new State(data);

@@ -1,4 +1,4 @@
-/** What all panels have in common: title, readout, the place of the plot, and the colors of lines. */
+/** Base of all panels: title, readout, container of the plot, and line colors. */
 
 import uPlot from "uplot";
 import { numbers } from "./data";
@@ -9,16 +9,16 @@ import type { State } from "./state";
 import { ticks } from "./ticks";
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 4]];
-/** Marks of a key. */
+/** Marks in legends. */
 const DOT = '<circle cx="12" cy="5" r="3.5"/>';
 const CROSS = '<path d="m8.5 1.5 7 7m-7 0 7-7"/>';
-/** Height of the title and the numbers of the abscissa, px. */
+/** Height of the abscissa's title and numbers, px. */
 const ACROSS = 66;
 
 export type Values = (number | null)[];
 export type Range = [number, number];
 
-/** What a line looks like; without dashes (null) only its mark. */
+/** Makes a legend symbol of a line; without dashes (null), only its mark. */
 export function lineKey(stroke: string, dashes: readonly number[] | null, mark = "", fill = stroke): Element {
   const key = element("span");
   key.innerHTML = `<svg class="plot-key" viewBox="0 0 24 10" aria-hidden="true">${dashes === null ? "" : `<path d="M0 5h24" stroke-dasharray="${dashes.join(" ")}"/>`}${mark}</svg>`;
@@ -27,7 +27,7 @@ export function lineKey(stroke: string, dashes: readonly number[] | null, mark =
   return svg;
 }
 
-/** What the axes of all plots look like. */
+/** Style of the axes of all plots. */
 export function axisStyle(): uPlot.Axis {
   const font = `12px ${getComputedStyle(document.body).fontFamily}`;
   return { stroke: () => color("muted"), grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false }, font, labelFont: font };
@@ -46,7 +46,7 @@ export abstract class Frame {
   protected readonly body: HTMLElement;
   protected plot: uPlot | null = null;
   protected full: Range = [0, 1];
-  /** Called when the user zooms or pans; null: everything is to be shown. */
+  /** Called when the user zooms or pans; null for the full range. */
   onZoom: (range: Range | null) => void = () => {};
 
   constructor(
@@ -54,7 +54,7 @@ export abstract class Frame {
     protected readonly panel: Panel,
     protected readonly state: State,
     protected readonly words: Uint16Array,
-    /** What the plot is, and what arrow keys do. */
+    /** Description for screen readers: kind of plot, and function of the arrow keys. */
     about = "plot with a cursor. Arrow keys move the cursor",
   ) {
     const title = `${panel.title}${panel.note === "" ? "" : `, ${panel.note}`}`;
@@ -67,31 +67,31 @@ export abstract class Frame {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
   }
 
-  /** Draws everything anew: after a switch, in another theme. */
+  /** Redraws the panel, after a change of a switch or of the theme. */
   protected abstract draw(): void;
 
-  /** Moves the cursor by a step of the keyboard: backward or forward, or to one of the ends. */
+  /** Moves the cursor by a keyboard step, backward or forward, or to one of the ends. */
   protected abstract move(to: -1 | 1 | "start" | "end"): void;
 
-  /** Moves the cursor up or down by a step of the keyboard; false: this plot has no such steps. */
+  /** Moves the cursor up or down by a keyboard step; returns false if the plot does not support it. */
   protected rise(_by: -1 | 1): boolean {
     return false;
   }
 
-  /** Shows a part of the abscissa; null: all of it. */
+  /** Shows a range of the abscissa; null for all of it. */
   abstract zoom(range: Range | null): void;
 
-  /** Height that the kind of plot has, px. */
+  /** Default height of this kind of plot, px. */
   protected abstract get ownHeight(): number;
 
-  /** Height of the plot, px: the titles of its vertical axes are whole. */
+  /** Height of the plot, px, sufficient for the titles of its vertical axes. */
   protected get height(): number {
     const axes = [this.panel.y, ...(this.panel.right === undefined ? [] : [this.panel.right])];
     const titles = axes.flatMap((axis) => axis.units.map((unit) => axisTitle(axis, unit)));
     return Math.max(this.ownHeight, ...titles.map((title) => widthOf(title) + ACROSS));
   }
 
-  /** The part of the abscissa that is shown. */
+  /** The range of the abscissa that is shown. */
   get range(): Range {
     const x = this.plot?.scales["x"];
     return [x?.min ?? this.full[0], x?.max ?? this.full[1]];
@@ -117,25 +117,25 @@ export abstract class Frame {
     return DASHES[this.data.cases.find((one) => one.name === line.case)?.dash ?? 0] ?? [];
   }
 
-  /** The key of a line, with its dashes and marks, and its title, to which a readout appends values. */
+  /** The legend entry of a line: symbol and title. A readout appends values to it. */
   protected entry(line: Line): HTMLSpanElement {
     const mark = line.crosses === true ? CROSS : line.marks === true || line.apart === true ? DOT : "";
     const stroke = this.stroke(line);
     return element("span", {}, lineKey(stroke, line.apart === true ? null : this.dash(line), mark, line.kind === "paper" ? color("card") : stroke), line.title);
   }
 
-  /** Tells which part of the abscissa is shown. */
+  /** Announces the range of the abscissa that is shown. */
   protected note([min, max]: Range, isZoomed: boolean): void {
     this.element.dataset["zoomed"] = String(isZoomed);
     this.element.dataset["range"] = `${min} ${max}`;
   }
 
-  /** The part that the user has chosen; null: all of it. */
+  /** The range that the user has chosen; null for all of it. */
   protected get chosen(): Range | null {
     return this.element.dataset["zoomed"] === "true" ? this.range : null;
   }
 
-  /** What makes a plot follow the mouse: a drag zooms, one with Shift pans. */
+  /** Mouse actions: a drag zooms, a drag with Shift pans. */
   protected get mouse(): Pick<uPlot.Cursor, "drag" | "bind"> {
     return {
       drag: { x: true, y: false, setScale: false },
@@ -143,7 +143,7 @@ export abstract class Frame {
     };
   }
 
-  /** Zooms to what was dragged over. */
+  /** Zooms to the range that was dragged over. */
   protected select(plot: uPlot): void {
     const { left, width } = plot.select;
     if (width < 4) return;
@@ -204,12 +204,12 @@ export abstract class Frame {
   }
 }
 
-/** A panel without a common abscissa of its lines, which are painted by functions of their own. */
+/** A panel whose lines have no common abscissa; each series has its own paint function. */
 export abstract class Plane extends Frame {
-  /** Moves the cursor to where the mouse is. */
+  /** Moves the cursor to the mouse position. */
   protected abstract find(plot: uPlot): void;
 
-  /** Makes the plot: of each series a function that paints it, and its coordinates. */
+  /** Makes the plot; each series has a paint function and its coordinates. */
   protected make(series: { paint: (plot: uPlot) => void; points: [number[], number[]] }[], vertical: Range, across: uPlot.Axis = {}, up: uPlot.Axis = {}): uPlot {
     this.plot?.destroy();
     const { x, y } = this.panel;
@@ -242,12 +242,12 @@ export abstract class Plane extends Frame {
   }
 }
 
-/** Both coordinates of a line, in the units of the data. */
+/** Returns both coordinates of a line, in the units of the data. */
 export function coordinates(words: Uint16Array, line: Line): { x: Values; y: Values } {
   return { x: numbers(words, line.x), y: numbers(words, line.y) };
 }
 
-/** A range that is wider by a factor and keeps its place about a point; null: about its middle. */
+/** Scales a range by a factor about a point; null for its middle. */
 export function scaled([min, max]: Range, factor: number, at: number | null): Range {
   if (at === null && min > 0) {
     const middle = Math.sqrt(min * max);
@@ -258,7 +258,7 @@ export function scaled([min, max]: Range, factor: number, at: number | null): Ra
   return [point - (point - min) * factor, point + (max - point) * factor];
 }
 
-/** A range moved by a share of its width. */
+/** Shifts a range by a share of its width. */
 export function shifted([min, max]: Range, share: number, log: boolean): Range {
   if (log && min > 0) {
     const factor = (max / min) ** share;

@@ -1,4 +1,4 @@
-/** One pair of axes: lines over a common abscissa, with a cursor, a readout, zoom and pan. */
+/** A pair of axes: lines over a common abscissa, with a cursor, a readout, zoom and pan. */
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
@@ -12,9 +12,9 @@ import { ticks } from "./ticks";
 
 const HEIGHT = 240;
 const AXIS_WIDTH = 62;
-/** A line whose way up and down is longer than this many times its height is noise and drawn thin. */
+/** A line is drawn thin, as noise, if its total variation exceeds this many times its range. */
 const NOISY = 20;
-/** Steps of the cursor by the keyboard, px. */
+/** Step of the cursor with the keyboard, px. */
 const STEP = 4;
 
 interface Drawn {
@@ -24,7 +24,7 @@ interface Drawn {
   spread: Values | null;
   digits: number;
   noisy: boolean;
-  /** Whether all recorded samples are there, or cannot be had. */
+  /** Whether all recorded samples are loaded, or not available. */
   isFull: boolean;
   /** Number of its series in uPlot. */
   series: number;
@@ -38,7 +38,7 @@ function isNoisy(values: Values): boolean {
   return way > NOISY * range;
 }
 
-/** Index of the value that is nearest to a row and exists. */
+/** Returns the index of the existing value nearest to a row. */
 function nearest(values: ArrayLike<number | null | undefined>, xs: ArrayLike<number>, row: number, x: number): number | null {
   const exists = (i: number) => values[i] !== null && values[i] !== undefined;
   let [low, high] = [row, row];
@@ -70,13 +70,13 @@ export class Plot extends Frame {
     if (panel.x.title === "Time" && this.#xUnit.name === "s") state.watch((time) => this.#follow(time));
   }
 
-  /** Puts the cursor at a time, s; null: nowhere. */
+  /** Moves the cursor to a time, s; null removes it. */
   #follow(time: number | null): void {
     const plot = this.plot;
     if (plot === null) return;
     const [min, max] = this.range;
     const left = time === null || time < min || time > max ? -10 : plot.valToPos(time, "x");
-    // Not published: the other plots are told, too.
+    // Not published, because the other plots get the time themselves.
     const set = plot.setCursor as (at: { left: number; top: number }, fire: boolean, publish: boolean) => void;
     set({ left, top: left < 0 ? -10 : plot.bbox.height / devicePixelRatio / 2 }, true, false);
   }
@@ -89,7 +89,7 @@ export class Plot extends Frame {
     return this.panel.x.units[0];
   }
 
-  /** The unit in which a line is shown: that of its axis. */
+  /** The display unit of a line, from its axis. */
   #yUnit(line: Line | null = null) {
     return this.unitOf((line?.right === true ? this.panel.right : undefined) ?? this.panel.y);
   }
@@ -101,7 +101,7 @@ export class Plot extends Frame {
     if (isReadable && max - min <= CLOSE * (this.full[1] - this.full[0])) void this.#refine();
   }
 
-  /** Replaces the samples of the page by all that were recorded. */
+  /** Replaces the samples in the page by all recorded samples. */
   async #refine(): Promise<void> {
     const coarse = this.#lines.filter((drawn) => !drawn.isFull && this.state.shows(drawn.line));
     const found = coarse.map(async (drawn) => {
@@ -155,7 +155,7 @@ export class Plot extends Frame {
       });
     }
     this.plot?.destroy();
-    // When all cases are off: an abscissa needs a width, a logarithmic one is above 0, and the ordinate needs a line.
+    // If all cases are off, uPlot still needs a range for the abscissa (above 0 on a logarithmic axis) and a line.
     if (!shown.some((drawn) => drawn.line.right !== true)) {
       const across = tables[0]?.[0] ?? (this.panel.x.log ? [1, 10] : [0, 1]);
       tables.push([across, Array.from(across, () => null)]);
@@ -222,7 +222,7 @@ export class Plot extends Frame {
     const fixed = this.panel.y.range;
     if (fixed !== null) {
       const [low, high] = fixed.map((end) => convert(revert(end, this.panel.y.units[0]), this.#yUnit())) as Range;
-      // A share of 0 or 1 is to be seen, too.
+      // Room for points at a share of 0 or 1.
       const room = low === 0 && high === 1 ? 0.03 : 0;
       return [low - room, high + room];
     }
@@ -262,7 +262,7 @@ export class Plot extends Frame {
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      // Readable over lines, and beside the title of a level that is close.
+      // Keeps the title readable on top of lines, and beside the title of a close level.
       const width = ctx.measureText(level.title).width;
       const left = Math.max(bbox.left, ...taken.filter(([, other]) => Math.abs(other - y) < 1.5 * size).map(([end]) => end)) + size / 2;
       taken.push([left + width, y]);
@@ -276,7 +276,7 @@ export class Plot extends Frame {
     ctx.restore();
   }
 
-  /** Writes the values at the cursor, or the keys of the lines without one. */
+  /** Writes the values at the cursor; without a cursor, the legend. */
   #read(): void {
     const plot = this.plot;
     if (plot === null) return;

@@ -1,6 +1,6 @@
-/** Recorded signals in full resolution, from the files beside the page. A page on a web server can read them; one in a folder cannot. */
+/** Recorded signals in full resolution, from the files beside the page. Only a page on a web server can read them. */
 
-/** In less than this share of the abscissa, lines are drawn from the recorded signals. */
+/** If less than this share of the abscissa is shown, lines are drawn from the recorded signals. */
 export const CLOSE = 0.5;
 
 type Columns = Map<string, number[]>;
@@ -18,7 +18,7 @@ async function read(file: string): Promise<Columns> {
 /** Whether files can be read. */
 export const isReadable = location.protocol.startsWith("http");
 
-/** Times and values of a signal; null if the file is not there. */
+/** Returns times and values of a signal; null if the file does not exist. */
 export async function samples(file: string, signal: string): Promise<{ times: number[]; values: number[] } | null> {
   let columns = files.get(file);
   if (columns === undefined) files.set(file, (columns = read(file)));

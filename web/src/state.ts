@@ -1,4 +1,4 @@
-/** What the switches of the page say. All figures follow them. */
+/** State of the page's switches, which applies to all figures. */
 
 import type { Line, PageData } from "./page-data";
 
@@ -29,17 +29,17 @@ export class State {
     for (const listener of this.#listeners) listener();
   }
 
-  /** Calls a function when the cursor in a plot without a time axis, `source`, is at a time, s; null: at none any more. */
+  /** Calls a function with the time (s) of the cursor in a plot without a time axis, `source`; null when the cursor is removed. */
   watch(watcher: (time: number | null, source: object) => void): void {
     this.#watchers.push(watcher);
   }
 
-  /** Tells the others where the cursor of a plot without a time axis is. */
+  /** Reports the time of the cursor in a plot without a time axis to the watchers. */
   point(time: number | null, source: object): void {
     for (const watcher of this.#watchers) watcher(time, source);
   }
 
-  /** Whether a line is to be seen. */
+  /** Whether a line is visible. */
   shows(line: Line): boolean {
     if (line.case !== null && !this.cases.has(line.case)) return false;
     if (line.kind === "mean") return this.mean;

@@ -5,7 +5,7 @@ import type { PageData } from "./page-data";
 import { DASHES, lineKey } from "./panel";
 import type { State } from "./state";
 
-/** More seeds than this have one list instead of a switch each. */
+/** With more seeds than this, a list replaces the switches. */
 const FEW_SEEDS = 12;
 
 function put<T>(set: Set<T>, value: T, on: boolean): void {
@@ -17,7 +17,7 @@ function seedToggle(seed: number, state: State): HTMLElement {
   return toggle(String(seed), `seed ${seed}`, state.seeds.has(seed), (on) => state.change(() => put(state.seeds, seed, on)));
 }
 
-/** A list to choose one seed of many from, or none. */
+/** Makes a list to choose one seed or none. */
 function seedList(seeds: number[], state: State): HTMLElement {
   const change = () => {
     state.seeds.clear();
@@ -29,7 +29,7 @@ function seedList(seeds: number[], state: State): HTMLElement {
   return list;
 }
 
-/** A bar with switches of the cases of one figure, or of those of the page; empty if there is nothing to switch. */
+/** Makes a bar with switches for the cases of a figure or of the page; empty if there is nothing to switch. */
 export function caseSwitches(data: PageData, state: State, title: string, figure?: string): HTMLElement {
   const lines = data.figures.flatMap((one) => one.panels.flatMap((panel) => panel.lines));
   const cases = data.cases.filter((one) => one.figure === figure && lines.some((line) => line.case === one.name));
@@ -41,7 +41,7 @@ export function caseSwitches(data: PageData, state: State, title: string, figure
   return element("div", { className: "switches" }, ...(toggles.length > 1 ? [group(title, toggles)] : []));
 }
 
-/** The bar of switches of the page. */
+/** Makes the page's bar of switches. */
 export function switches(data: PageData, state: State): HTMLElement {
   const bar = caseSwitches(data, state, "Cases");
   const lines = data.figures.flatMap((figure) => figure.panels.flatMap((panel) => panel.lines));
@@ -51,7 +51,7 @@ export function switches(data: PageData, state: State): HTMLElement {
     const all = seeds.length <= FEW_SEEDS ? seeds.map((seed) => seedToggle(seed, state)) : [seedList(seeds, state)];
     bar.append(group("Seeds", [...(lines.some((line) => line.kind === "mean") ? [mean] : []), ...all]));
     if (seeds.length < data.seeds.length) {
-      bar.append(element("small", {}, `The page has ${seeds.length} of ${data.seeds.length} seeds one by one; mean and deviation are of all.`));
+      bar.append(element("small", {}, `The page contains the single runs of ${seeds.length} of ${data.seeds.length} seeds; mean and deviation use all.`));
     }
   }
   if (data.figures.some((figure) => figure.panels.some((panel) => panel.y.units.length > 1))) {

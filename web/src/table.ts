@@ -1,19 +1,19 @@
-/** Tables: sorting, copying, lists on narrow screens, and a matrix of colors for long ones. The table is there without this code, too. */
+/** Tables: sorting, copying, lists on narrow screens, and a colored matrix for long tables. */
 
 import { button, element, group, toggle } from "./dom";
 
-/** Tables with more rows can be shown as a matrix. */
+/** Tables with more rows than this can be shown as a matrix. */
 const LONG = 40;
 
-/** Text of a cell in one line. */
+/** Returns the text of a cell in one line. */
 function textOf(cell: HTMLTableCellElement): string {
   return cell.dataset["text"] ?? (cell.innerText ?? "").replace(/\s+/g, " ").trim();
 }
 
-/** Digits that are written above the line, as in 10⁻⁵. */
+/** Superscript digits, as in 10⁻⁵. */
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
-/** The number at the beginning of a text; NaN without one. */
+/** Returns the number at the beginning of a text; NaN if there is none. */
 export function numberIn(text: string): number {
   const found = /^(?:over )?([+−-]?\d+(?:\.\d+)?)(?:[eE]([−+-]?\d+)|×10(⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+))?/.exec(text.trim());
   if (found === null) return NaN;
@@ -21,7 +21,7 @@ export function numberIn(text: string): number {
   return Number(`${found[1]}e${found[2] ?? raised.join("")}`.replaceAll("−", "-"));
 }
 
-/** Order of two texts: numbers by their size, then other texts by their letters, then those without any. */
+/** Compares two texts: numbers by size, then other texts alphabetically, then empty ones. */
 function compare(one: string, other: string, direction: 1 | -1): number {
   const rank = (text: string) => (/^[–-]?$/.test(text) ? 2 : Number.isNaN(numberIn(text)) ? 1 : 0);
   const [first, second] = [rank(one), rank(other)];
@@ -34,7 +34,7 @@ function isGrouped(table: HTMLTableElement): boolean {
   return table.querySelector("tbody th[rowspan]") !== null;
 }
 
-/** Titles, then rows, as texts; a cell over several rows is in each of them, and so is the title of a group. */
+/** Returns the titles and the rows as texts. A cell that spans several rows, and the title of a group, are repeated in each row. */
 function matrix(table: HTMLTableElement): string[][] {
   const head = [...(table.tHead?.rows[0]?.cells ?? [])].map(textOf);
   const grouped = isGrouped(table);
@@ -69,7 +69,7 @@ async function copy(text: string, control: HTMLButtonElement): Promise<void> {
   setTimeout(() => (control.textContent = title), 1500);
 }
 
-/** Sorts the rows of each group by a column, or as they were; its title stays at its first row, a summary at its end. */
+/** Sorts the rows of each group by a column, or restores the original order (null). Its title stays in the first row, a summary at the end. */
 function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1): void {
   const grouped = isGrouped(table);
   for (const body of table.tBodies) {
@@ -81,7 +81,7 @@ function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1)
     title?.remove();
     const at = column === null ? 0 : grouped ? column - 1 : column;
     const key = (row: HTMLTableRowElement) => {
-      // Of the paper's change and ours, ours counts.
+      // A cell with the paper's change and ours is sorted by ours.
       const ours = row.cells[at]?.querySelector<HTMLElement>(".ours .text")?.innerText;
       return ours ?? (row.cells[at] === undefined ? "" : textOf(row.cells[at]!));
     };
@@ -90,14 +90,14 @@ function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1)
     rows.forEach(given);
     rows.sort((a, b) => (column === null ? given(a) - given(b) : compare(keys.get(a)!, keys.get(b)!, direction)));
     if (title !== null) rows[0]?.prepend(title);
-    // Left out where it repeats the row above.
+    // Omitted if it repeats the row above.
     for (const cell of body.querySelectorAll<HTMLElement>("td[data-text], th[scope=row][data-text]")) cell.textContent = cell.dataset["text"]!;
     if (grouped) rows.forEach((row, i) => row.classList.toggle("first", i === 0));
     body.append(...first, ...rows, ...last);
   }
 }
 
-/** Makes the titles of columns buttons that sort, and returns a list for narrow screens, which have no titles of columns. */
+/** Makes the column titles buttons that sort, and returns a list for narrow screens, on which the titles are hidden. */
 function makeSortable(table: HTMLTableElement): HTMLElement {
   const heads = [...(table.tHead?.rows[0]?.cells ?? [])];
   const choice = element("select", { "aria-label": "Sort by" }, new Option("as given", ""));
@@ -109,7 +109,7 @@ function makeSortable(table: HTMLTableElement): HTMLElement {
   };
   const grouped = isGrouped(table);
   heads.forEach((head, column) => {
-    // The first column may have the titles of groups.
+    // The first column can contain the titles of groups.
     if (column === 0 && grouped) return;
     const text = [...head.childNodes].find((node) => node.nodeType === Node.TEXT_NODE && node.textContent?.trim() !== "");
     if (text === undefined) return;
@@ -129,7 +129,7 @@ function makeSortable(table: HTMLTableElement): HTMLElement {
   return place;
 }
 
-/** Gives cells the titles of their columns, which a narrow screen shows beside them instead of above. */
+/** Adds the column titles to the cells; a narrow screen shows them beside the cells instead of above. */
 export function label(table: HTMLTableElement): void {
   const titles = [...(table.tHead?.rows[0]?.cells ?? [])].map(textOf);
   for (const row of [...table.tBodies].flatMap((body) => [...body.rows])) {
@@ -143,7 +143,7 @@ export function label(table: HTMLTableElement): void {
   table.classList.add("is-labeled");
 }
 
-/** A number of a sweep: its place in a matrix. */
+/** A number in a sweep, and its position in a matrix. */
 interface Place {
   title: string;
   row: string;
@@ -151,8 +151,8 @@ interface Place {
   text: string;
 }
 
-/** The numbers of a group of rows, by matrix: rows are the points of the sweep and columns the cases, or each case has a matrix of
- * the values of both parameters. */
+/** Returns the numbers of a group of rows, by matrix. One matrix has the points of the sweep as rows and the cases as columns; in a sweep
+ * over two parameters, each case has a matrix with the values of both parameters. */
 function places(body: HTMLTableSectionElement): Map<string, Place[]> {
   const metric = body.rows[0]?.cells[0] === undefined ? "" : textOf(body.rows[0].cells[0]);
   const found = [...body.rows].map((row) => {
@@ -167,7 +167,7 @@ function places(body: HTMLTableSectionElement): Map<string, Place[]> {
   return new Map(titles.map((title) => [title, found.filter((place) => place.title === title)]));
 }
 
-/** Matrices of the numbers of a sweep, colored from the least to the greatest of each. */
+/** Makes matrices from the numbers of a sweep, each with colors from its smallest to its largest number. */
 function heatMap(table: HTMLTableElement): HTMLElement {
   const all = element("div", { className: "matrices" });
   for (const [title, cells] of [...table.tBodies].flatMap((body) => [...places(body)])) {
@@ -191,16 +191,16 @@ function heatMap(table: HTMLTableElement): HTMLElement {
   return all;
 }
 
-/** Makes a table a list on narrow screens; one of results can also be sorted and copied. */
+/** Turns a table into a list on narrow screens; result tables can also be sorted and copied. */
 export function enhanceTable(table: HTMLTableElement): void {
-  // Cells of a table with titles of groups have their labels already.
+  // In a table with group titles, the cells already have labels.
   if (!isGrouped(table)) label(table);
   if (!table.matches(".headline, .results")) return;
   const choice = makeSortable(table);
   const asCsv = button("CSV", () => void copy(csv(matrix(table)), asCsv), "Copy the table as CSV");
   const asMarkdown = button("Markdown", () => void copy(markdown(matrix(table)), asMarkdown), "Copy the table as Markdown");
   const count = [...table.tBodies].reduce((sum, body) => sum + body.rows.length, 0);
-  // A single row has no order.
+  // A single row cannot be sorted.
   const bar = element("div", { className: "table-buttons" }, ...(count > 1 ? [choice] : []), group("Copy as", [asCsv, asMarkdown]));
   const frame = table.closest<HTMLElement>(".scroll") ?? table;
   if (count > LONG && table.querySelector("td.point") !== null) {

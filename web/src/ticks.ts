@@ -4,7 +4,7 @@ import type uPlot from "uplot";
 import { text } from "./format";
 import type { Axis } from "./page-data";
 
-/** Multiples of powers of ten within a range. */
+/** Returns multiples of powers of ten within a range. */
 export function logTicks(low: number, high: number): number[] {
   const decades = Math.log10(high / low);
   const factors = decades > 3 ? [1] : decades > 0.8 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9];

@@ -1,8 +1,8 @@
-/** Which controllers are chosen together: those that one reads signals of, without those that write the same signals. */
+/** Choice of controllers: adding one adds the controllers that it depends on, and removes those that write the same signals. */
 
 import type { Controller, Vehicle } from "./protocol";
 
-/** Chosen controllers of a vehicle. Changes keep the choice consistent. */
+/** The chosen controllers of a vehicle, which are always consistent. */
 export class Choice {
   readonly #chosen: Set<string>;
 
@@ -30,8 +30,8 @@ export class Choice {
   }
 
   /**
-   * What a controller still needs. Needs that exclude each other are alternatives, because they write the same signal: one is enough, those that the
-   * vehicle has by default come first.
+   * The controllers that a controller needs and that are not chosen. Two that exclude each other are alternatives, because they write the same
+   * signal; one is enough, and the vehicle's defaults have priority.
    */
   missing(name: string): string[] {
     const needs = (this.#of(name)?.needs ?? []).filter((need) => !this.#excludes(name, need));
@@ -43,7 +43,7 @@ export class Choice {
     return taken.filter((need) => !this.#chosen.has(need));
   }
 
-  /** What a controller would replace. */
+  /** The chosen controllers that a controller would replace. */
   replaced(name: string): string[] {
     return this.names.filter((other) => other !== name && this.#excludes(name, other));
   }
@@ -65,7 +65,7 @@ export class Choice {
     this.#dropIncomplete();
   }
 
-  /** Takes out controllers that have lost what they need. */
+  /** Removes controllers whose needs are no longer met. */
   #dropIncomplete(): void {
     for (;;) {
       const incomplete = this.names.find((name) => this.missing(name).length > 0);

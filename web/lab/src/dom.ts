@@ -1,8 +1,8 @@
-/** Elements of the lab. */
+/** Helpers for HTML elements. */
 
 import { element } from "../../src/dom";
 
-/** The element of the page's HTML with an id. */
+/** Returns an element of index.html by its id. */
 export function byId<T extends HTMLElement = HTMLElement>(id: string): T {
   const found = document.getElementById(id);
   if (found === null) throw new Error(`the page has no #${id}`);
@@ -16,7 +16,7 @@ interface Choice {
   group?: string;
 }
 
-/** Replaces the options of a select, in the groups of their first appearance. */
+/** Replaces the options of a select. Groups are in the order of their first option. */
 export function fill(select: HTMLSelectElement, options: Choice[], value: string): void {
   const groups = new Map<string, HTMLElement>([["", select]]);
   select.replaceChildren();
@@ -31,34 +31,34 @@ export function fill(select: HTMLSelectElement, options: Choice[], value: string
 
 let fields = 0;
 
-/** A label above a control. */
+/** Makes a control with a label above it. */
 export function field(title: string, control: HTMLElement): HTMLElement {
   if (control.id === "") control.id = `field-${++fields}`;
   return element("div", { className: "field" }, element("label", { textContent: title, htmlFor: control.id }), control);
 }
 
-/** Whether a key press belongs to a control, not to the vehicle. */
+/** Whether a key press is for a control instead of the vehicle. */
 export function isControl(target: EventTarget | null): boolean {
   return target instanceof HTMLElement && target.closest("input, select, textarea, button, a, summary, [role=tab]") !== null;
 }
 
-/** A unit as it is shown: numbers without a dimension have none. */
+/** Formats a unit; empty for a dimensionless number. */
 export const unitText = (unit: string): string =>
   unit === "1" ? "" : unit.replaceAll(/([A-Za-z)])2/g, "$1²").replaceAll(/([A-Za-z)])3/g, "$1³").replaceAll(".", "·");
 
-/** A file for the visitor. */
+/** Offers a file for download. */
 export function download(name: string, content: Uint8Array): void {
   const url = URL.createObjectURL(new Blob([content as Uint8Array<ArrayBuffer>]));
   element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-/** What scrolls in the page, with a label for screen readers. */
+/** Makes a scrollable region with a label for screen readers. */
 export function region(label: string, className: string, content: HTMLElement): HTMLElement {
   return element("div", { className, tabIndex: 0, role: "region", "aria-label": label }, content);
 }
 
-/** A remark of a panel. */
+/** Makes a note in a panel. */
 export const note = (text: string): HTMLElement => element("p", { className: "note" }, text);
 
 export const darkMode = matchMedia("(prefers-color-scheme: dark)");

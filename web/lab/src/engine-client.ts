@@ -1,4 +1,4 @@
-/** The worker as the page sees it: requests with responses, events, and a watch for endless loops. */
+/** The page's interface to the worker: requests with responses, events, and detection of endless loops. */
 
 import type { Event, Request, Response } from "./protocol";
 
@@ -8,13 +8,13 @@ export type Query = WithoutId<Request>;
 export type Command = Exclude<Request, { id: number }>;
 type Answer<K extends Response["kind"]> = Extract<Response, { kind: K }>;
 
-/** Longest silence of a worker that simulates, ms. */
+/** Longest silence of a worker during a simulation, ms. */
 const SILENCE = 2000;
-/** Longest time for a response, ms: modules are compiled on slow machines, too. */
+/** Longest time for a response, ms. It allows for compiling modules on slow machines. */
 const PATIENCE = { start: 60_000, other: 15_000 };
-/** Queries that a worker answers between two steps; during others it may be silent for longer. */
+/** Queries that a worker answers between two steps. While it handles any other query, it may be silent for longer. */
 const QUICK = new Set<Query["kind"]>(["metrics", "describe"]);
-/** Time for messages that wait in the queue while this page was busy, ms. */
+/** Time to receive messages that were queued while the page was busy, ms. */
 const GRACE = 400;
 
 /** An error that the engine reports: what is wrong, and what to do. */
@@ -44,7 +44,7 @@ export class Engine {
   readonly #timer: number;
   readonly #url: string;
 
-  /** `onSilence` is called once, after the worker was ended because it did not return. */
+  /** `onSilence` is called once, after the worker was ended because it did not respond. */
   constructor(
     source: string,
     readonly onEvent: (event: Event) => void,
@@ -101,7 +101,7 @@ export class Engine {
     this.#waiting.clear();
   }
 
-  /** What the worker should have done by now; `null` if nothing. */
+  /** The activity of the worker that takes too long; `null` if there is none. */
   #overdue(now: number): Query["kind"] | "play" | null {
     for (const { query, deadline } of this.#waiting.values()) {
       if (now > Math.max(deadline, this.#last + SILENCE)) return query.kind;

@@ -1,4 +1,4 @@
-/** The FMUs beside the page. Their parts are scripts, because a page from `file://` may not read other files. */
+/** The FMUs beside the page. Their parts are scripts, because a page from `file://` cannot read other files. */
 
 import { descriptions, names } from "lab:data";
 import { inflated } from "../../src/data";
@@ -12,7 +12,7 @@ export interface Documentation {
   picture: string;
 }
 
-/** What the scripts of an FMU contain: `module` is WebAssembly, packed. */
+/** The content of an FMU's scripts; `module` is WebAssembly, packed. */
 interface Parts {
   module: string;
   documentation: Documentation;
@@ -23,7 +23,7 @@ const waiting = new Map<string, (content: unknown) => void>();
 
 Object.assign(window, { chassisLab: { register: (name: string, content: unknown) => waiting.get(name)?.(content) } });
 
-/** Bytes that build-lab.mjs packed. */
+/** Unpacks bytes that build-lab.mjs has packed. */
 export async function unpack(base64: string): Promise<Uint8Array> {
   return new Uint8Array(await inflated(base64, "deflate-raw"));
 }
@@ -32,19 +32,19 @@ export async function unpackJson<T>(base64: string): Promise<T> {
   return JSON.parse(new TextDecoder().decode(await unpack(base64))) as T;
 }
 
-/** Whether an FMU is part of the lab; others were dropped by the visitor. */
+/** Whether an FMU is part of the lab, not dropped by the visitor. */
 export const isOurs = (name: string): boolean => names.includes(name);
 
 let known: Promise<Record<string, string>> | null = null;
 const allDescriptions = () => (known ??= unpackJson<Record<string, string>>(descriptions));
 
-/** Descriptions of the FMUs in a sentence, by name; there when the engine has started. */
+/** One-sentence descriptions of the FMUs by name, available after the engine has started. */
 const summaries = new Map<string, string>();
 
-/** An FMU in a sentence; empty if its description has none. */
+/** The one-sentence description of an FMU; empty if it has none. */
 export const summary = (name: string): string => summaries.get(name) ?? "";
 
-/** Keeps the sentence about a dropped FMU: its modelName, which its file need not have, and its description. */
+/** Stores the summary of a dropped FMU: its modelName, which can differ from the file name, and its description. */
 export function remember(name: string, text: string): void {
   const { documentElement: root } = new DOMParser().parseFromString(text, "text/xml");
   const description = root.getAttribute("description") ?? "";
@@ -57,7 +57,7 @@ export async function allFmus(): Promise<FmuFile[]> {
   return Object.entries(await allDescriptions()).map(([name, description]) => ({ name, description, module: null }));
 }
 
-/** A part of an FMU, from its script. */
+/** Loads a part of an FMU from its script. */
 export function part<K extends keyof Parts>(name: string, kind: K): Promise<Parts[K]> {
   const key = `${name}.${kind}`;
   let found = loaded.get(key);
@@ -66,7 +66,7 @@ export function part<K extends keyof Parts>(name: string, kind: K): Promise<Part
       waiting.set(key, resolve);
       const onerror = () => {
         loaded.delete(key);
-        reject(new Error(`fmus/${key}.js cannot be loaded. It belongs beside this page.`));
+        reject(new Error(`fmus/${key}.js cannot be loaded. Put the folder fmus beside this page.`));
       };
       document.head.append(element("script", { src: `fmus/${key}.js`, onerror }));
     });
@@ -75,7 +75,7 @@ export function part<K extends keyof Parts>(name: string, kind: K): Promise<Part
   return found as Promise<Parts[K]>;
 }
 
-/** The files of FMUs with their modules. */
+/** Returns the files of FMUs, including their modules. */
 export async function withModules(wanted: string[]): Promise<FmuFile[]> {
   const texts = await allDescriptions();
   return Promise.all(wanted.map(async (name) => ({ name, description: texts[name] ?? "", module: await unpack(await part(name, "module")) })));

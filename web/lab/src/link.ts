@@ -2,8 +2,8 @@
  * The setup in the fragment of the URL. Two formats:
  *
  * - `#setup=…`: JSON of a `Setup`, base64url. `Copy link` makes it.
- * - `#scenario=ID&case=NAME&seed=1&twin=NAME`: a case of a scenario, for links in other pages. All but the first may be left out:
- *   the first case, the first seed, the second case beside it (an empty `twin`: nothing).
+ * - `#scenario=ID&case=NAME&seed=1&twin=NAME`: a case of a scenario, for links in other pages. Only `scenario` is required. The defaults
+ *   are the first case, the first seed, and the second case as the twin (an empty `twin`: none).
  */
 
 import type { Catalog, Setup } from "./protocol";
@@ -24,7 +24,7 @@ function decodeSetup(text: string): Setup {
   return setup;
 }
 
-/** The setup of a link; `null` if it has none. An unusable one is an error. */
+/** Returns the setup in a link; `null` if there is none. Throws if it is invalid. */
 export function decode(hash: string, catalog: Catalog): Setup | null {
   const parameters = new URLSearchParams(hash.replace(/^#/, ""));
   const setup = parameters.get("setup");
@@ -36,13 +36,13 @@ export function decode(hash: string, catalog: Catalog): Setup | null {
   const id = parameters.get("scenario");
   if (id === null) return null;
   const scenario = catalog.scenarios.find((one) => one.id === id);
-  if (scenario === undefined) throw new Error(`The link is to the scenario ${id}, which the lab does not have.`);
+  if (scenario === undefined) throw new Error(`The link is to the scenario ${id}, which the lab does not contain.`);
   const known = (name: string | null) => scenario.cases.some((one) => one.id === name);
   const chosen = parameters.get("case") ?? scenario.cases[0]?.id ?? "";
   const other = scenario.cases.find((one) => one.id !== chosen)?.id ?? null;
   const twin = parameters.get("twin");
   const missing = [chosen, twin ?? ""].find((name) => name !== "" && !known(name));
-  if (missing !== undefined) throw new Error(`The link is to the case ${missing}, which the scenario ${id} does not have.`);
+  if (missing !== undefined) throw new Error(`The link is to the case ${missing}, which the scenario ${id} does not contain.`);
   const seed = Number(parameters.get("seed") ?? scenario.seeds[0] ?? 1);
   return {
     system: { kind: "scenario", scenario: id, case: chosen, twin: twin === null ? other : twin === "" ? null : twin, seed },

@@ -1,4 +1,4 @@
-/** The lab: makes the parts and connects them. */
+/** The lab: creates its parts and connects them. */
 
 import "uplot/dist/uPlot.min.css";
 import "./lab.css";
@@ -18,7 +18,7 @@ import type { Setup } from "./protocol";
 import { Stage } from "./stage";
 import { Traces } from "./traces";
 
-/** A frame after a pause of the browser counts as this long, s. */
+/** Longest duration of a frame, s. Longer pauses of the browser are shortened to it. */
 const LONGEST_FRAME = 0.1;
 
 const model = new Model();
@@ -43,7 +43,7 @@ async function run(setup: Setup, plays = true): Promise<boolean> {
   return isOpen;
 }
 
-/** The setup of the link; without a usable one that of the first vehicle. */
+/** Opens the setup in the link; without a valid one, the default setup of the first vehicle. */
 async function openLink(plays: boolean): Promise<void> {
   const { catalog } = model;
   const first = catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle") ?? catalog?.vehicles[0];
@@ -80,7 +80,7 @@ window.addEventListener("keydown", (event) => {
   else void model.play();
 });
 
-/** Nobody watches a hidden page: the simulation waits. */
+/** The simulation pauses while the page is hidden. */
 let wasPlaying = false;
 document.addEventListener("visibilitychange", () => {
   if (document.hidden) {
@@ -106,7 +106,7 @@ requestAnimationFrame(frame);
 async function start(): Promise<void> {
   try {
     await model.start();
-    // Who asked for less motion starts it.
+    // If the visitor prefers reduced motion, the simulation does not start automatically.
     await openLink(!reducedMotion.matches);
   } catch (error) {
     model.report(error);

@@ -1,12 +1,12 @@
-/** Messages of the lab: errors stay until they are closed. */
+/** Messages of the lab. Errors stay until they are closed. */
 
 import { element } from "../../src/dom";
 import { byId } from "./dom";
 import type { Message, Model } from "./model";
 
-/** How long an information stays, ms. */
+/** Time for which information is shown, ms. */
 const STAY = 8000;
-/** More messages than these push the oldest one out. */
+/** Maximum number of messages; a new one replaces the oldest. */
 const MOST = 3;
 
 export class Messages {
@@ -15,7 +15,7 @@ export class Messages {
   constructor(model: Model) {
     model.on("message", (message) => this.#show(message));
     model.on("failed", ({ title, time, component, message }) => {
-      const others = (model.opened?.systems.length ?? 1) > 1 ? " The other system goes on." : "";
+      const others = (model.opened?.systems.length ?? 1) > 1 ? " The other system continues." : "";
       const what = component === "" ? `ended at ${time.toFixed(3)} s` : `${component} failed at ${time.toFixed(3)} s`;
       this.#show({ level: "error", text: `${title}: ${what}: ${message}`, help: `Rewind, or change the setup.${others}` });
     });

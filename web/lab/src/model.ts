@@ -1,4 +1,4 @@
-/** The state of the lab without its display: what is open, what was simulated, which time is shown. */
+/** The state of the lab, independent of its display: the open systems, the recordings, the time shown. */
 
 import { core, texts, worker } from "lab:data";
 import { Engine, EngineError, type Query } from "./engine-client";
@@ -7,10 +7,10 @@ import type { Catalog, Driving, Event, FreeSystem, Metric, Opened, Setup, Variab
 import { Recording, wheelPlaces } from "./recording";
 import { shapeOf } from "./shape";
 
-/** A way that the simulation took. */
+/** A branch of the simulation. Going back in time and continuing begins a new one. */
 export interface Branch {
   id: number;
-  /** Time at which it left its parent, s; 0 for the first one. */
+  /** Time at which it left its parent branch, s; 0 for the first branch. */
   from: number;
 }
 
@@ -39,7 +39,7 @@ export interface Message {
   help: string;
 }
 
-/** Display follows the simulation at this distance at most, in seconds of the clock on the wall. */
+/** Largest delay of the display behind the simulation, in seconds of wall-clock time. */
 const LAG = 0.3;
 
 export class Model {
@@ -52,19 +52,19 @@ export class Model {
   failures: Failure[] = [];
   playing = false;
   rate = 1;
-  /** Time that is shown, s. */
+  /** The time shown, s. */
   time = 0;
   /** Values of adjustables that the visitor changed. */
   readonly changed = new Map<string, number>();
   #engine: Engine;
   #opening = 0;
   #wantsToPlay = false;
-  /** Whether the next `play` must go to the time shown first. */
+  /** Whether the next `play` must first go back to the time shown. */
   #isBehind = false;
-  /** Whether a new worker gets ready: controls and link change together, when its system is open. */
+  /** Whether a new worker is starting. Controls and link are updated together, after its system has opened. */
   #isRestarting = false;
   readonly #archives = new Map<string, Uint8Array>();
-  /** The setup of a link, until the FMUs that it contains have been dropped. */
+  /** The setup of a link whose FMUs have not all been dropped yet. */
   #awaited: Setup | null = null;
   readonly #listeners: { [K in keyof Listeners]: Listeners[K][] } = {
     catalog: [], opened: [], rows: [], clock: [], branch: [], value: [], failed: [], message: [],
@@ -110,7 +110,7 @@ export class Model {
     return this.catalog?.vehicles.find(({ fmu }) => fmu === name);
   }
 
-  /** The setup with which a vehicle begins: the controllers of its paper and its first maneuver of the test bench. */
+  /** The default setup of a vehicle: the controllers of its paper, and its first test-bench maneuver. */
   defaultSetup(vehicle: Vehicle): Setup {
     const known = (this.catalog?.maneuvers ?? []).filter(({ id }) => vehicle.maneuvers.includes(id));
     const maneuver = (known.find(({ kind }) => kind === "bench") ?? known[0])?.id ?? "";
@@ -126,21 +126,21 @@ export class Model {
     return { system, values: {} };
   }
 
-  /** FMUs of a setup that are not there. */
+  /** FMUs of a setup that are not available. */
   #absent({ system }: Setup): string[] {
     const vehicles = this.catalog?.vehicles ?? [];
     const known = new Set(vehicles.flatMap(({ fmu, controllers }) => [fmu, ...controllers.map((controller) => controller.fmu)]));
     return system.kind === "free" ? [system.vehicle, ...system.controllers].filter((name) => !known.has(name)) : [];
   }
 
-  /** The setup of a link without the FMUs that the visitor has to drop first; `null` if its vehicle is one of them. */
+  /** The setup of a link without the FMUs that the visitor must drop first; `null` if its vehicle is one of them. */
   withoutAbsent(setup: Setup): Setup | null {
     const absent = this.#absent(setup);
     const { system } = setup;
     if (absent.length === 0 || system.kind !== "free") return setup;
     this.#awaited = setup;
     const files = absent.map((name) => `${name}.fmu`).join(", ");
-    this.say("error", `The link is to a system with ${absent.join(", ")}, which it does not contain.`, `Drop ${files} into the page; then the system opens.`);
+    this.say("error", `The system of this link needs ${absent.join(", ")}, which the link does not contain.`, `Drop ${files} into the page to open the system.`);
     if (absent.includes(system.vehicle)) return null;
     return { ...setup, system: { ...system, controllers: system.controllers.filter((name) => !absent.includes(name)) } };
   }
@@ -153,7 +153,7 @@ export class Model {
     return awaited;
   }
 
-  /** Opens a setup. Only the last of several calls has an effect. */
+  /** Opens a setup. A later call supersedes earlier ones. */
   async open(setup: Setup): Promise<boolean> {
     const order = ++this.#opening;
     this.pause();
@@ -197,7 +197,7 @@ export class Model {
     this.#emit("rows");
   }
 
-  /** Rows that came before the response to `open`. */
+  /** Rows that arrived before the response to `open`. */
   #early: Extract<Event, { kind: "rows" }>[] = [];
 
   #receive(event: Event): void {
@@ -210,12 +210,12 @@ export class Model {
         for (const recording of this.recordings) recording.branch(event.branch, this.branch, event.from);
         this.branches.push({ id: event.branch, from: event.from });
         this.branch = event.branch;
-        // Those of the former branch; the engine reports systems again that are still stopped.
+        // Failures belong to the previous branch; the engine reports systems again that have failed in the new one.
         this.failures = [];
         this.#emit("branch");
         break;
       case "clock":
-        // An event of before a pause may come after it.
+        // An event from before a pause can arrive after it.
         this.playing = event.playing && this.#wantsToPlay;
         this.#emit("clock");
         break;
@@ -228,12 +228,12 @@ export class Model {
     }
   }
 
-  /** Latest time that was simulated on the present branch, s. */
+  /** Latest simulated time of the current branch, s. */
   get end(): number {
     return Math.max(0, ...this.recordings.map((recording) => recording.end(this.branch)));
   }
 
-  /** Whether all systems have got to the end of the maneuver, or have stopped before. */
+  /** Whether all systems have reached the end of the maneuver or failed. */
   get hasEnded(): boolean {
     const { opened } = this;
     if (opened === null) return false;
@@ -242,7 +242,7 @@ export class Model {
     return this.recordings.every(isOver);
   }
 
-  /** Whether the last row is shown: the end need not be a time of the rows. */
+  /** Whether the last row is shown. The end of the simulation can be between two row times. */
   get isFinished(): boolean {
     return this.opened !== null && this.time > this.opened.stop - this.opened.rowStep * 1.001;
   }
@@ -278,7 +278,7 @@ export class Model {
     if (this.playing) this.#engine.tell({ kind: "play", rate });
   }
 
-  /** Shows a time that was simulated. The simulation goes on from there. */
+  /** Shows a simulated time. The simulation continues from there. */
   scrub(time: number): void {
     this.pause();
     this.time = Math.max(0, Math.min(time, this.end));
@@ -286,7 +286,7 @@ export class Model {
     this.#emit("clock");
   }
 
-  /** Moves the shown time by a frame of the display. */
+  /** Advances the time shown by a frame of the display. */
   advance(seconds: number): void {
     const end = this.end;
     if (this.#isBehind || this.time >= end) return;
@@ -296,7 +296,7 @@ export class Model {
     if (!this.playing) this.time = end;
   }
 
-  /** Sets an adjustable: of both systems if both have it. */
+  /** Sets an adjustable, in both systems if both have it. */
   set(id: string, value: number): void {
     this.changed.set(id, value);
     const owners = (this.opened?.systems ?? []).filter(({ adjustables }) => adjustables.some((one) => one.id === id)).length;
@@ -308,7 +308,7 @@ export class Model {
     this.#engine.tell({ kind: "drive", driving });
   }
 
-  /** A short title of a system: an enumeration of controllers is too long for a line. */
+  /** A short title of a system, with the number of controllers if there are several. */
   titleOf(index: number): string {
     const title = this.opened?.systems[index]?.title ?? "";
     const system = this.setup?.system;
@@ -317,7 +317,7 @@ export class Model {
     return `${system.vehicle} ${count === 0 ? "without control" : count === 1 ? `with ${system.controllers[0]}` : `with ${count} controllers`}`;
   }
 
-  /** What is driven: a maneuver, or a scenario. */
+  /** The maneuver or scenario. */
   get task(): string {
     const { catalog } = this;
     const system = this.setup?.system;
@@ -326,7 +326,7 @@ export class Model {
     return catalog?.maneuvers.find(({ id }) => id === system.maneuver)?.title ?? "";
   }
 
-  /** The name of the run of a system, for its file. */
+  /** The file name for the run of a system. */
   runOf(index: number): string {
     const system = this.setup?.system;
     const words =
@@ -336,7 +336,7 @@ export class Model {
     return words.join("_").replaceAll(/[^\w.-]+/g, "_");
   }
 
-  /** The setup with the present values, which act from its start on. */
+  /** The setup with the current values as values from the start. */
   currentSetup(): Setup | null {
     if (this.setup === null) return null;
     return { system: this.setup.system, values: Object.fromEntries(this.changed) };
@@ -354,7 +354,7 @@ export class Model {
     return (await this.#engine.ask({ kind: "describe", fmu }, [], "described")).variables;
   }
 
-  /** Reads an FMU of the visitor, and returns its name. */
+  /** Adds an FMU from the visitor, and returns its name. */
   async drop(name: string, archive: Uint8Array): Promise<string> {
     const dropped = await this.#engine.ask({ kind: "drop", name, archive: archive.slice() }, [], "dropped");
     this.#archives.set(dropped.name, archive);
@@ -363,20 +363,20 @@ export class Model {
     return dropped.name;
   }
 
-  /** FMUs of the visitor that the open system contains. */
+  /** FMUs from the visitor in the open system. */
   #foreign(): string[] {
     const names = (this.opened?.systems ?? []).flatMap(({ components }) => components.map(({ fmu }) => fmu));
     const chosen = this.setup?.system.kind === "free" ? this.setup.system.controllers : [];
     return [...new Set([...names, ...chosen])].filter((name) => !isOurs(name));
   }
 
-  /** Starts a new worker after one that did not return, without the FMU that is probably the reason. */
+  /** Starts a new worker after one that did not respond, without the visitor's FMU that is probably the cause. */
   async #restart(during: Query["kind"] | "play"): Promise<void> {
     const foreign = this.#foreign();
     const culprit = foreign.length > 0 ? foreign.join(" or ") : (this.opened === null ? "The system" : this.titleOf(0));
     const place = during === "play" ? `after ${this.end.toFixed(2)} s` : `during "${during}"`;
     this.say("error", `${culprit} did not return from a call ${place}. The simulation was ended and restarted.`,
-      foreign.length > 0 ? "It was taken out of the system. Look for a loop without end in its step." : "Choose other values.");
+      foreign.length > 0 ? "It was removed from the system. Look for an endless loop in its step." : "Choose other values.");
     this.playing = false;
     for (const name of foreign) this.#archives.delete(name);
     this.#engine = this.#newEngine();

@@ -11,11 +11,11 @@ import type { Column } from "./protocol";
 import type { Trace, Traces } from "./traces";
 
 const HEIGHT = 190;
-/** Points of a line; more rows are thinned out. */
+/** Maximum number of points in a line; with more rows, some are skipped. */
 const POINTS = 1600;
-/** Runs longer than this show their last part, s. */
+/** Longest time shown; of longer runs, the last part is shown, s. */
 const WINDOW = 40;
-/** Least time between two drawings, ms. */
+/** Minimum time between two drawings, ms. */
 const PERIOD = 90;
 const CURSOR = "lab";
 const PREFERRED = ["body.roll", "vehicle.lateral_acceleration", "vehicle.yaw_rate", "vehicle.load_transfer_ratio", "vehicle.speed", "vehicle.sideslip", "body.heave", "body.pitch"];
@@ -31,7 +31,7 @@ class LivePlot {
   readonly #body = element("div", { className: "plot-body", role: "img" });
   readonly #now = element("div", { className: "now", hidden: true });
   #plot: uPlot | null = null;
-  /** The visitor's own is the last one, so that it is drawn over the others. */
+  /** The visitor's own run is the last trace, so it is drawn on top. */
   #traces: Trace[] = [];
   #numbers: HTMLElement[] = [];
   #range: [number, number] = [0, 1];
@@ -64,7 +64,7 @@ class LivePlot {
     fill(this.#select, columns.map(({ name }) => ({ value: name, title: name, group: group(name) })), this.signal);
   }
 
-  /** Makes the plot anew: for another signal, other lines or another theme. */
+  /** Makes a new plot, for another signal, other lines or another theme. */
   rebuild(): void {
     const column = this.#column;
     const width = this.#body.clientWidth;
@@ -76,7 +76,7 @@ class LivePlot {
     this.#traces = this.traces.shown.slice().reverse();
     const unit = unitText(column.display.unit);
     this.#writeKeys(unit);
-    // Once: reading a color computes the style of the page.
+    // Colors are read once, because reading one computes the style of the page.
     const [muted, grid] = [color("muted"), color("grid")];
     const font = `11px ${getComputedStyle(document.body).fontFamily}`;
     const axis = { stroke: muted, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font };
@@ -117,7 +117,7 @@ class LivePlot {
   #room(low: number | null, high: number | null): [number, number] {
     const [bottom, top] = [low ?? 0, high ?? 0];
     const size = Math.max(Math.abs(bottom), Math.abs(top));
-    // A constant is in the middle of a range that does not magnify its rounding errors.
+    // A constant is in the middle of a range that is too wide to show rounding errors.
     const room = top - bottom > 1e-6 * size && size > 1e-9 ? 0.08 * (top - bottom) : size > 1e-9 ? 0.05 * size : 1;
     return [bottom - room, top + room];
   }
@@ -130,7 +130,6 @@ class LivePlot {
     this.mark();
   }
 
-  /** Draws the rows that there are. */
   update(): void {
     const { opened, recordings } = this.model;
     const plot = this.#plot;
@@ -144,7 +143,7 @@ class LivePlot {
     const step = opened.rowStep;
     const [first, last] = [Math.floor(this.#range[0] / step), Math.min(Math.ceil(this.#range[1] / step), Math.round(end / step))];
     const stride = Math.max(1, Math.ceil((last - first + 1) / POINTS));
-    // On the same rows each time, so that the line does not change its shape when it grows.
+    // The same rows are used each time, so the line does not change its shape when it grows.
     const begin = first - (first % stride);
     const times: number[] = [];
     for (let index = begin; index <= last; index += stride) times.push(index * step);
@@ -157,12 +156,12 @@ class LivePlot {
     this.read();
   }
 
-  /** Moves the line at the time shown. */
+  /** Moves the line that marks the time shown. */
   mark(): void {
     const plot = this.#plot;
     if (plot === null) return;
     const left = plot.valToPos(this.model.time, "x");
-    // Without asking for the layout, which would be computed anew for each plot.
+    // Avoids layout properties, which would make the browser compute the layout for each plot.
     this.#now.hidden = !(left >= 0 && left <= plot.bbox.width / devicePixelRatio);
     this.#now.style.transform = `translateX(${left}px)`;
   }
@@ -185,7 +184,7 @@ class LivePlot {
     });
   }
 
-  /** Keys of the lines with their numbers. */
+  /** Writes the legend with the numbers. */
   #writeKeys(unit: string): void {
     this.#numbers = this.#traces.map(() => element("b"));
     const entries = this.#traces.map((trace, i) => {
@@ -261,7 +260,7 @@ export class Plots {
     this.retrace();
   }
 
-  /** Lines have changed. */
+  /** Makes new plots after a change of the lines. */
   retrace(): void {
     const boxes = this.traces.all.map((trace) => {
       const box = check(trace.title, !this.traces.hidden.has(trace.key), (isOn) => {

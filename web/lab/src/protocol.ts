@@ -1,13 +1,13 @@
 /**
- * Messages between the page and the worker that simulates. All numbers are SI; all texts are made by the worker.
+ * Messages between the page and the worker that simulates. All numbers are in SI units; the worker makes all texts.
  *
- * - Columns: signals of the plant have their plain names, even if another component has the same one.
- * - Adjustables: `plant:road_friction.*` is one number for all inputs of that group; `driver:driver.speed` is there while the visitor drives a
- *   plant with prescribed speed.
- * - A dropped FMU that fits no vehicle is a vehicle of its own, with the only maneuver `alone`.
+ * - Columns: signals of the plant have their plain names, even if another component has a signal with the same name.
+ * - Adjustables: `plant:road_friction.*` is one number for all inputs of this group; `driver:driver.speed` exists while the visitor drives
+ *   a plant with prescribed speed.
+ * - A dropped FMU that fits no vehicle becomes a separate vehicle, whose only maneuver is `alone`.
  */
 
-/** What the page can offer: made from the FMUs' descriptions and the scenarios by the worker, after `start`. */
+/** The choices that the page offers. After `start`, the worker makes them from the FMUs' descriptions and the scenarios. */
 export interface Catalog {
   vehicles: Vehicle[];
   maneuvers: Maneuver[];
@@ -24,22 +24,22 @@ export interface Vehicle {
   /** Name of the FMU. */
   fmu: string;
   title: string;
-  /** Controllers that fit by their signals, each with the ones it cannot work without. */
+  /** Controllers whose signals fit, each with the controllers that it needs. */
   controllers: Controller[];
-  /** Controllers of the default system: those of its paper. */
+  /** Controllers of the default system, from the vehicle's paper. */
   defaults: string[];
-  /** Start values of all Real parameters, for the drawing: geometry, wheel radii. */
+  /** Start values of all Real parameters, such as dimensions for the drawing. */
   parameters: Record<string, number>;
-  /** Outputs, for the drawing: which wheels there are. */
+  /** Names of the outputs, which show which wheels the vehicle has. */
   outputs: string[];
-  /** Ids of the maneuvers that it can drive. */
+  /** Ids of the maneuvers that the vehicle can drive. */
   maneuvers: string[];
 }
 
 export interface Controller {
   fmu: string;
   title: string;
-  /** Other controllers whose outputs it reads. */
+  /** Other controllers whose outputs this one reads. */
   needs: string[];
   /** Controllers that write the same signals; two of them cannot be in one system. */
   excludes: string[];
@@ -48,9 +48,9 @@ export interface Controller {
 export interface Maneuver {
   id: string;
   title: string;
-  /** `bench`: of the test bench (PathDriver). `free`: the visitor drives. */
+  /** `bench`: a maneuver from the test bench (PathDriver). `free`: the visitor drives. */
   kind: "bench" | "free";
-  /** What can be chosen before it starts, the speed first. */
+  /** Values that can be chosen before the start; the speed is the first. */
   values: Adjustable[];
 }
 
@@ -63,12 +63,12 @@ export interface ScenarioEntry {
   seeds: number[];
 }
 
-/** A number with limits: of a maneuver, or a tunable parameter or an input of a running system. */
+/** A number with limits: a value of a maneuver, or a tunable parameter or input of a running system. */
 export interface Adjustable {
-  /** Of a maneuver its name; of a system `component:variable`. */
+  /** For a maneuver, the name of the value; for a system, `component:variable`. */
   id: string;
   title: string;
-  /** Empty if it has none. */
+  /** Empty for a number without unit. */
   unit: string;
   min: number;
   max: number;
@@ -77,7 +77,7 @@ export interface Adjustable {
   display: { unit: string; factor: number };
 }
 
-/** What is simulated. It is also what a link contains, so it has no binary data. */
+/** The description of a simulation. Links contain it, so it has no binary data. */
 export interface Setup {
   system: FreeSystem | ScenarioSystem;
   /** Values of parameters of the first system, by `component:parameter`, set before it starts. */
@@ -87,7 +87,7 @@ export interface Setup {
 export interface FreeSystem {
   kind: "free";
   vehicle: string;
-  /** Names of FMUs: ours, or of a dropped file. */
+  /** Names of FMUs, from the library or from dropped files. */
   controllers: string[];
   maneuver: string;
   /** Values of the maneuver by id; missing ones have their defaults. */
@@ -105,20 +105,20 @@ export interface ScenarioSystem {
   seed: number;
 }
 
-/** A system that was opened. The first one is the visitor's, the second one its twin without controllers. */
+/** An opened simulation: the visitor's system, and usually its twin without controllers. */
 export interface Opened {
   /** Communication step, s. */
   step: number;
-  /** End, s; the simulation pauses there. */
+  /** Time at which the simulation ends, s. */
   stop: number;
   /** Time between two rows, s. */
   rowStep: number;
   /** One or two. */
   systems: SystemInfo[];
-  /** Middle line of the path, and sections of cones (begin, end, right edge, left edge; m), where the maneuver has them. */
+  /** Center line of the path, and sections of cones (begin, end, right edge, left edge; m), if the maneuver has them. */
   path: [number, number][];
   cones: [number, number, number, number][];
-  /** Where results of the run come from, for the page: versions and hashes of FMUs. */
+  /** Origin of the results: versions and GUIDs of the FMUs. */
   origin: { fmu: string; version: string; guid: string }[];
 }
 
@@ -127,12 +127,12 @@ export interface SystemInfo {
   vehicle: string;
   components: { name: string; fmu: string }[];
   columns: Column[];
-  /** Tunable parameters and unwritten inputs that may change while it runs. */
+  /** Tunable parameters and unconnected inputs, which can change while the system runs. */
   adjustables: Adjustable[];
 }
 
 export interface Column {
-  /** Name of the signal, such as `vehicle.yaw_rate`; `component:signal` for one that two components have. */
+  /** Name of the signal, such as `vehicle.yaw_rate`; `component:signal` if two components have a signal with this name. */
   name: string;
   description: string;
   unit: string;
@@ -144,38 +144,38 @@ export interface Metric {
   title: string;
   unit: string;
   definition: string;
-  /** One per system; `null` with a reason if it has none. */
+  /** One value per system; `null`, with a reason, if it is undefined. */
   values: (number | boolean | null)[];
   reason: string;
   verdict: "pass" | "fail" | "info" | null;
 }
 
-/** What the visitor drives with: pedals from 0 to 1, steering-wheel angle from -1 (right) to 1 (left), or a speed for plants with prescribed speed. */
+/** The visitor's commands: pedals from 0 to 1, steering-wheel angle from -1 (right) to 1 (left), or a speed for plants with prescribed speed. */
 export interface Driving {
   steer: number;
   throttle: number;
   brake: number;
 }
 
-/** From the page. Every request with an `id` gets one response with it. */
+/** A message from the page. Every request with an `id` gets one response with this id. */
 export type Request =
   | { kind: "start"; id: number; core: Uint8Array; fmus: FmuFile[]; texts: Record<string, string> }
   /** More FMUs, fetched when chosen. */
   | { kind: "add"; id: number; fmus: FmuFile[] }
-  /** A dropped `.fmu` file; it gets the name of its file. */
+  /** A dropped `.fmu` file; the FMU is named after the file. */
   | { kind: "drop"; id: number; name: string; archive: Uint8Array }
   | { kind: "open"; id: number; setup: Setup }
-  /** Simulates `rate` seconds a second; 0 pauses; Infinity: as fast as possible. */
+  /** Simulates `rate` seconds per second; 0: pauses; Infinity: as fast as possible. */
   | { kind: "play"; rate: number }
-  /** Goes to an earlier time, from the nearest saved state; rows behind it belong to a new branch as soon as it goes on. */
+  /** Goes back to a time, starting from the nearest saved state. When the simulation continues, later rows belong to a new branch. */
   | { kind: "seek"; id: number; time: number }
-  /** Sets an adjustable of a system from the next step on; `system` null: of both. */
+  /** Sets an adjustable of a system from the next step on; `system` null: of both systems. */
   | { kind: "set"; system: number | null; adjustable: string; value: number }
   | { kind: "drive"; driving: Driving }
   | { kind: "metrics"; id: number }
   | { kind: "csv"; id: number; system: number }
   | { kind: "ssp"; id: number; system: number }
-  /** Description of an FMU for reading: variables and documentation (HTML). */
+  /** Asks for the variables and the documentation (HTML) of an FMU. */
   | { kind: "describe"; id: number; fmu: string };
 
 export interface FmuFile {
@@ -191,7 +191,7 @@ export type Response =
   | { kind: "started"; id: number; catalog: Catalog }
   | { kind: "added"; id: number }
   | { kind: "dropped"; id: number; name: string; description: string; catalog: Catalog }
-  /** `missing`: FMUs whose modules are needed first (`add`, then `open` again). */
+  /** `missing`: FMUs whose modules must be added first (`add`, then `open` again). */
   | { kind: "needs"; id: number; missing: string[] }
   | { kind: "opened"; id: number; opened: Opened }
   | { kind: "sought"; id: number; time: number }
@@ -207,13 +207,13 @@ export interface VariableInfo {
   description: string;
 }
 
-/** What happens while it runs. */
+/** Events during a simulation. */
 export type Event =
-  /** New rows of a system: `data` has `count` rows of all columns, row by row, after the time of each. */
+  /** New rows of a system: `data` has `count` rows, each with its time and all columns. */
   | { kind: "rows"; system: number; branch: number; count: number; data: Float64Array }
-  /** The simulation went on from an earlier time: later rows of older branches are kept for comparison. */
+  /** The simulation continued from an earlier time. Later rows of older branches are kept for comparison. */
   | { kind: "branch"; branch: number; from: number }
-  /** State of the clock, at least four times a second while it runs; the page takes a longer silence for an endless loop. */
+  /** State of the clock, at least four times a second while the simulation runs. The page treats a longer silence as an endless loop. */
   | { kind: "clock"; time: number; rate: number; playing: boolean }
-  /** A system cannot go on: its time, the component, what was wrong. The other one goes on. */
+  /** A system cannot continue: time, component and error. The other system continues. */
   | { kind: "failed"; system: number; time: number; component: string; message: string };

@@ -1,18 +1,18 @@
-/** Rows of a running system, kept for going back and for comparing branches. */
+/** The recorded rows of a running system, for going back in time and comparing branches. */
 
 import type { SystemInfo, Vehicle } from "./protocol";
 
-/** A wheel whose rotation is integrated, because no signal has its angle. */
+/** A wheel whose rotation angle is integrated from its speed, because no signal contains it. */
 interface Spin {
-  /** Column of its speed and what makes rad/s of it; column -1: it does not turn. */
+  /** Column of its speed, and the factor to rad/s; column -1: it does not turn. */
   column: number;
   factor: number;
 }
 
-/** Rows of a block: memory grows by blocks, so that nothing is copied. */
+/** Rows per block. Memory grows by blocks, so existing rows are not copied. */
 const BLOCK = 2048;
 
-/** Rows from a time on, on the grid of times `rowStep`. */
+/** The rows of a branch, at multiples of `rowStep`. */
 class Track {
   readonly #blocks: Float32Array[] = [];
   count = 0;
@@ -35,7 +35,7 @@ class Track {
     return this.#blocks[Math.floor(row / BLOCK)]![(row % BLOCK) * this.width + column]!;
   }
 
-  /** The place of a row to be written; rows left out are not a number. */
+  /** Returns the memory of a row for writing; skipped rows are NaN. */
   row(index: number): Float32Array {
     for (;;) {
       const last = Math.min(index - this.first, this.count);
@@ -63,7 +63,7 @@ export class Recording {
     wheels: { place: string; radius: number }[],
   ) {
     info.columns.forEach(({ name }, i) => this.#columns.set(name, i));
-    // A signal that two components have is found by its bare name, too: the vehicle's, otherwise the first one.
+    // If two components have a signal, its plain name refers to the vehicle's signal, otherwise to the first one.
     const owner = info.components.find(({ fmu }) => fmu === info.vehicle)?.name;
     info.columns.forEach(({ name }, i) => {
       const [component, signal] = name.includes(":") ? name.split(":") : [null, name];
@@ -77,7 +77,7 @@ export class Recording {
     this.#width = info.columns.length + wheels.length;
   }
 
-  /** The column of the first of some signals that exists; -1 without one. */
+  /** The column of the first of these signals that exists; -1 if none does. */
   column(...names: string[]): number {
     for (const name of names) {
       const found = this.#columns.get(name);
@@ -91,9 +91,9 @@ export class Recording {
     return this.info.columns.length + wheel;
   }
 
-  /** Begins a branch at a time of another one. */
+  /** Begins a branch at a time of its parent branch. */
   branch(branch: number, parent: number, from: number): void {
-    // The row at the time itself stays that of the parent.
+    // The row at this time still belongs to the parent.
     this.#tracks.set(branch, new Track(this.#width, Math.round(from / this.rowStep) + 1, this.#tracks.get(parent) ?? null));
   }
 
@@ -115,14 +115,14 @@ export class Recording {
     }
   }
 
-  /** Time of the last row of a branch, s; 0 without one. */
+  /** Time of the last row of a branch, s; 0 if it has none. */
   end(branch: number): number {
     const track = this.#tracks.get(branch);
     if (track === undefined) return 0;
     return Math.max(0, (track.count > 0 ? track.end : track.first) - 1) * this.rowStep;
   }
 
-  /** A value at a time, interpolated; the last one afterwards. */
+  /** Returns the interpolated value at a time; after the end, the last value. */
   at(branch: number, column: number, time: number): number {
     const track = this.#tracks.get(branch);
     if (track === undefined || column < 0) return NaN;
@@ -134,11 +134,11 @@ export class Recording {
   }
 
   #valueOf(track: Track, index: number, column: number): number {
-    // A branch without rows of its own has those of its parent.
+    // A branch without rows uses those of its parent.
     return track.count === 0 && track.parent !== null ? track.parent.value(index, column) : track.value(index, column);
   }
 
-  /** Values from one index of the grid to another one, each `stride`; `null` where there is none. */
+  /** Returns every `stride`-th value between two row indices; `null` for missing values. */
   values(branch: number, column: number, first: number, last: number, stride: number, factor: number): (number | null)[] {
     const track = this.#tracks.get(branch);
     const result: (number | null)[] = [];

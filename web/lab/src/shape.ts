@@ -1,4 +1,4 @@
-/** Dimensions of a vehicle for its drawing, from the parameters of its FMU. */
+/** Dimensions for drawing a vehicle, from the parameters of its FMU. */
 
 import type { Vehicle } from "./protocol";
 import { wheelPlaces } from "./recording";
@@ -11,14 +11,14 @@ export interface Wheel {
   side: 1 | -1;
   x: number;
   y: number;
-  /** Tires side by side. */
+  /** Number of tires side by side. */
   count: number;
-  /** Share of the load signal. On a half car the signal is that of a side, which both axles carry by their levers. */
+  /** Share of the load signal. In a half car, the signal is the load of a side, which the axles share according to their distances. */
   share: number;
 }
 
 export interface Shape {
-  /** A half car has one wheel mass and one strut on each side: its vertical motion is that of a cross section. */
+  /** A half car has one wheel mass and one strut on each side; it models a cross section. */
   kind: "rescue" | "truck" | "car" | "half car";
   wheels: Wheel[];
   radius: number;
@@ -30,9 +30,9 @@ export interface Shape {
   rear: number;
   /** Height of the roll axis, m. */
   rollAxis: number;
-  /** Walking beams, or the bars between the wheels of a side that move as one: middle and length, m; `null` without. */
+  /** Walking beams, or bars that connect the wheels of a side: middle and length, m; `null` if there are none. */
   beam: { x: number; length: number; z: number } | null;
-  /** Static load of a wheel for the scale of forces, N. */
+  /** Static load of a wheel, which determines the scale of force arrows, N. */
   load: number;
 }
 

@@ -1,4 +1,4 @@
-/** The view with its tools, numbers and legend. */
+/** The view with its controls, numbers and legend. */
 
 import { button, element } from "../../src/dom";
 import { text } from "../../src/format";
@@ -17,7 +17,7 @@ const NUMBERS: [signals: string[], title: string][] = [
   [["vehicle.load_transfer_ratio"], "load transfer"],
 ];
 const FACTORS = [1, 2, 3, 5];
-/** Time between two pictures of a simulation that runs as fast as possible, s. */
+/** Time between two drawings while the simulation runs as fast as possible, s. */
 const FAST_PERIOD = 0.15;
 
 export class Stage {
@@ -33,14 +33,14 @@ export class Stage {
   constructor(
     readonly model: Model,
     readonly traces: Traces,
-    /** Called when something else is shown beside the vehicle. */
+    /** Called when the comparison in the view changes. */
     readonly onBeside: () => void,
   ) {
     let view: View | null = null;
     try {
       view = new View(byId<HTMLCanvasElement>("canvas"));
     } catch {
-      this.#cover.textContent = "This browser does not offer WebGL, so there is no view of the vehicle. The simulation, the plots and the metrics work without it.";
+      this.#cover.textContent = "This browser does not support WebGL, so the vehicle cannot be shown. The simulation, the plots and the metrics work without it.";
       byId("view").classList.add("is-missing");
     }
     this.#view = view;
@@ -137,7 +137,7 @@ export class Stage {
       const value = recording.at(this.model.branch, column, this.model.time);
       const display = recording.info.columns[column]?.display;
       if (display === undefined || Number.isNaN(value)) return [];
-      // Fixed digits: the text does not jump.
+      // A fixed number of digits keeps the text from jumping.
       const number = (value * display.factor).toFixed(Math.abs(display.factor) > 3 ? 1 : 2).replace(/^-(0\.?0*)$/, "$1").replace("-", "−");
       return [[title, number, unitText(display.unit)] as const];
     });
@@ -155,7 +155,7 @@ export class Stage {
     const { model } = this;
     if (model.opened === null) return;
     this.#seconds += seconds;
-    // As fast as possible: the simulation has the processor, few pictures are enough.
+    // At full speed, the simulation needs the processor, so frames are drawn rarely.
     const isFast = model.playing && model.rate === Infinity;
     if (isFast && this.#seconds < FAST_PERIOD) return;
     const other = this.traces.besideTrace?.branch ?? model.branch;

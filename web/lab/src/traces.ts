@@ -1,24 +1,24 @@
-/** What is drawn in the plots and beside the vehicle: the visitor's run, its twin, and older branches. */
+/** The runs in the plots and the view: the visitor's run, its twin, and older branches. */
 
 import type { Model } from "./model";
 
 export interface Trace {
-  /** Stable name, for switches. */
+  /** Stable identifier, for switches. */
   key: string;
   title: string;
   system: number;
   branch: number;
-  /** Name of its color in the page's style. */
+  /** Name of the color in the page's style. */
   color: string;
   isOwn: boolean;
 }
 
-/** More branches than these are not drawn: the latest ones are. */
+/** Maximum number of branches that are drawn: the latest ones. */
 const BRANCHES = 4;
 
 export class Traces {
   readonly hidden = new Set<string>();
-  /** Key of the trace beside the vehicle in the view; empty for none. */
+  /** Key of the trace that the view shows for comparison; empty for none. */
   beside = "twin";
 
   constructor(readonly model: Model) {

@@ -1,9 +1,9 @@
-// Signatures of the functions of FMI 2.0 for co-simulation that the core calls, and modules made from signatures.
+// Signatures of the FMI 2.0 co-simulation functions that the core calls, and modules that give JavaScript functions these signatures.
 //
-// WebAssembly calls a function of a table only if its type is the one that the caller expects. A function of JavaScript has none until
-// it goes through a module that imports and exports it, so such modules are written here, byte by byte.
+// WebAssembly calls a function in a table only if it has the type that the caller expects. A JavaScript function has no type until a
+// module imports and exports it. Such modules are assembled here, byte by byte.
 
-/** Parameters and results, a letter each: `i` for 32-bit integers and addresses, `d` for doubles. */
+/** Parameters and results, with a letter for each: `i` for 32-bit integers and addresses, `d` for doubles. */
 export interface Signature {
   parameters: string;
   results: string;
@@ -38,12 +38,12 @@ export const FUNCTIONS: Record<string, Signature> = {
   fmi2DoStep: signature("iddi"),
 };
 
-/** Functions without which the core does not load a module. */
+/** Functions that a module must export. */
 export const REQUIRED = Object.keys(FUNCTIONS).filter(
   (name) => !["fmi2SetDebugLogging", "fmi2GetFMUstate", "fmi2SetFMUstate", "fmi2FreeFMUstate", "fmi2GetDirectionalDerivative"].includes(name),
 );
 
-/** The callbacks of an FMU. The logger is variadic in C: one more parameter, the address of the other arguments. */
+/** The callbacks of an FMU. The logger is variadic in C, so its last parameter is the address of the variable arguments. */
 export const CALLBACKS: Record<string, Signature> = {
   logger: signature("iiiiii", ""),
   allocateMemory: signature("ii"),

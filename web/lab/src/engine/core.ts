@@ -1,11 +1,11 @@
-// The core (crates/fmu-lab): the resolver, the master and the metrics as WebAssembly, and the modules of FMUs that it opens.
+// The core (crates/fmu-lab: resolver, master and metrics as WebAssembly), and the modules of FMUs that it opens.
 import type { Catalog, Driving, Opened, Setup } from "../protocol";
 import { FUNCTIONS, REQUIRED, trampolines } from "./abi";
 import { Fmu } from "./fmu";
 import { Memory } from "./memory";
 import { unknownImports } from "./wasi";
 
-/** What is wrong with a request, and what to do. */
+/** An error in a request, and the remedy. */
 export class Failure extends Error {
   constructor(
     message: string,
@@ -15,7 +15,7 @@ export class Failure extends Error {
   }
 }
 
-/** A request of crates/fmu-lab/src/requests.rs. */
+/** A request, as in crates/fmu-lab/src/requests.rs. */
 type CoreRequest =
   | { kind: "start"; descriptions: Record<string, string>; texts: Record<string, string> }
   | { kind: "drop"; name: string }
@@ -49,25 +49,25 @@ interface Exports {
 const ENCODER = new TextEncoder();
 const EMPTY = new Uint8Array();
 
-/** A module of an FMU: its bytes until it is compiled. */
+/** The module of an FMU. Its bytes are kept until it is compiled. */
 interface Module {
   bytes: Uint8Array;
   compiled: WebAssembly.Module | null;
 }
 
-/** An instance that the core has opened, and the places of its functions in the table. */
+/** An instance that the core has opened, and the indices of its functions in the table. */
 interface Library {
   fmu: Fmu;
   indices: Map<string, number>;
   trampolines: WebAssembly.Instance;
 }
 
-/** Imports of wasm-bindgen, which the crate `zip` links for random numbers of encrypted archives. The lab encrypts none. */
+/** Imports of wasm-bindgen, which the crate `zip` needs for random numbers to encrypt archives. The lab never calls them. */
 function unused(module: WebAssembly.Module): WebAssembly.Imports {
   const imports: Record<string, Record<string, () => never>> = {};
   for (const { module: from, name } of WebAssembly.Module.imports(module)) {
     (imports[from] ??= {})[name] = () => {
-      throw new Error(`${from}.${name} is not there`);
+      throw new Error(`${from}.${name} is not available`);
     };
   }
   return imports;
@@ -78,7 +78,7 @@ export class Core {
   readonly #memory: Memory;
   readonly #modules = new Map<string, Module>();
   readonly #libraries = new Map<number, Library>();
-  /** Places of functions that are no longer used. */
+  /** Indices in the table that are free again. */
   readonly #places: number[] = [];
   readonly #trampolines = trampolines(FUNCTIONS);
   #next = 1;
@@ -101,21 +101,21 @@ export class Core {
     this.#memory = new Memory(this.#exports.memory);
   }
 
-  /** Keeps a module until it is needed. */
+  /** Stores a module, which is compiled when it is needed. */
   addModule(name: string, bytes: Uint8Array): void {
     if (!this.#modules.has(name)) this.#modules.set(name, { bytes, compiled: null });
   }
 
   #compiled(name: string): WebAssembly.Module {
     const module = this.#modules.get(name);
-    if (module === undefined) throw new Error(`there is no module of ${name}`);
+    if (module === undefined) throw new Error(`there is no module for ${name}`);
     module.compiled ??= new WebAssembly.Module(module.bytes as BufferSource);
     return module.compiled;
   }
 
   #open(name: string): number {
     try {
-      // The core names the system, too, because each has modules of its own: `0/EspCar`.
+      // The name begins with the number of the system, such as `0/EspCar`, because each system has its own modules.
       const module = this.#compiled(name.slice(name.indexOf("/") + 1));
       const fmu = new Fmu(module, {
         memory: this.#memory,
@@ -179,7 +179,7 @@ export class Core {
     return [response as T, this.#memory.now.bytes.slice(from, from + this.#exports.lab_body_size()) as Uint8Array<ArrayBuffer>];
   }
 
-  /** Adds a dropped archive; returns the name it got. */
+  /** Adds a dropped archive; returns the name assigned to it. */
   drop(name: string, archive: Uint8Array): { name: string; description: string; catalog: Catalog } {
     const [dropped, bytes] = this.request<{ name: string; description: string }>({ kind: "drop", name }, archive);
     const refuse = (reason: string, help: string): never => {
@@ -193,7 +193,7 @@ export class Core {
     }
     const unknown = unknownImports(compiled);
     if (unknown.length > 0) {
-      refuse(`its module imports ${unknown.join(", ")}, which no importer of FMI provides`, "Link what it needs into the module.");
+      refuse(`its module imports ${unknown.join(", ")}, which no FMI importer provides`, "Link these functions into the module.");
     }
     const exported = new Set(WebAssembly.Module.exports(compiled).map((entry) => entry.name));
     const missing = [...REQUIRED, "memory", "__indirect_function_table"].filter((entry) => !exported.has(entry));
@@ -205,12 +205,12 @@ export class Core {
     return { ...dropped, catalog };
   }
 
-  /** Makes systems, or says which modules they need. */
+  /** Opens systems, or returns the modules that are missing. */
   open(setup: Setup): Opened | { missing: string[] } {
     return this.request<Opened | { missing: string[] }>({ kind: "open", setup, modules: [...this.#modules.keys()] })[0];
   }
 
-  /** Makes steps; returns their number, fewer at the end of a system, -1 if it has failed. */
+  /** Makes steps; returns their number (smaller at the end of a system), or -1 if the system has failed. */
   advance(system: number, steps: number): number {
     return this.#exports.lab_advance(system, steps);
   }
@@ -228,7 +228,7 @@ export class Core {
     return { count, data };
   }
 
-  /** Why a system cannot go on. */
+  /** Why a system cannot continue; `null` if it can. */
   failure(system: number): { time: number; component: string; message: string } | null {
     const length = this.#exports.lab_failure(system);
     return JSON.parse(this.#memory.slice(this.#exports.lab_response(), length)) as { time: number; component: string; message: string } | null;

@@ -1,13 +1,13 @@
-// The engine of the lab: answers the page's requests, and lets the systems run in real time.
+// The engine of the lab: answers the page's requests, and advances the systems in real time.
 import type { Catalog, Event, Metric, Opened, Request, Response, VariableInfo } from "../protocol";
 import { Core, Failure } from "./core";
 
-/** Wall-clock time of one turn, ms: messages are read between turns. */
+/** Wall-clock time of a turn, ms. Messages are read between turns. */
 const TURN = 12;
 const FAST_TURN = 50;
-/** Simulated time that the systems are advanced by in turns, s. */
+/** Simulated time by which one system advances before the next one does, s. */
 const SLICE = 0.02;
-/** Longest time between two states of the clock, ms. */
+/** Longest time between two `clock` events, ms. */
 const CLOCK = 100;
 
 export type Post = (message: Response | Event, transfer: Transferable[]) => void;
@@ -20,9 +20,9 @@ export class Engine {
   #failed: boolean[] = [];
   #over: boolean[] = [];
   #branch = 0;
-  /** Time of the latest way back, until the simulation goes on. */
+  /** Time that the simulation went back to, until it continues; otherwise `null`. */
   #from: number | null = null;
-  /** Wall-clock time up to which the simulated time was reached, ms. */
+  /** Wall-clock time that the simulated time corresponds to, ms. */
   #reached = 0;
   #told = 0;
   #scheduled = false;
@@ -125,7 +125,7 @@ export class Engine {
     }, this.#rate === Number.POSITIVE_INFINITY ? 0 : 4);
   }
 
-  /** Advances the systems to where they should be by now, as far as the turn lasts. */
+  /** Advances the systems to the time they should have reached, within the duration of a turn. */
   #turn(): void {
     if (this.#opened === null || this.#rate <= 0) return;
     const { step } = this.#opened;
@@ -142,7 +142,7 @@ export class Engine {
       steps -= now;
       done += now;
     }
-    // What a turn does not manage is not caught up: the simulation is slower than it should be.
+    // Steps that do not fit into a turn are not made up for; the simulation is then slower than real time.
     this.#reached = steps > 0 || done === 0 ? (done === 0 ? this.#reached : performance.now()) : this.#reached + ((done * step) / this.#rate) * 1000;
     this.#sendRows();
     if (!this.#isActive) {
@@ -157,13 +157,13 @@ export class Engine {
     return this.#failed.some((failed, index) => !failed && !this.#over[index]);
   }
 
-  /** The simulation goes on: after a way back in a branch of its own. */
+  /** Continues the simulation; begins a new branch if it went back. */
   #begin(): void {
     if (this.#from === null) return;
     this.#branch += 1;
     this.post({ kind: "branch", branch: this.#branch, from: this.#from }, []);
     this.#from = null;
-    // A system that had stopped before the time of the branch is stopped in the branch, too.
+    // A system that had failed before the time of the branch has failed in the branch, too.
     this.#failed.forEach((failed, system) => failed && this.#report(system));
   }
 

@@ -1,7 +1,7 @@
-// One FMU in a module of its own: memory, callbacks, and its functions for callers in another memory.
+// An FMU in its own module: memory, callbacks, and functions for callers with another memory.
 //
-// Each function copies its arguments into the FMU's memory and the results back. Handles (instances and states) pass unchanged. What
-// the FMU throws, such as a trap, ends as fmi2Fatal with a message: nothing of it gets into the frames of the core.
+// Each function copies its arguments into the FMU's memory and the results back. Handles (instances and states) are passed unchanged.
+// An exception in the FMU, such as a trap, becomes fmi2Fatal with a message; it does not unwind frames of the core.
 import { CALLBACKS, FUNCTIONS, trampolines } from "./abi";
 import { cString, Memory } from "./memory";
 import { formatted } from "./printf";
@@ -14,14 +14,14 @@ const callbackModule = trampolines(CALLBACKS);
 
 type Export = (...parameters: number[]) => number;
 
-/** What an FMU needs of the core. */
+/** The parts of the core that an FMU needs. */
 export interface Core {
   memory: Memory;
-  /** Calls a function of the core's table. */
+  /** Calls a function in the core's table. */
   call(index: number, ...parameters: number[]): void;
-  /** Memory of the core for a string that stays. */
+  /** Copies a string to the core's memory; returns its address. */
   keep(bytes: Uint8Array): number;
-  /** Forgets it. */
+  /** Frees the memory of such a string. */
   forget(address: number, size: number): void;
 }
 
@@ -40,11 +40,11 @@ export class Fmu {
   #scratchSize = 0;
   #free = 0;
   #end = 0;
-  /** Memory that the FMU has given back, by size. */
+  /** Blocks that the FMU has freed, by size. */
   readonly #returned = new Map<number, number[]>();
   readonly #sizes = new Map<number, number>();
   readonly #loggers = new Map<number, Logger>();
-  /** Loggers by environment, for what is logged before there is an instance. */
+  /** Loggers by environment, for messages before there is an instance. */
   readonly #environments = new Map<number, Logger>();
   #strings: [number, number][] = [];
   #version: Record<string, number> = {};
@@ -61,7 +61,7 @@ export class Fmu {
     this.#core = core;
     this.#exports._initialize?.();
     const table = instance.exports.__indirect_function_table;
-    if (!(table instanceof WebAssembly.Table)) throw new Error("it exports no table of functions, which callbacks are added to");
+    if (!(table instanceof WebAssembly.Table)) throw new Error("it exports no function table, which is needed for callbacks");
     const callbacks = new WebAssembly.Instance(callbackModule, {
       f: {
         logger: (environment: number, _name: number, status: number, category: number, message: number, rest: number) =>
@@ -78,7 +78,7 @@ export class Fmu {
   #log(environment: number, status: number, category: string, message: string): void {
     const logger = this.#environments.get(environment);
     if (logger === undefined) return;
-    // Formats are done here: what the core reads as one has its signs doubled.
+    // The message is already formatted. The core treats it as a format, so `%` and `#` are doubled.
     const texts = [category, message.replaceAll("%", "%%").replaceAll("#", "##")].map(cString);
     const [first, second] = texts.map((text) => this.#core.keep(text)) as [number, number];
     this.#core.call(logger.log, environment, 0, status, first, second);
@@ -86,7 +86,7 @@ export class Fmu {
     this.#core.forget(second, texts[1]?.length ?? 0);
   }
 
-  /** Zeroed memory, from the FMU's own allocator or pages behind it. */
+  /** Returns zeroed memory, from the FMU's own allocator or from additional pages. */
   #allocate(size: number): number {
     const malloc = this.#exports.malloc;
     let address: number;
@@ -118,7 +118,7 @@ export class Fmu {
     if (this.#free + size > this.#end) {
       const pages = Math.ceil(size / PAGE);
       const begin = this.#memory.memory.grow(pages) * PAGE;
-      // Pages that follow the ones before make one room with them.
+      // Pages that directly follow the previous ones extend the free block.
       if (begin !== this.#end) this.#free = begin;
       this.#end = begin + pages * PAGE;
     }
@@ -127,7 +127,7 @@ export class Fmu {
     return address;
   }
 
-  /** Room for the arguments of a call, valid until the next one. */
+  /** Memory for the arguments of a call, valid until the next call. */
   #room(size: number): number {
     if (size > this.#scratchSize) {
       this.#scratchSize = Math.max(4096, 2 * size);
@@ -136,7 +136,7 @@ export class Fmu {
     return this.#scratch;
   }
 
-  /** Makes the functions for the core. */
+  /** Makes the functions that the core calls. */
   #make(callbacks: number): void {
     const functions: Record<string, Export> = {
       ...this.#texts(),
@@ -155,7 +155,7 @@ export class Fmu {
     }
   }
 
-  /** A function whose exceptions become a status. */
+  /** Wraps a function: exceptions become a status. */
   #guarded(name: string, call: Export): Export {
     const failed = name === "fmi2Instantiate" ? 0 : FATAL;
     return (...parameters) => {
@@ -166,7 +166,7 @@ export class Fmu {
         this.#dead = error instanceof Error ? error.message : String(error);
         const component = name === "fmi2Instantiate" ? undefined : this.#loggers.get(parameters[0] ?? 0);
         const logger = component ?? [...this.#environments.values()].at(-1);
-        if (logger !== undefined) this.#log(logger.environment, ERROR, "trap", `the code of the FMU was stopped: ${this.#dead}`);
+        if (logger !== undefined) this.#log(logger.environment, ERROR, "trap", `the FMU stopped with an exception: ${this.#dead}`);
         return failed;
       }
     };
@@ -178,7 +178,7 @@ export class Fmu {
     return found;
   }
 
-  /** Copies bytes of the core to an address here. */
+  /** Copies bytes from the core to an address in the FMU. */
   #bring(from: number, to: number, size: number): void {
     const source = this.#core.memory.now.bytes;
     this.#memory.now.bytes.set(source.subarray(from, from + size), to);
@@ -189,7 +189,7 @@ export class Fmu {
     this.#core.memory.now.bytes.set(source.subarray(from, from + size), to);
   }
 
-  /** A C string of the core, in memory that stays; null for null. */
+  /** Copies a C string from the core to memory that stays allocated; null for null. */
   #string(address: number): number {
     if (address === 0) return 0;
     const size = this.#core.memory.length(address) + 1;
@@ -234,7 +234,7 @@ export class Fmu {
     };
   }
 
-  /** Getter and setter of a type whose values have a size. */
+  /** Getter and setter for a numeric type with a given size. */
   #numbers(type: string, size: number): Record<string, Export> {
     const [get, set] = [this.#function(`fmi2Get${type}`), this.#function(`fmi2Set${type}`)];
     const core = this.#core.memory;
@@ -323,7 +323,7 @@ export class Fmu {
     };
   }
 
-  /** Memory that the FMU takes, in bytes. */
+  /** Memory of the FMU, in bytes. */
   get size(): number {
     return this.#memory.memory.buffer.byteLength;
   }

@@ -1,4 +1,4 @@
-// A memory of WebAssembly with views that are made anew when it grows.
+// A WebAssembly memory with views that are renewed when it grows.
 
 const DECODER = new TextDecoder();
 const ENCODER = new TextEncoder();
@@ -16,7 +16,7 @@ export class Memory {
     this.doubles = new Float64Array(this.#buffer);
   }
 
-  /** This memory with valid views. To be called after everything that may have made it grow. */
+  /** This memory with valid views. Use it after every call that can make the memory grow. */
   get now(): this {
     const buffer = this.memory.buffer;
     if (buffer !== this.#buffer) {
@@ -42,7 +42,7 @@ export class Memory {
     return (end < 0 ? this.bytes.length : end) - address;
   }
 
-  /** A C string; empty for null. */
+  /** The text of a C string; empty for null. */
   text(address: number): string {
     return address === 0 ? "" : this.slice(address, this.length(address));
   }
@@ -53,7 +53,7 @@ export class Memory {
   }
 }
 
-/** A C string. */
+/** The bytes of a C string, with the final zero. */
 export function cString(text: string): Uint8Array {
   return ENCODER.encode(`${text}\0`);
 }

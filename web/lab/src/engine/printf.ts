@@ -1,7 +1,7 @@
-// Messages of FMUs are printf formats with arguments.
+// Formats messages of FMUs, which are printf formats with arguments.
 import type { Memory } from "./memory";
 
-/** The text of a format, with arguments from `rest` on. */
+/** Formats a message; `rest` is the address of the arguments. */
 export function formatted(memory: Memory, format: number, rest: number): string {
   let at = rest;
   const word = (): number => {

@@ -1,4 +1,4 @@
-// What compilers of C link into a module although an FMU needs no system: functions of WASI (preview 1) that find nothing.
+// Stubs of WASI functions (preview 1), which C compilers link into a module although the FMU does not use them.
 import type { Memory } from "./memory";
 
 const BAD_DESCRIPTOR = 8;
@@ -22,7 +22,7 @@ const FUNCTIONS = (memory: () => Memory | null): Record<string, (...parameters: 
     fd_read: () => BAD_DESCRIPTOR,
     fd_seek: () => BAD_DESCRIPTOR,
     path_open: () => BAD_DESCRIPTOR,
-    // What is printed goes nowhere, and all of it was written.
+    // Output is discarded; the function reports that everything was written.
     fd_write: (_descriptor = 0, vectors = 0, count = 0, written = 0) => {
       let size = 0;
       for (let i = 0; i < count; i++) size += memory()?.word(vectors + 8 * i + 4) ?? 0;
@@ -30,17 +30,17 @@ const FUNCTIONS = (memory: () => Memory | null): Record<string, (...parameters: 
       return 0;
     },
     proc_exit: (code = 0) => {
-      throw new Error(`it ended itself with exit code ${code}`);
+      throw new Error(`it called exit with code ${code}`);
     },
   };
 };
 
-/** The imports that a module can have. */
+/** The imports that the lab provides for modules. */
 export function wasi(memory: () => Memory | null): Record<string, Record<string, (...parameters: number[]) => number | undefined>> {
   return { wasi_snapshot_preview1: FUNCTIONS(memory), env: { emscripten_notify_memory_growth: () => undefined } };
 }
 
-/** Imports of a module that the lab does not have. */
+/** Imports of a module that the lab does not provide. */
 export function unknownImports(module: WebAssembly.Module): string[] {
   const known = wasi(() => null);
   return WebAssembly.Module.imports(module)

@@ -1,4 +1,4 @@
-/** Sliders of tunable parameters and of inputs, which act while the simulation runs. */
+/** Sliders for tunable parameters and inputs, which act while the simulation runs. */
 
 import { button, element } from "../../../src/dom";
 import { note } from "../dom";
@@ -6,9 +6,9 @@ import type { Model } from "../model";
 import type { Adjustable } from "../protocol";
 import { type Slider, slider } from "./controls";
 
-/** With more sliders than this, a field finds them by name. */
+/** With more sliders than this, there is a search field. */
 const MANY = 8;
-/** Values that everyone wants to change. */
+/** Important values, whose sliders are below the view. */
 const QUICK = /:(road_friction(\..*)?|tire\.friction|driver\.speed)$/;
 
 export class AdjustPanel {
@@ -24,14 +24,14 @@ export class AdjustPanel {
     /** Place of the friction and of a prescribed speed, below the view. */
     readonly quick: HTMLElement,
   ) {
-    this.#reset.title = "Sets all values to those of the start";
+    this.#reset.title = "Sets all values to their start values";
     tools.append(this.#reset);
     root.append(this.#search, this.#list);
     model.on("opened", () => this.#open());
     model.on("value", () => (this.#reset.disabled = this.model.changed.size === 0));
   }
 
-  /** Adjustables of the first system; those of the second one alone cannot be changed. */
+  /** Adjustables of the first system. Values that only the second system has cannot be changed. */
   get #adjustables(): Adjustable[] {
     return this.model.opened?.systems[0]?.adjustables ?? [];
   }
@@ -58,7 +58,7 @@ export class AdjustPanel {
       this.#list.append(element("details", { open }, head, ...adjustables.map((adjustable) => this.#slider(adjustable))));
     }
     const count = this.#adjustables.length;
-    if (count === 0) this.#list.append(note("This system has no value that may change while it runs."));
+    if (count === 0) this.#list.append(note("This system has no values that can be changed while it runs."));
     this.#search.hidden = count <= MANY;
     this.#reset.hidden = count === 0;
     this.#reset.disabled = this.model.changed.size === 0;

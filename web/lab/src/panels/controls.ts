@@ -14,13 +14,14 @@ export interface Slider {
   set: (value: number) => void;
 }
 
-/** A slider with its value; `onInput` is called while it moves, `onChange` when it stays. */
+/** Makes a slider that shows its value. `onInput` is called while it moves, `onChange` after the movement. */
 export function slider(adjustable: Adjustable, value: number, onInput: (value: number) => void, onChange: (value: number) => void = () => {}): Slider {
   const { min, max, display, title } = adjustable;
-  // Positions instead of values: the step of a range input rounds values to its grid, and limits have many digits.
+  // The input has positions instead of values, because a range input rounds values to its step, and limits can have
+  // many digits.
   const toPosition = (value: number) => (max > min ? Math.round((STEPS * (value - min)) / (max - min)) : 0);
   const toValue = () => min + ((max - min) * input.valueAsNumber) / STEPS;
-  // The label would name the output, which comes first.
+  // Without aria-label, the label would belong to the output, which comes first.
   const input = element("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": title, onchange: () => onChange(toValue()) });
   const output = element("output");
   const show = (value: number) => {

@@ -1,18 +1,18 @@
-/** Driving: arrow keys, a gamepad, or sliders. */
+/** Driving with arrow keys, a gamepad, or sliders. */
 
 import { button, element } from "../../../src/dom";
 import { isControl, note } from "../dom";
 import type { Model } from "../model";
 import type { Driving } from "../protocol";
 
-/** Time from the middle to full lock, and back, s. */
+/** Time from straight ahead to full lock, and back, s. */
 const STEER_TIME = 0.9;
 const RETURN_TIME = 0.5;
 /** Time from no pedal to full pedal, s. */
 const PEDAL_TIME = 0.35;
-/** Least change that is sent. */
+/** Smallest change that is sent to the worker. */
 const CHANGE = 1e-3;
-/** Play of a gamepad's sticks. */
+/** Dead zone of a gamepad's sticks, as a share of their range. */
 const DEAD_ZONE = 0.08;
 
 const KEYS: Record<string, "left" | "right" | "throttle" | "brake"> = {
@@ -28,7 +28,7 @@ export class DrivingPanel {
   readonly #sliders: Record<keyof Driving, HTMLInputElement>;
   #driving: Driving = { steer: 0, throttle: 0, brake: 0 };
   #sent: Driving = { steer: 0, throttle: 0, brake: 0 };
-  /** Whether keys or a gamepad have the vehicle; otherwise the sliders keep their place. */
+  /** Whether keys or a gamepad control the vehicle. Otherwise the sliders keep their positions. */
   #hasKeys = false;
   #isActive = false;
 
@@ -43,7 +43,7 @@ export class DrivingPanel {
     const [steer, steerLabel] = range("Steering: right to left", -1);
     const [throttle, throttleLabel] = range("Accelerator", 0);
     const [brake, brakeLabel] = range("Brake", 0);
-    // Left of the slider is left of the vehicle.
+    // The left of the slider steers to the left.
     steer.classList.add("mirrored");
     this.#sliders = { steer, throttle, brake };
     for (const [name, input] of Object.entries(this.#sliders) as [keyof Driving, HTMLInputElement][]) {
@@ -86,14 +86,14 @@ export class DrivingPanel {
     }
     if (!this.#isActive || event.ctrlKey || event.metaKey || event.altKey) return;
     const { target } = event;
-    // Buttons have no use for these keys.
+    // These keys have no effect on buttons, so they steer even if a button has the focus.
     if (isControl(target) && !(target instanceof HTMLButtonElement)) return;
     event.preventDefault();
     this.#pressed.add(action);
     this.#hasKeys = true;
   }
 
-  /** A gamepad that is used. */
+  /** The position of a gamepad that is in use; `null` if there is none. */
   #gamepad(): Driving | null {
     for (const pad of navigator.getGamepads()) {
       if (pad === null || !pad.connected) continue;

@@ -29,7 +29,7 @@ export class MetricsPanel {
     readonly model: Model,
     readonly root: HTMLElement,
   ) {
-    this.root.append(note("Metrics follow when the simulation runs."));
+    this.root.append(note("Metrics appear when the simulation runs."));
     model.on("opened", () => {
       this.#order += 1;
       this.#isWaiting = false;
@@ -64,9 +64,9 @@ export class MetricsPanel {
   #show(metrics: Metric[]): void {
     const titles = (this.model.opened?.systems ?? []).map((_, i) => this.model.titleOf(i));
     const { opened, end } = this.model;
-    // What is not over may still change: an overshoot at 1.55 s, a course that is not passed yet.
+    // Before the end, metrics can still change, such as an overshoot, or a course that is not completed yet.
     const isProvisional = opened !== null && !this.model.hasEnded;
-    const remark = isProvisional ? `Provisional: ${end.toFixed(1)} s of at most ${opened.stop.toFixed(1)} s. Verdicts follow at the end.` : "";
+    const remark = isProvisional ? `Provisional: ${end.toFixed(1)} s of at most ${opened.stop.toFixed(1)} s. Verdicts appear at the end.` : "";
     const shown = JSON.stringify([titles, metrics, remark]);
     if (shown === this.#shown) return;
     this.#shown = shown;
@@ -93,7 +93,7 @@ export class MetricsPanel {
     });
     const table = element("table", { className: "metrics" }, element("thead", {}, head), element("tbody", {}, ...rows));
     const scroll = region("Metrics", "scroll", table);
-    // Someone who reads the table keeps the place.
+    // Keeps the scroll position of the table.
     const left = this.root.querySelector(".scroll")?.scrollLeft ?? 0;
     const hadFocus = this.root.contains(document.activeElement);
     this.root.replaceChildren(...(remark === "" ? [] : [note(remark)]), scroll);

@@ -1,4 +1,4 @@
-/** Documentation and variables of the FMUs of the system. */
+/** Documentation and variables of the system's FMUs. */
 
 import { element } from "../../../src/dom";
 import { label } from "../../../src/table";
@@ -7,10 +7,10 @@ import { isOurs, part, summary } from "../library";
 import type { Model } from "../model";
 import type { VariableInfo } from "../protocol";
 
-/** What a documentation may contain; it is HTML of a file. */
+/** Elements that are kept in a documentation, whose HTML comes from a file. */
 const ALLOWED = new Set("A B BLOCKQUOTE BR CODE DD DIV DL DT EM H1 H2 H3 H4 H5 H6 HR I IMG LI OL P PRE SPAN STRONG SUB SUP TABLE TBODY TD TH THEAD TR UL".split(" "));
 
-/** The text of a documentation without scripts, styles and links to files that are not here. */
+/** Returns a documentation without scripts, styles and links to missing files. */
 function cleaned(html: string, picture: string): HTMLElement {
   const { body } = new DOMParser().parseFromString(html, "text/html");
   for (const one of [...body.querySelectorAll("*")]) {
@@ -26,7 +26,7 @@ function cleaned(html: string, picture: string): HTMLElement {
     if (picture === "") one.remove();
     else one.replaceWith(element("img", { src: `data:image/png;base64,${picture}`, alt: alternative, loading: "lazy" }));
   }
-  // Headings of the page enclose those of the text.
+  // Headings are moved to lower levels, below the headings of the page.
   const result = element("div", { className: "documentation" });
   for (const child of [...body.childNodes]) result.append(document.adoptNode(child));
   for (const heading of result.querySelectorAll("h1, h2, h3, h4")) {

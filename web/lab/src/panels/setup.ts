@@ -1,4 +1,4 @@
-/** Choice of the system: vehicle, controllers, maneuver, road; or a scenario of the library. */
+/** Choice of the system: vehicle, controllers, maneuver and road, or a scenario from the library. */
 
 import { button, element } from "../../../src/dom";
 import { Choice } from "../choice";
@@ -14,16 +14,16 @@ export class SetupPanel {
   readonly #kind = element("select", { id: "setup-kind", onchange: () => this.#changeKind() });
   readonly #body = element("div", { className: "fields" });
   #timer = 0;
-  /** Whether controllers are listed that neither are chosen nor belong to the vehicle's paper. */
+  /** Whether controllers are listed that are neither chosen nor from the vehicle's paper. */
   #showsMore = false;
 
   constructor(
     readonly model: Model,
     root: HTMLElement,
-    /** Place of the values of a maneuver, below the view. */
+    /** Container for the maneuver's values, below the view. */
     readonly quick: HTMLElement,
   ) {
-    fill(this.#kind, [{ value: "free", title: "A vehicle and controllers of your choice" }, { value: "scenario", title: "A scenario of the library" }], "free");
+    fill(this.#kind, [{ value: "free", title: "A vehicle and controllers of your choice" }, { value: "scenario", title: "A scenario from the library" }], "free");
     root.append(element("div", { className: "fields" }, field("Simulate", this.#kind)), this.#body);
     model.on("opened", () => this.show());
     model.on("catalog", () => this.show());
@@ -33,7 +33,7 @@ export class SetupPanel {
   show(): void {
     const { setup, catalog } = this.model;
     if (setup === null || catalog === null) return;
-    // A control that is rebuilt keeps the focus.
+    // A control keeps the focus when it is rebuilt.
     const places = [this.#body, this.quick];
     const focused = places.some((place) => place.contains(document.activeElement)) ? document.activeElement?.getAttribute("data-key") : null;
     this.quick.replaceChildren();
@@ -60,7 +60,7 @@ export class SetupPanel {
   #openScenario(id: string): void {
     const scenario = this.model.catalog?.scenarios.find((one) => one.id === id);
     if (scenario === undefined) return;
-    // Cases begin with the uncontrolled one: the last one is the most complete system.
+    // The first case is usually without control, the last one the most complete system.
     const [chosen, twin] = [scenario.cases.at(-1), scenario.cases[0]];
     void this.#run({ kind: "scenario", scenario: id, case: chosen?.id ?? "", twin: twin === undefined || twin === chosen ? null : twin.id, seed: scenario.seeds[0] ?? 1 });
   }
@@ -107,7 +107,7 @@ export class SetupPanel {
     );
     for (const value of maneuver?.values ?? []) {
       const { root, input } = slider(value, system.maneuverValues[value.id] ?? value.value, () => {}, (now) => {
-        // Several presses of a key are one change.
+        // Several key presses in quick succession are one change.
         clearTimeout(this.#timer);
         this.#timer = window.setTimeout(() => change({ maneuverValues: { ...system.maneuverValues, [value.id]: now } }), 350);
       });
@@ -135,25 +135,25 @@ export class SetupPanel {
     const list = element("ul", { className: "controllers" }, ...vehicle.controllers.filter(isMain).map(entry));
     const otherList = element("ul", { className: "controllers" }, ...others.map(entry));
     const ontoggle = () => (this.#showsMore = more.open);
-    const more = element("details", { open: this.#showsMore, hidden: others.length === 0, ontoggle }, element("summary", {}, `Others that fit: ${others.length}`), otherList);
+    const more = element("details", { open: this.#showsMore, hidden: others.length === 0, ontoggle }, element("summary", {}, `Other controllers that fit: ${others.length}`), otherList);
     const set = (title: string, key: string, controllers: string[]) => {
       const result = button(title, () => change({ controllers }));
       result.dataset["key"] = key;
       return result;
     };
-    const buttons = element("div", { className: "row" }, set("Those of the paper", "defaults", [...vehicle.defaults]), set("None", "none", []));
+    const buttons = element("div", { className: "row" }, set("As in the paper", "defaults", [...vehicle.defaults]), set("None", "none", []));
     const parts = vehicle.controllers.length === 0 ? [note("No controller of the library fits this vehicle by its signals.")] : [list, more, buttons];
     return element("fieldset", {}, element("legend", {}, "Controllers"), ...parts);
   }
 
-  /** Says which other controllers come and go with one. */
+  /** Reports the other controllers that a change has added or removed. */
   #tellOthers(name: string, before: string[], after: string[]): void {
     const added = after.filter((other) => other !== name && !before.includes(other));
     const removed = before.filter((other) => other !== name && !after.includes(other));
-    if (added.length > 0) this.model.say("info", `${added.join(", ")} added, too: ${name} needs what it writes.`);
+    if (added.length > 0) this.model.say("info", `${added.join(", ")} also added: ${name} needs its outputs.`);
     if (removed.length > 0) {
-      const why = after.includes(name) ? `${name} writes the same signals.` : `it needs what ${name} writes.`;
-      this.model.say("info", `${removed.join(", ")} removed, too: ${why}`);
+      const why = after.includes(name) ? `${name} writes the same signals.` : `it needs the outputs of ${name}.`;
+      this.model.say("info", `${removed.join(", ")} also removed: ${why}`);
     }
   }
 

@@ -1,4 +1,4 @@
-/** Link, files, and FMUs of the visitor. */
+/** Link, files, and FMUs from the visitor. */
 
 import { button, element } from "../../../src/dom";
 import { Choice } from "../choice";
@@ -38,7 +38,7 @@ export class SharePanel {
     if (setup === null) return;
     this.#link.value = location.href.replace(/#.*$/, "") + encode(setup);
     this.#twin.hidden = (this.model.opened?.systems.length ?? 0) < 2;
-    // Browsers limit how often the address may change.
+    // Browsers limit how often the address can change.
     clearTimeout(this.#timer);
     this.#timer = window.setTimeout(() => history.replaceState(null, "", encode(setup)), 400);
   }
@@ -48,7 +48,7 @@ export class SharePanel {
       await navigator.clipboard.writeText(this.#link.value);
       this.model.say("info", "The link has been copied. It contains the setup, not the run.");
     } catch {
-      // A page without permission for the clipboard shows the link.
+      // Without permission for the clipboard, the page selects the link.
       this.#link.focus();
       this.model.say("info", "The browser did not allow copying. The link is selected: copy it from the field.");
     }
@@ -86,14 +86,14 @@ export class SharePanel {
     });
   }
 
-  /** Reads an FMU and puts it into the system: as a controller where it fits, otherwise as a vehicle. */
+  /** Adds an FMU to the system: as a controller if it fits, otherwise as a vehicle. */
   async #take(file: File): Promise<void> {
     try {
       const name = await this.model.drop(file.name, new Uint8Array(await file.arrayBuffer()));
       const awaited = this.model.takeAwaited();
       if (awaited !== null) {
         if (await this.model.open(awaited)) {
-          this.model.say("info", `${name} is there: this is the system of the link.`);
+          this.model.say("info", `${name} was added: this is the system of the link.`);
           void this.model.play();
         }
         return;
@@ -101,7 +101,7 @@ export class SharePanel {
       const system = this.#with(name);
       if (system === null) {
         const where = this.model.setup?.system.kind === "free" ? this.model.setup.system.vehicle : "this system";
-        this.model.say("error", `${name} does not fit ${where}: none of its signals is an input or output of the system.`, "Choose another vehicle. The FMU stays in the list of those that it fits.");
+        this.model.say("error", `${name} does not fit ${where}: none of its signals is an input or output of the system.`, "Choose another vehicle. The FMU is listed for the vehicles that it fits.");
         return;
       }
       if (await this.model.open({ system, values: {} })) {

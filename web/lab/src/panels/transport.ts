@@ -35,7 +35,7 @@ export class Transport {
     });
   }
 
-  /** Steps of tenths of a second, which the slider itself does not have. */
+  /** Moves the time by keyboard in steps of 0.1 s or 1 s, because the slider itself has no steps (`step="any"`). */
   #key(event: KeyboardEvent): void {
     const steps: Record<string, number> = { ArrowLeft: -0.1, ArrowDown: -0.1, ArrowRight: 0.1, ArrowUp: 0.1, PageDown: -1, PageUp: 1, Home: -Infinity, End: Infinity };
     const step = steps[event.key];
@@ -53,7 +53,7 @@ export class Transport {
     this.#shown = shown;
     const title = playing ? "Pause" : isFinished ? "Replay" : "Play";
     if (this.#play.textContent !== title) this.#play.textContent = title;
-    // A free drive has a far end: the slider grows with it.
+    // The end of a free drive is far away, so the slider's range grows with the simulated time.
     const length = Math.min(opened.stop, Math.max(20, 1.25 * this.model.end));
     this.#slider.max = String(opened.stop <= 60 ? opened.stop : length);
     if (!this.#isDragged) this.#slider.value = String(time);

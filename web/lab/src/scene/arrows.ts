@@ -1,10 +1,10 @@
-/** Tire forces as arrows: load, lateral and longitudinal force of each wheel. */
+/** Arrows for the tire forces: load, lateral and longitudinal force of each wheel. */
 
 import { ConeGeometry, CylinderGeometry, Color, InstancedMesh, Group, Matrix4, MeshBasicMaterial, Quaternion, Vector3 } from "three";
 import type { Shape } from "../shape";
 import type { Pose } from "./pose";
 
-/** Colors of the three forces, of the page's style. */
+/** Names of the colors in the page's style. */
 export const FORCE_COLORS = { load: "force-load", lateral: "force-lateral", longitudinal: "force-longitudinal" } as const;
 /** Length of the arrow of a static wheel load, in wheel radii. */
 const SCALE = 1.9;
@@ -42,13 +42,13 @@ export class Arrows {
     const scale = (SCALE * shape.radius) / shape.load;
     pose.wheels.forEach((wheel, i) => {
       const place = shape.wheels[i]!;
-      // Beside the wheel, where the vehicle does not hide them.
+      // Arrows are beside the wheel, where the vehicle does not hide them.
       const y = place.y + place.side * (0.5 * place.count * shape.width + 0.16);
       const foot = new Vector3(place.x, y, 0.04);
       const turned = (x: number, across: number) => new Vector3(x * Math.cos(wheel.steer) - across * Math.sin(wheel.steer), x * Math.sin(wheel.steer) + across * Math.cos(wheel.steer), 0);
       this.#place(3 * i, foot, new Vector3(0, 0, scale * (wheel.load ?? 0)));
       const lateral = turned(0, scale * (wheel.lateral ?? 0));
-      // A force towards the vehicle ends at the wheel, so that it is not below the vehicle.
+      // The arrow of a force towards the vehicle ends at the wheel, to stay visible.
       this.#place(3 * i + 1, lateral.y * place.side < 0 ? foot.clone().sub(lateral) : foot, lateral);
       this.#place(3 * i + 2, foot, turned(scale * (wheel.longitudinal ?? 0), 0));
     });

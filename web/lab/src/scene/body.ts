@@ -10,7 +10,7 @@ export type Parts = Partial<Record<Finish, BufferGeometry>>;
 
 type Point = [x: number, z: number];
 
-/** Collects parts and merges those of one finish: few draw calls. */
+/** Collects parts, and merges parts with the same finish to reduce draw calls. */
 class Kit {
   readonly #parts = new Map<Finish, BufferGeometry[]>();
 
@@ -28,13 +28,13 @@ class Kit {
     this.add(finish, geometry.translate((from[0] + to[0]) / 2, (from[1] + to[1]) / 2, (from[2] + to[2]) / 2));
   }
 
-  /** A box and its mirror image on the other side. */
+  /** Adds a box and its mirror image on the other side. */
   boxes(finish: Finish, from: [number, number, number], to: [number, number, number], bevel = 0): void {
     this.box(finish, from, to, bevel);
     this.box(finish, [from[0], -from[1], from[2]], [to[0], -to[1], to[2]], bevel);
   }
 
-  /** A side view, extruded to a width. */
+  /** Adds a side view, extruded to a width. */
   side(finish: Finish, outline: Outline, width: number, bevel = 0.05): void {
     const geometry = new ExtrudeGeometry(outline, {
       depth: width - 2 * bevel,
@@ -60,7 +60,7 @@ function polygon(points: Point[]): Outline {
   return outline;
 }
 
-/** A side view with wheel arches in its lower edge; the points go over the top from the front to the rear. */
+/** Makes a side view with wheel arches in its lower edge; `top` is the upper edge from the front to the rear. */
 function arched(bottom: number, top: Point[], arches: number[], center: number, radius: number): Outline {
   const outline = new Outline();
   const half = Math.sqrt(Math.max(0, radius ** 2 - (center - bottom) ** 2));
@@ -166,7 +166,7 @@ function car(kit: Kit, shape: Shape): void {
   kit.box("dark", [nose - 0.5, -side + 0.3, sill - 0.02], [tail + 0.5, side - 0.3, sill + 0.12]);
 }
 
-/** A cross section of a car at the center of mass, on a frame. */
+/** Builds a half car: a cross section at the center of mass, on a frame. */
 function halfCar(kit: Kit, shape: Shape): void {
   const { front, rear } = shape;
   const side = shape.track / 2 - 0.6 * shape.width;
@@ -184,7 +184,7 @@ export function bodyParts(shape: Shape): Parts {
   return kit.parts;
 }
 
-/** A wheel about the origin, rotating about y. The rim has spokes, so that its rotation is visible. */
+/** Builds a wheel at the origin with its axis along y. The rim has spokes, which make the rotation visible. */
 export function wheelParts(shape: Shape, count: number): Parts {
   const kit = new Kit();
   const { radius, width } = shape;
@@ -208,7 +208,7 @@ export function wheelParts(shape: Shape, count: number): Parts {
   return kit.parts;
 }
 
-/** A strut of length 1 upwards from the origin. */
+/** Builds a strut of length 1, upwards from the origin. */
 export function strutParts(shape: Shape): Parts {
   const kit = new Kit();
   const size = shape.kind === "rescue" || shape.kind === "truck" ? 1 : 0.6;
@@ -220,7 +220,7 @@ export function strutParts(shape: Shape): Parts {
   return kit.parts;
 }
 
-/** A walking beam about its middle. */
+/** Builds a walking beam with its middle at the origin. */
 export function beamParts(length: number): Parts {
   const kit = new Kit();
   const half = length / 2;

@@ -25,7 +25,7 @@ const SIZE = 500;
 const CONES = 5;
 const CONE_HEIGHT = 0.55;
 
-/** Lines each 2 m and 10 m that fade away from the camera and do not flicker. */
+/** Grid lines every 2 m and 10 m, which fade with distance and do not flicker. */
 const vertex = /* glsl */ `
 varying vec3 place;
 void main() {
@@ -44,7 +44,7 @@ float lines(float spacing, float width) {
   vec2 change = fwidth(at);
   vec2 distance = abs(fract(at - 0.5) - 0.5);
   vec2 drawn = 1.0 - smoothstep(width * change, (width + 1.0) * change, distance);
-  // Lines closer than pixels become their mean.
+  // Lines that are closer together than pixels are averaged.
   drawn *= clamp(0.25 / max(change, vec2(1e-6)), 0.0, 1.0);
   return max(drawn.x, drawn.y);
 }
@@ -76,7 +76,7 @@ function ribbon(points: [number, number][], width: number, dash: number): Buffer
     if (length === 0) continue;
     const [tx, ty] = [(x1 - x0) / length, (y1 - y0) / length];
     const [nx, ny] = [(-ty * width) / 2, (tx * width) / 2];
-    // Pieces of the segment that belong to a dash.
+    // The parts of the segment that belong to a dash.
     let from = 0;
     while (from < length) {
       const phase = (way + from) % (2 * dash);
@@ -200,7 +200,7 @@ export class Ground {
     for (const trail of this.trails) trail.show(() => [0, 0], 0);
   }
 
-  /** Moves the ground with the vehicle: it has no end. */
+  /** Moves the ground with the vehicle, so it appears endless. */
   follow(x: number, y: number): void {
     this.#following.position.set(x, y, 0);
     this.#grid.uniforms["middle"]!.value = [x, y];

@@ -1,4 +1,4 @@
-/** Position and attitude of a vehicle and its wheels at a time, from signals. Signals that do not exist are zero. */
+/** Position and orientation of a vehicle and its wheels at a time, from signals. Missing signals are zero. */
 
 import type { Recording } from "../recording";
 import type { Shape } from "../shape";
@@ -45,7 +45,7 @@ export class PoseReader {
       pitch: column("body.pitch"),
     };
     this.#wheels = shape.wheels.map(({ place, axle, side, share }, i) => {
-      // A half car has one wheel for each side.
+      // A half car has one wheel on each side.
       const half = side > 0 ? "l" : "r";
       return {
         height: column(`wheel_height.${place}`, `wheel_height.${half}`),

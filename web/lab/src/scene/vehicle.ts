@@ -1,4 +1,4 @@
-/** A vehicle in the scene: solid, or transparent as something to compare with. */
+/** A vehicle in the scene: solid, or transparent for comparison. */
 
 import {
   type BufferGeometry,
@@ -96,7 +96,7 @@ export class VehicleModel {
   #paint(finish: Finish, isBody: boolean): MeshStandardMaterial {
     const [color, roughness, metalness] =
       finish === "paint" ? [PAINT[this.shape.kind][0], 0.42, 0.05] : finish === "second" ? [PAINT[this.shape.kind][1], 0.5, 0.05] : FINISH[finish];
-    // Each wheel shows its load by its color.
+    // Wheels have separate materials, because the color shows the load.
     const key = isBody ? finish : `${finish} ${this.#wheels.length}`;
     let material = this.#materials.get(key) as MeshStandardMaterial | undefined;
     if (material === undefined) {
@@ -107,14 +107,14 @@ export class VehicleModel {
     return material;
   }
 
-  /** One layer of a transparent color: depth first, so that surfaces behind the first one are not seen. */
+  /** Adds a transparent part. Depth is drawn first, which hides surfaces behind the front one. */
   #putTransparent(parent: Group, geometry: BufferGeometry, color: string, isBody: boolean): void {
     const material = <T extends Material>(key: string, make: () => T): T => {
       let found = this.#materials.get(key) as T | undefined;
       if (found === undefined) this.#materials.set(key, (found = make()));
       return found;
     };
-    // Behind the vehicle itself where both are at the same place.
+    // Where both vehicles coincide, the transparent one is behind.
     const offset = { polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2 };
     const depth = new Mesh(geometry, material("depth", () => new MeshBasicMaterial({ colorWrite: false, ...offset })));
     depth.renderOrder = 2;
@@ -132,7 +132,7 @@ export class VehicleModel {
     parent.add(lines);
   }
 
-  /** Makes the body transparent, so that suspension and wheels are seen. */
+  /** Makes the body transparent, to show suspension and wheels. */
   set isOpen(open: boolean) {
     for (const material of this.#solid) {
       material.transparent = open;
@@ -141,7 +141,7 @@ export class VehicleModel {
     }
   }
 
-  /** Puts everything where the signals have it; motion of the body and the wheels is shown larger by a factor. */
+  /** Moves all parts to their poses. Motion of the body and the wheels is magnified by a factor. */
   show(pose: Pose, factor: number): void {
     const { shape } = this;
     this.root.position.set(pose.x, pose.y, 0);
@@ -162,7 +162,7 @@ export class VehicleModel {
         tire.emissive = LIFTED;
         tire.emissiveIntensity = isLifted ? 0.7 : 0;
       }
-      // From the wheel to the body above it: small angles.
+      // The strut goes from the wheel to the body above it, for small angles.
       const y = place.y - place.side * (0.5 * shape.width * place.count + 0.18);
       const attached = factor * (pose.heave - place.x * pose.pitch + place.y * pose.roll);
       const top = (shape.kind === "half car" ? 1.9 : shape.kind === "car" ? 2.3 : 2.2) * shape.radius + attached;

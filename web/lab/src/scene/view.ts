@@ -1,4 +1,4 @@
-/** The view: renderer, light, camera, the vehicle and what is shown beside it. */
+/** The view: renderer, light, camera, the vehicle and its comparison. */
 
 import { DirectionalLight, HemisphereLight, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -12,7 +12,7 @@ import { Ground, type GroundColors } from "./ground";
 import { PoseReader } from "./pose";
 import { VehicleModel } from "./vehicle";
 
-/** Directions of the camera from the vehicle, in its frame; lengths in vehicle lengths. */
+/** Camera positions relative to the vehicle, in the vehicle's frame, in vehicle lengths. */
 export const CAMERAS = {
   chase: { title: "Behind", offset: [-1.75, 0.75, 0.52] },
   rear: { title: "Rear", offset: [-2, 0, 0.2] },
@@ -22,18 +22,18 @@ export const CAMERAS = {
 } as const;
 export type Camera = keyof typeof CAMERAS;
 
-/** Time constant of the camera's turn with the vehicle, s. */
+/** Time constant of the camera's rotation with the vehicle, s. */
 const TURN_TIME = 0.6;
-/** Least time between two redrawings of the tracks, ms. */
+/** Minimum time between two drawings of the tracks, ms. */
 const TRAIL_PERIOD = 200;
 
-/** Levels of quality, the best first: greatest number of pixels per pixel of the page, and whether there are shadows. */
+/** Quality levels, best first: maximum pixel ratio, and whether there are shadows. */
 const QUALITY = [
   { pixels: 2, shadows: true },
   { pixels: 1, shadows: true },
   { pixels: 0.75, shadows: false },
 ] as const;
-/** Frames that take longer than this in the mean of so many lower the quality, s. */
+/** The quality is lowered if the mean duration of FRAMES frames exceeds this, s. */
 const SLOW_FRAME = 0.055;
 const FRAMES = 20;
 
@@ -49,7 +49,7 @@ export class View {
   readonly #controls: OrbitControls;
   readonly #light = new DirectionalLight(0xffffff, 2.1);
   readonly #sky = new HemisphereLight(0xffffff, 0x9aa3ad, 1.5);
-  /** Light from the camera, so that no visible side is black. */
+  /** Light from the camera, which keeps visible sides from being black. */
   readonly #fill = new DirectionalLight(0xffffff, 0.8);
   readonly #ground: Ground;
   #own: Subject | null = null;
@@ -58,10 +58,10 @@ export class View {
   #heading: number | null = null;
   #kind: Camera = "chase";
   #trailAt = 0;
-  /** Whether something changed since the last picture. */
+  /** Whether something has changed since the last drawing. */
   #isStale = true;
   #last = "";
-  /** How much larger than they are motions of body and wheels are shown. */
+  /** Magnification of the motion of body and wheels. */
   factor = 1;
   #quality = 0;
   #frames = 0;
@@ -75,7 +75,7 @@ export class View {
   constructor(readonly canvas: HTMLCanvasElement) {
     this.#renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
     this.#renderer.shadowMap.enabled = true;
-    // Asking for errors waits for the compiler.
+    // Checking for shader errors would wait for the compiler.
     this.#renderer.debug.checkShaderErrors = false;
     this.#camera.up.set(0, 0, 1);
     this.#ground = new Ground(this.#colors());
@@ -86,7 +86,7 @@ export class View {
     this.#scene.add(this.#ground.root, this.#light, this.#light.target, this.#sky, this.#fill, this.#fill.target);
     this.#controls = new OrbitControls(this.#camera, canvas);
     this.#controls.enablePan = false;
-    // The wheel scrolls the page.
+    // The mouse wheel scrolls the page.
     this.#controls.enableZoom = false;
     this.#controls.maxPolarAngle = 0.495 * Math.PI;
     this.#controls.addEventListener("change", () => (this.#isStale = true));
@@ -123,13 +123,13 @@ export class View {
     this.#renderer.setPixelRatio(Math.min(devicePixelRatio, QUALITY[this.#quality]!.pixels));
     this.#renderer.setSize(clientWidth, clientHeight, false);
     this.#camera.aspect = clientWidth / clientHeight;
-    // A narrow view is farther away instead of cutting off the vehicle.
+    // A narrow view has a wider angle, to show the whole vehicle.
     this.#camera.fov = this.#camera.aspect > 1.4 ? 36 : 46;
     this.#camera.updateProjectionMatrix();
     this.#isStale = true;
   }
 
-  /** Draws anew even if time stands still. */
+  /** Requests a new drawing, even if the time does not change. */
   redraw(): void {
     this.#last = "";
     this.#isStale = true;
@@ -153,7 +153,7 @@ export class View {
     this.#compile();
   }
 
-  /** Shows something beside the vehicle; `null` removes it. */
+  /** Shows another run for comparison; `null` removes it. */
   setOther(recording: Recording | null, shape: Shape | null): void {
     this.#other?.model.dispose();
     this.#other = null;
@@ -166,7 +166,7 @@ export class View {
     this.redraw();
   }
 
-  /** Compiles shaders beside the page, which would wait for them when it draws. */
+  /** Compiles shaders in the background. Otherwise the page would block when it draws. */
   #compile(): void {
     this.#compiling += 1;
     const end = () => {
@@ -200,7 +200,7 @@ export class View {
     this.redraw();
   }
 
-  /** Draws a time. The other vehicle is that of a branch, too. `adapts`: whether a long time since the last picture lowers the quality. */
+  /** Draws the vehicles at a time, each on its branch. `adapts`: whether slow frames lower the quality. */
   draw(time: number, branch: number, otherBranch: number, seconds: number, adapts: boolean): void {
     const own = this.#own;
     if (own === null || this.#compiling > 0) return;
@@ -221,7 +221,7 @@ export class View {
     if (adapts) this.#adapt(seconds);
   }
 
-  /** Fewer pixels and no shadows where frames take long. */
+  /** Lowers the quality if frames take too long. */
   #adapt(seconds: number): void {
     this.#frames += 1;
     this.#seconds += seconds;
