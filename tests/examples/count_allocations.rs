@@ -1,7 +1,7 @@
-//! Counts the allocations of a process: a library for `LD_PRELOAD`, used by the test that a step allocates nothing.
+//! Counts the allocations in a process: a library for `LD_PRELOAD`, for the tests that a step does not allocate.
 //!
-//! An allocator of the test's own program would not see what a loaded FMU does, because an FMU has its own copy of the
-//! Rust runtime; all of them call the C functions below in the end.
+//! A Rust allocator in the test's program would not see the allocations of a loaded FMU, which contains its own copy of
+//! the Rust runtime. All copies eventually call the C functions below.
 #![cfg(all(target_os = "linux", target_env = "gnu"))]
 #![allow(unsafe_code, reason = "stands in for functions of the C library")]
 #![expect(clippy::missing_safety_doc, reason = "the functions are those of the C library")]
@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 static COUNT: AtomicU64 = AtomicU64::new(0);
 
-// The C library's own names of its functions: no lookup is needed, which might allocate itself.
+// The internal names in the C library, which avoid a symbol lookup that might allocate.
 unsafe extern "C" {
     fn __libc_malloc(size: size_t) -> *mut c_void;
     fn __libc_calloc(count: size_t, size: size_t) -> *mut c_void;
@@ -29,36 +29,36 @@ pub extern "C" fn counted_allocations() -> u64 {
     COUNT.load(Ordering::Relaxed)
 }
 
-/// malloc of the C library, counted.
+/// Counts, and calls malloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn malloc(size: size_t) -> *mut c_void {
     count();
-    // SAFETY: the same function under another name; also below.
+    // SAFETY: the same function under another name, here and below.
     unsafe { __libc_malloc(size) }
 }
 
-/// calloc of the C library, counted.
+/// Counts, and calls calloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calloc(number: size_t, size: size_t) -> *mut c_void {
     count();
     unsafe { __libc_calloc(number, size) }
 }
 
-/// realloc of the C library, counted.
+/// Counts, and calls realloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn realloc(pointer: *mut c_void, size: size_t) -> *mut c_void {
     count();
     unsafe { __libc_realloc(pointer, size) }
 }
 
-/// aligned_alloc of the C library, counted.
+/// Counts, and calls aligned_alloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn aligned_alloc(alignment: size_t, size: size_t) -> *mut c_void {
     count();
     unsafe { __libc_memalign(alignment, size) }
 }
 
-/// posix_memalign of the C library, counted.
+/// Counts, and does what posix_memalign does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn posix_memalign(target: *mut *mut c_void, alignment: size_t, size: size_t) -> c_int {
     count();

@@ -1,12 +1,12 @@
-//! Calls that no master should make: any function, in any order, with any arguments that the C types allow.
+//! Fuzzer: calls any function, in any order, with any arguments that the C types allow.
 //!
-//! The standard leaves invalid calls undefined; ARCHITECTURE.md ("Status", "Time") defines them and is the reference
-//! here. Checked at every call: the status is fmi2OK, fmi2Discard or fmi2Error; an error is logged with a reason and
-//! keeps the mode; nothing is written beyond the array, and nothing at all by a rejected call; a returned number is
-//! finite. At some calls also: a rejected call leaves the saved state unchanged.
+//! The standard does not define the effect of invalid calls. The reference is ARCHITECTURE.md ("Status", "Time"). Every
+//! call is checked: the status is fmi2OK, fmi2Discard or fmi2Error; an error is logged with a reason and keeps the FMU
+//! state; nothing is written beyond the array, and nothing at all by a rejected call; returned numbers are finite. For
+//! some calls, it is also checked that a rejected call does not change the saved state.
 //!
-//! Not covered, because no FMU can detect it: arrays shorter than stated, strings without a terminating zero, freed
-//! instances, one instance in two threads.
+//! Not covered, because an FMU cannot detect them: arrays shorter than stated, strings without a terminating zero,
+//! freed instances, one instance in two threads.
 
 use crate::Fmu;
 use crate::raw::{Arguments, DISCARD, ERROR, Entry, EventArguments, OK, Raw, RawInstance, RawState, in_version};
@@ -40,13 +40,13 @@ const MARK: f64 = -7.25e77;
 pub struct Report {
     /// Calls that the generator chose.
     pub calls: u64,
-    /// Calls that the generator chose for instances of the other interface.
+    /// Calls among them to instances of the other interface.
     pub others: u64,
-    /// Calls between them that observe an instance: its mode, its state.
+    /// Additional calls that check an instance: its FMU state and saved state.
     pub probes: u64,
-    /// Function: calls that returned fmi2OK, fmi2Discard, fmi2Error.
+    /// Number of calls of each function that returned fmi2OK, fmi2Discard and fmi2Error.
     pub functions: BTreeMap<&'static str, [u64; 3]>,
-    /// The call that took longest.
+    /// The slowest call.
     pub slowest: (Duration, String),
 }
 
@@ -73,7 +73,7 @@ pub struct Violation {
     pub what: String,
     /// Number of the call, from 1.
     pub call: u64,
-    /// The last calls, this one at the end.
+    /// The last calls, ending with this one.
     pub last: Vec<String>,
 }
 
@@ -93,11 +93,11 @@ struct Slot<'a> {
     events: EventArguments,
     name: Vec<u8>,
     has_logger: bool,
-    /// True if discarded calls are logged too.
+    /// True if the instance logs all categories, including discarded calls.
     all_logged: bool,
-    /// Tracked only if there is a logger, whose messages contain it.
+    /// FMU state; known only with a logger, because it is read from error messages.
     mode: Mode,
-    /// Saved states, each with the mode in which it was saved; unknown for crafted bytes.
+    /// Saved states, each with the FMU state in which it was saved; `None` for crafted bytes.
     states: Vec<(RawState, Option<Mode>)>,
     freed: Vec<RawState>,
 }
@@ -106,17 +106,17 @@ struct Slot<'a> {
 #[derive(Clone)]
 struct Bytes {
     bytes: Vec<u8>,
-    /// The mode in which it was saved, if known.
+    /// The FMU state in which it was saved, if known.
     mode: Option<Mode>,
     /// The interface of the instance from which it was saved.
     interface: Interface,
 }
 
-/// The mode after a call that returned fmi2OK.
+/// The FMU state after a call that returned fmi2OK.
 enum Next {
     Same,
     To(Mode),
-    /// Not known beforehand; it is read.
+    /// Not known in advance; it is read.
     Any,
 }
 
@@ -124,7 +124,7 @@ enum Next {
 struct Fuzzer<'a> {
     raw: &'a Raw,
     version: FmiVersion,
-    /// The interface of most instances, and all interfaces that the FMU provides.
+    /// The interface of most instances; then all interfaces that the FMU provides.
     interface: Interface,
     interfaces: Vec<Interface>,
     random: Random,
@@ -136,7 +136,7 @@ struct Fuzzer<'a> {
     known: Vec<Reference>,
     states: Vec<Reference>,
     indicators: usize,
-    /// True if it has Event Mode in co-simulation of FMI 3.0.
+    /// True if the FMU has Event Mode in FMI 3.0 co-simulation.
     has_event_mode: bool,
     /// Step size of the description in s.
     step: f64,
@@ -160,7 +160,7 @@ pub fn interfaces(fmu: &Fmu) -> Vec<Interface> {
     provided.into_iter().filter(|(_, is_provided)| *is_provided).map(|(interface, _)| interface).collect()
 }
 
-/// The bytes of a state of an FMU after the initialization, for others that must reject it.
+/// The bytes of an FMU's state after initialization, which other FMUs must reject.
 ///
 /// # Panics
 /// If the FMU does not save one.
@@ -198,10 +198,10 @@ fn kind_of(interface: Interface) -> i32 {
     }
 }
 
-/// Calls an FMU while `goes_on` returns true; it gets the number of calls so far to instances of `interface`. Some instances
-/// have the other interface if the FMU provides it. Equal seeds and `foreign` states (of other FMUs, see [`state`]) give equal
-/// calls. If `is_verbose`, every call is printed to standard error before it is made, which shows the one that ends a
-/// process.
+/// Calls an FMU while `goes_on` returns true; its argument is the number of calls so far to instances of `interface`.
+/// Some instances have the other interface if the FMU provides it. Equal seeds and `foreign` states (from other FMUs,
+/// see [`state`]) give equal calls. If `is_verbose`, every call is printed to standard error before it is made, which
+/// shows a call that ends the process.
 ///
 /// # Errors
 /// The FMU breaks a rule.
@@ -218,7 +218,7 @@ pub fn fuzz(
     let specs = variables.iter().filter(|variable| variable.causality != Causality::Independent).map(|variable| Spec {
         reference: variable.reference,
         data_type: match variable.data_type {
-            // FMI 2.0 has the same functions for both.
+            // FMI 2.0 has the same functions for Integers and enumerations.
             DataType::Enumeration if version == FmiVersion::V2 => DataType::Int32,
             data_type => data_type,
         },
@@ -234,7 +234,7 @@ pub fn fuzz(
     let derivatives = fmu.description.derivatives.iter().map(|unknown| variables[unknown.variable].reference);
     let time = variables.iter().find(|variable| variable.causality == Causality::Independent);
     let states: Vec<_> = fmu.states().iter().map(|state| state.reference).collect();
-    // The random numbers of an FMU do not depend on the other FMUs of the process.
+    // The random numbers for an FMU do not depend on the other FMUs on the command line.
     let seed = seed ^ checksum(fmu.name.as_bytes());
     let mut fuzzer = Fuzzer {
         raw,
@@ -272,7 +272,7 @@ fn ensure(holds: bool, what: impl FnOnce() -> String) -> Checked {
     if holds { Ok(()) } else { Err(what()) }
 }
 
-/// The text of a message without arguments and value references; `None` if its format requires some.
+/// The text of a printf format without arguments; `None` if the format requires arguments or value references.
 fn printed(version: FmiVersion, format: &[u8]) -> Option<String> {
     let text = String::from_utf8(format.to_vec()).ok()?;
     if version == FmiVersion::V3 {
@@ -319,7 +319,7 @@ impl<'a> Fuzzer<'a> {
         self.answered(function, status)
     }
 
-    /// Counts a call that observes.
+    /// Counts a checking call.
     fn probed(&mut self, function: &'static str, status: RawStatus) -> Checked {
         self.report.probes += 1;
         self.answered(function, status)
@@ -336,8 +336,8 @@ impl<'a> Fuzzer<'a> {
         Ok(())
     }
 
-    /// The bytes of an instance's state; `None` where none can be saved. All values are read first: some are computed when
-    /// they are first needed.
+    /// The bytes of an instance's state; `None` if it cannot be saved. All values are read first, because some are
+    /// computed when they are first needed.
     fn content(&mut self, at: usize) -> Checked<Option<Vec<u8>>> {
         if self.slots[at].mode == FAILED || !self.slots[at].has_logger {
             return Ok(None);
@@ -365,7 +365,7 @@ impl<'a> Fuzzer<'a> {
         Ok(Some(bytes))
     }
 
-    /// Makes a call and checks everything that holds for all functions.
+    /// Makes a call and checks the rules that apply to all functions.
     fn call(
         &mut self,
         at: usize,
@@ -551,7 +551,8 @@ impl<'a> Fuzzer<'a> {
         }
     }
 
-    /// Calls functions with a null pointer as the instance: without a logger, only the status reports the error.
+    /// Calls functions with a null pointer as the instance. There is no logger then, so only the status reports the
+    /// error.
     fn without_instance(&mut self) -> Checked {
         self.note("a null pointer as the instance".to_owned());
         let null = self.raw.null();

@@ -1,7 +1,7 @@
 //! Shared code of the tests in this package.
 //!
-//! The tests access FMUs as any importer does: through the packed `.fmu` file and its C functions. They cover every file
-//! `*.fmu` in [`folder`], so a new model is tested as soon as it is packed.
+//! The tests access FMUs as any importer does: through the packed `.fmu` file and its C functions. They cover every
+//! file `*.fmu` in [`folder`], so a new model is tested when it is packed.
 
 pub mod fuzz;
 pub mod life;
@@ -27,7 +27,7 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package has a parent folder").to_path_buf()
 }
 
-/// The output of a command that has to succeed.
+/// The output of a command that must succeed.
 ///
 /// # Panics
 /// If it fails, with what it printed.
@@ -54,7 +54,7 @@ pub fn cargo_fmu() -> PathBuf {
     program("cargo-fmu")
 }
 
-/// As [`cargo_fmu`], for the command `chassis`.
+/// Like [`cargo_fmu`], for the command `chassis`.
 ///
 /// # Panics
 /// If it does not build.
@@ -64,7 +64,8 @@ pub fn chassis() -> PathBuf {
 }
 
 fn program(name: &str) -> PathBuf {
-    // With a test and all packages, as `cargo test --workspace`: other features would build everything a second time.
+    // Built with a test and all packages, like `cargo test --workspace`: with other features, cargo would build
+    // everything again.
     let targets = ["--workspace", "--bin", name, "--test", "commands"];
     let arguments =
         ["build", "--locked", "--offline", "--quiet", "--message-format", "json"].into_iter().chain(targets);
@@ -72,7 +73,7 @@ fn program(name: &str) -> PathBuf {
     let messages = String::from_utf8(output.stdout).expect("messages are UTF-8");
     let mut executables = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).expect("messages are JSON");
-        // Those of other packages are built for the test.
+        // The executables of other packages are built for the test.
         let target = &message["target"];
         let is_program = target["kind"] == serde_json::json!(["bin"]) && target["name"] == name;
         message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
@@ -97,7 +98,7 @@ pub fn paths() -> Vec<PathBuf> {
     paths
 }
 
-/// Paths of the FMUs of FMI 3.0, sorted by name: those of `$CHASSIS_FMU3_DIR`, or `target/fmu3`.
+/// Paths of the FMI 3.0 FMUs, sorted by name, from `$CHASSIS_FMU3_DIR` or `target/fmu3`.
 ///
 /// # Panics
 /// If a kind is missing: continuous-time, discrete-time, with events, with all types.
@@ -139,7 +140,7 @@ pub fn all_of_fmi3() -> Vec<Fmu> {
     paths_of_fmi3().iter().map(|path| Fmu::open(path)).collect()
 }
 
-/// All packed FMUs that provide directional derivatives, which here are the plants.
+/// All packed FMUs that provide directional derivatives; in this library, these are the plants.
 ///
 /// # Panics
 /// As [`all`].
@@ -148,8 +149,8 @@ pub fn plants() -> Vec<Fmu> {
     all().into_iter().filter(Fmu::is_plant).collect()
 }
 
-/// A call of valgrind that ends with an error on an invalid access, a use of values that were never set, or lost memory.
-/// Memory that is still reachable at the end does not count as lost.
+/// A valgrind command that fails on an invalid access, a use of uninitialized values, or lost memory. Memory that is
+/// still reachable at the end does not count as lost.
 #[must_use]
 pub fn valgrind() -> Command {
     let mut command = Command::new("valgrind");
@@ -182,8 +183,8 @@ impl Fmu {
         Self::open_with(path, |_| ())
     }
 
-    /// Opens a file; its library stays loaded to the end of the process. If `global`, it shares one space of names
-    /// with others opened so.
+    /// Opens a file; its library stays loaded until the process ends. If `global`, it shares a namespace with other
+    /// libraries that are opened with `global`.
     ///
     /// # Panics
     /// As [`Self::open`].
@@ -206,7 +207,7 @@ impl Fmu {
         Self { name, path: path.to_path_buf(), description, xml, library }
     }
 
-    /// The FMU of that name.
+    /// The packed FMU with this name.
     ///
     /// # Panics
     /// As [`Self::open`].
@@ -215,7 +216,7 @@ impl Fmu {
         Self::open(&folder().join(format!("{name}.fmu")))
     }
 
-    /// Returns true if it provides directional derivatives: its outputs follow its inputs at once and its states are known.
+    /// Returns true if it provides directional derivatives, as continuous-time models do.
     #[must_use]
     pub fn is_plant(&self) -> bool {
         self.description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative)
@@ -256,8 +257,7 @@ impl Fmu {
     /// A step that fails with [`Self::failing_inputs`], in s.
     pub const FAILING_STEP: f64 = 2.0;
 
-    /// Inputs for which the first step gives numbers that are not finite, although all values before it are; `None` if
-    /// none were found.
+    /// Finite inputs for which the first step gives numbers that are not finite; `None` if none were found.
     ///
     /// # Panics
     /// If the FMU rejects inputs that are finite.
@@ -267,7 +267,7 @@ impl Fmu {
         let start: Vec<_> =
             self.with(Causality::Input).filter(|input| input.base_type == BaseType::Real).map(signals::start).collect();
         let all = self.reals();
-        // One huge input, which overflows in an integral; or all of them with alternating signs.
+        // One huge input, which overflows when it is integrated, or all inputs with alternating signs.
         let single = (0..start.len()).map(|i| {
             let mut values = start.clone();
             values[i] = HUGE;
@@ -305,7 +305,8 @@ impl Fmu {
         self.with(causality).filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
     }
 
-    /// The values of all outputs but Strings, in the order of the description, Integers and Booleans as numbers.
+    /// The values of all outputs except Strings, in the order of the description, with Integers and Booleans as
+    /// numbers.
     ///
     /// # Panics
     /// If the FMU returns an error.
@@ -337,7 +338,7 @@ impl Fmu {
         self.description.variables.iter().filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
     }
 
-    /// Value reference of the variable of that name.
+    /// Value reference of the variable with this name.
     ///
     /// # Panics
     /// If there is none.
@@ -357,8 +358,8 @@ impl Fmu {
             .collect()
     }
 
-    /// Values of the modes and Booleans: every combination, as (reference, value) of Integers with few values and of
-    /// Booleans. Combinations with which the FMU cannot be initialized are left out.
+    /// All combinations of values of Booleans and of Integers with few values. Combinations with which the FMU cannot
+    /// be initialized are left out.
     #[must_use]
     pub fn configurations(&self) -> Vec<Configuration> {
         const FEW: f64 = 10.0;
@@ -381,7 +382,7 @@ impl Fmu {
     }
 }
 
-/// A combination of modes and Booleans.
+/// A combination of values of Integers and Booleans.
 #[derive(Clone, Debug, Default)]
 pub struct Configuration {
     /// Description for messages.
@@ -399,10 +400,10 @@ impl Configuration {
         new
     }
 
-    /// Sets the modes and Booleans.
+    /// Sets the Integers and Booleans.
     ///
     /// # Errors
-    /// The FMU rejects one, such as an integer between two modes.
+    /// The FMU rejects a value, such as an Integer that is not a value of an enum.
     pub fn set(&self, instance: &mut Instance) -> Result<(), CallError> {
         for &(reference, value) in &self.integers {
             instance.set_integer(&[reference], &[value])?;
@@ -414,7 +415,7 @@ impl Configuration {
     }
 }
 
-/// The result of a call that has to succeed.
+/// The result of a call that must succeed.
 ///
 /// # Panics
 /// If it did not succeed, with the FMU's messages.
@@ -426,10 +427,10 @@ pub fn ok<T>(result: Result<T, CallError>) -> T {
     }
 }
 
-/// The message of a call that has to be rejected with fmi2Error.
+/// The message of a call that must be rejected with fmi2Error.
 ///
 /// # Panics
-/// If it was not rejected, rejected with another status, or without a message.
+/// If it was not rejected, or rejected with another status or without a message.
 #[track_caller]
 pub fn rejected<T>(result: Result<T, CallError>) -> String {
     match result {
@@ -460,10 +461,10 @@ pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
     values
 }
 
-/// The value of one real variable.
+/// The value of a real variable.
 ///
 /// # Panics
-/// If there is none of that name, or the FMU returns an error.
+/// If there is no variable with this name, or the FMU returns an error.
 #[track_caller]
 #[must_use]
 pub fn real(fmu: &Fmu, instance: &mut Instance, name: &str) -> f64 {
@@ -476,7 +477,7 @@ pub fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-/// Returns true if a variable may only be set before the start.
+/// Returns true if a variable can be set only before the start.
 #[must_use]
 pub fn is_fixed(variable: &Variable) -> bool {
     variable.causality == Causality::Parameter && variable.variability == Variability::Fixed

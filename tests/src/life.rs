@@ -1,4 +1,4 @@
-//! A whole life of an FMU: every function, with rejected calls, saved states and a reset.
+//! A complete use of an FMU: every function, with rejected calls, saved states and a reset.
 
 use crate::signals::{Excitation, run};
 use crate::{Fmu, ok, rejected};
@@ -19,7 +19,8 @@ pub fn life(fmu: &Fmu) {
     let mut instance = fmu.started();
     drop(run(fmu, &mut instance, &excitation, 0.0, 0..STEPS, STEP));
     ok(instance.get_real(&reals, &mut values));
-    // Saved, serialized, deserialized, restored, saved again, freed; one state is left for the end of the instance.
+    // A state is saved, serialized, deserialized, restored, saved again and freed; one state is left for the FMU to
+    // free with the instance.
     let saved = ok(instance.save_state());
     let bytes = ok(instance.serialize_state(&saved));
     let copy = ok(instance.deserialize_state(&bytes));
@@ -27,7 +28,7 @@ pub fn life(fmu: &Fmu) {
     ok(instance.restore_state(&copy));
     ok(instance.save_state_again(&saved));
     ok(instance.free_state(saved));
-    // Rejected with messages that are allocated on the heap.
+    // Rejected calls, whose messages are allocated on the heap.
     rejected(instance.set_real(&[reals[0]], &[f64::NAN]));
     rejected(instance.get_integer(&[u32::MAX], &mut [0]));
     rejected(instance.do_step(1e3, STEP));

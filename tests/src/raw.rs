@@ -1,8 +1,8 @@
-//! The C functions of an FMU called as C calls them, with pointers that may be null.
+//! Direct calls of an FMU's C functions, with pointers that may be null.
 //!
-//! All unsafe code of this package is here, for tests of calls that the safe interface of the crate `fmu-import` cannot
-//! express. Every wrapper is safe to call: an array is passed with a length that does not exceed its own, or as a null
-//! pointer, and strings end with a zero.
+//! All unsafe code of this package is here, for calls that the safe interface of the crate `fmu-import` cannot express.
+//! Every wrapper is safe: an array is passed as a null pointer, or with a length that does not exceed its own, and
+//! strings end with a zero.
 #![allow(unsafe_code)]
 
 use crate::Fmu;
@@ -57,7 +57,7 @@ pub struct Raw {
 pub struct Arguments<'a> {
     /// instanceName.
     pub name: Option<&'a CStr>,
-    /// fmuType: 0 model exchange, 1 co-simulation; 2 is the scheduled execution of FMI 3.0.
+    /// fmuType: 0 model exchange, 1 co-simulation; 2 stands for the scheduled execution of FMI 3.0.
     pub kind: c_int,
     /// fmuGUID.
     pub guid: Option<&'a CStr>,
@@ -65,7 +65,7 @@ pub struct Arguments<'a> {
     pub resources: Option<&'a CStr>,
     /// True if a struct of callbacks is passed (FMI 2.0).
     pub callbacks: bool,
-    /// Arguments of FMI 3.0.
+    /// Additional arguments in FMI 3.0.
     pub events: EventArguments,
 }
 
@@ -97,7 +97,7 @@ pub struct Entry {
     pub status: RawStatus,
     /// The category.
     pub category: Vec<u8>,
-    /// The message; in FMI 2.0 a format of printf without arguments.
+    /// The message; in FMI 2.0 a printf format without arguments.
     pub format: Vec<u8>,
 }
 
@@ -113,7 +113,7 @@ impl LogBook {
     }
 }
 
-/// The logger; C passes further arguments after `format`, which are not read.
+/// The logger; in C, more arguments follow `format`, which are not read.
 unsafe extern "C" fn note(
     environment: *mut c_void,
     name: *const c_char,
@@ -121,17 +121,17 @@ unsafe extern "C" fn note(
     category: *const c_char,
     format: *const c_char,
 ) {
-    // SAFETY: strings of the FMU, null or with a zero at the end.
+    // SAFETY: the FMU passes null or strings that end with a zero.
     let read = |text: *const c_char| {
         if text.is_null() { Vec::new() } else { unsafe { CStr::from_ptr(text) }.to_bytes().to_vec() }
     };
     let entry = Entry { name: read(name), status, category: read(category), format: read(format) };
-    // SAFETY: the environment is the log book that lives as long as the instance.
+    // SAFETY: the environment is the log book, which lives as long as the instance.
     let book = unsafe { &*environment.cast::<LogBook>() };
     book.0.lock().unwrap_or_else(PoisonError::into_inner).push(entry);
 }
 
-/// The logger of FMI 3.0, whose messages do not have the name of the instance.
+/// The logger for FMI 3.0, which does not get the name of the instance.
 unsafe extern "C" fn note_fmi3(
     environment: *mut c_void,
     status: RawStatus,
@@ -142,8 +142,8 @@ unsafe extern "C" fn note_fmi3(
     unsafe { note(environment, c"".as_ptr(), status, category, message) }
 }
 
-/// Returns true if an array can be passed with that length: the FMU rejects a length that no memory can hold before it
-/// reads the array.
+/// Returns true if an array can be passed with this length: it is long enough, or the length exceeds any memory, which
+/// the FMU rejects before it reads the array.
 fn fits<T>(values: &[T], count: usize) -> bool {
     count <= values.len() || count > isize::MAX as usize / size_of::<T>()
 }
@@ -156,7 +156,7 @@ fn pointer<T>(values: Option<&[T]>, count: usize) -> *const T {
     })
 }
 
-/// As [`pointer`], but writable.
+/// Like [`pointer`], but writable.
 fn pointer_mut<T>(values: Option<&mut [T]>, count: usize) -> *mut T {
     values.map_or(ptr::null_mut(), |values| {
         assert!(fits(values, count), "the array is shorter than stated");
@@ -165,7 +165,7 @@ fn pointer_mut<T>(values: Option<&mut [T]>, count: usize) -> *mut T {
 }
 
 impl Raw {
-    /// Loads the library of an FMU a second time, for calls by hand.
+    /// Loads the library of an FMU a second time, for direct calls.
     ///
     /// # Panics
     /// If it cannot be loaded.
@@ -195,10 +195,10 @@ impl Raw {
         &self.unpacked.binary
     }
 
-    /// A function of the library, by its name in FMI 2.0 if it has one.
+    /// A function of the library, by its name in FMI 2.0 if it exists there.
     fn function<F: Copy>(&self, name: &str) -> F {
         let name = in_version(self.version, name);
-        // SAFETY: callers name the type that `fmu_import::c_api` gives the function of that name (headers of FMI).
+        // SAFETY: callers use the type from `fmu_import::c_api` for the function with this name (headers of FMI).
         *unsafe { self.library.get::<F>(name) }.unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
@@ -229,7 +229,7 @@ impl Raw {
     /// fmi2Instantiate with a logger and loggingOn as given.
     ///
     /// # Errors
-    /// The FMU returns no instance; the error has its messages.
+    /// The FMU returns no instance; the error contains its messages.
     pub fn instantiate_logging(
         &self,
         arguments: Arguments<'_>,
@@ -246,8 +246,8 @@ impl Raw {
     ) -> Result<RawInstance<'_>, Vec<Entry>> {
         type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
         let callbacks = Callbacks {
-            // SAFETY: the callee of a variadic call may ignore the arguments behind the named ones on the platforms
-            // supported (see the loader of the crate `fmu-import`).
+            // SAFETY: on the supported platforms, the callee of a variadic call may ignore the arguments after the
+            // named ones (see the loader of the crate `fmu-import`).
             logger: log.is_some().then(|| unsafe { std::mem::transmute::<Fixed, c_api::Logger>(note as Fixed) }),
             allocate: None,
             free: None,
@@ -324,7 +324,8 @@ impl Raw {
         let environment = log.map_or(ptr::null_mut(), |log| ptr::from_ref(log).cast_mut().cast());
         let logger: Logger = log.map(|_| note_fmi3 as c_api::v3::LogMessage);
         let EventArguments { mode_used, early_return, intermediate_variables } = arguments.events;
-        // SAFETY: strings end with a zero; the types are those of the headers, with callbacks that may be null. The array of
+        // SAFETY: strings end with a zero; the types are those of the headers, with callbacks that may be null. The
+        // array of
         // intermediate variables is null, which an FMU without them rejects by its length.
         unsafe {
             match arguments.kind {
@@ -368,14 +369,14 @@ impl Raw {
 impl Drop for RawInstance<'_> {
     fn drop(&mut self) {
         let free: c_api::FreeInstance = self.raw.function("fmi2FreeInstance");
-        // SAFETY: freed once; a null pointer is to be ignored.
+        // SAFETY: freed once; FMUs ignore a null pointer.
         unsafe { free(self.component) };
     }
 }
 
-/// A value of a function's array.
+/// The type of the values in a function's array.
 pub trait Element: Copy {
-    /// Name of the type in the function names of FMI 2.0 and FMI 3.0; empty where a version does not have it.
+    /// Name of the type in the function names of FMI 2.0 and FMI 3.0; empty if a version does not have it.
     const NAMES: [&'static str; 2];
 }
 
@@ -405,7 +406,7 @@ impl Element for Truth {
     const NAMES: [&'static str; 2] = ["Boolean", ""];
 }
 
-/// A string of C, or null.
+/// A C string, or null.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub struct Text<'a>(*const c_char, std::marker::PhantomData<&'a CStr>);
@@ -430,7 +431,7 @@ impl RawState {
     /// No state yet.
     pub const NULL: Self = Self(ptr::null_mut());
 
-    /// A pointer that no FMU returned. FMUs compare such pointers, they do not dereference them.
+    /// A pointer that no FMU returned. FMUs only compare such pointers and do not dereference them.
     #[must_use]
     pub fn invented(address: usize) -> Self {
         Self(ptr::without_provenance_mut(address))
@@ -451,8 +452,9 @@ fn unpack(fmu: &Fmu) -> Unpacked {
     unpacked.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Loads a library and keeps it loaded to the end of the process; later loads of the same file find this one. If
-/// `global`, all libraries loaded this way share one namespace (RTLD_GLOBAL), as in some masters; Windows has none.
+/// Loads a library and keeps it loaded until the process ends; later loads of the same file find it. If `global`, all
+/// libraries loaded this way share one namespace (RTLD_GLOBAL), as in some masters. Windows does not have such a
+/// namespace.
 ///
 /// # Panics
 /// If it cannot be loaded.
@@ -473,7 +475,7 @@ pub fn keep_loaded(path: &Path, global: bool) {
     std::mem::forget(load().unwrap_or_else(|error| panic!("{error}")));
 }
 
-/// Number of allocations in this process so far; `None` if it runs without `count_allocations`.
+/// Number of allocations in this process so far; `None` without the library `count_allocations`.
 #[must_use]
 pub fn allocations() -> Option<u64> {
     #[cfg(unix)]
@@ -485,8 +487,7 @@ pub fn allocations() -> Option<u64> {
 #[cfg(unix)]
 fn preloaded_count() -> Option<u64> {
     let this = libloading::os::unix::Library::this();
-    // The name with its zero at the end needs no memory of its own.
-    // SAFETY: the preloaded library defines this function with this type.
+    // A C string literal avoids an allocation. SAFETY: the preloaded library defines this function with this type.
     let function = unsafe { this.get::<extern "C" fn() -> u64>(c"counted_allocations") };
     function.ok().map(|function| function())
 }
@@ -500,7 +501,8 @@ pub fn on_another_thread<T: Send>(
     work: impl FnOnce(&mut fmu_import::loader::Instance) -> T + Send,
 ) -> T {
     struct Moved(fmu_import::loader::Instance);
-    // SAFETY: an instance may be used by any thread, by one at a time (FMI 2.0.4, section 2.1.5); it is given away.
+    // SAFETY: any thread may use an instance, one at a time (FMI 2.0.4, section 2.1.5); it is moved to the other
+    // thread.
     unsafe impl Send for Moved {}
     let moved = Moved(instance);
     let run = move || {

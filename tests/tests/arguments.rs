@@ -1,7 +1,8 @@
-//! Wrong arguments: rejected with fmi2Error, a message where there is a logger, and nothing changed.
+//! Wrong arguments are rejected with fmi2Error and, if there is a logger, a message, and change nothing.
 //!
-//! Reference: FMI 2.0.4, sections 2.1.3 (status), 2.2.7 (which variable may be set when) and the project's
-//! ARCHITECTURE.md (Status): a rejected call names what, where and what was expected, changes nothing, keeps the mode.
+//! Reference: FMI 2.0.4, sections 2.1.3 (status) and 2.2.7 (which variables can be set when), and ARCHITECTURE.md
+//! ("Status"): the message of a rejected call names the value, the place and the rule; the call changes nothing and
+//! keeps the FMU state.
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
@@ -21,7 +22,7 @@ fn state(instance: &mut Instance) -> Vec<u8> {
     ok(instance.serialize_state(&saved))
 }
 
-/// Checks that a call is rejected with a message that holds `words`, and that it changes nothing.
+/// Checks that a call is rejected with a message that contains `words`, and changes nothing.
 fn rejects(instance: &mut Instance, words: &[&str], call: impl FnOnce(&mut Instance) -> Rejected) {
     let before = state(instance);
     let message = rejected(call(instance));
@@ -47,7 +48,7 @@ fn unknown_references_and_wrong_types_are_rejected() {
     for fmu in all() {
         let mut instance = initializing(&fmu);
         let first = fmu.references(Causality::Output)[0];
-        // A valid reference in front: nothing may have been set or written when the second is rejected.
+        // The first reference is valid: rejecting the second must not leave its value set or written.
         let mut written = [7.0, 7.0];
         let message = rejected(instance.get_real(&[first, UNKNOWN], &mut written));
         assert!(message.contains("4000000000") && message.contains("Real"), "{}: {message}", fmu.name);
@@ -59,7 +60,7 @@ fn unknown_references_and_wrong_types_are_rejected() {
         rejects(&mut instance, &["4000000000"], |i| i.set_boolean(&[UNKNOWN], &[1]));
         rejects(&mut instance, &["4000000000"], |i| i.get_string(&[UNKNOWN]).map(drop));
         rejects(&mut instance, &["4000000000"], |i| i.set_string(&[UNKNOWN], &["a"]));
-        // A reference of a variable of another type, which the message names.
+        // The reference belongs to a variable of another type, which the message names.
         let name = fmu.description.variables.iter().find(|v| v.reference == first).expect("it exists").name.clone();
         rejects(&mut instance, &[&name, "Integer"], |i| i.get_integer(&[first], &mut [0]));
         rejects(&mut instance, &[&name, "Boolean"], |i| i.set_boolean(&[first], &[1]));
@@ -83,7 +84,7 @@ fn numbers_that_are_not_finite_are_rejected() {
                 rejects(&mut instance, &[&variable.name, "finite"], |i| i.set_real(&[variable.reference], &[value]));
             }
         }
-        // None of several values is set if one is rejected.
+        // If one of several values is rejected, none is set.
         let inputs = fmu.references(Causality::Input);
         if inputs.len() > 1 {
             rejects(&mut instance, &["NaN"], |i| i.set_real(&inputs[..2], &[1.0, f64::NAN]));
@@ -106,7 +107,7 @@ fn numbers_outside_their_limits_are_rejected() {
                     ] {
                         let (Some(limit), Some(outside)) = (limit, outside) else { continue };
                         rejects(&mut instance, &[&variable.name, "must be"], |i| i.set_real(&reference, &[outside]));
-                        // The limit itself is allowed; whether it can be simulated is asked at the end.
+                        // The limit itself is allowed. The end of initialization checks whether it can be simulated.
                         ok(instance.set_real(&reference, &[limit]));
                         ok(instance.set_real(&reference, &[start(variable)]));
                         reals_checked += 1;
@@ -217,7 +218,7 @@ fn impossible_times_are_rejected() {
         for step in [0.0, -0.001, f64::NAN, f64::INFINITY] {
             rejects(&mut instance, &["communicationStepSize"], |i| i.do_step(0.0, step));
         }
-        // The time of the instance counts; a millionth of the step is forgiven.
+        // The time must agree with the instance's, with a tolerance of a millionth of the step.
         for time in [0.001, -0.001, 2e-9, f64::NAN] {
             rejects(&mut instance, &["currentCommunicationPoint"], |i| i.do_step(time, 0.001));
         }
@@ -226,11 +227,11 @@ fn impossible_times_are_rejected() {
         ok(instance.do_step(0.001, 0.009));
         rejects(&mut instance, &["stopTime"], |i| i.do_step(0.01, 0.001));
 
-        // Smaller than the spacing of numbers at that time: the clock would stand still.
+        // The step is smaller than the spacing of numbers at this time, so the time would not advance.
         let mut late = fmu.started_at(1e9);
         rejects(&mut late, &["does not advance"], |i| i.do_step(1e9, 1e-9));
-        // More than a million substeps or samples in one call is a mistake of units, not a step. A plant that is
-        // integrated exactly needs no substeps.
+        // More than a million substeps or samples in one call are rejected as a mistake in units. A plant that is
+        // solved exactly has no substeps.
         if ["max_step", "sample_time"].iter().any(|name| fmu.description.variable(name).is_some()) {
             let mut long = fmu.started();
             rejects(&mut long, &["integration steps or samples"], |i| i.do_step(0.0, 1e6));
@@ -278,7 +279,7 @@ fn null_pointers_are_rejected_or_ignored_but_never_followed() {
         ] {
             assert!(raw.instantiate(bad).is_none(), "{}: {bad:?}", fmu.name);
         }
-        // Many masters pass no folder to an FMU without resources, and no logger.
+        // Many masters pass neither a folder, to FMUs without resources, nor a logger.
         let instance = raw.instantiate(Arguments { resources: None, ..good }).expect("no folder is needed");
         let output = [fmu.references(Causality::Output)[0]];
         everything_is_rejected(&raw.null(), &output);
@@ -299,7 +300,7 @@ fn null_pointers_are_rejected_or_ignored_but_never_followed() {
     }
 }
 
-/// No function follows an instance that is a null pointer.
+/// Every function rejects a null pointer as the instance.
 fn everything_is_rejected(null: &RawInstance<'_>, output: &[Reference]) {
     let mut state = RawState::NULL;
     let transitions = ["EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "CancelStep"];
@@ -329,7 +330,7 @@ fn everything_is_rejected(null: &RawInstance<'_>, output: &[Reference]) {
     assert_eq!(null.directional_derivative(Some(output), Some(output), Some(&[1.0]), Some(&mut [0.0])), raw::ERROR);
 }
 
-/// Arrays that are missing though values were announced; none announced is always in order.
+/// A null array is rejected if the stated number of values is not 0, and accepted if it is 0.
 fn null_arrays(instance: &RawInstance<'_>, output: &[Reference]) {
     assert_eq!(instance.get::<f64>(None, 1, Some(&mut [0.0])), raw::ERROR);
     assert_eq!(instance.get::<f64>(Some(output), 1, None), raw::ERROR);
@@ -368,7 +369,7 @@ fn null_arrays(instance: &RawInstance<'_>, output: &[Reference]) {
     }
 }
 
-/// States that are missing, freed, of another instance, or of the wrong size.
+/// States that are null, freed, from another instance, or of the wrong size are rejected.
 fn null_states(raw: &Raw, instance: &RawInstance<'_>, arguments: Arguments<'_>) {
     assert_eq!(instance.get_state(None), raw::ERROR);
     assert_eq!(instance.set_state(RawState::NULL), raw::ERROR);
@@ -395,7 +396,7 @@ fn null_states(raw: &Raw, instance: &RawInstance<'_>, arguments: Arguments<'_>) 
     assert_eq!(instance.deserialize(Some(&bytes), 0, Some(&mut copy)), raw::ERROR);
     assert!(copy.is_null(), "a rejected call gave out a state");
 
-    // States belong to the instance that saved them, until they are freed.
+    // A state belongs to the instance that saved it, until it is freed.
     let other = raw.instantiate(arguments).expect("a second instance");
     assert_eq!(other.set_state(saved), raw::ERROR, "a state of another instance");
     let freed = saved;
@@ -422,7 +423,7 @@ fn damaged_bytes_of_a_state_are_rejected() {
         check(&good[..8]);
         check(&[&good[..], &[0]].concat());
         check(&vec![0; good.len()]);
-        // Every byte of the head and the tail, and random ones between, with one bit turned over.
+        // A bit is flipped in every byte at the beginning and the end, and in random bytes between.
         let middle = (0..64).map(|_| random.below(good.len() as u64) as usize);
         for position in (0..64).chain(good.len() - 16..good.len()).chain(middle) {
             let mut bytes = good.clone();

@@ -1,4 +1,4 @@
-//! `chassis bench run`: vehicles of the library and of others in standard maneuvers.
+//! `chassis bench run`: library vehicles and third-party vehicles in standard maneuvers.
 
 use serde_json::Value;
 use std::io::{Read, Write};
@@ -21,7 +21,7 @@ impl Assessed {
     }
 
     fn errors(&self) -> String {
-        // Without the line breaks and the frame of long messages.
+        // Removes the line breaks and frames of long messages.
         let text = String::from_utf8_lossy(&self.output.stderr).replace('│', " ");
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     }
@@ -71,12 +71,13 @@ fn near(found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{found} instead of {expected}");
 }
 
-/// Reference: an independent implementation of bench, driver, brakes and car (numbers in its digits), the margins of its
-/// run at 75 km/h, and the closed form of the linear car for the understeer gradient, from which the tires depart by 3 %.
+/// Reference: an independent implementation of test bench, driver, brakes and car (to its printed digits), and the
+/// margins of its run at 75 km/h. For the understeer gradient: the closed form of the linear car, from which the
+/// nonlinear tires deviate by 3 %.
 #[test]
 fn the_car_has_the_numbers_of_an_independent_bench() {
     let found = assess(&["EspCar", "--with", "DirectYawControl", "--with", "AntilockBraking"]);
-    // The displacement of sine with dwell and the steering on split friction miss their limits.
+    // The displacement in sine with dwell and the steering on split friction are outside their limits.
     assert_eq!(found.code(), Some(1), "{}", found.errors());
     near(found.number("slowly_increasing_steer.A", "without"), 20.6, 1e-9);
     near(found.number("slowly_increasing_steer.understeer_gradient", "without"), 0.001_916, 5e-7);
@@ -104,7 +105,7 @@ fn the_car_has_the_numbers_of_an_independent_bench() {
     near(found.number("split_friction.steering_wheel_peak_2s", "with"), 504.0, 0.5);
     near(found.number("split_friction.steering_wheel_peak", "with"), 636.0, 0.5);
     near(found.number("split_friction.lateral_peak", "with"), 0.74, 5e-3);
-    // Their bisection ends at 1.25 km/h, this one at 0.5 km/h.
+    // The bisection of the reference has a resolution of 1.25 km/h, ours of 0.5 km/h.
     for (id, system, speed) in [
         ("iso3888_1", "without", 78.75),
         ("iso3888_1", "with", 78.75),
@@ -113,7 +114,7 @@ fn the_car_has_the_numbers_of_an_independent_bench() {
     ] {
         near(found.number(&format!("{id}.max_entry_speed"), system), speed, 1.75);
     }
-    // 2 mm: the reference integrates the car more finely.
+    // Tolerance 2 mm, because the reference integrates the car with smaller steps.
     let run = found.runs("iso3888_1.75.0000").find(|run| run["system"] == "without").expect("a run");
     for (margin, expected) in run["metrics"]["margins"].as_array().unwrap().iter().zip([0.1173, 0.0673, 0.0624]) {
         near(margin.as_f64().unwrap(), expected, 2e-3);
@@ -123,9 +124,10 @@ fn the_car_has_the_numbers_of_an_independent_bench() {
     assert!(found.junit.contains("<testsuite name=\"braking.with\"") && found.junit.contains("<failure message="));
 }
 
-/// Reference: closed form of the linear single-track model (understeer gradient, and what the step gives at 80 km/h). The
-/// slowly increasing steer is not quite a steady state: its lag changes the gradient by less than 0.1 %. The step response
-/// depends on the ramp of 0.1 s, like the check numbers, and on rows of 1 ms. The spectrum is that between lines of 0.2 Hz.
+/// Reference: closed form of the linear single-track model (understeer gradient, and step response at 80 km/h).
+/// Tolerances: the slowly increasing steer is not quite a steady state; its lag changes the gradient by less than 0.1
+/// %. The step response depends on the ramp of 0.1 s, as in the reference, and on the row interval of 1 ms. The
+/// frequency response is interpolated between lines 0.2 Hz apart.
 #[test]
 fn the_bicycle_car_has_its_closed_form() {
     let found = assess(&["BicycleCar", "--suite", "handling"]);
@@ -135,7 +137,7 @@ fn the_bicycle_car_has_its_closed_form() {
     near(found.number("step_steer.yaw_rate.overshoot", "without"), 0.050_101, 1e-5);
     near(found.number("step_steer.yaw_rate.response_time", "without"), 0.191_738_8, 1e-5);
     near(found.number("frequency_response.yaw_rate.bandwidth", "without"), 1.802_095, 0.02);
-    // Left and right are mirror images of each other, to all digits of the file.
+    // The runs to the left and to the right are mirror images, to all digits in the file.
     let sides: Vec<&Value> = found.runs("slowly_increasing_steer.").map(|run| &run["metrics"]).collect();
     assert_eq!(sides.len(), 2);
     assert_eq!(sides[0], sides[1]);
@@ -143,7 +145,7 @@ fn the_bicycle_car_has_its_closed_form() {
 
 #[test]
 fn the_number_of_processes_changes_nothing() {
-    // The lane changes look for their speed by bisection.
+    // The lane changes find their speed by bisection.
     let suites = ["--suite", "braking", "--suite", "rollover", "--suite", "stability", "--quick"];
     let arguments = [&["EspCar", "--with", "AntilockBraking"][..], &suites].concat();
     let one = assess(&[&arguments[..], &["--jobs", "1"]].concat());
@@ -153,8 +155,9 @@ fn the_number_of_processes_changes_nothing() {
     assert_eq!(one.code(), two.code());
 }
 
-/// A half car without active suspension rolls over in the fishhook (reference: the independent bench): a result, not a crash. The
-/// assessment does not fail either: the procedure coasts, and the speed of this plant is prescribed.
+/// A half car without active suspension rolls over in the fishhook (reference: the independent test bench), which is a
+/// result, not an error. The verdict does not fail either, because the procedure requires coasting, and the speed of
+/// this plant is prescribed.
 #[test]
 fn a_rollover_is_a_result() {
     let found = assess(&["HydroPneumaticHalfCar", "--suite", "rollover"]);
@@ -167,7 +170,7 @@ fn a_rollover_is_a_result() {
     near(found.number("fishhook.lift_speed", "without"), 35.0, 1e-9);
 }
 
-/// An FMU of the library with other names of variables, as in FMUs of others.
+/// A copy of a library FMU with different variable names, like a third-party FMU.
 fn stranger(folder: &Path, fmu: &str, name: &str, renamed: &[(&str, &str)]) {
     edited(folder, fmu, name, |mut text| {
         for (old, new) in renamed {
@@ -178,7 +181,7 @@ fn stranger(folder: &Path, fmu: &str, name: &str, renamed: &[(&str, &str)]) {
     });
 }
 
-/// An FMU of the library with another description.
+/// A copy of a library FMU with an edited description.
 fn edited(folder: &Path, fmu: &str, name: &str, edit: impl Fn(String) -> String) {
     let source = std::fs::File::open(tests::folder().join(format!("{fmu}.fmu"))).unwrap();
     let mut archive = zip::ZipArchive::new(source).unwrap();
@@ -220,7 +223,7 @@ fn a_strangers_plant_is_assessed_by_other_names() {
     let ours = assess(&[&["BicycleCar"][..], &arguments[..]].concat());
     assert_eq!(theirs.json()["metrics"], ours.json()["metrics"]);
     assert!(ours.runs("iso3888_1.").count() > 3);
-    // Without the names there is nothing to drive.
+    // Without the file with the names, the bench cannot drive the FMU.
     let refused = assess_with(&folders, &["Stranger"]);
     assert_eq!(refused.code(), Some(2));
     let message = refused.errors();
@@ -228,8 +231,8 @@ fn a_strangers_plant_is_assessed_by_other_names() {
     assert!(message.contains("[signals]"), "{message}");
 }
 
-/// The description of a plant whose variables are in other units: variable, its unit, the one it declares. The base units of these
-/// are added, if they have any.
+/// Changes the units in a plant's description; `units` has variable, actual unit and declared unit. Base units of the
+/// latter are added, if they have any.
 fn in_units(text: String, units: &[(&str, &str, &str)]) -> String {
     let definitions = [
         ("deg/s", "s=\"-1\" rad=\"1\" factor=\"0.017453292519943295\""),
@@ -253,8 +256,8 @@ fn in_units(text: String, units: &[(&str, &str, &str)]) -> String {
     })
 }
 
-/// Reference: the units. The plant still gives numbers in rad/s, m/s2 and kg; declared as deg/s, g and t they are other values, and
-/// results that are linear in them are scaled by the factors.
+/// Reference: the unit factors. The plant still computes in rad/s, m/s2 and kg, but declares deg/s, g and t, so results
+/// that are linear in these signals are scaled by the factors.
 #[test]
 fn signals_are_converted_by_their_declared_units() {
     let folder = TempDir::new().unwrap();
@@ -269,16 +272,16 @@ fn signals_are_converted_by_their_declared_units() {
         ("step_steer.yaw_rate.overshoot", 1.0),
         ("step_steer.lateral_acceleration.response_time", 1.0),
     ] {
-        // Nine digits of the file.
+        // The file has nine digits.
         let expected = factor * ours.number(id, "without");
         near(found.number(id, "without"), expected, 1e-8 * expected);
     }
-    // The unit of the file of the vehicle takes precedence over that of the FMU: 1 rad/s is 1 rad/s again.
+    // The unit in the vehicle file takes precedence over the FMU's unit: 1 rad/s is 1 rad/s again.
     let vehicle = folder.path().join("vehicle.toml");
     std::fs::write(&vehicle, "[signals]\n\"vehicle.yaw_rate\" = { unit = \"rad/s\" }\n").unwrap();
     let given = assess_with(&folders, &[&["Degrees", "--vehicle", vehicle.to_str().unwrap()][..], &handling].concat());
     assert_eq!(given.json()["metrics"], ours.json()["metrics"]);
-    // 0.3 g is reached with 1 / 9.80665 of the steering: the car is linear.
+    // The car is linear, so 0.3 g is reached with 1 / 9.80665 of the steering.
     edited(folder.path(), "BicycleCar", "Gravity", |text| {
         in_units(text, &[("vehicle.lateral_acceleration", "m/s2", "g"), ("vehicle.mass", "kg", "t")])
     });
@@ -286,7 +289,8 @@ fn signals_are_converted_by_their_declared_units() {
     let id = "step_steer.lateral_acceleration.response_time";
     near(found.number(id, "without"), ours.number(id, "without"), 1e-6);
     let (angle, usual) = (found.number("step_steer.steer", "without"), ours.number("step_steer.steer", "without"));
-    // Found within 1 % of the lateral acceleration; a vehicle of 1,500 t is a truck, whose step has half of it.
+    // The bench finds the angle within 1 % of the lateral acceleration. A vehicle of 1,500 t is a truck, whose step
+    // steer has half the lateral acceleration.
     near(angle, 0.5 * usual / 9.806_65, 0.02 * angle);
     assert_eq!(
         (&found.json()["vehicle"]["class"], found.json()["vehicle"]["mass"]["value"].as_f64()),
@@ -294,7 +298,7 @@ fn signals_are_converted_by_their_declared_units() {
     );
 }
 
-/// A variable that cannot be converted is rejected; the message has its name, its unit and a hint.
+/// A signal whose unit cannot be converted is rejected; the message contains its name, its unit and a hint.
 #[test]
 fn signals_in_other_units_are_refused_where_nothing_converts_them() {
     let folder = TempDir::new().unwrap();
@@ -319,7 +323,7 @@ fn signals_in_other_units_are_refused_where_nothing_converts_them() {
             assert!(found.errors().contains(word), "{name}: {}", found.errors());
         }
     }
-    // Without a unit there is nothing to check, which is reported.
+    // A signal without a unit cannot be checked, which is reported.
     edited(folder.path(), "BicycleCar", "Silent", |text| {
         let at = text.find("<ScalarVariable name=\"vehicle.yaw_rate\"").expect("the variable is there");
         let (before, after) = text.split_at(at);
@@ -332,8 +336,7 @@ fn signals_in_other_units_are_refused_where_nothing_converts_them() {
     assert!(found.errors().contains("the plant declares no unit of `vehicle.yaw_rate` (rad/s)"), "{}", found.errors());
 }
 
-/// A plant without parameters of its geometry: metrics that need the wheelbase are left out, all others equal those of the plant
-/// with geometry.
+/// For a plant without geometry parameters, metrics that need the wheelbase are left out, and all others are unchanged.
 #[test]
 fn a_plant_without_geometry_loses_what_needs_it() {
     let folder = TempDir::new().unwrap();
@@ -373,7 +376,7 @@ fn a_plant_without_load_transfer_loses_one_number() {
     }
 }
 
-/// A controller with other names of signals gives the same results as with those of the library.
+/// A controller with other signal names, mapped by a file, gives the same results as the library's controller.
 #[test]
 fn a_strangers_controller_is_wired_by_other_names() {
     let folder = TempDir::new().unwrap();
@@ -396,14 +399,14 @@ fn a_strangers_controller_is_wired_by_other_names() {
     let ours = of(&["--with", "AntilockBraking"]);
     assert_eq!(theirs.json()["metrics"], ours.json()["metrics"]);
     assert!(ours.number("braking.distance", "with") < ours.number("braking.distance", "without") - 5.0);
-    // The file overrides the data of the library, whose other values still apply.
+    // The file overrides only some of the library's vehicle data.
     assert_eq!(theirs.json()["vehicle"], ours.json()["vehicle"]);
-    // By the names of the library nothing is connected: neither wheel speeds nor pressures.
+    // With the library's names, neither wheel speeds nor pressures are connected.
     let unknown = of(&["--with", "TheirBrakes"]);
     assert_eq!(unknown.json()["idle"], serde_json::json!(["TheirBrakes"]));
 }
 
-/// A cycle of components is broken at the first one on the command line: brakes and antilock control read each other.
+/// Brakes and antilock control read each other. This cycle is broken at the first of them on the command line.
 #[test]
 fn the_order_of_the_command_line_counts() {
     let of = |units: &[&str]| assess(&[&["EspCar", "--suite", "braking"][..], units].concat());
@@ -413,12 +416,12 @@ fn the_order_of_the_command_line_counts() {
     assert_eq!(controller.bytes, by_default.bytes);
     let distance = |found: &Assessed, system| found.number("braking.distance", system);
     assert_eq!(distance(&controller, "without"), distance(&brakes, "without"));
-    // A pressure that is one step older.
+    // One of them reads a pressure that is one step older.
     assert!(distance(&controller, "with") != distance(&brakes, "with"));
     near(distance(&controller, "with"), distance(&brakes, "with"), 1.0);
 }
 
-/// A setting of a driver applies in the maneuvers of that driver.
+/// A parameter of a driver applies in the maneuvers with this driver.
 #[test]
 fn the_driver_can_be_set() {
     let of = |more: &[&str]| assess(&[&["BicycleCar", "--suite", "handling"][..], more].concat());
@@ -430,7 +433,8 @@ fn the_driver_can_be_set() {
     }
 }
 
-/// Reference: the symmetry of car, track and driver. A mirrored track has the same margins, to all digits of the file.
+/// Reference: the symmetry of car, track and driver. A mirrored track gives the same margins, to all digits in the
+/// file.
 #[test]
 fn a_mirrored_track_has_the_same_margins() {
     let of = |more: &[&str]| assess(&[&["EspCar", "--suite", "stability", "--quick"][..], more].concat());
@@ -449,7 +453,7 @@ fn a_mirrored_track_has_the_same_margins() {
     assert_eq!(right[3].as_f64().unwrap(), -left[2].as_f64().unwrap());
 }
 
-/// Maneuvers that the plant cannot drive are in the metrics and in JUnit, with the missing signals.
+/// Maneuvers that the plant cannot drive are listed in the results and in JUnit, with the missing signals.
 #[test]
 fn maneuvers_that_are_left_out_are_reported() {
     let found = assess(&["RescueVehicle", "--suite", "braking"]);
@@ -493,7 +497,8 @@ fn a_run_that_breaks_down_is_an_error() {
     assert_eq!(run["error"], "`vehicle.yaw_rate` is above 50 rad/s at 1.003 s");
 }
 
-/// A driver who steers against the curves leaves the path: the track is not passed at any speed, which is a valid result.
+/// A driver that steers in the wrong direction leaves the path, so the track is not passed at any speed; this is a
+/// valid result.
 #[test]
 fn a_driver_off_the_path_is_a_result() {
     let wrong = ["--set", "driver:feedforward.gain=-9", "--set", "driver:preview.gain=0.01"];
@@ -504,8 +509,8 @@ fn a_driver_off_the_path_is_a_result() {
     assert_eq!(found.row("iso3888_1.max_entry_speed")["reason"], "it fails at 30 km/h");
 }
 
-/// Reference: an independent implementation of bench, driver, vehicles and controllers, in the digits of its numbers. The
-/// resolution of its bisection is 1.25 km/h, that of this one 0.5 km/h.
+/// Reference: an independent implementation of test bench, driver, vehicles and controllers, to its printed digits. The
+/// bisection of the reference has a resolution of 1.25 km/h, ours of 0.5 km/h.
 #[track_caller]
 fn has_numbers_of_an_independent_bench(found: &Assessed, numbers: &[(&str, &str, f64, f64)]) {
     for (id, system, expected, tolerance) in numbers {
@@ -536,7 +541,7 @@ fn the_rescue_vehicle_has_the_numbers_of_an_independent_bench() {
         ("fishhook.load_transfer_peak", "with", 0.33, 5e-3),
     ];
     has_numbers_of_an_independent_bench(&found, &numbers);
-    // Metrics are not compared at unequal entry speeds: the faster system also drives at the speed of the other one.
+    // Metrics are compared at equal entry speeds: the faster system also drives at the speed of the slower one.
     let transfer = found.row("iso3888_1.load_transfer_peak");
     let slower = found.number("iso3888_1.max_entry_speed", "without");
     assert!(transfer["with"].as_f64() > transfer["without"].as_f64(), "{transfer}");
@@ -547,7 +552,7 @@ fn the_rescue_vehicle_has_the_numbers_of_an_independent_bench() {
     let said = String::from_utf8_lossy(&found.output.stdout).into_owned();
     assert!(said.contains("lost the path with controllers: iso3888_2.20.0000"), "{said}");
     assert!(said.contains("(with: it fails at 20 km/h)"), "{said}");
-    // A metric that is known to be lower is worse; an unknown one cannot be compared.
+    // A metric with an upper bound below the other value is worse; an unknown metric cannot be compared.
     let speed = found.row("iso3888_2.max_entry_speed");
     assert_eq!((&speed["with"], &speed["judgment"]), (&Value::Null, &"worse".into()));
     assert_eq!(speed["reason"], "it fails at 20 km/h");
@@ -592,7 +597,7 @@ fn the_coordinated_car_has_the_numbers_of_an_independent_bench() {
     has_numbers_of_an_independent_bench(&found, &numbers);
     let seed = found.runs("ride.c.1").find(|run| run["system"] == "with").expect("a run");
     near(seed["metrics"]["vibration_total"].as_f64().unwrap(), 0.605, 1e-3);
-    // ISO 2631-1: from 0.5 to 0.8 m/s2.
+    // The class in ISO 2631-1 for 0.5 to 0.8 m/s2.
     let words = &found.row("ride.c.vibration_total")["words"];
     assert_eq!(*words, serde_json::json!({ "without": "fairly uncomfortable", "with": "fairly uncomfortable" }));
 }
@@ -629,18 +634,18 @@ fn a_parameter_set_gives_values() {
     ];
     let of_line = assess(&[&braking[..], &given].concat());
     assert!(!of_file.bytes.is_empty(), "{}", of_file.errors());
-    // Except for the values as written, such as "50 bar/s" and "5".
+    // Equal except for the values as written, such as "50 bar/s" and "5".
     let results = |found: &Assessed| {
         let mut json = found.json.clone().expect("an assessment");
         json.as_object_mut().expect("an object").remove("set").map(|set| (set.as_array().map(Vec::len), json))
     };
     assert!(results(&of_file) == results(&of_line), "{}", of_line.errors());
-    // Different from the run without the file: the friction is lower.
+    // The file lowers the friction, so the braking distance is longer than without it.
     assert!(of_file.number("braking.distance", "with") > 80.0);
 }
 
-/// With `--adapt`, the driver gets the understeer gradient of each system. The amplitudes are still those of the system without
-/// controllers, so that both get the same steering.
+/// With `--adapt`, the driver gets the understeer gradient of each system. The amplitudes still come from the system
+/// without controllers, so both get the same steering.
 #[test]
 fn the_driver_can_know_each_system() {
     let steering =
@@ -656,7 +661,7 @@ fn the_driver_can_know_each_system() {
             near(run["parameters"]["amplitude"].as_f64().unwrap(), 8.0 * amplitude, 1e-6);
         }
     }
-    // The gradient of the system with controllers is twice that of the one without.
+    // The understeer gradient with controllers is twice the one without.
     let deviation = |found: &Assessed| found.number("single_lane_change.deviation_peak", "with");
     assert!((deviation(&usual) - deviation(&adapted)).abs() > 1e-3);
 }

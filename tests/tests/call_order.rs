@@ -1,8 +1,8 @@
-//! Allowed function calls of every state, for every function and every FMU, in both interfaces of FMI 2.0 and 3.0.
+//! Allowed function calls in every state, for every function and every FMU, in both interfaces of FMI 2.0 and 3.0.
 //!
-//! Reference: the tables "allowed function calls" of FMI 2.0.4, sections 3.2.3 and 4.2.4, and the lists of each state of
-//! FMI 3.0.2, sections 2.3, 3.2 and 4.2, transcribed by hand. Where the FMUs differ, [`DIFFERENCES`] has the reason. FMI 3.0
-//! has no state Step Failed: after an error its list is that of Terminated.
+//! Reference: the tables "allowed function calls" in FMI 2.0.4, sections 3.2.3 and 4.2.4, and the lists for each state
+//! in FMI 3.0.2, sections 2.3, 3.2 and 4.2, transcribed manually. [`DIFFERENCES`] lists where the FMUs differ, and why.
+//! FMI 3.0 has no state Step Failed; after an error, the list for Terminated applies.
 
 use fmu_import::c_api::{self, RawStatus, Reference};
 use fmu_import::description::{Causality, FmiVersion, Interface};
@@ -28,7 +28,7 @@ const STATES: [(char, &str); 7] = [
 /// The states of co-simulation and model exchange in FMI 2.0, then in FMI 3.0: the columns of [`TABLE`].
 const COLUMNS: [&str; 4] = ["insft", "inect", "inseft", "inect"];
 
-/// Arguments of a call besides the instance.
+/// Arguments of calls, in addition to the instance.
 struct Subject<'a> {
     fmu: &'a Fmu,
     raw: &'a Raw,
@@ -42,10 +42,10 @@ struct Subject<'a> {
     failing: Option<Vec<f64>>,
 }
 
-/// A call, which gets a state that was saved in Instantiated.
+/// A call. The last argument is a state that was saved in Instantiated.
 type Call = fn(&Subject<'_>, &RawInstance<'_>, RawState) -> RawStatus;
 
-/// Not a function of the version.
+/// The function does not exist in the version.
 const NO: &str = "-";
 const NEVER: &str = "";
 
@@ -72,7 +72,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
         let inputs = s.fmu.references(Causality::Input);
         i.set(Some(&inputs), inputs.len(), Some(&vec![1.0; inputs.len()]))
     }),
-    // Not every FMU has inputs of these types: an empty array is accepted wherever the function is allowed.
+    // Not every FMU has inputs of these types. An empty array is accepted wherever the function is allowed.
     ("fmi2SetInteger", ["ins", "ine", "inse", "ine"], |_, i, _| i.set::<i32>(Some(&[]), 0, Some(&[]))),
     ("fmi3SetInt64", [NO, NO, "inse", "ine"], |_, i, _| i.set::<i64>(Some(&[]), 0, Some(&[]))),
     ("fmi2SetBoolean", ["ins", "ine", "inse", "ine"], |s, i, _| match s.raw.version() {
@@ -87,7 +87,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
         i.state_size(saved, Some(&mut 0))
     }),
     ("fmi2SerializeFMUstate", ["insft", "inect", "inseft", "inect"], |s, i, saved| {
-        // A state saved before the start is smaller than that of the subject, or as large.
+        // A state saved before the start is at most as large as the subject's state.
         let size = 2 * s.bytes.len();
         i.serialize(saved, Some(&mut vec![0; size]), size)
     }),
@@ -102,7 +102,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
     ("fmi3EvaluateDiscreteStates", [NO, NO, "e", "e"], |_, i, _| i.transition("fmi3EvaluateDiscreteStates")),
     ("fmi2EnterContinuousTimeMode", [NEVER, "e", NEVER, "e"], |_, i, _| i.transition("fmi2EnterContinuousTimeMode")),
     ("fmi2CompletedIntegratorStep", [NEVER, "c", NEVER, "c"], |_, i, _| i.completed_integrator_step(Some(&mut [0; 2]))),
-    // In Event Mode of FMI 2.0 for models without continuous states; these FMUs accept it of all.
+    // In FMI 2.0, allowed in Event Mode for models without continuous states; these FMUs accept it for all models.
     ("fmi2SetTime", [NEVER, "ec", NEVER, "c"], |_, i, _| i.set_time(0.0)),
     ("fmi2SetContinuousStates", [NEVER, "c", NEVER, "c"], |s, i, _| {
         let states = vec![0.0; s.fmu.states().len()];
@@ -133,7 +133,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
     }),
     ("fmi3EnterStepMode", [NO, NO, "e", NEVER], |_, i, _| i.transition("fmi3EnterStepMode")),
     ("fmi2DoStep", ["s", NEVER, "s", NEVER], |s, i, _| do_step(s, i, 0.001)),
-    // Only while a step is pending, which none of these FMUs leaves.
+    // Allowed only while a step is pending, which does not happen with these FMUs.
     ("fmi2CancelStep", [NEVER, NEVER, NO, NO], |_, i, _| i.transition("fmi2CancelStep")),
     ("fmi2GetStatus", ["sft", NEVER, NO, NO], |_, i, _| i.status(0)),
     ("fmi2GetRealStatus", ["sft", NEVER, NO, NO], |_, i, _| i.real_status(2, Some(&mut 0.0))),
@@ -155,14 +155,15 @@ fn columns_of_type(function: &str) -> [&'static str; 4] {
         name if name.contains("Interval") => ["ne", "ne"],
         name if name.contains("Shift") => ["n", "n"],
         name if name.starts_with("Get") => ["inseft", "inect"],
-        // A continuous variable of a type without variables: in Continuous-Time Mode, too.
+        // Variables of this type can be continuous, so setting them is also allowed in Continuous-Time Mode.
         "SetFloat32" => ["inse", "inec"],
         _ => ["inse", "ine"],
     };
     [NO, NO, co_simulation, model_exchange]
 }
 
-/// Functions that return fmi2Discard where they are allowed: no step is pending, and there is no status of these types.
+/// Functions that return fmi2Discard where they are allowed, because no step is pending and no status of these types
+/// exists.
 const DISCARDED: [&str; 3] = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"];
 
 /// Functions of capabilities that no FMU has: rejected in every state.
@@ -173,20 +174,20 @@ const NOT_PROVIDED: [&str; 4] = [
     "fmi3EnterConfigurationMode",
 ];
 
-/// Differences of the FMUs from the standard: function, column, states, true if the FMUs accept the call.
+/// Differences between the FMUs and the standard: function, column, states, true if the FMUs accept the call.
 const DIFFERENCES: &[(&str, usize, &str, bool)] = &[
-    // The state after a failed step is not worth saving (ARCHITECTURE.md, "Status").
+    // After a failed step, the FMUs do not save their state (ARCHITECTURE.md, "Status").
     ("fmi2GetFMUstate", 0, "f", false),
     ("fmi2GetFMUstate", 2, "f", false),
-    // No FMU has the capability of fmi2GetRealOutputDerivatives; the function of FMI 3.0 accepts an empty array.
+    // No FMU supports output derivatives; the function in FMI 3.0 accepts an empty array.
     ("fmi2GetRealOutputDerivatives", 0, "sft", false),
-    // As in FMI 2.0, an importer may end the simulation after a step that failed.
+    // As in FMI 2.0, an importer can terminate after a failed step.
     ("fmi2Terminate", 2, "f", true),
-    // As in FMI 2.0, where it changes nothing.
+    // As in FMI 2.0, where the call has no effect.
     ("fmi2EnterEventMode", 3, "e", true),
-    // As in FMI 2.0: some importers set the time of an event after they entered Event Mode.
+    // As in FMI 2.0, because some importers set the time of an event after entering Event Mode.
     ("fmi2SetTime", 3, "e", true),
-    // They never change.
+    // The nominal values never change.
     ("fmi2GetNominalsOfContinuousStates", 3, "i", true),
     ("fmi3GetNumberOfEventIndicators", 3, "nct", true),
     ("fmi3GetNumberOfContinuousStates", 3, "nct", true),
@@ -204,7 +205,7 @@ impl<'a> Subject<'a> {
         Self { fmu, raw, interface, column, has_event_mode, bytes: state(raw, interface), failing }
     }
 
-    /// The real variables without the event indicators, which may be infinite.
+    /// The real variables, without the event indicators, which can be infinite.
     fn reals(&self) -> Vec<Reference> {
         let variables = &self.fmu.description.variables;
         let time = variables.iter().find(|variable| variable.causality == Causality::Independent);
@@ -224,8 +225,8 @@ impl<'a> Subject<'a> {
         self.raw.instantiate_logging(arguments, 0).expect("an instance")
     }
 
-    /// A new instance in a state, with a state saved before; `None` if no input makes a step of this FMU fail, or if it has
-    /// no Event Mode.
+    /// A new instance in an FMU state, with a state that it has saved; `None` if the FMU cannot get there, because no
+    /// input makes a step fail or it has no Event Mode.
     fn bring(&self, letter: char) -> Option<(RawInstance<'_>, RawState)> {
         if (self.column, letter, self.has_event_mode) == (2, 'e', false) {
             return None;
@@ -262,7 +263,7 @@ impl<'a> Subject<'a> {
         Some((instance, saved))
     }
 
-    /// The state of an instance, from the error of a call that is rejected in every state.
+    /// The FMU state of an instance, from the message of a call that is always rejected.
     fn letter(&self, instance: &RawInstance<'_>) -> char {
         let (function, own, status) = match self.column {
             0 => ("fmi2CancelStep", 's', instance.transition("fmi2CancelStep")),
@@ -293,7 +294,7 @@ impl<'a> Subject<'a> {
         is_provided && difference.map_or(columns[self.column].contains(letter), |(.., is_accepted)| *is_accepted)
     }
 
-    /// The state after a call that was accepted.
+    /// The FMU state after an accepted call.
     fn next(&self, function: &str, letter: char) -> char {
         match function {
             "fmi2EnterInitializationMode" => 'n',
@@ -337,7 +338,7 @@ impl<'a> Subject<'a> {
         assert_eq!(self.letter(&instance), next, "{place}: the state after the call");
     }
 
-    /// The bytes of an instance's state, or its values where it cannot be saved.
+    /// The bytes of an instance's state, or its values if the state cannot be saved.
     fn content(&self, instance: &RawInstance<'_>, letter: char) -> Vec<u8> {
         let reals = self.reals();
         let mut values = vec![0.0; reals.len()];
@@ -382,7 +383,7 @@ fn of_states(subject: &Subject<'_>, instance: &RawInstance<'_>, function: &str) 
     instance.numbers(function, Some(&mut vec![0.0; count]), count)
 }
 
-/// The derivative of the first output by the first input.
+/// Calls for the derivative of the first output with respect to the first input.
 fn derivative(subject: &Subject<'_>, instance: &RawInstance<'_>, function: &str) -> RawStatus {
     let first = |causality| subject.fmu.references(causality).into_iter().take(1).collect::<Vec<_>>();
     let (unknowns, knowns) = (first(Causality::Output), first(Causality::Input));
@@ -402,7 +403,7 @@ fn derivative(subject: &Subject<'_>, instance: &RawInstance<'_>, function: &str)
     instance.derivative(function, arrays)
 }
 
-/// Calls every function in every state, and returns the names of the FMUs of which a step failed.
+/// Calls every function in every FMU state; returns the names of the FMUs that reached Step Failed.
 fn every_function_in_every_state(fmus: &[Fmu]) -> Vec<String> {
     let mut failed = Vec::new();
     for fmu in fmus {
@@ -411,7 +412,7 @@ fn every_function_in_every_state(fmus: &[Fmu]) -> Vec<String> {
             let subject = Subject::new(fmu, &raw, interface);
             failed.extend(subject.failing.as_ref().map(|_| fmu.name.clone()));
             for letter in COLUMNS[subject.column].chars() {
-                // In FMI 2.0, a library has the functions of the interfaces that it provides.
+                // In FMI 2.0, a library contains only the functions of the interfaces that it provides.
                 let has_all = subject.column >= 2 || interfaces(fmu).len() == 2;
                 let is_there = |columns: &[&str; 4]| match columns[subject.column] {
                     NO => false,
@@ -435,7 +436,7 @@ fn every_function_in_every_state(fmus: &[Fmu]) -> Vec<String> {
 #[test]
 fn every_function_in_every_state_of_fmi_2() {
     let failed = every_function_in_every_state(&all());
-    // The numbers of the plants can overflow; if no FMU's could, nothing would be tested in Step Failed.
+    // A plant's values can overflow in a step. Without such an FMU, Step Failed would not be tested.
     assert!(failed.iter().any(|name| name == "RescueVehicle"), "no failed step of RescueVehicle, only of {failed:?}");
 }
 
@@ -467,7 +468,7 @@ fn a_message_says_where_a_call_was_made_and_where_it_may_be() {
 
 #[test]
 fn the_start_may_be_left_out() {
-    // fmi2SetupExperiment is optional: the start is 0 and there is no stop.
+    // fmi2SetupExperiment is optional; the default is a start at 0 and no stop time.
     for fmu in all() {
         let mut instance = fmu.instance();
         ok(instance.enter_initialization_mode());

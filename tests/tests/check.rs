@@ -1,6 +1,6 @@
-//! `cargo fmu check`: clean on the whole library, and one defect at a time is found.
+//! `cargo fmu check` has no findings in the library, and finds each of many defects.
 //!
-//! Reference: FMI 2.0.4, sections 2.2 and 4.3. Every defect is made by hand in a good FMU.
+//! Reference: FMI 2.0.4, sections 2.2 and 4.3. Each defect is introduced into a valid FMU.
 #![cfg(unix)]
 
 use fmu_check::{Event, Finding, Options, Severity, check};
@@ -58,7 +58,7 @@ impl Patient {
         self
     }
 
-    /// Replaces bytes of the binary by as many others.
+    /// Replaces bytes in the binary by the same number of other bytes.
     #[track_caller]
     fn patch(mut self, from: &[u8], to: &[u8]) -> Self {
         assert_eq!(from.len(), to.len());
@@ -80,7 +80,7 @@ impl Patient {
         findings(&path)
     }
 
-    /// Checks that a finding has these words, and returns all findings.
+    /// Checks that a finding contains these words; returns all findings.
     #[track_caller]
     fn has(self, severity: Severity, words: &str) -> Vec<Finding> {
         let findings = self.findings();
@@ -90,7 +90,7 @@ impl Patient {
     }
 }
 
-/// The yaw rate reference: a few variables of every kind that the defects need.
+/// The FMU YawRateReference, which has the kinds of variables that the defects need.
 fn patient() -> Patient {
     Patient::new("YawRateReference")
 }
@@ -101,9 +101,9 @@ fn an_unchanged_copy_is_clean() {
     assert_eq!(Patient::new("RescueVehicle").findings(), []);
 }
 
-/// Defects of the description, as text to replace, and the messages about them.
+/// Defects in the description: text to replace, replacement, and the message.
 const DEFECTS: &[(&str, &str, &str)] = &[
-    // No start on an input.
+    // An input without a start value.
     (
         "causality=\"input\" variability=\"continuous\">\n      <Real unit=\"rad\" displayUnit=\"deg\" nominal=\"0.1\" start=\"0.0\"/>",
         "causality=\"input\" variability=\"continuous\">\n      <Real unit=\"rad\" displayUnit=\"deg\" nominal=\"0.1\"/>",
@@ -147,7 +147,7 @@ fn defects_of_a_description() {
     for (from, to, words) in DEFECTS {
         patient().describe(from, to).has(Severity::Error, words);
     }
-    // Allowed, but two outputs that are one.
+    // Allowed, but both outputs are the same variable.
     patient().describe("valueReference=\"9\"", "valueReference=\"8\"").has(Severity::Warning, "they can never differ");
 }
 
@@ -190,7 +190,8 @@ fn the_model_structure() {
         .describe(section("InitialUnknowns"), "")
         .has(Severity::Error, "is not listed in ModelStructure/InitialUnknowns");
 
-    // An output that does depend on inputs: naming none is a lie, naming no dependencies at all a trap.
+    // For an output that depends on inputs, an empty list of dependencies is wrong, and a missing list makes importers
+    // assume all of them.
     let outputs = section("Outputs");
     let entry = outputs.lines().find(|line| line.contains("dependencies=\"") && !line.contains("dependencies=\"\""));
     let entry = entry.expect("an output that depends on something");
@@ -200,7 +201,7 @@ fn the_model_structure() {
     rescue().describe(outputs, &none).has(Severity::Error, "which is missing from its dependencies in Outputs");
     let open = outputs.replacen(entry, &format!("{before}{after}"), 1);
     rescue().describe(outputs, &open).has(Severity::Warning, "has no `dependencies`");
-    // An output that is a state follows no input.
+    // An output that is a state does not depend directly on inputs.
     let number = |name: &str| 1 + position(&text, name);
     let state = format!("<Unknown index=\"{}\" dependencies=\"", number("body.heave"));
     let with_input = format!("{state}{} ", number("steer.front"));
@@ -209,7 +210,7 @@ fn the_model_structure() {
     rescue().describe(outputs, &loops).has(Severity::Warning, "an algebraic loop that does not exist");
 }
 
-/// Position of a variable in the list.
+/// Position of a variable in the description's list.
 fn position(text: &str, name: &str) -> usize {
     let variables = text.split("<ScalarVariable ").skip(1);
     let needle = format!("name=\"{name}\"");

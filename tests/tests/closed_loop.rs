@@ -1,9 +1,9 @@
 //! The rescue vehicle with all its controllers: the packed FMUs, wired and stepped by the importer.
 //!
-//! References: Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, and the check numbers that the independent
-//! implementation behind `references/` printed for steady states. Such a number is a text with the printed digits, and
-//! is met within one unit of its last digit: half a unit for the printed rounding, the rest for the transients that remain
-//! after 14 s. Everything else is compared bit by bit or follows from a formula.
+//! References: Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, and the numbers that the independent
+//! implementation behind `references/` printed for steady states. These numbers are strings with the printed digits.
+//! Tolerance: one unit of the last digit, half of it for rounding, the rest for the transient that remains after 14 s.
+//! All other values are compared bit by bit or follow from a formula.
 
 use fmu_import::description::Causality;
 use fmu_import::loader::Instance;
@@ -51,7 +51,7 @@ fmu = "RescueVehicle"
 inputs = { "road_height.*" = 0.0, "road_friction.*" = 1.0 }
 "#;
 
-/// A class C road under the plant; the speed is prescribed, so the road moves on with the driver's demand.
+/// A class C road under the plant; the driver prescribes its speed.
 const ROUGH: &str = r#"
 [[component]]
 name = "road"
@@ -65,7 +65,7 @@ from = "driver:driver.speed"
 to = "road:vehicle.speed"
 "#;
 
-/// A scenario on a smooth road that runs to `stop`.
+/// A scenario on a smooth road that ends at `stop`.
 fn smooth(stop: f64, rest: &str) -> String {
     scenario(stop, &[DRIVER, CONTROLLERS, SMOOTH, rest])
 }
@@ -80,7 +80,7 @@ fn plan(text: &str, options: &Options) -> Plan {
     resolve_text(Path::new("test.toml"), text, &FmuFolder::new([folder()]), options).unwrap_or_else(|error| fail(error))
 }
 
-/// Fails with all mistakes that were found in a scenario.
+/// Fails with all mistakes found in a scenario.
 #[track_caller]
 fn fail(error: ResolveError) -> ! {
     match error {
@@ -157,8 +157,8 @@ fn assert_printed(what: &str, found: f64, printed: &str) {
     assert!((found - expected).abs() <= unit, "{what} = {found}, {printed} was expected");
 }
 
-/// Constant steering of 0.05 rad, tires of the linear law: yaw rate over the tangent of the front angle, sideslip, and
-/// the angles of the axles behind.
+/// Constant steering of 0.05 rad with linear tires: yaw rate divided by the tangent of the front angle, sideslip, and
+/// the angles of the rear axles.
 #[test]
 fn yaw_gain_at_four_speeds() {
     let text = smooth(
@@ -213,9 +213,9 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*
         let front = results.last(&run, "steer.front");
         let gain = results.last(&run, "vehicle.yaw_rate") / front.tan();
         assert_printed(&format!("{run}: yaw gain"), gain, zero_sideslip);
-        // The same from the formula u/(a + m_f u^2/C_F) with the data of the model's README: the front axle carries a
-        // third of 36 t, its tires have 2 * 300 kN/rad, a = 7.55/3 m. The integral action of the loop leaves only the error
-        // of the remaining transient.
+        // The yaw gain from the formula u/(a + m_f u^2/C_F) with the data in the model's README: the front axle carries
+        // a third of 36 t, its tires have 2 * 300 kN/rad, a = 7.55/3 m. Because of the integral action, only the error
+        // of the remaining transient is left.
         let u: f64 = speed / 3.6;
         let formula = u / (7.55 / 3.0 + 12_000.0 * u * u / 600_000.0);
         assert!((gain / formula - 1.0).abs() < 1e-6, "{run}: {gain}, the formula gives {formula}");
@@ -230,10 +230,10 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*
     assert_printed("rear axle", results.last(run, "steer.rear"), "-0.0023");
 }
 
-/// A demand above the largest angle gives the angle that the speed allows.
+/// A demand above the maximum angle gives the angle that the speed allows.
 #[test]
 fn front_axle_is_limited_by_the_speed() {
-    // 1 s of waiting, 3.2 s of the ramp to 32 degrees with 10 degrees per second.
+    // A wait of 1 s, then a ramp of 3.2 s to 32 degrees, at 10 degrees per second.
     let text = smooth(
         5.0,
         r#"
@@ -334,7 +334,7 @@ fn assert_steady_step(results: &Results) {
 fn steady_state_after_a_step_steer() {
     let results = Results::run(&smooth(15.0, STEP_CASES));
     assert_steady_step(&results);
-    // Before the step the vehicle is at rest on a smooth road: both strategies alike, to the bit.
+    // Before the step, nothing disturbs the vehicle on the smooth road, so both strategies are bit-identical.
     let before = (1.0 / STEP) as usize;
     for signal in ["body.roll", "vehicle.yaw_rate", "vehicle.lateral_acceleration", "suspension_force.fl"] {
         for run in ["individual", "coordination"] {
@@ -369,8 +369,8 @@ signals = ["mixer:suspension_force.*", "plant:body.*", "plant:wheel_*", "plant:t
     for wheel in LEFT_AND_RIGHT.iter().flat_map(|(left, right)| [left, right]) {
         let signal = format!("suspension_force.{wheel}");
         assert_eq!(peak(results.column("both", &signal)), LIMIT, "{signal}");
-        // 1e-6 rad times the force per steering angle of the steady state above, 443 N/0.17 rad, is 2.6e-3 N; a loop
-        // that is stable stays within a small multiple.
+        // 1e-6 rad times the force per steering angle in the steady state above, 443 N/0.17 rad, is 2.6e-3 N; a stable
+        // loop stays within a small multiple of this.
         assert!(peak(results.column("one", &signal)) < 1.0, "{signal}");
     }
 }
@@ -399,7 +399,7 @@ signals = ["coordination:weight.steering", "steering:*", "plant:*"]
         ],
     );
     let results = Results::run(&text);
-    // The speed has a floor in slip angles, so nothing is divided by 0.
+    // Slip angles use a minimum speed, so nothing is divided by 0.
     results.assert_finite();
     // The driver's speed is 0 from the first sample on; row 0 holds the start values.
     let coordinated = |signal: &str| peak(&results.column("standing", signal)[1..]);
@@ -431,7 +431,7 @@ values = [1, 2]
 signals = ["*"]
 "#;
 
-/// A short drive on a rough road, everything recorded.
+/// A short drive on a rough road, with all signals recorded.
 fn rough() -> String {
     let driver = DRIVER.replace("\"steer.start\" = 1.0", "\"steer.start\" = 0.2");
     scenario(0.8, &[&driver, CONTROLLERS, ROUGH, ROUGH_CASES])
@@ -451,7 +451,7 @@ fn results_do_not_depend_on_threads() {
     let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
     let one = |run| execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
     let alone: Vec<_> = plan.runs.iter().map(one).collect();
-    // All at once, by libraries that are loaded once.
+    // All runs at the same time, with libraries that are loaded once.
     let together: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = plan.runs.iter().map(|run| scope.spawn(move || one(run))).collect();
         threads.into_iter().map(|thread| thread.join().expect("it does not panic")).collect()
@@ -461,7 +461,7 @@ fn results_do_not_depend_on_threads() {
     }
 }
 
-/// A loop as written by a user of the FMUs: signals by name, components in their order, no bus, no plan.
+/// The loop as a user would write it: signals by name, components in order, without a bus or a plan.
 #[test]
 fn sequential_order_is_the_obvious_loop() {
     let mut plan = plan(&rough(), &Options::default());
@@ -543,7 +543,8 @@ fn sequential_order_is_the_obvious_loop() {
     }
 }
 
-/// In a chain without feedback a component sees its input one step later for every component before it; nothing else changes.
+/// In a chain without feedback, a component gets its input one step later for every component before it; nothing else
+/// changes.
 #[test]
 fn jacobi_order_delays_a_chain_by_one_step_per_component() {
     let chain = format!(
@@ -574,7 +575,7 @@ fmu = "RollLqrSuspension"
 from = "driver:driver.speed"
 to = "coordination:vehicle.speed"
 "#;
-    // The driver steers after 0.1 s, when the start transient is over: until then all signals are constant.
+    // The driver steers after 0.1 s. Before that, all signals are constant after the initial transient.
     let text = scenario(0.5, &[&chain.replace("\"steer.start\" = 1.0", "\"steer.start\" = 0.1")]);
     let ordered = |order| Results::of(plan(&text, &Options { order: Some(order), ..Options::default() }));
     let (sequential, jacobi) = (ordered(Order::Sequential), ordered(Order::Jacobi));
@@ -582,7 +583,7 @@ to = "coordination:vehicle.speed"
     let mut compared = 0;
     for (i, column) in sequential.plan.columns.iter().enumerate() {
         let delay = match column.name.as_str() {
-            // The traveled distance, which depends on the speed in the very first step.
+            // Positions depend on the speed in the very first step.
             "vehicle.position_x" | "vehicle.position_y" => continue,
             name if name.starts_with("driver.") => 0,
             name if name.starts_with("roll_force") => 2,
@@ -598,7 +599,7 @@ to = "coordination:vehicle.speed"
 
 #[test]
 fn jacobi_order_settles_to_the_same_state() {
-    // Delays of some milliseconds in the loops change the transient, not the steady state.
+    // Delays of a few milliseconds in the loops change the transient, but not the steady state.
     let text = smooth(15.0, STEP_CASES);
     let ordered =
         |order, stop| Results::of(plan(&text, &Options { order: Some(order), stop: Some(stop), ..Options::default() }));
@@ -609,7 +610,7 @@ fn jacobi_order_settles_to_the_same_state() {
     assert_ne!(bits(rolls[0]), bits(&rolls[1][..rolls[0].len()]), "the orders differ on the way");
 }
 
-/// The experiment of Table 4 and Figure 6 of the paper.
+/// The experiment of Table 4 and Figure 6 in the paper.
 struct StepSteer(Results);
 
 impl StepSteer {
@@ -622,7 +623,7 @@ impl StepSteer {
         Self(results)
     }
 
-    /// Root mean square of a signal with individual control, and its relative change by coordination, on each road.
+    /// Root mean square of a signal with individual control, and its relative change with coordination, on each road.
     fn rms_and_change(&self, signal: &str) -> Vec<[f64; 2]> {
         let of = |case: &str, seed: &i32| rms(self.0.column(&format!("{case}#{seed}"), signal));
         let one = |seed| {
@@ -638,11 +639,11 @@ fn claims_of_the_paper_on_a_shortened_step_steer() {
     // 3 s of the turn on one road.
     let results = StepSteer::run(&Options { stop: Some(8.0), seeds: Some(1), ..Options::default() });
     let change = |signal: &str| results.rms_and_change(signal)[0][1];
-    // Reproduced: coordination makes the roll angle smaller.
+    // Reproduced: coordination reduces the roll angle.
     assert!(change("body.roll") < 0.0, "roll angle: {}", change("body.roll"));
-    // Reproduced: the lateral acceleration stays. Not reproduced: the paper reports that the yaw acceleration falls by
-    // 23 %, but here the suspension hardly affects the yaw motion. The independent implementation printed changes of
-    // 0.1 % at most, for other roads and suspensions; 0.5 % is far from both 0.1 % and 23 %.
+    // Reproduced: the lateral acceleration does not change. Not reproduced: the paper reports that the yaw acceleration
+    // falls by 23 %, but here the suspension hardly affects the yaw motion. The independent implementation printed
+    // changes of at most 0.1 %, for other roads and suspensions; the limit of 0.5 % is far from both 0.1 % and 23 %.
     for signal in ["vehicle.lateral_acceleration", "vehicle.yaw_acceleration"] {
         assert!(change(signal).abs() < 0.005, "{signal}: {}", change(signal));
     }
@@ -653,8 +654,8 @@ fn table_4_on_eight_roads() {
     let results = StepSteer::run(&Options::default());
     let roads = results.0.plan.seeds.len() as f64;
     assert_eq!(roads, 8.0);
-    // Mean and standard deviation that the independent implementation printed for eight roads of the same class:
-    // root mean square with individual control, and change by coordination.
+    // Mean and standard deviation that the independent implementation printed for eight roads of the same class: root
+    // mean square with individual control, and change with coordination.
     for (signal, rms, change) in [
         ("body.roll", [0.0619, 0.0016], [-0.123, 0.001]),
         ("body.roll_acceleration", [0.173, 0.011], [-0.007, 0.005]),
@@ -664,8 +665,8 @@ fn table_4_on_eight_roads() {
         for (i, (what, [mean, deviation])) in [("rms", rms), ("change", change)].into_iter().enumerate() {
             let found_mean = found.iter().map(|road| road[i]).sum::<f64>() / roads;
             let variance = found.iter().map(|road| (road[i] - found_mean).powi(2)).sum::<f64>() / (roads - 1.0);
-            // Its roads come from other random numbers, so only the means can be compared: within four standard
-            // errors of their difference.
+            // The roads of the reference come from other random numbers, so only the means can be compared: within four
+            // standard errors of their difference.
             let tolerance = 4.0 * ((variance + deviation * deviation) / roads).sqrt();
             println!("{signal}, {what}: {found_mean:.5} +- {:.5}, expected {mean} +- {deviation}", variance.sqrt());
             assert!((found_mean - mean).abs() <= tolerance, "{signal}: mean {what} {found_mean}, expected {mean}");
@@ -673,7 +674,7 @@ fn table_4_on_eight_roads() {
     }
 }
 
-/// A sensor with its start values has no effect: the same bits in a closed loop. In another case, noise and delay have one.
+/// A sensor with its start values does not change a closed loop, bit for bit. In another case, noise and delay do.
 #[test]
 fn a_sensor_with_its_start_values_changes_no_bit() {
     let file = workspace().join("scenarios/rescue_vehicle_sensor_actuator.toml");
@@ -686,15 +687,15 @@ fn a_sensor_with_its_start_values_changes_no_bit() {
         assert_eq!(sensor, ideal, "{signal}");
         assert_ne!(real, ideal, "{signal}");
     }
-    // The sensor shows the yaw rate at the start of the step, the plant that at its end.
+    // The sensor outputs the yaw rate at the start of the step, the plant the yaw rate at its end.
     let measured = results.column("start_values#1", "sensor.measured_value");
     let yaw_rate = results.column("start_values#1", "vehicle.yaw_rate");
     assert_eq!(bits(&measured[1..]), bits(&yaw_rate[..yaw_rate.len() - 1]));
 }
 
-/// Steering from a file: 2° at 0.5 Hz, in 20 and in 1,000 rows a second. References: the recorded angle is that of the file in
-/// the middle of each step, by hand; the roll acceleration of both files agrees within 1 % (RMS), twice what the straight lines
-/// between 20 rows a second cause.
+/// Steering from a file: 2° at 0.5 Hz, with 20 and with 1,000 rows per second. References: the recorded angle is the
+/// file's angle in the middle of each step, computed here; the roll acceleration with both files agrees within 1 %
+/// (RMS), twice the effect of the straight lines between 20 rows per second.
 #[test]
 fn a_sampled_steering_angle_is_as_good_as_the_sine() {
     let driver = r#"

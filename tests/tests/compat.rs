@@ -1,5 +1,5 @@
-//! Compatibility of the library's FMUs with its plants by their signals: the combinations of the papers, and FMUs that can or
-//! cannot be swapped between vehicles.
+//! Compatibility between the signals of the library's FMUs and plants: the combinations in the papers, and FMUs that
+//! can or cannot be swapped between vehicles.
 
 use fmu_system::compat::{Fit, Missing, Reason, Systems, systems};
 use fmu_system::resolve::{Descriptions, FmuFolder};
@@ -22,7 +22,8 @@ fn fit<'a>(systems: &'a Systems, component: &str, plant: &str) -> &'a Fit {
 
 #[test]
 fn plants_are_the_vehicles() {
-    // BrakeAndDriveActuators has states, too, but belongs to the car; Actuator has states, but no signal of another FMU.
+    // BrakeAndDriveActuators also has states, but belongs to the car; Actuator has states, but shares no signal with
+    // another FMU.
     assert_eq!(library().plants, ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]);
 }
 
@@ -93,7 +94,7 @@ fn what_does_not_fit_is_named() {
     assert_eq!(missing.len(), 5);
 }
 
-/// They are inserted into any signal by explicit connections.
+/// Sensor and actuator are inserted into any signal by explicit connections.
 #[test]
 fn sensor_and_actuator_fit_no_plant_by_name() {
     let systems = library();

@@ -1,7 +1,7 @@
-//! Scenario and study files with mistakes of every kind: always a message with a place, never a panic.
+//! Random mistakes in scenario and study files always give a message with a position, never a panic.
 //!
-//! The committed files are changed at random, with fixed seeds. What a particular mistake is answered with is tested in
-//! `crates/fmu-system/tests/resolve.rs` and `crates/cargo-fmu/tests/studies.rs`.
+//! The committed files are changed at random, with fixed seeds. The messages for particular mistakes are tested in
+//! `crates/fmu-system/tests/resolve.rs` and `crates/chassis/tests/studies.rs`.
 
 use fmu_import::worker::{Launch, Settings};
 use fmu_study::study::Workers;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tests::signals::Random;
 
-/// Changes of each file.
+/// Number of changed copies of each file.
 const CHANGES: u64 = 120;
 
 /// The TOML files of a folder of the workspace, sorted.
@@ -59,13 +59,13 @@ fn damage(text: &str, random: &mut Random) -> String {
             2 => lines.truncate(at.max(1)),
             3 => lines.swap(at, 0),
             4 => {
-                // Another value, and with it another type.
+                // A value that can have another type.
                 if let Some((key, _)) = line.split_once('=') {
                     lines[at] = format!("{key}= {}", VALUES[random.below(VALUES.len() as u64) as usize]);
                 }
             }
             5 => {
-                // A number within the line becomes a wild one.
+                // A number in the line is replaced by an unusual one.
                 const NUMBERS: [&str; 6] = ["0", "-7", "1e300", "nan", "99999999999999999999", "1e-300"];
                 let number = NUMBERS[random.below(NUMBERS.len() as u64) as usize];
                 if let Some(first) = line.find(|c: char| c.is_ascii_digit()) {
@@ -75,7 +75,7 @@ fn damage(text: &str, random: &mut Random) -> String {
             }
             6 => lines[at] = line.replacen('"', "", 1),
             7 => {
-                // A character less, or a strange one more.
+                // A character is removed, or an unusual one is added.
                 let mut characters: Vec<_> = line.chars().collect();
                 if !characters.is_empty() {
                     let place = random.below(characters.len() as u64) as usize;
@@ -99,7 +99,8 @@ fn damage(text: &str, random: &mut Random) -> String {
     lines.join("\n")
 }
 
-/// Damages the files of a folder and reads them: how many were rejected with a message, how many are still in order.
+/// Damages the files in a folder and reads them; returns how many were rejected with a message, and how many remained
+/// valid.
 fn read_damaged<E: std::fmt::Display>(
     folder: &str,
     first_seed: u64,
@@ -137,7 +138,7 @@ fn damaged_scenarios_are_rejected_with_a_message() {
     );
 }
 
-/// Reading a study starts none of them.
+/// Workers for reading studies, which does not start any of them.
 fn workers() -> Workers {
     let launch = Launch { program: PathBuf::from("none"), arguments: Vec::new() };
     let settings = Settings::new(launch, Duration::from_secs(1), Arc::new(|_| ()));
@@ -147,7 +148,7 @@ fn workers() -> Workers {
 #[test]
 fn damaged_studies_are_rejected_with_a_message() {
     let source = FmuFolder::new([tests::folder()]);
-    // A study names its scenario by a path from itself.
+    // The path of a scenario in a study is relative to the study file.
     let folder = tempfile::tempdir().expect("a temporary folder");
     let [studies, scenarios] = ["studies", "scenarios"].map(|name| folder.path().join(name));
     for folder in [&studies, &scenarios] {

@@ -1,6 +1,6 @@
-//! Tests of `modelDescription.xml`: it is complete and consistent, and avoids constructs that importers are known to reject.
+//! `modelDescription.xml` is complete and consistent, and avoids constructs that importers are known to reject.
 //!
-//! Reference: FMI 2.0.4, sections 2.2 (description) and 2.1.2 (functions that have to be there).
+//! Reference: FMI 2.0.4, sections 2.2 (description) and 2.1.2 (required functions).
 
 use fmu_import::archive::platform;
 use fmu_import::description::{BaseType, Causality, Initial, Unknown, Variable};
@@ -10,7 +10,7 @@ use std::io::Read as _;
 use tests::{Fmu, all, ok, paths, symbols};
 use zip::ZipArchive;
 
-/// All functions of the standard for both interfaces; an FMU has to export them even if it does not support them.
+/// All functions in the standard for both interfaces. An FMU must export them even if it does not support them.
 const FUNCTIONS: [&str; 44] = [
     "fmi2CancelStep",
     "fmi2CompletedIntegratorStep",
@@ -64,16 +64,16 @@ fn descriptions_are_complete() {
         let description = &fmu.description;
         let name = &fmu.name;
         let unit = description.co_simulation.as_ref().expect("a co-simulation FMU");
-        // One name everywhere: file, model, library.
+        // File, model and library have the same name.
         assert_eq!((&description.model_name, &unit.model_identifier), (name, name));
         assert!(description.description.as_ref().is_some_and(|text| text.len() > 20), "{name}: description");
         for text in [&description.author, &description.version, &description.license, &description.generation_tool] {
             assert!(text.as_ref().is_some_and(|text| !text.is_empty()), "{name}: a fact of the FMU is missing");
         }
-        // A date would make two packings differ; the standard does not ask for it.
+        // A date, which the standard does not require, would make the bytes depend on the time of packing.
         assert!(description.generation_date_and_time.is_none(), "{name}: a date");
         assert_eq!(description.variable_naming_convention, "structured");
-        // The flags are the capabilities that the tests in this folder use, and no others.
+        // The FMUs declare exactly the capabilities that the tests in this folder use.
         assert!(unit.can_handle_variable_communication_step_size && unit.can_not_use_memory_management_functions);
         assert!(unit.can_get_and_set_fmu_state && unit.can_serialize_fmu_state);
         assert!(!unit.can_be_instantiated_only_once_per_process && !unit.needs_execution_tool);
@@ -95,9 +95,9 @@ fn descriptions_are_complete() {
             "{name}: {stop} {step}"
         );
         assert_eq!(description.log_categories, ["logStatusError", "logStatusDiscard", "logEvents"]);
-        // libcosim takes the GUID as the name of a folder.
+        // libcosim uses the GUID as a folder name.
         assert!(!description.guid.contains(['/', '\\']), "{name}: {}", description.guid);
-        // The library accepts the GUID of the description; that it rejects others is tested elsewhere.
+        // The library accepts the GUID in the description; another test checks that it rejects other GUIDs.
         drop(fmu.instance());
         description.variables.iter().for_each(|variable| check_variable(&fmu, variable));
         for unit in &description.units {
@@ -109,8 +109,8 @@ fn descriptions_are_complete() {
     }
 }
 
-/// Variables without a fixed unit: in m or, by choice, in s, or in the unit of an arbitrary signal. They declare no unit, not
-/// even "1".
+/// Variables without a fixed unit: in m or s, depending on another parameter, or in the unit of the connected signal.
+/// They declare no unit, not even "1".
 const WITHOUT_UNIT: [&str; 13] = [
     "obstacle.start",
     "obstacle.length",
@@ -127,14 +127,14 @@ const WITHOUT_UNIT: [&str; 13] = [
     "actuator.initial_value",
 ];
 
-/// Returns true if a variable, or the one whose derivative it is, has no fixed unit.
+/// Returns true if a variable, or the variable that it is the derivative of, has no fixed unit.
 fn is_without_unit(variable: &Variable) -> bool {
     let name = variable.name.as_str();
     let name = name.strip_prefix("der(").and_then(|name| name.strip_suffix(')')).unwrap_or(name);
     WITHOUT_UNIT.contains(&name)
 }
 
-/// A name of the convention `structured` as this project uses it: words and places in lower case, joined by points.
+/// A name in this project's form of the convention `structured`: words and positions in lower case, joined by dots.
 fn is_plain_name(name: &str) -> bool {
     let name = name.strip_prefix("der(").and_then(|name| name.strip_suffix(')')).unwrap_or(name);
     name.split('.').all(|word| {
@@ -159,7 +159,8 @@ fn check_variable(fmu: &Fmu, variable: &Variable) {
     if is_without_unit(variable) {
         assert_eq!(variable.unit, None, "{place}: a unit");
     }
-    // Every input, parameter and exact value has a start value, nothing calculated has one, inputs have no `initial`.
+    // Every input, parameter and exact variable has a start value, calculated variables have none, inputs have no
+    // `initial`.
     let is_set = variable.causality == Causality::Input || variable.initial == Some(Initial::Exact);
     assert_eq!(variable.start.is_some(), is_set, "{place}: start value");
     assert_eq!(variable.initial.is_none(), variable.causality == Causality::Input, "{place}: initial");
@@ -177,18 +178,18 @@ fn check_structure(fmu: &Fmu) {
     assert_eq!(listed(&description.derivatives), positions(&|v| v.derivative_of.is_some()), "{name}: Derivatives");
     let calculated = positions(&|v| v.initial == Some(Initial::Calculated));
     assert_eq!(listed(&description.initial_unknowns), calculated, "{name}: InitialUnknowns");
-    // Without a list, an importer has to expect that an unknown depends on everything, and finds algebraic loops.
+    // Without a list, an importer must assume that an unknown depends on everything, and finds algebraic loops.
     for unknown in description.outputs.iter().chain(&description.derivatives).chain(&description.initial_unknowns) {
         assert!(unknown.dependencies.is_some(), "{name}: {}", description.variables[unknown.variable].name);
     }
-    // No two variables share a value reference (an alias; one importer rejects those among outputs).
+    // No two variables share a value reference (aliases); one importer rejects aliases among outputs.
     let references: BTreeSet<_> = description.variables.iter().map(|v| (v.base_type, v.reference)).collect();
     assert_eq!(references.len(), description.variables.len(), "{name}: two variables share a value reference");
 }
 
 #[test]
 fn every_function_of_the_standard_is_there() {
-    // Importers look up all of them when they load the library, also those that the FMU does not support.
+    // Importers look up all functions when they load the library, even those that the FMU does not support.
     let suffix = std::env::consts::DLL_SUFFIX;
     for path in paths() {
         let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8");
@@ -203,12 +204,12 @@ fn every_function_of_the_standard_is_there() {
     }
 }
 
-/// Two instances of one FMU from two copies of its file: nothing is kept beside the file itself.
+/// An FMU works from a copy of its file, because it stores nothing elsewhere.
 #[test]
 fn a_copy_of_the_file_is_as_good() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for fmu in all() {
-        // A folder with a blank and non-ASCII letters, as users have them.
+        // A folder name with a space and a non-ASCII letter.
         let place = folder.path().join("a b\u{e4}");
         std::fs::create_dir_all(&place).expect("a folder");
         let copy = place.join(format!("{}.fmu", fmu.name));

@@ -9,12 +9,12 @@ use tests::{Fmu, all, all_of_fmi3, bits, ok};
 
 const STEP: f64 = 0.001;
 
-/// Steps of a run; `FMU_TEST_FACTOR` makes them so many times more.
+/// Steps of a run, multiplied by `FMU_TEST_FACTOR`.
 fn steps() -> u32 {
     60 * std::env::var("FMU_TEST_FACTOR").map_or(1, |factor| factor.parse::<u32>().unwrap())
 }
 
-/// Outputs of all steps. Every call is made in the environment, and leaves it as it was.
+/// Outputs of all steps. Every call is made in the environment, and must not change it.
 fn run(fmu: &Fmu, environment: FloatEnvironment) -> Vec<u64> {
     let kept = |left, what| assert_eq!(left, environment, "{}: {what} changes the environment", fmu.name);
     let excitation = Excitation::of(fmu, 11);

@@ -1,4 +1,4 @@
-//! The exporter in somebody else's workspace: `cargo fmu new`, `cargo test`, `cargo fmu pack`, without this project's folders.
+//! The exporter in a user's workspace, without this project's folders: `cargo fmu new`, `cargo test`, `cargo fmu pack`.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -8,7 +8,7 @@ use fmu_import::description::{Interface, ModelDescription};
 use tempfile::TempDir;
 use tests::workspace;
 
-/// A folder with a blank in its path. The builds of all tests share one target folder, so that the exporter is compiled once.
+/// A folder with a space in its path. All tests share one target folder, so the exporter is compiled only once.
 struct Place {
     folder: TempDir,
 }
@@ -58,7 +58,7 @@ impl Place {
         std::fs::write(path, text).expect("a file");
     }
 
-    /// A package with the exporter as a dependency, as its author would write it.
+    /// Writes a package that depends on the exporter, as a user would.
     fn package(&self, name: &str, manifest: &str, source: &str) {
         let exporter = workspace().join("crates/fmu");
         let text = format!(
@@ -114,7 +114,7 @@ impl Discrete for Widget {
 }
 "#;
 
-/// A package for each kind of model: written, tested, packed and checked with the commands that `new` prints.
+/// A package for each kind of model is written, tested, packed and checked with the commands that `new` prints.
 #[test]
 fn templates_of_all_kinds_work_outside_of_any_workspace() {
     let place = Place::new();
@@ -138,7 +138,7 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
             .expect("the command runs");
         let messages = String::from_utf8_lossy(&inside.stderr);
         assert!(inside.status.success(), "{messages}");
-        // The README is still that of the template.
+        // The README is still the one from the template.
         assert!(messages.contains("shows: One paragraph: what the model computes, and what for."), "{messages}");
     }
     for fmu in ["MyContinuous", "MyDiscrete", "MyStateful"] {
@@ -163,8 +163,9 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
     }
 }
 
-/// The author of the manifest is written to the FMU; type and package may have different names; resources keep their
-/// folders; the crate may be renamed; two models can be linked into a third; the build may have a target set.
+/// The author in the manifest is written to the FMU; type and package can have different names; resources keep their
+/// folders; the exporter's crate can be renamed; two models can be linked into a third one; the build can have a target
+/// set.
 #[test]
 fn a_workspace_of_several_models_packs() {
     let place = Place::new();
@@ -228,8 +229,8 @@ fn a_workspace_of_several_models_packs() {
     }
 }
 
-/// The crates that are published have their readme and their licenses, and depend on no other crate of the workspace.
-/// Those that a model depends on are complete: a model builds from the files alone.
+/// Published crates contain their readme and licenses, and depend only on published crates of the workspace. The
+/// packages of the crates that a model needs are complete: a model builds with them.
 #[test]
 fn a_model_builds_from_the_packaged_crates() {
     let place = Place::new();
@@ -266,8 +267,8 @@ fn a_model_builds_from_the_packaged_crates() {
     assert_eq!(description.version.as_deref(), Some("1.2.3"));
 }
 
-/// A step that is too long for a stiff model: x' = -1000 (x - cos t) by Runge-Kutta in steps of 2.5 ms, near the limit of
-/// stability at 2.785 ms, is off by percents at the start.
+/// A step that is too long for a stiff model: for x' = -1000 (x - cos t), Runge-Kutta steps of 2.5 ms, near the
+/// stability limit of 2.785 ms, give errors of some percent at the start.
 #[test]
 fn a_step_that_is_too_long_is_reported() {
     let place = Place::new();
@@ -308,7 +309,7 @@ impl Continuous for Stiff {
     assert!(report.contains("variable `max_step`: in the default experiment `x` differs by"), "{report}");
 }
 
-/// Errors that only show in a run: a logarithm that becomes undefined in the middle of the default experiment, and time events
+/// Errors that appear only in a run: a logarithm that becomes undefined during the default experiment, and time events
 /// relative to 0 s instead of the start. Both are debug builds with symbols.
 #[test]
 fn mistakes_that_only_a_run_shows_are_reported() {
@@ -404,8 +405,8 @@ impl Continuous for Clock {
     assert!(report.contains(expected), "{report}");
 }
 
-/// A branch on a real parameter hides variables that only the other side reads: the model structure is that of the start value,
-/// and `check` tries the limits. `if_greater`, and a product with the parameter, hide nothing.
+/// A branch on a real parameter hides variables that only the other side reads, because the model structure is found at
+/// the start value; `check` also tries the limits. `if_greater`, and a product with the parameter, hide nothing.
 #[test]
 fn inputs_and_states_that_are_hidden_at_the_start_value_are_reported() {
     const MODEL: &str = r#"use fmu::prelude::*;
@@ -498,7 +499,7 @@ impl Continuous for Hiding {
     );
 }
 
-/// A package without a model, and one with a contradiction, give a message with a remedy.
+/// A package without a model, and a package with contradictory settings, give messages with a remedy.
 #[test]
 fn packages_that_cannot_be_packed_are_reported() {
     let place = Place::new();

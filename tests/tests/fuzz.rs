@@ -1,5 +1,5 @@
-//! Calls that no master should make, from a generator with a fixed seed, in a separate process: `tests::fuzz` describes the
-//! checks, docs/robustness.md how to run more of them.
+//! Fuzzing with a fixed seed, in a separate process. `tests::fuzz` describes the checks, docs/robustness.md how to make
+//! longer runs.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -24,7 +24,8 @@ fn answers(output: &Output) -> Vec<String> {
     text.lines().filter(|line| line.starts_with("fmi")).map(str::to_owned).collect()
 }
 
-/// Calls FMUs, and checks that every function succeeded at least once: calls that are always rejected would test little.
+/// Fuzzes FMUs, and checks that every function succeeded at least once, because calls that are always rejected test
+/// little.
 fn no_call_breaks(paths: &[PathBuf], functions: usize, never: &[&str], discarded: &[&str]) {
     // The same calls on every machine.
     let output = run(Command::new(FUZZ).args(["--calls", "25000"]).args(paths));
@@ -64,10 +65,10 @@ fn equal_seeds_make_equal_calls() {
     assert_ne!(again("7"), again("8"));
 }
 
-/// No invalid access, no use of values that were never set, no lost memory, for any calls.
+/// No calls lead to an invalid access, a use of uninitialized values, or lost memory.
 #[cfg(target_os = "linux")]
 #[test]
-// Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
+// Ignored by default, because scripts/test requires only Rust, Python and a C compiler. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn valgrind_finds_nothing() {
     run(tests::valgrind().arg(FUZZ).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));

@@ -1,7 +1,7 @@
 //! Instances do not depend on each other, on earlier runs, or on their process.
 //!
-//! Reference: FMI 2.0.4, sections 2.1.5 and 2.1.8 (instances, states) and the project's promise that equal calls give
-//! bit-identical runs. Nothing here has a tolerance unless noted.
+//! Reference: FMI 2.0.4, sections 2.1.5 and 2.1.8 (instances, states), and the project's guarantee that equal calls
+//! give bit-identical runs. Comparisons are exact unless noted.
 
 use fmu_import::description::Causality;
 use fmu_import::loader::Instance;
@@ -22,7 +22,7 @@ fn instances_on_several_threads_run_as_they_would_alone() {
     let fmus = all();
     let alone = |fmu: &Fmu, seed| run(fmu, &mut fmu.started(), &Excitation::of(fmu, seed), 0.0, 0..STEPS, STEP);
     let expected: Vec<_> = fmus.iter().map(|fmu| [1, 2].map(|seed| alone(fmu, seed))).collect();
-    // Two instances of every FMU at the same time, all of them made and freed on their own threads.
+    // Two instances of every FMU at the same time, each created and freed in its own thread.
     let found = std::thread::scope(|scope| {
         let threads: Vec<_> = fmus.iter().map(|fmu| [1, 2].map(|seed| scope.spawn(move || alone(fmu, seed)))).collect();
         threads.into_iter().map(|pair| pair.map(|thread| thread.join().expect("no panic"))).collect::<Vec<_>>()
@@ -78,18 +78,19 @@ fn a_restored_state_goes_on_to_the_last_bit() {
             drop(run(&fmu, &mut instance, &excitation, 0.0, 0..at, STEP));
             let saved = ok(instance.save_state());
             let bytes = ok(instance.serialize_state(&saved));
-            // A detour with other inputs, then back, in the same instance; twice, because a state can be used again.
+            // Steps with other inputs, then back to the saved state, in the same instance; twice, because a state can
+            // be reused.
             for seed in [6, 7] {
                 drop(run(&fmu, &mut instance, &Excitation::of(&fmu, seed), 0.0, at..at + detour, STEP));
                 ok(instance.restore_state(&saved));
                 assert_eq!(state(&mut instance), bytes, "{}: the state is the saved one", fmu.name);
             }
             assert!(run(&fmu, &mut instance, &excitation, 0.0, at..END, STEP) == rest, "{} at {at}", fmu.name);
-            // Back from Terminated as well.
+            // Also back from Terminated.
             ok(instance.terminate());
             ok(instance.restore_state(&saved));
             assert!(run(&fmu, &mut instance, &excitation, 0.0, at..END, STEP) == rest, "{} at {at}", fmu.name);
-            // The bytes, in a new instance that never was initialized.
+            // Also from the bytes, in a new instance that was never initialized.
             let mut other = fmu.instance();
             let copy = ok(other.deserialize_state(&bytes));
             ok(other.restore_state(&copy));
@@ -147,15 +148,15 @@ fn an_instance_that_was_reset_is_like_new() {
         let fresh = state(&mut fmu.instance());
         let expected = run(&fmu, &mut fmu.started(), &excitation, 0.0, 0..30, STEP);
         let mut instance = fmu.instance();
-        // Everything is changed: time, inputs, states, and every tunable parameter that has room.
+        // Changes everything: time, inputs, states, and every tunable parameter that its limits allow to change.
         ok(instance.setup_experiment(5.0, Some(100.0)));
         for variable in fmu.with(Causality::Parameter) {
             let value = 1.01 * tests::signals::start(variable);
-            // A value outside the limits is rejected, which is in order here.
+            // A value outside the limits is rejected, which does not matter here.
             let _ = instance.set_real(&[variable.reference], &[value]);
         }
         ok(instance.enter_initialization_mode());
-        // A changed parameter may have no design; then the reset starts from Initialization Mode.
+        // The changed parameters can be incompatible; then the reset starts from Initialization Mode.
         if instance.exit_initialization_mode().is_ok() {
             drop(run(&fmu, &mut instance, &Excitation::of(&fmu, 12), 5.0, 0..30, STEP));
         }
@@ -168,12 +169,12 @@ fn an_instance_that_was_reset_is_like_new() {
     }
 }
 
-/// FMUs whose outputs are functions of the time itself: they tell a start at another time.
+/// FMUs whose outputs are functions of the time, and therefore depend on the start time.
 const TIME_DEPENDENT: [&str; 1] = ["Driver"];
 
 #[test]
 fn a_start_at_another_time_changes_nothing() {
-    // 10000 s: a step of 1 ms is 5.5e8 times the spacing of numbers there, so times are no exact multiples of it.
+    // At 10000 s, times are not exact multiples of the step of 1 ms, which is 5.5e8 times the spacing of numbers there.
     const START: f64 = 1e4;
     for fmu in all() {
         let excitation = Excitation::of(&fmu, 13);
@@ -189,8 +190,8 @@ fn a_start_at_another_time_changes_nothing() {
 
 #[test]
 fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
-    // Blocks of 10 ms with inputs held, divided once into ten steps of 1 ms and once at random: the same samples are
-    // due in both, so the outputs at the end of a block are the same to the last bit.
+    // Blocks of 10 ms with constant inputs, divided into ten steps of 1 ms, and at random. Both have the same samples,
+    // so the outputs at the end of a block are bit-identical.
     const BLOCK: f64 = 0.01;
     let mut random = Random(17);
     for fmu in all().iter().filter(|fmu| !fmu.is_plant()) {
@@ -210,7 +211,7 @@ fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
             }
             let mut time = begin;
             while time < end {
-                // From 1 us to 4 ms, never a remainder too small to be a step.
+                // From 1 us to 4 ms, without a remainder that is too small for a step.
                 let step = 1e-6 + 2e-3 * (1.0 + random.symmetric());
                 let next = if time + step > end - 1e-6 { end } else { time + step };
                 ok(uneven.do_step(time, next - time));
@@ -226,12 +227,12 @@ fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
 
 #[test]
 fn plants_reach_the_same_state_in_steps_of_any_length() {
-    // The integrator's step is max_step at most, whatever the communication step. Uneven steps are divided into other
-    // substeps, which changes the error of RK4 only: 3e-10 of the peak in smooth runs of the trucks, 2e-8 of the car
-    // with its stiff wheel spin, hence 1e-7.
+    // The integrator's step is at most max_step for any communication step. Uneven steps give other substeps, which
+    // only changes the error of RK4: 3e-10 of the peak in smooth runs of the trucks, 2e-8 for the car with its stiff
+    // wheel spin. Tolerance: 1e-7.
     const BLOCK: f64 = 0.01;
     for fmu in all().iter().filter(|fmu| fmu.is_plant()) {
-        // The same steps whichever other FMUs there are.
+        // The random steps do not depend on the other FMUs.
         let mut random = Random(23);
         let excitation = Excitation::of(fmu, 29);
         let states: Vec<_> = fmu.states().iter().map(|state| state.reference).collect();
@@ -267,7 +268,8 @@ fn plants_reach_the_same_state_in_steps_of_any_length() {
 
 #[test]
 fn libraries_in_one_space_of_names_do_not_mix() {
-    // With RTLD_GLOBAL all FMUs offer functions of the same names to each other; each has to call its own.
+    // With RTLD_GLOBAL, the functions of all FMUs have the same names in one namespace; each FMU must call its own
+    // functions.
     let paths = tests::paths();
     let both_orders = [paths.clone(), paths.iter().rev().cloned().collect()];
     let expected: std::collections::HashMap<_, _> = all()

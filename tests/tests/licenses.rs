@@ -1,6 +1,7 @@
-//! `documentation/licenses` of every packed FMU: the license of the model and the notices of everything that is linked.
+//! `documentation/licenses` in every packed FMU contains the license of the model and the notices of all linked code.
 //!
-//! References: FMI 2.0.4, section 2.3 (entry point `license.txt`); `cargo tree` for each model alone and the license files
+//! References: FMI 2.0.4, section 2.3 (entry point `license.txt`); `cargo tree` for each model alone and the license
+//! files
 //! in the sources of its crates; the paths of sources that the binaries contain.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -130,7 +131,7 @@ fn every_linked_crate_is_listed_with_its_license_texts() {
     }
 }
 
-/// A panic message holds the path of its source, so the binary itself tells some of the crates in it.
+/// Panic messages contain source paths, so a binary mentions some of the crates that it contains.
 #[test]
 fn crates_that_binaries_mention_are_listed() {
     let mut of_rust = 0;
@@ -142,7 +143,8 @@ fn crates_that_binaries_mention_are_listed() {
         assert!(entry.lines().any(|line| line.starts_with("Rust standard library  ")), "{name}: {entry}");
         for (file, bytes) in contents.iter().filter(|(file, _)| file.starts_with("binaries/")) {
             let binary = String::from_utf8_lossy(bytes);
-            // Crates of the standard library lie in `/rust/deps/NAME-VERSION/`, or where it is built along in its `vendor`.
+            // Crates of the standard library are in `/rust/deps/NAME-VERSION/`, or in its folder `vendor` if it is
+            // compiled with the FMU.
             let of_std = ["/rust/deps/", "/rust/library/vendor/"].map(|start| (start, binary.match_indices(start)));
             for (start, (at, _)) in of_std.into_iter().flat_map(|(start, places)| places.map(move |at| (start, at))) {
                 let folder = binary[at + start.len()..].split('/').next().expect("there is a name");
@@ -151,7 +153,8 @@ fn crates_that_binaries_mention_are_listed() {
                 assert!(listed, "{name}: {file} mentions {folder}, the notices do not");
                 of_rust += 1;
             }
-            // Others, and those of a standard library that is built along, in `/cargo/registry/src/INDEX/NAME-VERSION/`.
+            // Other crates, and those of a standard library that is compiled with the FMU, are in
+            // `/cargo/registry/src/INDEX/NAME-VERSION/`.
             for (at, _) in binary.match_indices("/cargo/registry/src/") {
                 let folder = binary[at..].split('/').nth(5).expect("there is a name");
                 let (krate, version) = folder.rsplit_once('-').expect("there is a version");

@@ -1,12 +1,12 @@
-//! Limits that the descriptions declare: every one of them is a value that the FMU takes.
+//! The FMUs accept every limit that their descriptions declare as a value.
 
 use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::loader::{CallError, Instance};
 use tests::{Fmu, all};
 
-/// Parameters with related parameters, and values of the latter for which every value of the former within its limits is
-/// valid. The FMU's message for the limit alone states the relation: a vehicle is heavier than its wheels, its center of
-/// mass is between its axles, and so on.
+/// Parameters whose valid range depends on other parameters, and values of the other parameters for which the full
+/// range is valid. Examples: a vehicle is heavier than its wheels, and its center of mass is between its axles. The
+/// FMU's message for the limit states the relation.
 const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("vehicle.mass", &[("wheel.mass", 0.01)]),
     ("vehicle.yaw_inertia", &[("body.product_of_inertia", 0.0), ("body.roll_yaw_inertia", 0.0)]),
@@ -17,7 +17,7 @@ const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("geometry.cg_height", &[("geometry.body_cg_to_roll_axis", 0.0), ("geometry.wheel_center_height", 0.0)]),
     // A delay of 50 ms would be 50,000 samples.
     ("sample_time", &[("response.delay", 0.0)]),
-    // The roads of the rougher classes would be meters high.
+    // Rougher classes would give roads that are meters high.
     ("roughness.cutoff", &[("roughness.class", 1.0)]),
     ("damper.maximum_damping.front", &[("damper.minimum_damping.front", 0.0), ("suspension.damping.front", 0.0)]),
     ("damper.maximum_damping.rear", &[("damper.minimum_damping.rear", 0.0), ("suspension.damping.rear", 0.0)]),
@@ -40,7 +40,7 @@ fn initialize(fmu: &Fmu, parameters: &[(&Variable, f64)]) -> Result<Instance, Ca
     Ok(instance)
 }
 
-/// The message with which an FMU rejects a parameter, alone and with its related parameters; `None` if it is accepted.
+/// The message of an FMU that rejects a value, alone and with the related parameters; `None` if it is accepted.
 fn error_of(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
     let text = |error: CallError| error.messages.into_iter().map(|message| message.text).collect::<String>();
     let alone = text(initialize(fmu, &[(parameter, value)]).err()?);

@@ -1,4 +1,5 @@
-//! Memory use of FMUs, observed from outside the process: no allocation in a step, no leak, no invalid access.
+//! Memory use of FMUs, observed from outside the process: steps do not allocate, and there are no leaks or invalid
+//! accesses.
 #![cfg(target_os = "linux")]
 
 use std::collections::BTreeMap;
@@ -23,7 +24,7 @@ fn counting_library() -> PathBuf {
     library
 }
 
-/// Real-time masters and long co-simulations rely on it: set, step and get use no heap at all, in any FMU.
+/// Set, step and get never use the heap, in any FMU. Real-time masters and long co-simulations rely on this.
 #[cfg(target_env = "gnu")]
 #[test]
 fn a_step_allocates_nothing() {
@@ -39,8 +40,8 @@ fn a_step_allocates_nothing() {
     }
 }
 
-/// Memory for recorded signals is reserved before the first step, and stepping allocates none: a run of twice as many steps
-/// has exactly as many allocations.
+/// Memory for recorded signals is reserved before the first step, and stepping does not allocate: a run with twice as
+/// many steps has the same number of allocations.
 #[cfg(target_env = "gnu")]
 #[test]
 fn a_step_of_the_native_master_allocates_nothing() {
@@ -57,7 +58,7 @@ fn a_step_of_the_native_master_allocates_nothing() {
     assert_eq!([one, two], [half; 2], "allocations of runs of 500, 1000 and 2000 steps");
 }
 
-/// A whole life of every FMU: no invalid access, no use of values that were never set, no lost memory.
+/// A complete use of every FMU has no invalid access, no use of uninitialized values, and no lost memory.
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
@@ -65,8 +66,9 @@ fn valgrind_finds_nothing() {
     exercise(tests::valgrind().arg(EXERCISE).arg("life").args(tests::paths()));
 }
 
-/// Memory that a library keeps besides its instances is freed with it: a master that loads FMUs repeatedly does not grow.
-/// Nothing points to memory of an unloaded library any more, so it would count as lost.
+/// Memory that a library keeps in addition to its instances is freed when the library is unloaded, so a master that
+/// loads FMUs repeatedly does not grow. After unloading, nothing points to such memory, so valgrind would report it as
+/// lost.
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
@@ -85,8 +87,8 @@ fn documented_stack() -> BTreeMap<String, usize> {
     text.lines().filter_map(row).collect()
 }
 
-/// A thread with the documented stack is enough for all calls of an FMU. 8 kB more are for other compilers and C
-/// libraries than those of the measurement.
+/// A thread with the documented stack size, plus 8 kB as a margin for other compilers and C libraries, is sufficient
+/// for all calls of an FMU.
 #[test]
 fn no_fmu_needs_more_stack_than_documented() {
     const MARGIN: usize = 8;
@@ -99,7 +101,7 @@ fn no_fmu_needs_more_stack_than_documented() {
     }
 }
 
-/// The test above can fail: a stack that is too small ends the process.
+/// Shows that the test above can fail: a stack that is too small ends the process.
 #[test]
 fn too_small_a_stack_is_noticed() {
     let path = tests::folder().join("AllWheelSteering.fmu");

@@ -1,6 +1,6 @@
-//! Cost of an evaluation of the ride objective, 6 s at steps of 1 ms: the packed half car and comfort law as `chassis study`
-//! runs them, and the same equations called directly in Rust, with the same data and bit-identical objectives. Both read road
-//! and speed from a table computed in advance.
+//! Time of an evaluation of the ride objective (6 s in steps of 1 ms) in two ways: with the packed half car and comfort
+//! law, as `chassis study` runs them, and with the same equations called directly in Rust. Both read road and speed
+//! from the same precomputed table, and their objectives are bit-identical.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -16,7 +16,7 @@ use hydro_pneumatic_half_car::HydroPneumaticHalfCar as Car;
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
-/// Evaluations of each kind; the fastest counts, the others were disturbed.
+/// Evaluations of each kind; the fastest is the result, because other processes disturb the others.
 const EVALUATIONS: usize = 101;
 /// Weights of the objective (Table 4).
 const WEIGHTS: [f64; 6] = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
@@ -24,10 +24,10 @@ const WEIGHTS: [f64; 6] = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
 const SIGNALS: &str =
     r#"["body.heave_acceleration", "body.roll_acceleration", "suspension_deflection.*", "tire_deflection.*"]"#;
 
-/// Scenario with the driver and the road of the table.
+/// Scenario whose driver and road provide the table.
 const RIDE: &str = include_str!("../../../scenarios/hydro_pneumatic_tuning_ride.toml");
 
-/// Comfort law and half car, nothing else.
+/// Scenario with only the comfort law and the half car.
 const FED: &str = r#"
 title = "Ride"
 [simulation]
@@ -69,7 +69,7 @@ fn main() {
         csv += &format!("{:?},{}\n", k as f64 * STEP, row.join(","));
     }
     let fed = evaluation("fed", &FED.replace("SIGNALS", SIGNALS), Some(&csv));
-    // Alternately, so that both see the same machine.
+    // Alternating, so that disturbances affect both equally.
     let (mut time, mut fmu_time) = (f64::INFINITY, f64::INFINITY);
     for _ in 0..EVALUATIONS {
         let (direct, fmus) = (timed(&|| direct(&table), &mut time), timed(&fed, &mut fmu_time));
@@ -83,7 +83,7 @@ fn main() {
     );
 }
 
-/// The objective of an evaluation, whose time in ms replaces a longer one.
+/// Returns the objective of an evaluation, and lowers `fastest` to its time (ms) if it was faster.
 fn timed(evaluate: &dyn Fn() -> Vec<Vec<f64>>, fastest: &mut f64) -> f64 {
     let begin = Instant::now();
     let objective = black_box(objective(&evaluate()));
@@ -91,8 +91,9 @@ fn timed(evaluate: &dyn Fn() -> Vec<Vec<f64>>, fastest: &mut f64) -> f64 {
     objective
 }
 
-/// The recorded columns of the first run of a scenario of packed FMUs, as `chassis study` executes it: libraries loaded once, instances
-/// per run, signals in memory. `inputs` is the text of a CSV file of signals (see `chassis plan --inputs`).
+/// Returns a function that executes the first run of a scenario with packed FMUs and returns the recorded columns. As
+/// in `chassis study`, libraries are loaded once, instances are per run, and signals stay in memory. `inputs` is the
+/// text of a CSV file of signals (see `chassis plan --inputs`).
 fn evaluation(name: &str, scenario: &str, inputs: Option<&str>) -> impl Fn() -> Vec<Vec<f64>> + use<> {
     let folder = bench::target().join("bench");
     std::fs::create_dir_all(&folder).expect("a folder for the scenario");
@@ -119,7 +120,7 @@ fn objective(columns: &[Vec<f64>]) -> f64 {
     columns.iter().zip(WEIGHTS).map(|(column, weight)| weight * mean_square(column)).sum()
 }
 
-/// The run without FMUs, in the order of the master.
+/// The same run without FMUs, in the order of the master.
 fn direct(table: &[[f64; 6]]) -> Vec<Vec<f64>> {
     let mut comfort = DiscreteSimulation::new(ComfortSlidingMode::default()).expect("the parameters suit each other");
     let mut car = ContinuousSimulation::new(Car::default()).expect("the parameters suit each other");

@@ -1,4 +1,4 @@
-//! Cost of a communication step of every model, directly and through the C interface.
+//! Time of a communication step of every model, directly and through the C interface.
 
 fn main() {
     bench::compare::<active_front_steering::ActiveFrontSteering>();

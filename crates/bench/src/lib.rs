@@ -1,6 +1,6 @@
-//! Cost of a communication step of 1 ms: the model's functions called directly in Rust, and the packed FMU through its C
-//! interface (set all real inputs, step, get all real outputs). Both are measured in the same process, alternately, so that their ratio
-//! is meaningful on a busy machine.
+//! Time of a communication step of 1 ms: the model's functions called directly in Rust, and the packed FMU through its
+//! C interface (set all real inputs, step, get all real outputs). Both alternate in the same process, so their ratio is
+//! meaningful on a busy machine.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -19,9 +19,9 @@ use tests::signals;
 const STEP: f64 = 0.001;
 /// Steps per measurement.
 const STEPS: u32 = 20_000;
-/// Measurements of each kind; the median counts.
+/// Measurements of each kind; the median is the result.
 const ROUNDS: usize = 7;
-/// Measurements of each of two versions; the fastest counts, the others were disturbed.
+/// Measurements of each of two versions; the fastest is the result, because other processes disturb the others.
 const VERSION_ROUNDS: usize = 25;
 
 /// Prints one line: name, ns per step directly, through C, and their ratio.
@@ -42,8 +42,9 @@ pub fn compare<E: Export>() {
     println!("{name:28} {direct:8.0} ns directly {through_c:8.0} ns through C   ratio {:.2}", through_c / direct);
 }
 
-/// Prints a line for each FMU that is both in `target/fmu` and in the folder `before`: ns per step of the FMU in `before` and of that
-/// in `target/fmu`, and their ratio, above 1 if the latter is faster. The inputs are triangles whose size suits the unit of measure.
+/// Prints a line for each FMU that is both in `target/fmu` and in the folder `before`: ns per step of the FMU in
+/// `before` and of the one in `target/fmu`, and their ratio, which is above 1 if the latter is faster. The inputs are
+/// triangle waves with an amplitude that depends on the unit of measure.
 ///
 /// # Panics
 /// If a folder cannot be read, an FMU does not run, or there is none to compare.
@@ -123,7 +124,7 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
     begin.elapsed().as_secs_f64() / f64::from(STEPS) * 1e9
 }
 
-/// References and start values of the real variables of a causality. The few Integers and Booleans keep theirs.
+/// The real variables with a causality. The few Integers and Booleans keep their start values.
 fn reals(fmu: &Fmu, causality: Causality) -> impl Iterator<Item = &Variable> {
     let is_wanted = move |variable: &&Variable| variable.causality == causality && variable.base_type == BaseType::Real;
     fmu.description().variables.iter().filter(is_wanted)
@@ -134,7 +135,7 @@ fn time_fmu(fmu: &Fmu) -> f64 {
     time_steps(fmu, |values, k| excite(values, &start, k))
 }
 
-/// As [`time_fmu`], with inputs whose size suits the unit of measure.
+/// Like [`time_fmu`], with triangle waves as inputs.
 fn time_triangles(fmu: &Fmu) -> f64 {
     let waves: Vec<_> = reals(fmu, Causality::Input)
         .enumerate()

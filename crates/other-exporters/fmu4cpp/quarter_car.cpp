@@ -1,4 +1,4 @@
-// Quarter car of examples/quarter-car. The integration scheme is part of the model.
+// The quarter car from examples/quarter-car. The integration scheme is part of the model.
 #include <fmu4cpp/fmu_base.hpp>
 
 #include <array>

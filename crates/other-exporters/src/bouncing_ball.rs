@@ -9,7 +9,7 @@ const STEP: f64 = 0.01;
 const GRAVITY: f64 = 9.81;
 const RESTITUTION: f64 = 0.7;
 
-/// Height at a time before infinitely many bounces have happened, from the times of the bounces.
+/// Height at a time before the ball comes to rest, from the times of the bounces.
 fn height(time: f64) -> f64 {
     let mut bounce = (2.0 / GRAVITY).sqrt();
     if time < bounce {
@@ -24,7 +24,7 @@ fn height(time: f64) -> f64 {
     rebound * flight - 0.5 * GRAVITY * flight * flight
 }
 
-/// One step along the parabolas between the bounces.
+/// A step along the parabolas between the bounces.
 #[inline(never)]
 fn step((mut height, mut velocity): (f64, f64)) -> (f64, f64) {
     let mut rest = STEP;
@@ -39,7 +39,7 @@ fn step((mut height, mut velocity): (f64, f64)) -> (f64, f64) {
     }
 }
 
-/// What a user would write without FMI.
+/// A run as a user would write it without FMI.
 fn function(inputs: &[Vec<f64>]) {
     let mut ball = (1.0, 0.0);
     for _ in inputs {

@@ -1,5 +1,5 @@
-//! Measures FMUs of the quarter car and of the bouncing ball: the time of a communication step beside that of a Rust function
-//! (set the inputs, step, get the outputs), and the largest error of a run. `scripts/bench exporters` calls it.
+//! Measures FMUs of the quarter car and the bouncing ball: the time of a communication step (set the inputs, step, get
+//! the outputs), compared with a Rust function, and the largest error in a run. `scripts/bench exporters` calls it.
 
 mod bouncing_ball;
 mod quarter_car;
@@ -14,7 +14,7 @@ use fmu_import::fmu::{Fmu, FmuError};
 
 /// Communication steps of a measurement.
 const STEPS: usize = 200_000;
-/// Measurements; the median counts.
+/// Measurements; the median is the result.
 const ROUNDS: usize = 7;
 
 /// One of the two models. A run has a communication step for each row of `inputs`.
@@ -43,7 +43,7 @@ impl Model {
         STEPS / self.inputs.len()
     }
 
-    /// Nanoseconds of a step of the function.
+    /// Time of a step of the Rust function, ns.
     fn time_function(&self) -> f64 {
         let begin = Instant::now();
         for _ in 0..self.runs() {
@@ -52,7 +52,8 @@ impl Model {
         begin.elapsed().as_secs_f64() * 1e9 / (self.runs() * self.inputs.len()) as f64
     }
 
-    /// A run of a new instance: seconds to the first step, seconds of all steps. `after` sees the outputs of each step.
+    /// Runs a new instance. Returns the time to the first step and the time of all steps, s. `after` gets the outputs
+    /// of each step.
     fn run(&self, fmu: &Fmu, mut after: impl FnMut(usize, &[f64])) -> Result<(f64, f64), FmuError> {
         let reference = |name: &&str| {
             let variable = fmu.description().variables.iter().find(|variable| variable.name == **name);
@@ -84,7 +85,7 @@ impl Model {
         let mut errors = vec![0.0; self.output_names.len()];
         self.run(fmu, |k, y| {
             for (error, (y, exact)) in errors.iter_mut().zip(y.iter().zip(&self.exact[k])) {
-                // Other than `max`, this keeps a NaN.
+                // Unlike `max`, this keeps a NaN.
                 let now = (y - exact).abs();
                 *error = if now <= *error { *error } else { now };
             }
@@ -104,7 +105,7 @@ fn measure(path: &Path) -> Result<String, String> {
     let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
     let model = Model::of(fmu.description()).ok_or("neither a quarter car nor a bouncing ball")?;
     let error = model.error(&fmu).map_err(|error| error.to_string())?;
-    // Turn by turn, so that both see the same machine.
+    // Alternating, so that disturbances affect both equally.
     let (mut function, mut steps, mut starts) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         function.push(model.time_function());

@@ -1,4 +1,4 @@
-//! The quarter car of `examples/quarter-car` over 10 s.
+//! The quarter car from `examples/quarter-car` over 10 s.
 
 use std::hint::black_box;
 
@@ -6,10 +6,10 @@ use crate::Model;
 
 /// Communication step (s).
 const STEP: f64 = 0.001;
-/// Steps of the exact solution in a communication step: the error of the Runge-Kutta method falls by 32^4.
+/// Steps of the reference solution per communication step; they reduce the error of the Runge-Kutta method by 32^4.
 const FINE: usize = 32;
 
-/// Road and actuator force at step `k`; they are kept over a communication step.
+/// Road and actuator force in step `k`, which are constant during a communication step.
 fn excitation(k: usize) -> [f64; 2] {
     let phase = std::f64::consts::TAU * (k % 1024) as f64 / 1024.0;
     [0.05 * (3.0 * phase).sin(), 100.0 * (7.0 * phase).sin()]
@@ -20,7 +20,7 @@ fn derivatives(x: [f64; 4], [z_r, f_a]: [f64; 2]) -> [f64; 4] {
     [x[1], -f / 400.0, x[3], (f - 180_000.0 * (x[2] - z_r)) / 40.0]
 }
 
-/// One step of the classical Runge-Kutta method, and the outputs after it.
+/// A step of the classical Runge-Kutta method; returns the outputs after it.
 #[inline(never)]
 fn step(x: &mut [f64; 4], u: [f64; 2], h: f64) -> [f64; 5] {
     let along = |k: [f64; 4], h: f64| std::array::from_fn(|i| x[i] + h * k[i]);
@@ -32,7 +32,7 @@ fn step(x: &mut [f64; 4], u: [f64; 2], h: f64) -> [f64; 5] {
     [x[0], x[1], x[2], x[3], derivatives(*x, u)[1]]
 }
 
-/// What a user would write without FMI.
+/// A run as a user would write it without FMI.
 fn function(inputs: &[Vec<f64>]) {
     let mut x = [0.0; 4];
     for u in inputs {
@@ -40,7 +40,7 @@ fn function(inputs: &[Vec<f64>]) {
     }
 }
 
-/// Outputs after each communication step, each in `parts` steps of the method.
+/// Outputs after each communication step, with `parts` Runge-Kutta steps in each.
 fn solution(inputs: &[Vec<f64>], parts: usize) -> Vec<Vec<f64>> {
     let mut x = [0.0; 4];
     let mut outputs =
@@ -68,7 +68,7 @@ mod tests {
         a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
-    /// The method has order 4: with half the step, the error falls to a sixteenth.
+    /// The method has order 4, so halving the step reduces the error to a sixteenth.
     #[test]
     fn the_solution_converges_to_the_exact_one() {
         let model = model();

@@ -1,9 +1,9 @@
-//! `PanickingController`: a controller with a mistake, for tests of what its importer does then.
+//! `PanickingController`: a controller with a deliberate bug, to test how importers handle a panic.
 
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// No parameters but the sample time.
+/// Parameters: only the sample time.
 #[derive(Parameters, Clone, Debug)]
 pub struct PanickingController {
     #[var(SAMPLE_TIME, start = 0.01)]

@@ -1,16 +1,17 @@
-//! Runs FMUs in a process of its own, for tests that watch a process or need a second one.
+//! Runs FMUs in a separate process, for tests that observe a process or need a second one.
 //!
-//! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, how often memory
-//!   was allocated in the steps and how often before ("-" if nobody counts);
-//! - `exercise master SCENARIO STOP...` executes the first run of a scenario in this process up to each time, s, and prints
-//!   the number of rows and how often memory was allocated ("-" if nobody counts);
+//! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, the number of
+//!   allocations in the steps, and the number before ("-" if allocations are not counted);
+//! - `exercise master SCENARIO STOP...` executes the first run of a scenario in this process up to each time (s), and
+//!   prints the number of rows and of allocations ("-" if they are not counted);
 //! - `exercise life FMU...` calls every function of each FMU, with rejected calls, saved states and a reset;
 //! - `exercise reload FMU...` loads each FMU, starts an instance and unloads it again, three times;
-//! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, goes on with the steps FIRST to
+//! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, continues with the steps FIRST to
 //!   LAST, 1 ms each, and prints the bits of all outputs;
-//! - `exercise global FMU...` loads all libraries into one space of names, then steps each and prints the bits;
-//! - `exercise glibc NEWEST FMU...` prints the newest version of the GNU C library that each FMU for Linux needs and
-//!   ends with 1 if one is newer than NEWEST, such as 2.17.
+//! - `exercise global FMU...` loads all libraries into one namespace (RTLD_GLOBAL), then steps each and prints the
+//!   bits;
+//! - `exercise glibc NEWEST FMU...` prints the version of the GNU C library that each FMU for Linux needs, and exits
+//!   with 1 if one is newer than NEWEST, such as 2.17.
 
 use fmu_import::description::Causality;
 use fmu_system::fmus::Fmus;

@@ -1,9 +1,14 @@
-//! Calls FMUs as no master should, and checks how they answer: see `tests::fuzz`.
+//! Calls FMUs in ways that no master should, and checks the responses: see `tests::fuzz`.
 //!
-//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes N calls or a few more to each
-//! interface of each FMU, or only to one interface, and goes on with each for at least T seconds. The FMUs may be of FMI 2.0 and 3.0. Equal seeds and FMUs make equal calls. It prints how often each function succeeded, was
-//! discarded and was rejected. Calls that only observe are made besides. It ends with 1 at the first broken rule and prints the
-//! seed and the last calls. If a call ends the process, `--verbose` shows which: it prints every call before it is made.
+//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes at least N calls to each
+//! interface of each FMU, or to one interface only, and continues with each for at least T seconds; calls that only
+//! check
+//! the effect are additional. FMUs of FMI 2.0 and FMI 3.0 can be mixed. Equal seeds and FMUs give equal calls. It
+//! prints
+//! how often each function succeeded, was discarded and was rejected. At the first violation, it prints the seed and
+//! the
+//! last calls, and exits with 1. With `--verbose`, it prints every call before it is made, which shows a call that ends
+//! the process.
 
 use fmu_import::description::Interface;
 use std::path::Path;

@@ -1,9 +1,9 @@
-//! Compares what FMUs compute on two platforms (`scripts/test_windows`, `scripts/test_platforms`).
+//! Compares the results of FMUs on two platforms (`scripts/test_windows`, `scripts/test_platforms`).
 //!
-//! - `platforms record OUT` runs each FMU of the tests' folder through the reference run in it and with changing inputs, runs
-//!   closed loops of each vehicle by the native master, and writes all results to the folder OUT, those of changing inputs
-//!   with the inputs;
-//! - `platforms compare A B` compares the results of two such folders and ends with 1 unless all are bit-identical.
+//! - `platforms record OUT` runs each FMU with the inputs of its reference run and with changing inputs, and closed
+//!   loops of each vehicle with the native master. It writes all results to the folder OUT, including the changing
+//!   inputs;
+//! - `platforms compare A B` compares the results in two such folders and exits with 1 unless all are bit-identical.
 
 use fmu_import::description::{BaseType, Causality};
 use fmu_import::loader::Instance;
@@ -34,7 +34,7 @@ const LOOPS: [(&str, f64); 4] = [
     ("esp_car_braking", 2.5),
     ("heavy_vehicle_control", 3.0),
 ];
-/// Peak that a signal has at least in a message about a difference.
+/// Smallest peak to which a message relates a difference.
 const FLOOR: f64 = 1e-6;
 
 fn main() -> ExitCode {
@@ -82,7 +82,7 @@ fn alone(fmu: &Fmu) -> String {
     let input_references = fmu.references(Causality::Input);
     let outputs: Vec<_> = fmu.with(Causality::Output).filter(|v| v.base_type != BaseType::String).collect();
     let mut random = Random(1);
-    // Triangles, because a sine is no longer the same on two platforms in its last bit.
+    // Triangle waves, because the last bit of a sine can differ between platforms.
     let waves: Vec<_> = inputs.iter().map(|_| [1.6 + 1.4 * random.symmetric(), random.symmetric()]).collect();
 
     let mut table = String::from("time");
@@ -110,8 +110,8 @@ fn alone(fmu: &Fmu) -> String {
     table
 }
 
-/// Outputs of an FMU with the inputs of the reference run in its archive. As its documentation asks, the outputs of a plant
-/// are read before the step, those of others after it.
+/// Outputs of an FMU with the inputs of the reference run in its archive. As its documentation states, the outputs of a
+/// plant are read before the step, those of other FMUs after it.
 fn reference_run(fmu: &Fmu) -> String {
     let text = entry(&fmu.path, REFERENCE_RUN);
     let mut lines = text.lines();

@@ -1,12 +1,12 @@
-//! Soak test: long use of FMUs, and of many instances, for tests and by hand.
+//! Soak tests: many instances and long runs, for automated tests and manual use.
 //!
-//! - `soak many INSTANCES THREADS SECONDS FMU...` keeps that many instances of mixed FMUs alive while the threads
-//!   create, step, save, serialize, restore, reset and free them; ends with 1 if the memory of the process grows after
-//!   the first quarter of the time;
-//! - `soak steps STEPS FMU` makes that many steps of 1 ms; ends with 1 if the time drifts or the memory grows;
-//! - `soak restore STATES FMU...` saves each FMU at that many random instants, goes on from each in another process,
-//!   and ends with 1 if a result differs in a bit;
-//! - `soak continue FMU STATES` is that other process.
+//! - `soak many INSTANCES THREADS SECONDS FMU...` keeps this number of instances of different FMUs alive while the
+//!   threads create, step, save, serialize, restore, reset and free them. It exits with 1 if the memory of the process
+//!   grows after the first quarter of the time;
+//! - `soak steps STEPS FMU` makes this number of steps of 1 ms. It exits with 1 if the time drifts or the memory grows;
+//! - `soak restore STATES FMU...` saves each FMU at this number of random instants and continues from each in another
+//!   process. It exits with 1 if a result is not bit-identical;
+//! - `soak continue FMU STATES` is this other process.
 
 use fmu_import::loader::Instance;
 use std::path::Path;
@@ -18,8 +18,8 @@ use tests::{Fmu, ok};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
-/// Growth of the memory in use that is put down to the allocator, in bytes: it keeps a share per thread and fills gaps
-/// in any order. An instance that leaks with its states (a few kB) passes it within a few thousand lives.
+/// Memory growth that is attributed to the allocator, in bytes: it keeps memory per thread and fills gaps in any order.
+/// If instances leak (a few kB each, with their states), a few thousand of them exceed this.
 const TOLERANCE: u64 = 8 << 20;
 
 fn main() -> ExitCode {
@@ -52,7 +52,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Bytes of memory that the process holds; `None` where the system does not tell.
+/// Memory of the process, in bytes; `None` if the system does not report it.
 fn memory() -> Option<u64> {
     const PAGE: u64 = 4096;
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;
@@ -73,7 +73,7 @@ fn flat(before: Option<u64>, after: Option<u64>) -> Result<(), String> {
     }
 }
 
-/// An instance among many, with what is needed to use it.
+/// One of many instances, with the data to use it.
 struct Member<'a> {
     fmu: &'a Fmu,
     excitation: &'a Excitation,
@@ -92,7 +92,7 @@ impl<'a> Member<'a> {
         run(self.fmu, &mut self.instance, self.excitation, 0.0, range, STEP)
     }
 
-    /// Goes on from a saved state twice, the second time by its bytes; tells whether the results are equal.
+    /// Continues from a saved state twice, the second time from its bytes; returns whether the results are equal.
     fn repeats(&mut self) -> bool {
         let from = self.steps;
         let saved = ok(self.instance.save_state());
@@ -198,7 +198,7 @@ fn steps_without_drift(steps: u64, path: &str) -> Result<(), String> {
         }
         ok(instance.do_step(time, STEP));
         ok(instance.get_real(&outputs, &mut y));
-        // The master's product and the FMU's sum are rounded differently, by one unit in the last place at most.
+        // The master's product and the FMU's sum can differ by rounding, by at most one unit in the last place.
         let expected = (k + 1) as f64 * STEP;
         let found = ok(instance.last_successful_time());
         if (found - expected).abs() > f64::EPSILON * expected {
@@ -210,7 +210,7 @@ fn steps_without_drift(steps: u64, path: &str) -> Result<(), String> {
     flat(before, memory())
 }
 
-/// Steps that are compared behind each state.
+/// Steps that are compared after each state.
 const TAIL: u32 = 10;
 
 fn fingerprint(bits: &[u64]) -> u64 {
@@ -252,9 +252,9 @@ fn restore(states: u64, path: &str) -> Result<(), String> {
         .map(|&instant| format!("{:016x}\n", fingerprint(&all[instant as usize..(instant + TAIL) as usize].concat())))
         .collect();
     if String::from_utf8_lossy(&output.stdout) != expected {
-        return Err(format!("{}: a restored state goes on differently in another process", fmu.name));
+        return Err(format!("{}: a restored state gives different results in another process", fmu.name));
     }
-    println!("{}: {} states restored in another process, {TAIL} steps each, bit-equal", fmu.name, instants.len());
+    println!("{}: {} states restored in another process, {TAIL} steps each, bit-identical", fmu.name, instants.len());
     Ok(())
 }
 

@@ -1,18 +1,18 @@
 //! Measures the stack that a thread needs to call an FMU.
 //!
-//! - `stack FMU...` prints for each FMU the least stack of a thread, in kB of 1024 bytes and whole pages, in which a
-//!   whole life of the FMU (all functions, rejected calls, saved states, a reset) does not overflow;
-//! - `stack --within KB FMU` runs that life in a thread with this stack; the process ends by a signal if it overflows;
-//! - `stack --within KB --below KB FMU` calls the FMU below frames that take this much of the stack.
+//! - `stack FMU...` prints for each FMU the smallest stack of a thread, in whole pages and in kB of 1024 bytes, that
+//!   suffices for a complete use of the FMU (all functions, rejected calls, saved states, a reset);
+//! - `stack --within KB FMU` makes these calls in a thread with this stack; if it overflows, a signal ends the process;
+//! - `stack --within KB --below KB FMU` calls the FMU below stack frames of this size.
 //!
-//! The figure contains the start of the thread and the frames of this caller, about 2 kB.
+//! The result includes the start of the thread and about 2 kB for the frames of this program.
 
 use std::hint::black_box;
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use tests::Fmu;
 
-/// Range of tested sizes: below the first one, the system gives a thread more than requested.
+/// Range of tested sizes. Below the first one, the system gives a thread more than requested.
 const LEAST_KB: usize = 16;
 const MOST_KB: usize = 1024;
 const PAGE_KB: usize = 4;
@@ -47,7 +47,7 @@ fn kb(argument: &str) -> usize {
     argument.parse().expect("KB is a number")
 }
 
-/// Calls `work` below frames of at least this many kB, one or more.
+/// Calls `work` below stack frames with a total size of at least this many kB.
 fn below(frames: usize, work: &dyn Fn()) {
     let frame = [0_u8; 1024];
     if frames > 1 {
@@ -59,7 +59,7 @@ fn below(frames: usize, work: &dyn Fn()) {
 }
 
 fn within(size: usize, frames: usize, path: &str) {
-    // Unpacked and loaded by the main thread, as by a master.
+    // The main thread unpacks and loads the FMU, as in a master.
     let fmu = Fmu::open(Path::new(path));
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().stack_size(size * 1024);
@@ -72,10 +72,10 @@ fn within(size: usize, frames: usize, path: &str) {
     });
 }
 
-/// Returns true if an FMU's life does not overflow a stack of this many kB.
+/// Returns true if all calls of an FMU fit into a stack of this many kB.
 fn is_enough(size: usize, path: &str) -> bool {
     let program = std::env::current_exe().expect("the path of this program");
-    // Folder for files that a child unpacks and leaves behind when a signal ends it.
+    // A child process that a signal ends leaves its unpacked files in this folder.
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut child = Command::new(program);
     child.env("TMPDIR", folder.path());
@@ -83,7 +83,7 @@ fn is_enough(size: usize, path: &str) -> bool {
     child.status().expect("this program runs").success()
 }
 
-/// The least stack in kB, by bisection; `None` if the greatest is not enough.
+/// The smallest stack in kB, by bisection; `None` if the largest is not enough.
 fn least(path: &str) -> Option<usize> {
     let (mut low, mut high) = (LEAST_KB / PAGE_KB, MOST_KB / PAGE_KB);
     if !is_enough(high * PAGE_KB, path) {

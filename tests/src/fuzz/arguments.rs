@@ -18,7 +18,7 @@ impl Fuzzer<'_> {
         self.random.below(length as u64) as usize
     }
 
-    /// A number of any kind.
+    /// Any number, including NaN and infinity.
     pub(super) fn wild(&mut self) -> f64 {
         const NUMBERS: [f64; 22] = [
             0.0,
@@ -81,7 +81,7 @@ impl Fuzzer<'_> {
         self.specs.iter().filter(move |spec| spec.data_type == data_type)
     }
 
-    /// The number of values of some variables; 1 for an unknown variable.
+    /// The total number of values of these variables; 1 for an unknown variable.
     pub(super) fn size(&self, references: &[Reference]) -> usize {
         let size = |reference| self.specs.iter().find(|spec| spec.reference == reference).map_or(1, |spec| spec.size);
         if self.version == FmiVersion::V2 { references.len() } else { references.iter().copied().map(size).sum() }
@@ -104,7 +104,7 @@ impl Fuzzer<'_> {
             .collect()
     }
 
-    /// The stated number of values of an array: all, fewer, or more than memory can hold.
+    /// The number of values to state for an array: all, fewer, or more than memory can hold.
     pub(super) fn count(&mut self, length: usize) -> usize {
         match self.random.below(40) {
             0 => usize::MAX,

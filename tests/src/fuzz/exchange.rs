@@ -9,7 +9,7 @@ use fmu_import::description::Interface;
 struct Numbers {
     function: &'static str,
     is_of_states: bool,
-    /// A number that is not finite is a reason for fmi2Discard, whose array has no meaning.
+    /// The function can return fmi2Discard, if a number is not finite; the array is then undefined.
     may_be_discarded: bool,
     is_positive: bool,
 }
@@ -27,7 +27,7 @@ const NUMBERS: [Numbers; 4] = [
 ];
 
 impl Fuzzer<'_> {
-    /// A function of model exchange; most of the time one that the mode allows.
+    /// Calls a function of model exchange, usually one that is allowed in the FMU state.
     pub(super) fn exchange(&mut self, at: usize) -> Checked {
         let mode = self.slots[at].mode;
         match self.random.below(12) {
@@ -40,7 +40,7 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Values of the states that suit them, most of the time.
+    /// Values for the states, usually valid ones.
     fn state_values(&mut self, at: usize) -> Vec<f64> {
         let states = self.states.clone();
         let mut values = vec![0.0; states.len()];
@@ -57,7 +57,7 @@ impl Fuzzer<'_> {
         values
     }
 
-    /// The length of an array that must have `length` values.
+    /// Usually `length`, sometimes a wrong length of an array.
     fn length(&mut self, length: usize) -> usize {
         match self.random.below(40) {
             0 => usize::MAX,

@@ -1,11 +1,11 @@
-//! Modes, the calls that lead from one to another, and steps.
+//! FMU states, the calls that change them, and steps.
 
 use super::{Checked, Fuzzer, MARK, Next, Spec, ensure, texts};
 use crate::raw::{ERROR, OK, Truth};
 use fmu_import::c_api::{RawStatus, Reference};
 use fmu_import::description::{DataType, FmiVersion, Interface};
 
-/// State of an instance, as messages name it.
+/// FMU state of an instance, as in messages.
 pub(super) type Mode = &'static str;
 
 pub(super) const INSTANTIATED: Mode = "Instantiated";
@@ -25,8 +25,8 @@ const ENTER_STEP: &str = "fmi3EnterStepMode";
 const TERMINATE: &str = "fmi2Terminate";
 const RESET: &str = "fmi2Reset";
 
-/// Functions without arguments and the mode they lead to, if it is another one and the same in all interfaces; then the
-/// versions and interfaces whose libraries have them.
+/// Functions without arguments; the FMU state they lead to, if they change it and it is the same in all interfaces; the
+/// libraries that contain them.
 const TRANSITIONS: [(&str, Option<Mode>, Libraries); 11] = [
     (ENTER_INITIALIZATION, Some(INITIALIZATION), Libraries::All),
     (EXIT_INITIALIZATION, None, Libraries::All),
@@ -41,7 +41,7 @@ const TRANSITIONS: [(&str, Option<Mode>, Libraries); 11] = [
     ("fmi3ExitConfigurationMode", None, Libraries::Fmi3),
 ];
 
-/// The libraries that contain a function.
+/// Versions and interfaces whose libraries contain a function.
 #[derive(Clone, Copy)]
 enum Libraries {
     All,
@@ -51,7 +51,7 @@ enum Libraries {
 }
 
 impl Fuzzer<'_> {
-    /// The mode of an instance with a logger, from the error of a call that is rejected in every mode.
+    /// The FMU state of an instance with a logger, from the message of a call that is always rejected.
     pub(super) fn mode(&mut self, at: usize) -> Checked<Mode> {
         let slot = &self.slots[at];
         let (function, own, status) = match (self.version, slot.interface) {
@@ -83,7 +83,7 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Mostly the way to the mode in which a simulation advances; from there rarely out of it.
+    /// Calls a transition, usually towards the FMU state in which a simulation advances, and rarely out of it.
     pub(super) fn transition(&mut self, at: usize) -> Checked {
         let (mode, is_exchange) = (self.slots[at].mode, self.slots[at].interface == Interface::ModelExchange);
         let is_fmi2 = self.version == FmiVersion::V2;
@@ -147,7 +147,7 @@ impl Fuzzer<'_> {
         .map(drop)
     }
 
-    /// The time of an instance as reported by the FMU, else 0.
+    /// The time of an instance as reported by the FMU, otherwise 0.
     pub(super) fn now(&mut self, at: usize) -> f64 {
         let (mut now, instance) = ([0.0], &self.slots[at].instance);
         match self.time {
@@ -163,7 +163,7 @@ impl Fuzzer<'_> {
         let now = self.now(at);
         let time = if self.chance(10) { self.wild() } else { now };
         let step = if self.chance(10) { self.wild() } else { self.pick(&[1e-3, 1e-3, 1e-2, 1e-4, self.step]) };
-        // Up to a million samples are in order; where that takes seconds, it is done now and then only.
+        // Up to a million samples in a step are allowed. Such steps can take seconds, so they are made rarely.
         let step = if (1.0..1e6).contains(&step) && !self.chance(64) { 0.5 } else { step };
         let text = format!("{time:e} {step:e}");
         if self.version == FmiVersion::V3 {
@@ -182,7 +182,7 @@ impl Fuzzer<'_> {
             instance.step_with_events(time, step, flags_there, last_there)
         })?;
         if status != OK {
-            // The standard lets an importer read the time that was reached: the one before the step.
+            // The standard allows an importer to read the last successful time, which is the time before the step.
             let is_kept = flags == [FLAG; 3] && last == MARK;
             let is_reached = flags == [0; 3] && last.to_bits() == now.to_bits();
             return ensure(is_kept || is_reached, || {
@@ -204,15 +204,15 @@ impl Fuzzer<'_> {
         ensure(is_right, || format!("fmi3DoStep of {time:e} by {step:e} wrote {flags:?} {last:e}"))
     }
 
-    /// References of the real variables and the number of their values.
+    /// References to the real variables, and the number of their values.
     pub(super) fn reals(&self) -> (Vec<Reference>, usize) {
         let is_ordinary = |spec: &&Spec| self.time.is_none_or(|time| spec.reference < time);
         let reals = || self.of_type(DataType::Float64).filter(is_ordinary);
         (reals().map(|spec| spec.reference).collect(), reals().map(|spec| spec.size).sum())
     }
 
-    /// Asks for values of all types, because some are computed when they are first needed. Event indicators alone: they may
-    /// be discarded.
+    /// Reads values of all types, because some are computed when they are first needed. Event indicators are read
+    /// separately, because the call can be discarded.
     pub(super) fn compute(&mut self, at: usize) -> Checked {
         let (reals, count) = self.reals();
         let mut statuses = Vec::new();
@@ -245,7 +245,7 @@ impl Fuzzer<'_> {
         statuses.into_iter().try_for_each(|(function, status)| self.probed(function, status))
     }
 
-    /// An error unless the status is one of a rejected call.
+    /// Returns an error unless the status is that of a rejected call.
     pub(super) fn always_rejected(&self, function: &'static str, status: RawStatus) -> Checked {
         ensure(status == ERROR, || format!("{} returned {status}", self.name(function)))
     }

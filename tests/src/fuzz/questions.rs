@@ -6,7 +6,7 @@ use fmu_import::c_api::Reference;
 use fmu_import::description::{DataType, FmiVersion, Interface};
 
 impl Fuzzer<'_> {
-    /// Unknowns and knowns of derivatives.
+    /// Unknowns and knowns for a derivative.
     fn pair(&mut self) -> [Vec<Reference>; 2] {
         let (all, mut knowns) = (self.unknown.clone(), self.known.clone());
         knowns.extend(self.time);
@@ -112,7 +112,8 @@ impl Fuzzer<'_> {
         })
     }
 
-    /// Functions of FMI 3.0 for what these FMUs do not have, and the numbers of states and event indicators.
+    /// Calls FMI 3.0 functions for features that these FMUs do not have, and the functions that count states and event
+    /// indicators.
     pub(super) fn questions(&mut self, at: usize) -> Checked {
         match self.random.below(8) {
             0 => {

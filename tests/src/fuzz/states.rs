@@ -6,7 +6,8 @@ use crate::raw::{OK, RawState};
 use crate::state_bytes::{COLUMN_AT, GUID_AT, Place, VERSION_AT, seal};
 
 impl Fuzzer<'_> {
-    /// A state to pass, with its index in the list and its kind: of this instance, of another one, freed, null or invented.
+    /// A state to pass, with its index in the list and its kind: from this instance, from another one, freed, null or
+    /// invented.
     pub(super) fn some_state(&mut self, at: usize) -> (RawState, Option<usize>, &'static str) {
         let other = (at + 1) % self.slots.len();
         let own = self.slots[at].states.len();
@@ -21,8 +22,8 @@ impl Fuzzer<'_> {
                 return (self.slots[at].states[place].0, Some(place), "own");
             }
         };
-        // A new state may reuse the memory of a freed one. The invented pointer used instead is rejected like a freed
-        // state, so that a run does not depend on addresses.
+        // A new state may have the address of a freed one. An invented pointer, which is rejected like a freed state,
+        // is used instead, so runs do not depend on addresses.
         let is_used_again = self.slots[at].states.iter().any(|known| known.0 == state);
         (if is_used_again { RawState::invented(0xdead_beef) } else { state }, None, what)
     }
@@ -44,14 +45,15 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Target of a saved state: none yet, or an existing one; `None` if there are enough and none was picked.
+    /// Where to save a state: a null pointer or an existing state; `None` if there are enough states and none was
+    /// chosen.
     pub(super) fn target(&mut self, at: usize) -> Option<(RawState, Option<usize>, &'static str)> {
         let is_full = self.slots[at].states.len() >= STATES;
         let target = if is_full || self.chance(3) { self.some_state(at) } else { (RawState::NULL, None, "null") };
         (!(target.0.is_null() && is_full)).then_some(target)
     }
 
-    /// Records the mode of the state at `place`, or a new state.
+    /// Records the FMU state of the saved state at `place`, or a new saved state.
     pub(super) fn keep(&mut self, at: usize, place: Option<usize>, state: RawState, mode: Option<Mode>) {
         match place {
             Some(place) => self.slots[at].states[place].1 = mode,
@@ -60,7 +62,7 @@ impl Fuzzer<'_> {
     }
 
     pub(super) fn save(&mut self, at: usize) -> Checked {
-        // Without a logger the mode is not known.
+        // Without a logger, the FMU state is unknown.
         let mode = self.slots[at].has_logger.then_some(self.slots[at].mode);
         if self.chance(40) {
             self.call(at, "fmi2GetFMUstate", "null".to_owned(), Next::Same, |instance| instance.get_state(None))?;
@@ -170,13 +172,13 @@ impl Fuzzer<'_> {
                 self.other_version(&mut bytes);
                 ("of another version", Some(false))
             }
-            // Changes that the checksum does not detect: values of another FMU with the same GUID, or crafted ones.
+            // Changes with a valid checksum: crafted values, or a state of another FMU with this GUID.
             5 => {
                 for _ in 0..1 + self.random.below(3) {
                     self.craft(&mut bytes);
                 }
                 if interface != self.slots[at].interface {
-                    // As if saved from an instance of this interface.
+                    // The bytes claim to be from an instance with the other interface.
                     bytes[COLUMN_AT] ^= 1;
                 }
                 seal(&mut bytes);
@@ -190,7 +192,7 @@ impl Fuzzer<'_> {
                 if self.chance(2) {
                     ("foreign", Some(false))
                 } else {
-                    // As if the other FMU had this one's GUID; its values may happen to be valid.
+                    // The other FMU's bytes get this FMU's GUID; the values may happen to be valid.
                     replace_guid(&mut bytes, &guid);
                     if self.chance(2) {
                         bytes[COLUMN_AT] ^= 1;
@@ -225,7 +227,7 @@ impl Fuzzer<'_> {
         Ok(())
     }
 
-    /// As another version of the exporter or of the FMU would write them: with another number of the format or GUID.
+    /// Makes the bytes those of another version of the exporter or the FMU: with another format number or GUID.
     pub(super) fn other_version(&mut self, bytes: &mut Vec<u8>) {
         let mut other = guid(bytes).to_vec();
         match self.random.below(5) {
@@ -245,8 +247,8 @@ impl Fuzzer<'_> {
         replace_guid(bytes, &other);
     }
 
-    /// Changes bytes: a time or the number of samples, single bytes anywhere, a number in eight bytes anywhere, or the
-    /// value of a real variable.
+    /// Changes a time or the number of samples, single bytes anywhere, eight bytes anywhere, or the value of a real
+    /// variable.
     pub(super) fn craft(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;
         let reals = self.reals().0;
@@ -284,7 +286,7 @@ fn guid(bytes: &[u8]) -> &[u8] {
     &bytes[GUID_AT..][..u32::from_le_bytes(length) as usize]
 }
 
-/// Another GUID, with a fitting checksum.
+/// Replaces the GUID, and updates the checksum.
 fn replace_guid(bytes: &mut Vec<u8>, other: &[u8]) {
     let end = GUID_AT + guid(bytes).len();
     bytes.splice(GUID_AT..end, other.iter().copied());

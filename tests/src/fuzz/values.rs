@@ -6,7 +6,7 @@ use fmu_import::c_api::Reference;
 use fmu_import::description::{DataType, FmiVersion};
 
 impl Fuzzer<'_> {
-    /// The stated number of values: that of the variables most of the time, in FMI 2.0 that of the references.
+    /// The number of values to state: usually that of the variables, in FMI 2.0 that of the references.
     fn value_count(&mut self, references: &[Reference], count: usize) -> usize {
         if self.version == FmiVersion::V2 {
             return count;
@@ -20,14 +20,14 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Rejects that a call was accepted with a wrong number of values.
+    /// Returns an error if a call was accepted with a wrong number of values.
     fn check_count(&self, function: &str, references: &[Reference], count: usize, value_count: usize) -> Checked {
         let is_right = count <= references.len()
             && (self.version == FmiVersion::V2 || self.size(&references[..count]) == value_count);
         ensure(is_right, || format!("{function} accepted {value_count} values for {count} references"))
     }
 
-    /// A getter of numbers; `mark` is the content of the array before, `is_valid` checks what is handed out.
+    /// Calls a getter; `mark` is the content of the array before the call, `is_valid` checks the returned values.
     fn get<T: Element + PartialEq + std::fmt::Debug>(
         &mut self,
         at: usize,
@@ -55,7 +55,7 @@ impl Fuzzer<'_> {
         })
     }
 
-    /// A setter of numbers.
+    /// Calls a setter.
     fn set<T: Element + std::fmt::Debug>(
         &mut self,
         at: usize,
@@ -87,7 +87,7 @@ impl Fuzzer<'_> {
     pub(super) fn get_real(&mut self, at: usize) -> Checked {
         let mut references = self.references(DataType::Float64);
         if let Some(time) = self.time.filter(|_| self.chance(8)) {
-            // The event indicators follow the time.
+            // The value references of the event indicators follow that of the time.
             let special = time + self.random.below(self.indicators as u64 + 2) as Reference;
             references.push(special);
             let position = self.index(references.len());
@@ -101,7 +101,7 @@ impl Fuzzer<'_> {
         self.set(at, "fmi2SetReal", &references, Self::value, |value| value.is_finite())
     }
 
-    /// Integers, enumerations, Booleans and Strings.
+    /// Calls getters and setters of Integers, enumerations, Booleans and Strings.
     pub(super) fn others(&mut self, at: usize) -> Checked {
         let is_fmi2 = self.version == FmiVersion::V2;
         let mut types = vec![DataType::Int32, DataType::Boolean, DataType::String];
