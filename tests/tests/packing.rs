@@ -1,7 +1,7 @@
 //! Results of `cargo fmu pack` and `cargo fmu new`: the contents of every packed FMU, and packages from the templates.
 //!
-//! References: FMI 2.0.4, section 2.3 (contents of the archive) and 2.2 (description); the committed descriptions in
-//! `modelDescription/`. All comparisons are exact.
+//! References: FMI 2.0.4, sections 2.3 (contents of the archive) and 2.2 (description), and the committed descriptions
+//! in `modelDescription/`. All comparisons are exact.
 
 use fmu_import::archive::{Archive, platform};
 use fmu_import::description::{Causality, Interface, Variable};
@@ -28,7 +28,7 @@ struct Contents {
 }
 
 impl Contents {
-    /// Reads an archive and checks that its entries contain no data of the machine: no time, no mode.
+    /// Reads an archive and checks that its entries do not depend on the machine: they have no time and no file mode.
     #[track_caller]
     fn read(path: &Path) -> Self {
         let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -70,8 +70,8 @@ fn binary(name: &str) -> String {
     format!("binaries/{}/{name}{}", platform(), std::env::consts::DLL_SUFFIX)
 }
 
-/// The platforms that the FMUs were packed for, from `CHASSIS_FMU_PLATFORMS` (a list as for `--platforms`); `None` for this
-/// platform only.
+/// The platforms that the FMUs were packed for, from `CHASSIS_FMU_PLATFORMS` (a list like for `--platforms`); `None`
+/// for this platform only.
 fn platforms() -> Option<String> {
     std::env::var("CHASSIS_FMU_PLATFORMS").ok().filter(|platforms| !platforms.is_empty())
 }
@@ -97,7 +97,7 @@ fn descriptions_are_the_committed_ones() {
             Some(_) => (),
         }
     }
-    // The remaining descriptions have no FMU.
+    // Committed descriptions that are left have no FMU.
     differences.extend(committed.keys().map(|name| format!("there is no {name}.fmu: run `cargo fmu pack --all`")));
     assert!(differences.is_empty(), "{}\n{UPDATE}", differences.join("\n"));
 }
@@ -121,7 +121,7 @@ fn binaries_know_their_description_only() {
     }
 }
 
-/// The packer builds in the GUID; a library without it would generate its description whenever it is loaded.
+/// The packer builds the GUID into the library, which would otherwise generate its description whenever it is loaded.
 #[test]
 fn binaries_are_told_their_guid() {
     for path in paths() {
@@ -180,7 +180,8 @@ fn archives_have_one_binary_for_each_platform() {
 
 #[test]
 fn libraries_export_the_interface_only() {
-    // Symbols of several FMUs must not collide in one process; the description is for the packer.
+    // Libraries export only FMI functions: other symbols could collide in a process, and the description is for the
+    // packer only.
     for path in paths() {
         let contents = Contents::read(&path);
         for (name, library) in contents.files.iter().filter(|(name, _)| name.starts_with("binaries/")) {
@@ -193,7 +194,8 @@ fn libraries_export_the_interface_only() {
     }
 }
 
-/// The last digits of the C library's functions depend on the platform, even on the processor. Results must not.
+/// The last digits of functions in the C library depend on the platform and even on the processor, so FMUs must not
+/// call them.
 #[test]
 fn libraries_call_no_inexact_function_of_the_c_library() {
     for path in paths() {
@@ -207,7 +209,7 @@ fn libraries_call_no_inexact_function_of_the_c_library() {
     }
 }
 
-/// Libraries for Windows load from Windows 7 on without further libraries: these are part of Windows.
+/// Windows libraries load on Windows 7 and later, because they require only libraries that are part of Windows.
 #[test]
 fn libraries_for_windows_need_the_system_only() {
     const SYSTEM: [&str; 6] = ["advapi32.dll", "kernel32.dll", "msvcrt.dll", "ntdll.dll", "userenv.dll", "ws2_32.dll"];
@@ -226,7 +228,7 @@ fn libraries_for_windows_need_the_system_only() {
     }
 }
 
-/// FMUs have to load on distributions from glibc 2.17 on, the oldest that Rust supports.
+/// FMUs must load on distributions with glibc 2.17, the oldest version that Rust supports, and newer.
 #[cfg(target_os = "linux")]
 #[test]
 fn libraries_need_an_old_c_library_only() {
@@ -237,7 +239,7 @@ fn libraries_need_an_old_c_library_only() {
         for (file, library) in contents.files.iter().filter(|(file, _)| file.ends_with(".so")) {
             let newest = symbols::newest_glibc(library).expect("a 64-bit ELF library");
             println!("{name}: {file} needs glibc {newest:?}");
-            // Without a version it would not be linked with glibc at all.
+            // A library without a version would not be linked with glibc at all.
             let fits = newest.is_some_and(|version| version <= (2, 17));
             assert!(fits, "{name}: {file} needs glibc {newest:?}: pack it without `--no-portable`");
         }
@@ -264,13 +266,14 @@ fn libraries_are_for_the_platform_of_their_folder() {
     }
 }
 
-/// Paths of the packing machine reveal the builder of an FMU and make the bytes depend on the machine.
+/// Paths of the packing machine would reveal who built an FMU, and would make its bytes depend on the machine.
 #[test]
 fn nothing_names_the_machine_that_packed() {
     let variables =
         ["CARGO_HOME", "RUSTUP_HOME", "CARGO_TARGET_DIR"].map(|name| std::env::var_os(name).map(Into::into));
     let places = [Some(workspace()), std::env::home_dir(), Some(std::env::temp_dir())].into_iter().chain(variables);
-    // With a separator: "/root" alone also begins harmless words. The root of all files reveals nothing.
+    // Paths are searched with a separator, because "/root" alone can also be the start of other words. The root of the
+    // file system reveals nothing.
     let folders = places.flatten().filter(|folder: &PathBuf| folder.is_absolute() && folder.parent().is_some());
     let folders: Vec<_> = folders.map(|folder| folder.join("").into_os_string().into_encoded_bytes()).collect();
     for path in paths() {
@@ -286,12 +289,13 @@ fn nothing_names_the_machine_that_packed() {
     }
 }
 
-/// A copy of the workspace to write packages into. It has a fixed place, and its files keep their times, so that cargo
-/// compiles the dependencies of the templates only once; the copy is removed at the end, the build stays in `target`.
+/// A copy of the workspace to write packages into. It has a fixed path, and its files keep their times, so cargo
+/// compiles the dependencies of the templates only once. The copy is removed at the end, but the build stays in
+/// `target`.
 struct Copy {
     root: PathBuf,
     target: PathBuf,
-    /// Locked while the copy is in use: the place is the same for all processes.
+    /// Locked while the copy is in use, because all processes use the same path.
     _lock: File,
 }
 
@@ -337,7 +341,7 @@ impl Copy {
     fn prepared(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command.args(arguments).current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target).env("NO_COLOR", "1");
-        // The linker is in the environment of the workspace itself, which the copy does not have.
+        // The linker zig is in the workspace's `.venv`, which is not part of the copy.
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders = std::iter::once(workspace().join(".venv/bin")).chain(std::env::split_paths(&path));
         command.env("PATH", std::env::join_paths(folders).expect("folders of the PATH have no separators"));
@@ -401,8 +405,9 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     assert!(first == second, "packing again gives the same bytes");
     let hint = String::from_utf8_lossy(&output.stderr);
     assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
-    // The place of the sources does not matter either: an FMU packed from the workspace itself has the same files, and the commit of
-    // its checkout if it is one. FMUs of another folder come from another machine, unless their platforms are listed.
+    // The path of the sources does not matter either: an FMU packed from the workspace itself has the same files, plus
+    // the commit if the workspace is a checkout. FMUs in another folder are from another machine, unless their
+    // platforms are listed.
     if std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some() {
         let mut other = Contents::read(&folder().join("SuspensionMixer.fmu"));
         let commit = other.files.remove("extra/io.github.chassis-fmu/commit.txt");
@@ -417,7 +422,7 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let mut instance = controller.started();
     ok(instance.set_real(&[controller.reference("reference")], &[0.5]));
     ok(instance.do_step(0.0, 0.01));
-    // The proportional gain of 2 times 0.5; nothing is integrated before the first sample.
+    // The proportional gain 2 times the error 0.5; nothing is integrated before the first sample.
     assert_eq!(real(&controller, &mut instance, "command"), 2.0 * 0.5);
 
     let plant = Fmu::open(&copy.fmu("BouncingBody"));
@@ -427,14 +432,14 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     for k in 0..steps {
         ok(instance.do_step(f64::from(k) * step, step));
     }
-    // 1 kg on 10 N/m with 0.5 N s/m: the oscillation about F/k decays with exp(-c t/(2 m)) from an amplitude below 0.1 m;
-    // The error of Runge-Kutta with 10 ms is far smaller.
+    // 1 kg on 10 N/m with 0.5 N s/m: the oscillation about F/k decays with exp(-c t/(2 m)) from an amplitude below 0.1
+    // m. The error of the Runge-Kutta method with 10 ms is far smaller.
     let bound = 0.1 * (-0.25 * f64::from(steps) * step).exp();
     let position = real(&plant, &mut instance, "x");
     assert!((position - 0.1).abs() <= bound, "position {position}, expected 0.1 within {bound:e}");
 }
 
-/// Functions that belong to one interface only: FMI 2.0.4, tables of the calling sequence in 3.2.3 and 4.2.4.
+/// Functions of one interface only: FMI 2.0.4, tables of the calling sequence in sections 3.2.3 and 4.2.4.
 const CO_SIMULATION_ONLY: [&str; 9] = [
     "fmi2CancelStep",
     "fmi2DoStep",
@@ -459,7 +464,8 @@ const MODEL_EXCHANGE_ONLY: [&str; 10] = [
     "fmi2SetTime",
 ];
 
-/// `--interfaces` determines the exports of the library and the declared interfaces, `--arrays` the form of the variables.
+/// `--interfaces` determines the exported functions and the declared interfaces, `--arrays` whether variables are
+/// arrays.
 #[test]
 fn formats_have_what_their_options_say() {
     let cargo_fmu = tests::cargo_fmu();
@@ -498,7 +504,7 @@ fn formats_have_what_their_options_say() {
         (Fmu::open(&path).description.variables, terminals.contains("<Terminal "))
     };
     let (arrays, has_terminals) = packed(&["--arrays"]);
-    // A terminal groups whole variables.
+    // A terminal can only contain whole variables, so there are none with arrays.
     assert!(arrays.iter().any(Variable::is_array) && !has_terminals);
     let (scalars, has_terminals) = packed(&[]);
     assert!(!scalars.iter().any(Variable::is_array) && has_terminals);
@@ -506,14 +512,14 @@ fn formats_have_what_their_options_say() {
     assert_eq!(elements, scalars.len(), "the same variables, one for each element");
 }
 
-/// `chassis pack SCENARIO`, as `scripts/run` calls it: a package that does not compile does not affect scenarios
-/// that do not need it, and up-to-date FMUs are not reported.
+/// `chassis pack SCENARIO`, as `scripts/run` calls it: a package that does not compile affects only scenarios that need
+/// it, and up-to-date FMUs are not reported.
 #[test]
 fn a_broken_package_blocks_only_what_needs_it() {
     let chassis = tests::chassis();
     let copy = Copy::new();
     std::fs::write(copy.root.join("fmu-plant/road/src/lib.rs"), "this is not Rust").expect("it can be written");
-    // Interfaces that are not committed would be reported.
+    // Descriptions with other interfaces than the committed ones would be reported.
     let descriptions = "modelDescription";
     copy_times(&workspace().join(descriptions), &copy.root.join(descriptions)).expect("it can be copied");
     let scenario = |name: &str, fmus: [&str; 2]| {
@@ -528,7 +534,7 @@ fn a_broken_package_blocks_only_what_needs_it() {
         );
         std::fs::write(copy.root.join(name), text).expect("it can be written");
     };
-    // One of the FMUs is not of this workspace.
+    // One of the FMUs is not from this workspace.
     scenario("fine.toml", ["FuzzyCoordination", "FromElsewhere"]);
     scenario("elsewhere.toml", ["FromElsewhere", "FromThere"]);
     scenario("broken.toml", ["FuzzyCoordination", "Road"]);

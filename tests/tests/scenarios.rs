@@ -1,5 +1,5 @@
-//! The scenario files: they resolve without a warning, each of their components can be replaced by one line, and a parameter
-//! without an effect is found.
+//! The scenario files resolve without warnings, each of their components can be replaced by one line, and parameters
+//! without effect are found.
 
 use fmu_import::description::ModelDescription;
 use fmu_system::plan::Plan;
@@ -11,7 +11,8 @@ use tests::workspace;
 
 type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 
-/// The committed descriptions; each also under the name `NameCopy` and, with other names of all parameters, `NameOther`.
+/// The committed descriptions. Each is also available as `NameCopy` and, with different names for all parameters, as
+/// `NameOther`.
 fn descriptions() -> Descriptions {
     let mut all = Descriptions::new();
     for entry in std::fs::read_dir(workspace().join("modelDescription")).expect("the folder is there") {
@@ -73,7 +74,7 @@ fn case_of<'a>(text: &'a str, case: &str) -> Option<&'a str> {
     text.split("[[").find(|part| part.starts_with("case]]") && part.contains(&name))
 }
 
-/// A scenario in a folder of its own, with all files that scenarios refer to.
+/// A scenario in a temporary folder, with all files that scenarios refer to.
 struct Copied {
     folder: tempfile::TempDir,
     file: PathBuf,
@@ -95,7 +96,7 @@ impl Copied {
         Self { folder, file: copy }
     }
 
-    /// The file that defines a case, the scenario or one that it includes, and its text.
+    /// The file that defines a case (the scenario or an included file), and its text.
     fn file_of(&self, case: &str) -> (PathBuf, String) {
         let read = |file: &Path| std::fs::read_to_string(file).expect("the file can be read");
         let scenario = read(&self.file);
@@ -107,7 +108,7 @@ impl Copied {
         (file, text)
     }
 
-    /// The plan with a line more in the definition of a case.
+    /// The plan with an additional line in the definition of a case.
     fn with_line(&self, case: &str, line: &str, source: &Descriptions) -> Plan {
         let (file, text) = self.file_of(case);
         let defined = case_of(&text, case).expect("the file defines the case");
@@ -121,7 +122,7 @@ impl Copied {
     }
 }
 
-/// Warnings of the descriptions only: trial runs need the FMUs.
+/// Only warnings that need no trial run, because a trial run needs the FMUs.
 #[test]
 fn no_scenario_warns() {
     let source = descriptions();
@@ -131,8 +132,8 @@ fn no_scenario_warns() {
     }
 }
 
-/// "Swapping is one line": every component in every case of every scenario, by a copy of its FMU and by one that has the same
-/// signals but no parameter of that name.
+/// Swapping takes one line: for every component in every case of every scenario, with a copy of its FMU, and with an
+/// FMU that has the same signals but different parameter names.
 #[test]
 fn every_component_is_replaced_by_one_line() {
     let source = descriptions();
@@ -147,7 +148,7 @@ fn every_component_is_replaced_by_one_line() {
                 let fmu = component.fmu.strip_suffix(".fmu").expect("an FMU");
                 for suffix in ["Copy", "Other"] {
                     let line = format!("fmu.{} = \"{fmu}{suffix}\"", component.name);
-                    // A case may set parameters of the component itself, which another one does not have.
+                    // A case can set parameters of the component, which another FMU does not have.
                     if suffix == "Other" && case_sets(&copied.file_of(&case.name).1, &case.name, &component.name) {
                         continue;
                     }
@@ -156,7 +157,7 @@ fn every_component_is_replaced_by_one_line() {
                     let other =
                         run.components.iter().find(|u| u.name == component.name).expect("the component is still there");
                     assert_eq!(other.fmu, format!("{fmu}{suffix}.fmu"), "{}: {line}", file.display());
-                    // It gets parameters from points, seeds and the case only.
+                    // The other FMU gets parameters only from points, seeds and the case.
                     assert!(suffix == "Copy" || other.parameters.is_empty(), "{}: {line}", file.display());
                     swaps += 1;
                 }
@@ -197,7 +198,7 @@ fn kept_parameters_are_those_of_the_component() {
     }
 }
 
-/// Every mode of the library has names for all its values, and no other description is parsed as a list of names.
+/// Every enum of the library has names for all its values, and no other description is parsed as a list of names.
 #[test]
 fn modes_have_names() {
     let mut modes = 0;
@@ -217,7 +218,8 @@ fn modes_have_names() {
     assert!(modes > 20, "{modes}");
 }
 
-/// Issue 11: a prescribed speed for a car that computes its own. Found by a trial run with the real FMUs, as in `chassis plan`.
+/// A prescribed speed has no effect on a car that computes its speed. A trial run with the real FMUs finds this, as in
+/// `chassis plan`.
 #[test]
 fn a_trial_run_finds_parameters_without_effect() {
     let file = workspace().join("scenarios/esp_car_step_steer.toml");
@@ -237,7 +239,7 @@ fn a_trial_run_finds_parameters_without_effect() {
     let found: Vec<String> = warnings("title", "title");
     assert_eq!(found, [""; 0], "as it is");
     let place = "maneuver = \"ramp_step\", ";
-    // 60 km/h is also the default: that makes no difference, another value would not either.
+    // 60 km/h is the default, which is reported like any other value.
     for speed in ["{ value = 60.0, unit = \"km/h\" }", "5.0"] {
         let found: Vec<String> = warnings(place, &format!("{place}\"speed.initial\" = {speed}, "));
         assert_eq!(

@@ -1,4 +1,4 @@
-//! Many instances at once, many steps, many states: short runs of `soak`; docs/robustness.md has the long ones.
+//! Short runs of `soak` with many instances, steps and states; docs/robustness.md describes the long runs.
 #![cfg(target_os = "linux")]
 
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! Sources: FMUs whose outputs are calculated at the start although they are not plants.
+//! Sources: discrete-time FMUs whose outputs are calculated during initialization.
 //!
 //! Reference: FMI 2.0.4, sections 2.2.7 (initial) and 2.2.8 (InitialUnknowns), and the first step itself.
 
@@ -19,10 +19,10 @@ enum Setting {
 }
 use Setting::{Boolean, Integer, Real, Text};
 
-/// A run that shows influences: FMU and settings.
+/// A run that shows which parameters affect the outputs: FMU and settings.
 type Trial = (&'static str, &'static [Setting]);
 
-/// Together they show every influence that the descriptions list.
+/// Together, the trials show every dependency that the descriptions list.
 const TRIALS: &[Trial] = &[
     ("Driver", &[Integer("maneuver", 1), Real("throttle.amplitude", 0.5), Real("brake.amplitude", 0.5)]),
     ("Driver", &[Integer("maneuver", 2), Real("speed.start", 2.1), Real("speed.final", 9.0)]),
@@ -47,7 +47,7 @@ const TRIALS: &[Trial] = &[
     ),
 ];
 
-/// The tables of the trials, and others with other values.
+/// The tables of the trials, and variants with other values.
 const TABLES: [(&str, &str); 4] = [
     ("Driver.csv", "time,driver.steer,driver.speed,driver.throttle,driver.brake\n0,0.1,8,0.2,0.9\n8,0.2,9,0.3,0.4\n"),
     ("Driver_other.csv", "time,driver.steer,driver.speed,driver.throttle,driver.brake\n0,0,1,0,0\n8,0.1,2,1,1\n"),
@@ -55,7 +55,8 @@ const TABLES: [(&str, &str); 4] = [
     ("Road_other.csv", "distance,height_left,height_right\n0,0,0.01\n60,0.1,0.1\n"),
 ];
 
-/// Their outputs are those of the first sample from the start on. `PathDriver` only starts with its speed, and `Sensor` with its input.
+/// The FMUs whose outputs have the values of the first sample from the start on. `PathDriver` is excluded, because this
+/// applies only to its speed, and `Sensor`, because its output depends on its input.
 fn sources() -> Vec<Fmu> {
     let is_source = |fmu: &Fmu| {
         let follows_inputs = fmu.description.initial_unknowns.iter().any(|unknown| {
@@ -92,7 +93,7 @@ fn set(fmu: &Fmu, instance: &mut Instance, setting: Setting) {
     }
 }
 
-/// Another value of a parameter, if it has one that the FMU accepts.
+/// Other values of a parameter that the FMU accepts.
 fn others(fmu: &Fmu, instance: &mut Instance, variable: &Variable) -> Vec<Setting> {
     let name: &'static str = Box::leak(variable.name.clone().into_boxed_str());
     let reference = [variable.reference];
@@ -127,7 +128,7 @@ fn the_sources_are_driver_and_road() {
     assert_eq!(names, ["Driver", "Road"]);
 }
 
-/// The outputs in Initialization Mode, after it and after the first step are the same, at any start time and for any
+/// The outputs are the same in Initialization Mode, after it, and after the first step, at any start time and for any
 /// inputs.
 #[test]
 fn outputs_before_the_start_are_those_of_the_first_sample() {
@@ -152,8 +153,8 @@ fn outputs_before_the_start_are_those_of_the_first_sample() {
     }
 }
 
-/// Every parameter that changes an output at any time of a run is among its dependencies in InitialUnknowns, and every
-/// dependency is one that changes it.
+/// Every parameter that changes an output at any time in a run is among its dependencies in InitialUnknowns, and every
+/// dependency changes it.
 #[test]
 fn initial_unknowns_name_the_parameters_that_act_at_any_time() {
     for fmu in sources() {
@@ -161,7 +162,7 @@ fn initial_unknowns_name_the_parameters_that_act_at_any_time() {
         let outputs: Vec<_> = fmu.with(Causality::Output).collect();
         let references = fmu.references(Causality::Output);
         let inputs = fmu.references(Causality::Input);
-        // 8 s in steps of 0.1 s, a sample each, or of other lengths with another sample time.
+        // 8 s in steps of 0.1 s, with one sample per step unless a setting changes `sample_time`.
         let run = |settings: &[Setting]| -> Option<Vec<f64>> {
             let mut instance = fmu.instance();
             set(&fmu, &mut instance, Real("sample_time", 0.1));

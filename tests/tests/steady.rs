@@ -1,5 +1,5 @@
-//! Steady states of the plants, as `cargo fmu trim` finds them: against closed forms, at 50 operating points of each plant, and
-//! as start of a co-simulation that has to stay there.
+//! Steady states of the plants that `cargo fmu trim` finds: compared with closed forms, at 50 operating points of each
+//! plant, and as the start of a co-simulation that must stay there.
 
 use fmu_import::description::Causality;
 use serde_json::Value;
@@ -25,7 +25,7 @@ fn trimmed(name: &str, settings: &[(String, f64)], options: &[&str]) -> Result<V
     let output = command.output().expect("the command runs");
     if !output.status.success() {
         assert_eq!(output.status.code(), Some(1));
-        // Without the line breaks and marks of the message.
+        // Removes line breaks and frames from the message.
         let text = String::from_utf8_lossy(&output.stderr);
         let words = text.split_whitespace().filter(|word| !["│", "×", "Error:"].contains(word));
         return Err(words.collect::<Vec<_>>().join(" "));
@@ -52,7 +52,7 @@ fn names_of(steady: &Value, role: &str) -> Vec<String> {
         .collect()
 }
 
-/// Largest distance of a state at rest from its start, relative to the nominal value, in a co-simulation from there.
+/// Largest change in a state at rest, relative to its nominal value, in a co-simulation from the steady state.
 fn drift(fmu: &Fmu, steady: &Value, parameters: &[(&str, f64)]) -> f64 {
     let mut instance = fmu.instance();
     ok(instance.setup_experiment(0.0, Some(TIME)));
@@ -86,8 +86,9 @@ fn drift(fmu: &Fmu, steady: &Value, parameters: &[(&str, f64)]) -> f64 {
     largest
 }
 
-/// 5 speeds, 5 steering angles, 2 frictions. Each point comes to rest to [`RESIDUAL`] or has a message that names a state;
-/// `restless` are those that do not, (speed, angle, friction). Stable points stay where they start.
+/// Tests 5 speeds, 5 steering angles and 2 frictions. At each point, the residual is at most [`RESIDUAL`], or there is
+/// a message that names a state; `restless` lists the points with a message (speed, angle, friction). A co-simulation
+/// from a stable point stays there.
 fn fifty_points(
     name: &str,
     speeds: [f64; 5],
@@ -150,7 +151,7 @@ fn assert_close(found: f64, expected: f64, relative: f64) {
     assert!((found - expected).abs() <= relative * expected.abs(), "{found} {expected}");
 }
 
-/// Reference: closed forms of the README of the car, yaw gain u/(L + K u^2), lateral acceleration and roll gradient.
+/// Reference: closed forms in the car's README for yaw gain u/(L + K u^2), lateral acceleration and roll gradient.
 #[test]
 fn a_single_track_car_turns_as_in_closed_form() {
     let fmu = Fmu::named("BicycleCar");
@@ -170,7 +171,7 @@ fn a_single_track_car_turns_as_in_closed_form() {
     }
 }
 
-/// Equal forces F of all actuators lift the body by F/k; a road that is h higher lifts it by h. Reference: statics.
+/// Reference: statics. Equal forces F of all actuators lift the body by F/k; a road that is higher by h lifts it by h.
 #[test]
 fn forces_and_the_road_lift_the_body() {
     let fmu = Fmu::named("RescueVehicle");
@@ -185,8 +186,8 @@ fn forces_and_the_road_lift_the_body() {
     assert_close(value(&steady, "wheel_height.ml"), 0.03, 1e-12);
 }
 
-/// On a straight road without drag the drive torques are those of the brakes, which act in full at speed; with one axle
-/// driven they are twice as large.
+/// On a straight road without drag, the drive torques balance the brake torques, which act fully at speed; with one
+/// driven axle, they are twice as large.
 #[test]
 fn drive_torques_balance_the_brakes() {
     let wheels = ["fl", "fr", "rl", "rr"];
@@ -204,8 +205,8 @@ fn drive_torques_balance_the_brakes() {
     }
 }
 
-/// Without friction nothing determines the lateral velocity of a car with linear tires; it cannot turn, because its lateral
-/// velocity would grow without limit: v' = -u r.
+/// Without friction, nothing determines the lateral velocity of a car with linear tires. The car cannot turn, because
+/// its lateral velocity would grow without limit: v' = -u r.
 #[test]
 fn what_the_equations_leave_open_is_listed() {
     let given = settings(&[("road_friction.fl", 0.0), ("steer.front", 0.1)]);
@@ -244,7 +245,8 @@ fn a_state_that_cannot_rest_is_named() {
     }
 }
 
-/// The parameter set has the start values of a co-simulation; the linear model at the steady state has its stability.
+/// The parameter set contains the start values of a co-simulation; the linear model at the steady state has the same
+/// stability.
 #[test]
 fn parameter_sets_and_linear_models_start_there() {
     let folder_of_file = tempfile::tempdir().expect("a folder");
@@ -287,19 +289,19 @@ fn the_heavy_vehicle_rests_at_fifty_points() {
 
 #[test]
 fn the_half_car_rests_at_fifty_points() {
-    // There the equations rest on the roof only.
+    // At these points, the only steady state is on the roof.
     let restless = [(20.0, 0.2, 1.0), (26.0, 0.2, 1.0)];
     fifty_points("HydroPneumaticHalfCar", [2.0, 8.0, 14.0, 20.0, 26.0], [0.0, 0.01, 0.03, 0.08, 0.2], &[], &restless);
 }
 
-/// Its step of 0.5 ms is accurate above 5 m/s (README of the car) and five times faster.
+/// Uses a step of 0.5 ms, which is accurate above 5 m/s (README of the car) and makes the test five times faster.
 #[test]
 fn the_car_rests_at_fifty_points() {
     let parameters = [("max_step", 5e-4)];
     fifty_points("EspCar", [6.0, 12.0, 18.0, 24.0, 30.0], [0.0, 0.01, 0.03, 0.08, 0.2], &parameters, &[]);
 }
 
-/// A car in a turn behind a driver, with the actuator of its steering, which starts at its declared state: straight ahead.
+/// A car in a turn with a driver and a steering actuator, which starts at its declared state: straight ahead.
 const SCENARIO: &str = r#"
 title = "Turn"
 description = "A turn that is held"
@@ -335,8 +337,8 @@ fn plan(text: &str) -> fmu_system::plan::Plan {
         .unwrap_or_else(|error| panic!("{error:?}"))
 }
 
-/// Both cases start at rest, each in its own steady state; so does a run with another value. Reference: the plant alone, by
-/// `cargo fmu trim`.
+/// Each case, and a run with a changed value, starts in its own steady state. Reference: `cargo fmu trim` for the plant
+/// alone.
 #[test]
 fn scenarios_start_steady() {
     use fmu_import::description::Value;
@@ -381,7 +383,8 @@ fn scenarios_start_steady() {
     assert!(rolls[0] > rolls[2] && rolls[2] > rolls[1], "a heavier vehicle rolls more: {rolls:?}");
 }
 
-/// The plant reads the start values of the others: the speed of a driver, the angle of an actuator in its declared state.
+/// The plant uses the first outputs of the other components: the speed from a driver, the angle from an actuator in its
+/// declared state.
 #[test]
 fn a_plant_starts_with_what_the_others_write_first() {
     let driver = r#"
@@ -410,8 +413,8 @@ name = "heavy""#;
     assert_eq!(roll.value, fmu_import::description::Value::Real(expected));
 }
 
-/// A car whose torques are 0 slows down in a turn: the message names run, component and state. A component without states is a
-/// mistake in the scenario.
+/// A car without drive torques slows down in a turn; the message names run, component and state. `start = "steady"` for
+/// a component without states is an error.
 #[test]
 fn scenarios_that_cannot_start_steady_have_a_message() {
     let constants = "\"steer.front\" = 0.05, \"road_height.*\" = 0.0, \"road_friction.*\" = 1.0, \"suspension_force.*\" = 0.0, \
@@ -441,14 +444,15 @@ fn scenarios_that_cannot_start_steady_have_a_message() {
     let Err(fmu_system::resolve::ResolveError::Problems(problems)) = resolve(&unknown) else { panic!("no problem") };
     let lines: Vec<String> = problems.problems.iter().map(fmu_system::problem::Problem::explained).collect();
     assert!(lines.join("\n").contains("unknown word `resting`, expected `declared` or `steady`"), "{lines:?}");
-    // Straight ahead it rolls.
+    // Straight ahead, the car rolls steadily.
     let straight = car.replace("\"steer.front\" = 0.05", "\"steer.front\" = 0.0");
     let plan = self::plan(&straight);
     let fmus = fmu_system::fmus::Fmus::load(&plan.runs).unwrap();
     fmu_system::master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
 }
 
-/// A car at a standstill starts by a parameter that must not be negative: the roundings of its speed do not leave the range.
+/// The speed of a car at a standstill is set by a parameter that must not be negative; rounding errors of the speed
+/// must not violate this limit.
 #[test]
 fn roundings_do_not_leave_the_range_of_a_variable() {
     for steer in [0.0, 0.1] {
@@ -459,7 +463,7 @@ fn roundings_do_not_leave_the_range_of_a_variable() {
     }
 }
 
-/// The half car would rest on its roof: its equations are those of a car on its wheels.
+/// At this point, the equations of the half car would be steady with the car on its roof, for which they are not valid.
 #[test]
 fn a_state_that_the_model_is_not_for_is_no_steady_state() {
     let message = trimmed("HydroPneumaticHalfCar", &settings(&[("driver.speed", 30.0), ("steer.front", 0.3)]), &[]);

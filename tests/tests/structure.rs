@@ -1,5 +1,5 @@
-//! The model structure and the directional derivatives of every plant, against the actual changes of its outputs and
-//! derivatives when an input or a state changes; and the integrator's order.
+//! The model structure and the directional derivatives of every plant, compared with the actual changes in its outputs
+//! and derivatives when an input or a state changes; and the order of the integrator.
 //!
 //! Reference: FMI 2.0.4, sections 2.1.9 (directional derivatives) and 2.2.8 (model structure), and difference quotients
 //! through fmi2SetReal and fmi2GetReal.
@@ -12,8 +12,8 @@ use tests::signals::{Excitation, Random, is_magnitude, scale, start};
 use tests::state_bytes::Place;
 use tests::{Configuration, Fmu, all, ok, plants, reals};
 
-/// Dependencies that are declared but cannot be seen by changing one value: FMU, unknown, known, reason. A `*` at the
-/// end stands for anything.
+/// Declared dependencies that changing one value does not show: FMU, unknown, known, reason. A `*` at the end stands
+/// for anything.
 const UNSEEN: &[(&str, &str, &str, &str)] = &[];
 
 /// A plant with its known variables (inputs, then states) and unknown ones (outputs, then derivatives).
@@ -49,8 +49,8 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// An instance in which states may be changed: in Initialization Mode, or in Step Mode if some of them can be
-    /// changed in saved bytes only. `vary` changes the parameters as well, if the FMU has a design for that.
+    /// An instance in which states can be changed: in Initialization Mode, or in Step Mode if some of them can be
+    /// changed only in saved bytes. `vary` also changes the parameters, if the FMU accepts the new values.
     fn instance(&self, configuration: &Configuration, vary: Option<&mut Random>) -> Instance {
         let prepare = || {
             let mut instance = self.fmu.instance();
@@ -80,7 +80,7 @@ impl<'a> Plant<'a> {
         begin(instance).unwrap_or_else(as_declared)
     }
 
-    /// A point around the values at the start, `size` times the usual deviation away.
+    /// A random point near the start values; the distance is `size` times the usual deviation.
     fn point(&self, random: &mut Random, size: f64) -> Vec<f64> {
         let deviation = |variable: &Variable, base: f64, random: &mut Random| {
             let value = base + size * scale(variable) * random.symmetric();
@@ -101,9 +101,9 @@ impl<'a> Plant<'a> {
 
 #[test]
 fn directional_derivatives_are_the_slopes_of_outputs_and_derivatives() {
-    // Central differences of two widths h and h/2, 1e-3 of the usual deviation, give the slope up to h^4 (Richardson)
-    // and an estimate of the error; the rest is rounding, some units of the last place of the value over h. Entries are
-    // compared with the largest effect on the same unknown.
+    // Central differences with widths h and h/2, where h is 1e-3 of the usual deviation, give the slope with an error
+    // of order h^4 (Richardson), and an estimate of this error. The rest is rounding: a few units in the last place of
+    // the value, divided by h. Errors are relative to the largest effect on the same unknown.
     const WIDTH: f64 = 1e-3;
     for fmu in plants() {
         let plant = Plant::of(&fmu);
@@ -172,7 +172,7 @@ fn directional_derivatives_are_the_slopes_of_outputs_and_derivatives() {
 
 #[test]
 fn a_direction_of_several_knowns_adds_up() {
-    // The derivative along a sum is the sum of the derivatives, up to rounding.
+    // The derivative along a sum of directions is the sum of the derivatives, up to rounding.
     for fmu in plants() {
         let plant = Plant::of(&fmu);
         let mut instance = plant.instance(&Configuration::default(), None);
@@ -213,8 +213,8 @@ fn declared_dependencies_are_the_real_ones() {
                 list.iter().map(|&index| variables[index].name.as_str()).collect()
             })
             .collect();
-        // Observed dependencies: at points near the start and far from it, where tires saturate, lift off and limits
-        // act, with parameters as declared and varied, in all modes.
+        // Observed dependencies: at points near the start and far from it, where tires saturate or lift off and limits
+        // act, with declared and varied parameters, in all configurations.
         let mut seen = vec![BTreeSet::new(); plant.unknown.len()];
         for configuration in fmu.configurations() {
             let mut random = Random(47);
@@ -230,7 +230,7 @@ fn declared_dependencies_are_the_real_ones() {
                             moved[j] += change * scale(known);
                             let reaction = plant.evaluate(&mut instance, &moved);
                             for (i, (_, unknown)) in plant.unknown.iter().enumerate() {
-                                // An output that is a state is known itself.
+                                // An output that is a state is also a known variable.
                                 if reaction[i] == values[i] || unknown.reference == known.reference {
                                     continue;
                                 }
@@ -292,7 +292,7 @@ fn held_outputs_depend_on_nothing_between_steps() {
                 assert_eq!(fmu.outputs(instance), held, "{}: an output reacts {place}", fmu.name);
             }
         };
-        // There an output may follow an input, if the description declares it.
+        // In this case, an output can depend directly on an input, if the description declares it.
         let follows = |index: &usize| fmu.description.variables[*index].causality == Causality::Input;
         if !fmu.description.initial_unknowns.iter().any(|unknown| unknown.dependencies.iter().flatten().any(follows)) {
             check(&mut instance, "in Initialization Mode");
@@ -308,13 +308,13 @@ fn held_outputs_depend_on_nothing_between_steps() {
 
 #[test]
 fn plants_are_integrated_with_order_four() {
-    // Constant inputs after a step of them, one communication step, longest substep H: the error of a method of order p
-    // falls by 2^p when H is halved; RK4 has p = 4. H is twice the step that the model is made for, so that the
-    // neglected higher terms, H times the fastest pole, are some percent; the solution with H/16 counts as exact, its
-    // error is (1/16)^4 of that with H.
+    // The inputs make a step and stay constant during one communication step with longest substep H. Halving H reduces
+    // the error of a method of order p by 2^p; RK4 has p = 4. H is twice the step that the model is designed for, so
+    // the neglected higher terms, H times the fastest pole, are some percent. The solution with H/16 is used as the
+    // exact one; its error is (1/16)^4 of the error with H.
     const SPAN: f64 = 0.2;
     for fmu in plants() {
-        // A plant that is integrated exactly has no such step.
+        // A plant that is solved exactly has no `max_step`.
         let Some(max_step) = fmu.description.variable("max_step") else { continue };
         let states: Vec<_> = fmu.states().iter().map(|state| state.reference).collect();
         let excitation = Excitation::of(&fmu, 59);

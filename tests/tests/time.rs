@@ -1,12 +1,12 @@
-//! Times far from 0, as real clocks have them: no step is rejected, no sample lost or taken twice.
+//! At times far from 0, as on real clocks, no step is rejected, and no sample is lost or taken twice.
 //!
-//! Reference: ARCHITECTURE.md, "Time". Nothing here has a tolerance.
+//! Reference: ARCHITECTURE.md, "Time". All comparisons are exact.
 
 use tests::signals::{Excitation, run};
 use tests::state_bytes::{Place, state};
 use tests::{Fmu, all, ok, rejected};
 
-/// Four months, and a Unix time of 2023, in s: a time is rounded to 2e-9 and 2e-7 s there.
+/// Four months, and a Unix time in 2023, in s. Times of this size are rounded to 2e-9 s and 2e-7 s.
 const LARGE: [f64; 2] = [1e7, 1.7e9];
 
 /// Communication step in s.
@@ -22,7 +22,8 @@ fn a_run_at_a_large_time_is_the_same_as_at_0() {
         for start in LARGE {
             let found = from(start);
             assert_eq!(found.len(), expected.len());
-            // Only the maneuver of a driver is a function of time, and 1.7e9 s + 1 ms is not a number.
+            // Only the driver's maneuver is a function of the time, and a double cannot represent 1.7e9 s + 1 ms
+            // exactly.
             assert!(fmu.name == "Driver" || found == expected, "{} from {start} s", fmu.name);
         }
     }
@@ -30,7 +31,7 @@ fn a_run_at_a_large_time_is_the_same_as_at_0() {
 
 #[test]
 fn no_sample_is_lost_or_taken_twice() {
-    // Communication steps in units of 0.1 ms: as long as a sample, longer, shorter, and without a common multiple.
+    // Communication steps in units of 0.1 ms: as long as a sample, longer, shorter, and not a multiple or fraction.
     const UNIT: f64 = 1e-4;
     for fmu in all().into_iter().filter(|fmu| !fmu.is_plant()) {
         let place = Place::of(&fmu.description.guid);
@@ -66,7 +67,7 @@ fn a_state_whose_samples_do_not_agree_with_its_time_is_rejected() {
                 let message = rejected(instance.deserialize_state(&bytes));
                 assert!(message.contains(&format!("the sample counter is {crafted}, but")), "{}: {message}", fmu.name);
             }
-            // The state as it was is none of these.
+            // The unchanged state is accepted.
             let saved = ok(instance.deserialize_state(&before));
             ok(instance.restore_state(&saved));
             assert!(state(&mut instance) == before, "{}", fmu.name);

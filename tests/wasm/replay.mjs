@@ -1,5 +1,5 @@
-// Steps an FMU that was compiled to WebAssembly with the inputs of a table of `platforms record`, and compares its outputs bit by
-// bit: node replay.mjs MODULE.wasm modelDescription.xml TABLE.csv (scripts/test_platforms).
+// Steps an FMU that was compiled to WebAssembly with the inputs in a table from `platforms record`, and compares its
+// outputs bit by bit: node replay.mjs MODULE.wasm modelDescription.xml TABLE.csv (scripts/test_platforms).
 import { readFileSync } from "node:fs";
 
 /** Communication step in s, as in platforms.rs. */
@@ -22,7 +22,8 @@ for (const [, attributes, type] of description.matchAll(/<ScalarVariable ([^>]+)
 const { instance } = await WebAssembly.instantiate(readFileSync(moduleFile), {});
 const fmi = instance.exports;
 
-// The arguments get pages of their own at the end of the memory. The module may grow it further, so views are made anew.
+// The arguments are in additional pages at the end of the memory. The module can grow the memory further, so views are
+// renewed.
 const PAGE = 65536;
 let free = fmi.memory.grow(4) * PAGE;
 const end = free + 4 * PAGE;

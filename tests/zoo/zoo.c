@@ -1,8 +1,8 @@
-/* An FMU for co-simulation of FMI 2.0 or 3.0 (the macro FMI) that takes on the habits of other tools' FMUs.
-   y = k u + c, yi = ui, yb = ub, ye = ue, ys = "file:us". Without a habit it is sound: `check` finds nothing.
-   The parameter `habit` chooses what it does in each step that ends at the time `at` or later. The macros HABIT, AT and TARGET
-   are the start values of `habit`, `at` and `file`; habits of instantiation need HABIT. zoo.rs builds it, and takes
-   the names of the habits from the list below. */
+/* A co-simulation FMU of FMI 2.0 or 3.0 (macro FMI) that imitates habits of other tools' FMUs.
+   y = k u + c, yi = ui, yb = ub, ye = ue, ys = "file:us". Without a habit, `check` finds nothing.
+   The parameter `habit` selects the habit, which acts in every step that ends at the time `at` or later. The macros HABIT, AT
+   and TARGET are the start values of `habit`, `at` and `file`; habits of instantiation need HABIT. zoo.rs builds the FMU, and
+   takes the names of the habits from the list below. */
 #define _GNU_SOURCE
 #include <fenv.h>
 #include <locale.h>
@@ -28,44 +28,44 @@
 enum {
     habit_none,
     habit_error,          /* fmi2Error, with a message that has arguments */
-    habit_discard,        /* fmi2Discard, and it does not want the simulation to end */
-    habit_end,            /* ends the simulation with this step, which it takes */
+    habit_discard,        /* fmi2Discard, without ending the simulation */
+    habit_end,            /* makes the step and ends the simulation */
     habit_end_before,     /* ends the simulation at the start of this step */
-    habit_strict,         /* rejects a step beyond the stop time that it was told */
+    habit_strict,         /* rejects a step beyond the stop time */
     habit_nan,            /* y is NaN */
     habit_crash,          /* SIGSEGV */
     habit_hang,           /* never returns */
     habit_stranger,       /* logs with an environment that is not the importer's */
-    habit_stranger_start, /* the same, in instantiation */
-    habit_chatter,        /* prints 500 lines in instantiation */
+    habit_stranger_start, /* the same, during instantiation */
+    habit_chatter,        /* prints 500 lines during instantiation */
     habit_talk,           /* logs 500 messages in a step */
     habit_fork,           /* leaves a process behind */
     habit_write,          /* writes the file `file` */
-    habit_round,          /* sets another rounding mode */
-    habit_locale,         /* sets another locale */
-    habit_umask,          /* sets another umask */
+    habit_round,          /* changes the rounding mode */
+    habit_locale,         /* changes the locale */
+    habit_umask,          /* changes the umask */
     habit_folder,         /* changes the working directory */
     habit_environment,    /* sets an environment variable */
-    habit_reset_crash,    /* SIGSEGV in a reset before initialization; chosen by HABIT only */
-    habit_reset_nothing,  /* does nothing in a reset; chosen by HABIT only */
-    habit_traps,          /* makes a division by zero end the process */
+    habit_reset_crash,    /* SIGSEGV in a reset before initialization; needs HABIT */
+    habit_reset_nothing,  /* does nothing in a reset; needs HABIT */
+    habit_traps,          /* unmasks the trap for divisions by zero, which then end the process */
     habit_daemon,         /* leaves a process behind that is in another session and has no parent */
     habit_daemon_hang,    /* the same, and never returns */
     habit_daemon_crash,   /* the same, and raises SIGSEGV */
-    habit_copy,           /* makes a copy of the process, which goes on, too */
+    habit_copy,           /* forks the process, and both continue */
     habit_program,        /* starts the program `file` */
     habit_network,        /* opens a socket */
-    habit_signal,         /* sends a signal to the process that started its own */
+    habit_signal,         /* sends a signal to the parent process */
     habit_attributes,     /* makes the file `file` executable */
-    habit_private,        /* uses what it may: a temporary file, a thread, a pipe, a signal to itself */
-    habit_memory,         /* takes memory without end */
-    habit_crash_strict,   /* SIGSEGV, and rejects an end before that */
-    habit_chain,          /* leaves a process behind that goes on as its own child in another session, again and again */
+    habit_private,        /* uses allowed resources: a temporary file, a thread, a pipe, a signal to itself */
+    habit_memory,         /* allocates memory without limit */
+    habit_crash_strict,   /* SIGSEGV; before that, rejects termination */
+    habit_chain,          /* leaves a process behind that repeatedly forks into another session and exits */
     habit_guards,         /* leaves a process behind whose child starts the next one when it ends */
     habit_headless,       /* leaves a process behind whose first thread has ended */
     habit_remove,         /* removes the working directory */
-    habit_shared,         /* attaches memory that other programs share */
-    habit_schedule,       /* sets the priority of the process that started its own */
+    habit_shared,         /* attaches memory that is shared with other programs */
+    habit_schedule,       /* changes the priority of the parent process */
     habit_unpack,         /* makes a temporary file executable */
     habit_deep,           /* takes 400 kB of stack */
     habit_end_crash,      /* SIGSEGV in the termination */
@@ -101,13 +101,13 @@ static void start(Instance *i) {
     fresh.log = i->log;
     *i = fresh;
 }
-/* A fault: a signal that is only raised returns from the handler of a host in Rust. */
-/* A function of its own, so that other habits have no such frame. */
+/* A separate function, so that other habits do not have its stack frame. */
 static __attribute__((noinline)) void go_deep(void) {
     volatile char room[400000];
     for (size_t j = 0; j < sizeof room; j += 1000) room[j] = 1;
 }
 
+/* An access fault. After raise(SIGSEGV) instead, the handler of a host in Rust would return. */
 static void crash(void) { *(volatile int *)8 = 1; }
 static int reset(Instance *i) {
     if (HABIT == habit_reset_crash && !i->is_initialized) crash();
@@ -237,7 +237,7 @@ static int step(Instance *i, double t, double h) {
         break;
     }
     case habit_program: {
-        /* As system() does: the program ends before the step does. */
+        /* Like system(): the program ends before the step does. */
         pid_t program = fork();
         if (program == 0) { execl(i->file, i->file, (char *)NULL); _exit(0); }
         if (program > 0) waitpid(program, NULL, 0);
@@ -327,7 +327,7 @@ typedef struct {
 } Callbacks;
 COMMON(fmi2)
 static void say(Instance *i, void *environment, int status, const char *format, ...) {
-    /* The arguments of all messages here: numbers first, so that the calls below pass what the format reads. */
+    /* All messages here have the same arguments, numbers first, so the calls below pass what the format reads. */
     va_list list;
     va_start(list, format);
     Logger log = (Logger)i->log;

@@ -18,18 +18,18 @@ pub(crate) struct Zoo<'a> {
     pub(crate) name: &'a str,
     /// Model identifier, and stem of the library.
     pub(crate) identifier: &'a str,
-    /// Name of the habit that it starts with; scenarios set the parameter `habit`.
+    /// Name of the initial habit; scenarios can set the parameter `habit`.
     pub(crate) habit: &'a str,
-    /// Time from which on it has the habit, s.
+    /// Time at which the habit begins, s.
     pub(crate) at: f64,
     /// The file of the habit `write`.
     pub(crate) file: &'a str,
-    /// Parts of the description to replace, and by what.
+    /// Texts in the description to replace, with replacements.
     pub(crate) edits: &'a [(&'a str, &'a str)],
 }
 
 impl<'a> Zoo<'a> {
-    /// `Zoo`, of FMI 2.0, with a habit from the start on.
+    /// An FMI 2.0 FMU named `Zoo`, with a habit from the start.
     pub(crate) fn new(habit: &'a str) -> Self {
         Self { fmi: FmiVersion::V2, name: "Zoo", identifier: "Zoo", habit, at: 0.0, file: "none", edits: &[] }
     }

@@ -1,4 +1,4 @@
-//! Evaluators of the test bench on recorded signals whose metrics an independent implementation has computed.
+//! Evaluators of the test bench, with recorded signals whose metrics an independent implementation has computed.
 
 use super::table::Table;
 use fmu_assess::{Trace, evaluators};
@@ -7,13 +7,13 @@ use serde_json::{Map, Value};
 /// Relative tolerance of an expected number; for an expected 0, [`ZERO`] is the absolute tolerance.
 const TOLERANCE: f64 = 1e-6;
 const ZERO: f64 = 1e-9;
-/// The expected numbers of closed loops are those of a finer integration.
+/// Tolerance for closed loops, whose expected numbers are from an integration with smaller steps.
 const LOOP: f64 = 1e-3;
 
-/// A mirrored recording differs by rounding only.
+/// Tolerance for a mirrored recording, which differs only by rounding.
 const MIRRORED: f64 = 1e-12;
 
-/// Theory beside the expected numbers, see `references/README.md`.
+/// Entry with theoretical values, which are not compared; see `references/README.md`.
 const THEORY: &str = "closed_form";
 
 fn expected() -> Map<String, Value> {
@@ -22,7 +22,7 @@ fn expected() -> Map<String, Value> {
     serde_json::from_str(&text).expect("it is an object of JSON")
 }
 
-/// Metrics of a file by an evaluator, with the options of the entry.
+/// Computes the metrics of a file with the evaluator and options of its entry.
 fn evaluate(name: &str, entry: &Value) -> Value {
     let table = Table::read(&format!("assessment/{name}"));
     let signals = table.names.iter().filter(|column| *column != "time");
@@ -34,7 +34,7 @@ fn evaluate(name: &str, entry: &Value) -> Value {
     serde_json::from_str(&evaluation.to_json()).expect("it is JSON")
 }
 
-/// Compares all expected numbers. Returns the largest deviation, as a fraction of the tolerance.
+/// Compares all expected numbers; returns the largest deviation, as a fraction of the tolerance.
 fn compare(place: &str, expected: &Value, found: &Value, tolerance: f64) -> f64 {
     match (expected, found) {
         (Value::Object(expected), Value::Object(_)) => {
@@ -74,7 +74,7 @@ fn evaluators_find_the_expected_metrics() {
     }
 }
 
-/// The sections of the coned track are those of the standard, or given.
+/// The sections of the coned track follow the standard, unless they are given.
 #[test]
 fn sections_may_be_given() {
     let entries = expected();
@@ -93,7 +93,7 @@ fn sections_may_be_given() {
     assert_eq!(moved["first_hit"][1], 1.0);
 }
 
-/// A trace to the other side has the same metrics. The direction changes its sign.
+/// A mirrored recording has the same metrics, except that the direction changes its sign.
 #[test]
 fn a_mirrored_recording_has_the_same_metrics() {
     let entries = expected();
@@ -136,7 +136,7 @@ fn a_mirrored_recording_has_the_same_metrics() {
     }
 }
 
-/// A run may end at any row: no panic, and all metrics are there.
+/// A run can end at any row; this does not cause a panic, and all metrics are listed.
 #[test]
 fn a_recording_may_end_anywhere() {
     for (name, entry) in &expected() {

@@ -9,13 +9,14 @@ const PLANT: Case = Case {
     inputs: &["steer.front", "road_height.*", "suspension_force.*", "brake_torque.*", "drive_torque.*"],
     parameters: &[ROLLING],
     program: &[Read("EspCar"), Set("EspCar"), Step("EspCar")],
-    // The reference integrates with 20 substeps of RK4 per row: 7e-7 of the peaks; the FMU has 10.
+    // The reference integrates with 20 RK4 substeps per row, which gives an error of 7e-7 of the peaks; the FMU has 10
+    // substeps.
     limits: &[within(1e-5)],
     ..NOTHING
 };
 
 const CONTROLLER: Case = Case {
-    // No integration; 9 digits, inputs rounded before the run.
+    // These FMUs integrate nothing. The file has 9 digits; the inputs were rounded before the run.
     limits: &[within(1e-7)],
     ..NOTHING
 };
@@ -28,7 +29,7 @@ const LOOP: Case = Case {
         Run("FiniteStateCoordination"),
         Run("SemiActivePidSuspension"),
         Run("DirectYawControl"),
-        // The pressure that the pedal of this row makes, for the antilock brakes.
+        // The antilock brakes need the pressure from the pedal in this row.
         Set("BrakeAndDriveActuators"),
         Read("BrakeAndDriveActuators"),
         Run("AntilockBraking"),
@@ -40,8 +41,9 @@ const LOOP: Case = Case {
     ..NOTHING
 };
 
-/// The suspension forces jump where the suspension changes its direction, the state and the gains where a threshold is
-/// crossed; such a row may lie one row off. Everything else feels that little, and the rounded road of the file.
+/// The suspension forces jump when the suspension velocity changes its sign, the state and the gains when a threshold
+/// is crossed; such a jump can be off by one row. This, and the rounding of the road in the file, affect the other
+/// signals only slightly.
 const SWITCHING: &[Limit] = &[
     Limit { except: &["coordination.state", "suspension_integral_gain.*", "suspension_force.*"], ..within(1e-4) },
     Limit { columns: &["suspension_force.*"], rule: Rule::Mismatch { tolerance: 1e-3, share: 0.005 }, ..within(0.0) },

@@ -12,13 +12,14 @@ const PLANT: Case = Case {
     inputs: &["road_height.*", "steer.*", "suspension_force.*"],
     constants: SPEED_60,
     program: &[Read("HeavyVehicle"), Set("HeavyVehicle"), Step("HeavyVehicle")],
-    // The reference integrates with 8 substeps of RK4 per row, 4e-10 of the peaks, and has 9 digits.
+    // The reference integrates with 8 RK4 substeps per row, which gives an error of 4e-10 of the peaks, and has 9
+    // digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
 
 const CONTROLLER: Case = Case {
-    // 9 digits.
+    // The reference has 9 digits.
     limits: &[within(1e-7)],
     ..NOTHING
 };
@@ -26,7 +27,7 @@ const CONTROLLER: Case = Case {
 const LOOP: Case = Case {
     inputs: &["driver.steer", "road_height.*"],
     constants: SPEED_60,
-    // Feedback amplifies the rounding of the road.
+    // Feedback amplifies the rounding of the road in the file.
     limits: &[within(1e-5)],
     ..NOTHING
 };
@@ -118,8 +119,8 @@ fn closed_loop_with_all_controllers_in_a_step_steer() {
     compare(&Case { file: "heavy_vehicle/loop_step60_roadB_all", program: CONTROLLED, ..LOOP });
 }
 
-/// The truck and its rules are the same on the left and on the right. Reference: symmetry; 1e-11 of the peaks is what
-/// the roundings of sums in another order grow to.
+/// Reference: the symmetry of the truck and its rules. Tolerance: 1e-11 of the peaks, because sums in another order are
+/// rounded differently.
 #[test]
 fn closed_loop_in_a_mirror() {
     let table = Table::read("heavy_vehicle/loop_step60_roadB_all");
@@ -142,7 +143,7 @@ fn closed_loop_in_a_mirror() {
     };
     let difference = largest_difference(&[]);
     assert!(difference < 1e-11, "{difference:e}");
-    // The rules as printed treat left and right differently; that shows the comparison sees it.
+    // The rules as printed are not symmetric, which shows that the comparison detects asymmetry.
     let difference = largest_difference(STANDARD_RULES);
     assert!(difference > 1e-3, "{difference:e}");
 }
@@ -162,7 +163,7 @@ fn other_side(name: &str) -> String {
     }
 }
 
-/// -1 for what points to a side or turns about a horizontal or vertical axis of the plane of symmetry.
+/// -1 for quantities that change their sign in the mirror: those along y, and rotations about x or z.
 fn sign(name: &str) -> f64 {
     const ODD: &[&str] = &[
         "driver.steer",
@@ -207,8 +208,9 @@ fn closed_loop_with_six_wheel_steering_on_a_flat_road() {
     });
 }
 
-/// An instance of a fuzzy PID with gains that are 10 or `gains` before the rules change them, and domains of the rules that
-/// are those of error and rate. One sample lasts 1 s and rates are not filtered: the rate is the difference of two errors.
+/// An instance of a fuzzy PID controller whose gains before adaptation are 10 or `gains`, and whose rules use error and
+/// rate without scaling. The sample time is 1 s and the rate is not filtered, so the rate is the difference of two
+/// errors.
 fn plain(fmu: &Fmu, rule_table: f64, gains: [f64; 3], scale: f64) -> Instance {
     let mut instance = fmu.instance();
     let mut set = |name: &str, value: f64| ok(instance.set_real(&[fmu.reference(name)], &[value]));
@@ -229,7 +231,7 @@ fn plain(fmu: &Fmu, rule_table: f64, gains: [f64; 3], scale: f64) -> Instance {
 
 #[test]
 fn fuzzy_rules_make_the_whole_surfaces() {
-    // 9 digits of increments up to 3: 5e-9, and roundings of gains of 10.
+    // Increments up to 3 with 9 digits give 5e-9; the rest is rounding of gains of 10.
     let table = Table::read("heavy_vehicle/fuzzy_surfaces");
     let fmu = Fmu::named("ActiveFrontSteering");
     let reference = fmu.reference("reference.yaw_rate");
@@ -250,13 +252,13 @@ fn fuzzy_rules_make_the_whole_surfaces() {
 
 #[test]
 fn the_middle_ratio_follows_the_rear_one() {
-    // 9 digits of ratios up to 1.
+    // Ratios up to 1 with 9 digits.
     let table = Table::read("heavy_vehicle/fuzzy_k1");
     let fmu = Fmu::named("AllWheelSteering");
     let inputs = ["driver.steer", "vehicle.sideslip"].map(|name| fmu.reference(name));
     let ratios = ["steer_ratio.rear", "steer_ratio.middle"].map(|name| fmu.reference(name));
     for row in &table.rows {
-        // A proportional law: the rear ratio is the error, within -1 and 1.
+        // With a proportional law, the rear ratio is the error, limited to -1 to 1.
         let mut instance = plain(&fmu, 0.0, [1.0, 0.0, 0.0], 0.0);
         ok(instance.set_real(&inputs, &[1.0, -row[0]]));
         ok(instance.do_step(0.0, 1.0));

@@ -9,7 +9,7 @@ const PLANT: Case = Case {
     inputs: &["road_height.*", "steer.front", "suspension_force.*"],
     constants: SPEED,
     program: &[Read("HydroPneumaticHalfCar"), Set("HydroPneumaticHalfCar"), Step("HydroPneumaticHalfCar")],
-    // The reference integrates with 20 substeps of RK4 per row and has 10 digits.
+    // The reference integrates with 20 RK4 substeps per row and has 10 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
@@ -51,9 +51,9 @@ const LOOP: Case = Case {
     ..NOTHING
 };
 
-/// Sign functions chatter: once the handling law acts, a difference in the last digit decides about single switches.
-/// Halving the substeps of the reference moves it by 6e-5 before that; later only what survives a different sequence
-/// of switches can agree.
+/// Sign functions chatter: after the handling law begins to act, a difference in the last digit can change single
+/// switches. Before that, halving the substeps of the reference changes it by 6e-5. After that, only quantities that do
+/// not depend on the exact sequence of switches can agree.
 const CHATTER: &[Limit] = &[
     Limit { to: 5.0, ..within(1e-3) },
     Limit { columns: &["body.roll"], from: 5.0, rule: Rule::Absolute(5e-3), ..within(0.0) },
@@ -73,7 +73,7 @@ fn plant_on_a_road_with_forces() {
 
 #[test]
 fn plant_with_a_wheel_in_the_air() {
-    // Lift-off is a kink, where RK4 loses its order: 3e-7 in the reference, with 20 substeps.
+    // RK4 loses its order at lift-off, which is a kink: the reference has an error of 3e-7 with 20 substeps.
     compare(&Case { file: "hydro_pneumatic/plant_lift_off", limits: const { &[within(1e-4)] }, ..PLANT });
 }
 
@@ -135,7 +135,7 @@ fn closed_loop_with_the_comfort_law_in_a_j_turn() {
     compare(&Case {
         file: "hydro_pneumatic/loop_jturn_random_rcsmc",
         parameters: &[("SuspensionSwitch", "strategy", 1.0)],
-        // Halving the substeps of the reference changes it by 6e-7; the sign of the surface adds to that.
+        // Halving the substeps of the reference changes it by 6e-7; switches of the sign function add to that.
         limits: const { &[within(1e-4)] },
         ..LOOP
     });

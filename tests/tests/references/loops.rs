@@ -1,4 +1,4 @@
-//! Closed loops of PathDriver and a vehicle, through the master, against an independent implementation of both.
+//! Closed loops of PathDriver and a vehicle, executed by the master, against an independent implementation of both.
 
 use super::table::Table;
 use fmu_assess::{Evaluation, Trace, Value, evaluators};
@@ -8,11 +8,12 @@ use fmu_system::resolve::{FmuFolder, Options, resolve_text};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Share of each column's peak. The reference takes the plant's outputs after initialization for the first sample of the driver,
-/// whose speed a plant with prescribed speed has one step later here; and its vehicles are integrated more finely.
+/// Tolerance, as a share of each column's peak. In the reference, the first sample of the driver uses the plant's
+/// outputs after initialization, so a plant with prescribed speed gets this speed one step earlier than here. The
+/// vehicles of the reference are also integrated with smaller steps.
 const TOLERANCE: f64 = 1e-4;
 
-/// Share of a metric, and of margins to the cones in m: by the finer integration of the reference's vehicles.
+/// Relative tolerance for metrics, because the reference integrates its vehicles with smaller steps.
 const METRIC: f64 = 1e-3;
 const MARGIN: f64 = 2e-3;
 
@@ -23,11 +24,11 @@ struct Loop {
     driver: &'static str,
     parameters: &'static str,
     has_pedals: bool,
-    /// Angle of the steering wheel over that of the front wheels.
+    /// Steering-wheel angle divided by front-wheel angle.
     ratio: f64,
 }
 
-/// The scenario of a loop: driver, brakes and drive if there are pedals, plant.
+/// The scenario of a loop: driver, brakes and drive if the plant needs them, plant.
 fn scenario(case: &Loop, columns: &[String], stop: f64) -> String {
     let plant = fmu_import::archive::read_description(&tests::folder().join(format!("{}.fmu", case.plant))).unwrap();
     let inputs: Vec<&str> = (plant.variables.iter())
@@ -73,7 +74,7 @@ fn scenario(case: &Loop, columns: &[String], stop: f64) -> String {
     text
 }
 
-/// The metrics of the whole run that we made, with those of the reference.
+/// Compares the metrics of our run with those of the reference.
 fn compare_metrics(file: &str, recording: &master::Recording, names: &[&str], ratio: f64) {
     let path = tests::workspace().join("tests/references/driving/loops.json");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -89,7 +90,7 @@ fn compare_metrics(file: &str, recording: &master::Recording, names: &[&str], ra
     let trace =
         trace.with("driver.steering_wheel", steer.iter().map(|steer| ratio * steer).collect::<Vec<_>>()).unwrap();
     let evaluator = evaluators::find(entry["evaluator"].as_str().expect("a name")).expect("an evaluator");
-    // The driver of this loop is on the mirrored track.
+    // In this loop, the track is mirrored.
     let mut options = entry["options"].clone();
     if file.ends_with("rescue_vehicle_iso3888_1") {
         options["path.mirror"] = 1.into();
@@ -135,7 +136,7 @@ fn compare(case: &Loop) {
         let index = plan.columns.iter().position(|column| column.name == *name).expect("it is recorded");
         let expected = table.column(name);
         let peak = expected.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
-        // No row at the start: the driver's values in a row were held during the step before it.
+        // The reference has no row at the start: the driver's values in a row were held during the step before it.
         let found = &recording.column(index).unwrap()[1..];
         assert_eq!(found.len(), expected.len(), "{name}");
         let difference = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -148,8 +149,8 @@ fn compare(case: &Loop) {
     compare_metrics(case.file, &recording, &names, case.ratio);
 }
 
-/// The margins of BicycleCar in ISO 3888-1 at 20 m/s, on a road of friction 0.9, with a sample time of the driver, s, that is the
-/// communication step, too.
+/// The margins of BicycleCar in ISO 3888-1 at 20 m/s on a road with friction 0.9. `step` is the communication step and
+/// the driver's sample time, s.
 fn margins(step: f64) -> Vec<f64> {
     let text = format!(
         r#"
@@ -197,8 +198,8 @@ signals = ["plant:vehicle.*"]
     margins.iter().map(|margin| margin.expect("the car reaches all sections")).collect()
 }
 
-/// Reference: the limit of a small step. Delay and lag of the driver are those of continuous time at any sample time, so that the
-/// margins are within 2e-5 m (the tolerance of the specification) at 1 and 2 ms.
+/// Reference: the limit of small steps. Delay and lag of the driver do not depend on the sample time, so the margins at
+/// 1 and 2 ms agree within 2e-5 m, the tolerance in the specification.
 #[test]
 fn margins_do_not_depend_on_the_sample_time() {
     let (fine, coarse) = (margins(0.001), margins(0.002));
@@ -206,7 +207,7 @@ fn margins_do_not_depend_on_the_sample_time() {
     for (fine, coarse) in fine.iter().zip(&coarse) {
         assert!((fine - coarse).abs() <= 2e-5, "{fine} {coarse}");
     }
-    // It is a lane change at the limit of the track.
+    // The vehicle drives at the limit of the track.
     assert!(fine.iter().all(|margin| margin.abs() < 0.5), "{fine:?}");
 }
 

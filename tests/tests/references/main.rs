@@ -1,4 +1,5 @@
-//! Runs against reference data, computed by an independent implementation of the same equations (`references/`, README).
+//! Compares runs with reference data from an independent implementation of the same equations
+//! (`tests/references/README.md`).
 
 mod assessment;
 mod driving;
@@ -19,10 +20,10 @@ use table::Table;
 use tests::state_bytes::checksum;
 use tests::{Fmu, ok};
 
-/// Step of a file in s, unless its case states another one.
+/// Step of a file in s, unless its case states a different one.
 const STEP: f64 = 0.001;
 
-/// Call of an FMU for one row of a file.
+/// Call of an FMU for a row of a file.
 #[derive(Clone, Copy, Debug)]
 enum Call {
     /// Set the inputs that are on the bus.
@@ -31,7 +32,7 @@ enum Call {
     Read(&'static str),
     /// Step over one row.
     Step(&'static str),
-    /// Set, step and read, as a controller is run.
+    /// Set, step and read, like a controller.
     Run(&'static str),
 }
 
@@ -49,19 +50,20 @@ struct Case {
     step: f64,
     /// Columns that are inputs; `*` at the end stands for anything.
     inputs: &'static [&'static str],
-    /// Signals that the file does not hold because they are constant.
+    /// Constant signals, which the file does not contain.
     constants: &'static [(&'static str, f64)],
-    /// Inputs of an FMU that are fed by a signal of another name.
+    /// Inputs that are connected to a signal with another name: FMU, input, signal.
     wires: &'static [(&'static str, &'static str, &'static str)],
     /// Columns that are not compared.
     ignored: &'static [&'static str],
-    /// Columns whose signal has another name; only these are compared if there are any.
+    /// Columns whose signal has another name. If there are any, only these are compared.
     renamed: &'static [(&'static str, &'static str)],
     parameters: &'static [(&'static str, &'static str, f64)],
     /// String parameters that name a file beside the reference data.
     files: &'static [(&'static str, &'static str, &'static str)],
     program: &'static [Call],
-    /// Limits of every column; of several with the same [`Rule`] and time, the first that lists the column counts.
+    /// Limits for the columns. Of several limits with the same [`Rule`] and time, the first that lists a column
+    /// applies.
     limits: &'static [Limit],
 }
 
@@ -79,12 +81,12 @@ const NOTHING: Case = Case {
     limits: &[],
 };
 
-/// A bound on the errors of some columns.
+/// A limit on the errors in some columns.
 #[derive(Clone, Copy, Debug)]
 struct Limit {
     /// The columns; `*` at the end stands for anything.
     columns: &'static [&'static str],
-    /// Columns among them that it does not bound.
+    /// Columns among them that are excluded.
     except: &'static [&'static str],
     /// The rows with from <= time < to.
     from: f64,
@@ -92,21 +94,21 @@ struct Limit {
     rule: Rule,
 }
 
-/// Measure of errors and its limit. Peaks are those of the reference column, or 1e-6 if it is smaller, so that columns
-/// that are zero up to rounding pass.
+/// Measure of errors and its limit. The peak is that of the reference column, at least 1e-6, so that columns that are
+/// zero up to rounding pass.
 #[derive(Clone, Copy, Debug)]
 enum Rule {
-    /// Largest |error| over the peak.
+    /// Largest |error|, divided by the peak.
     Peak(f64),
     /// Largest |error|.
     Absolute(f64),
     /// Relative difference of the root mean squares.
     Rms(f64),
-    /// Share of the rows whose |error| is beyond `tolerance` times the peak.
+    /// Share of the rows whose |error| exceeds `tolerance` times the peak.
     Mismatch { tolerance: f64, share: f64 },
 }
 
-/// All rows of all columns within a fraction of their peaks.
+/// A limit for all rows of all columns, as a fraction of their peaks.
 const fn within(tolerance: f64) -> Limit {
     Limit { columns: &["*"], except: &[], from: 0.0, to: f64::INFINITY, rule: Rule::Peak(tolerance) }
 }
@@ -114,9 +116,10 @@ const fn within(tolerance: f64) -> Limit {
 const FLOOR: f64 = 1e-6;
 
 impl Limit {
-    /// Error of a column over its limit; `None` if no row is in the time range.
+    /// Error in a column, divided by its limit; `None` if no row is in the time range.
     fn usage(&self, times: &[f64], expected: &[f64], found: &[f64]) -> Option<f64> {
-        // Cells are absent where the file was thinned out. A result that is not a number counts as infinitely wrong.
+        // Cells that were left out of the file are not compared. A result that is not a number counts as an infinite
+        // error.
         let pairs: Vec<(f64, f64)> = times
             .iter()
             .zip(expected.iter().zip(found))
@@ -152,7 +155,7 @@ fn matches(name: &str, patterns: &[&str]) -> bool {
     })
 }
 
-/// An FMU with its wires: value references and places on the bus.
+/// An FMU with its wires: value references and positions on the bus.
 struct Component {
     instance: Instance,
     inputs: Wires,
@@ -164,7 +167,7 @@ struct Wires {
     references: Vec<Reference>,
     places: Vec<usize>,
     values: Vec<f64>,
-    /// Integers and Booleans: type, reference, place.
+    /// Integers and Booleans: type, reference, position on the bus.
     others: Vec<(BaseType, Reference, usize)>,
 }
 
@@ -209,13 +212,13 @@ impl Component {
     }
 }
 
-/// The components of a case, wired by a bus of signals.
+/// The components of a case, connected by a bus of signals.
 struct System {
     components: HashMap<String, Component>,
     /// Names of the components in the order in which they first act.
     order: Vec<&'static str>,
     bus: Vec<f64>,
-    /// Signals from the file, as columns and places on the bus.
+    /// Signals from the file: columns and positions on the bus.
     feeds: Vec<(usize, usize)>,
     places: HashMap<String, usize>,
 }
@@ -230,7 +233,7 @@ impl System {
         }
         let fmus: Vec<_> = order.iter().map(|name| Fmu::named(name)).collect();
 
-        // Signals of the file come first and are never overwritten.
+        // Signals from the file have the first positions, and outputs never overwrite them.
         let given = table.names.iter().filter(|name| matches(name, case.inputs)).map(String::as_str);
         let given: Vec<&str> = given.chain(case.constants.iter().map(|constant| constant.0)).collect();
         let mut places: HashMap<String, usize> =
@@ -270,7 +273,8 @@ impl System {
                 set_parameter(fmu, &mut component.instance, name, *value);
             }
             for (_, name, file) in case.files.iter().filter(|parameter| parameter.0 == fmu.name) {
-                // Under Wine the workspace's path has no drive; the FMU would look for it on the drive of its resources.
+                // Under Wine, the workspace's path has no drive letter, and the FMU would use the drive of its
+                // resources.
                 let path = std::path::absolute(tests::workspace().join("tests/references").join(file));
                 let path = path.expect("the workspace has a path");
                 ok(component.instance.set_string(&[fmu.reference(name)], &[path.to_str().expect("the path is UTF-8")]));
@@ -346,7 +350,7 @@ fn simulate(case: &Case, table: &Table, signals: &[&str]) -> Vec<Vec<f64>> {
 /// Runs a case and checks every column that is not an input against the limits.
 fn compare(case: &Case) {
     let table = Table::read(case.file);
-    // The compared columns, with the signals they hold.
+    // The compared columns, with the names of their signals.
     let compared: Vec<(&str, &str)> = if case.renamed.is_empty() {
         let names = table.names.iter().map(String::as_str);
         let names = names.filter(|name| *name != "time" && !matches(name, case.inputs) && !matches(name, case.ignored));
@@ -370,7 +374,7 @@ fn compare(case: &Case) {
     }
     verdicts.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (usage, name, rule) = verdicts[0];
-    // `scripts/nightly fmi3` compares the checksums of both versions of FMI.
+    // `scripts/nightly fmi3` compares the checksums between the versions of FMI.
     let bytes: Vec<u8> = found.iter().flatten().flat_map(|value| value.to_bits().to_le_bytes()).collect();
     let bits = checksum(&bytes);
     println!("{}: {} columns, {name} uses {usage:.2} of {rule:?}, bits {bits:016x}", case.file, compared.len());
@@ -382,7 +386,7 @@ fn rules_measure_what_they_say() {
     let times = [0.0, 1.0, 2.0, 3.0];
     let expected = [0.0, 2.0, f64::NAN, -4.0];
     let usage = |rule, found: [f64; 4]| Limit { rule, ..within(0.0) }.usage(&times, &expected, &found).unwrap();
-    // By hand: an error of 1 in a column whose peak is 4; the absent cell does not count.
+    // An error of 1 in a column whose peak is 4; the missing cell does not count.
     let found = [0.0, 3.0, 9.0, -4.0];
     assert_eq!(usage(Rule::Peak(0.25), found), 1.0);
     assert_eq!(usage(Rule::Absolute(0.5), found), 2.0);

@@ -1,15 +1,15 @@
-//! Nominal values: of the order of magnitude that the signals have in the reference data.
+//! Nominal values have the order of magnitude of the signals in the reference data.
 
 use crate::table::Table;
 use fmu_import::description::{BaseType, Causality};
 use std::collections::{BTreeMap, BTreeSet};
 use tests::all;
 
-/// Between a nominal value and a peak. One entry of the catalogue serves vehicles from 1.2 t to 36 t, so forces differ
-/// from their geometric mean by a factor 5; a gentle and a violent maneuver differ from a usual one by as much.
+/// Largest factor between a nominal value and a peak. The same value applies to vehicles from 1.2 t to 36 t, whose
+/// forces differ from their geometric mean by a factor of 5; gentle and violent maneuvers add another factor of 5.
 const FACTOR: f64 = 25.0;
 
-/// Signals that are zero throughout a family's data or switch between a few numbers have no peak to compare.
+/// Smaller peaks are not compared: the signal is zero in the data.
 const FLOOR: f64 = 1e-9;
 
 /// Nominal values by name; the default is 1.
@@ -28,13 +28,13 @@ fn nominal_values() -> BTreeMap<String, f64> {
     values
 }
 
-/// Name of a signal without its place.
+/// Name of a signal without the position of its wheel or axle.
 fn family(name: &str) -> &str {
     const PLACES: [&str; 11] = ["fl", "fr", "ml", "mr", "rl", "rr", "l", "r", "front", "middle", "rear"];
     name.rsplit_once('.').filter(|(_, place)| PLACES.contains(place)).map_or(name, |(signal, _)| signal)
 }
 
-/// The greatest magnitudes of the signals in the files of a vehicle.
+/// The largest magnitudes of the signals in the files for a vehicle.
 fn peaks(vehicle: &str) -> BTreeMap<String, f64> {
     let mut peaks = BTreeMap::<String, f64>::new();
     let folder = tests::workspace().join("tests/references").join(vehicle);
@@ -45,7 +45,7 @@ fn peaks(vehicle: &str) -> BTreeMap<String, f64> {
         let table = Table::read(&format!("{vehicle}/{name}"));
         for (column, name) in table.names.iter().enumerate() {
             let peak = peaks.entry(name.clone()).or_default();
-            // Absent cells are NaN, which a maximum ignores.
+            // Missing cells are NaN, which `max` ignores.
             *peak = table.rows.iter().fold(*peak, |peak, row| peak.max(row[column].abs()));
         }
     }
@@ -58,7 +58,7 @@ fn nominal_values_are_of_the_magnitude_of_the_reference_data() {
     let mut compared = BTreeSet::new();
     let mut wrong = Vec::new();
     for vehicle in ["rescue_vehicle", "heavy_vehicle", "esp_car", "hydro_pneumatic", "driving"] {
-        // By family: the largest of all wheels counts, as some data move one of them only.
+        // The peak is the largest of all wheels, because some files move only one of them.
         let mut families = BTreeMap::<&str, f64>::new();
         let peaks = peaks(vehicle);
         for (name, peak) in peaks.iter().filter(|(name, _)| nominal.contains_key(*name)) {
@@ -75,7 +75,7 @@ fn nominal_values_are_of_the_magnitude_of_the_reference_data() {
         }
     }
     assert!(wrong.is_empty(), "nominal values are not within a factor {FACTOR}:\n{}", wrong.join("\n"));
-    // Without reference data: a road's distance, states that are no signals, and signals of any magnitude.
+    // These have no reference data: a road's distance, states that are not signals, and signals of any magnitude.
     let missing: BTreeSet<_> =
         nominal.keys().map(|name| family(name)).filter(|signal| !compared.contains(*signal)).collect();
     let expected =
@@ -93,7 +93,7 @@ fn nominal_values_are_round() {
     }
 }
 
-/// Solvers scale the error of a state by its nominal value, which is 1 where none is declared.
+/// Solvers scale the error of a state by its nominal value, which is 1 if none is declared.
 #[test]
 fn every_continuous_state_has_a_nominal_value() {
     let mut states = 0;
@@ -103,6 +103,6 @@ fn every_continuous_state_has_a_nominal_value() {
             states += 1;
         }
     }
-    // 23 of RescueVehicle alone.
+    // RescueVehicle alone has 23.
     assert!(states > 23, "{states} states in all FMUs");
 }

@@ -7,7 +7,8 @@ use tests::{Fmu, ok, real, reals};
 const PLANT: Case = Case {
     inputs: &["driver.speed", "steer.*", "suspension_force.*", "road_height.*"],
     program: &[Set("RescueVehicle"), Read("RescueVehicle"), Step("RescueVehicle")],
-    // The reference integrates with 16 substeps of RK4 per row, the FMU with 4: 3e-10 in smooth runs; 8 digits printed.
+    // The reference integrates with 16 RK4 substeps per row, the FMU with 4: a difference of 3e-10 in smooth runs. The
+    // file has 8 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
@@ -28,7 +29,7 @@ const LOOP: Case = Case {
         Read("RescueVehicle"),
         Step("RescueVehicle"),
     ],
-    // The inputs have 8 digits, and feedback amplifies their rounding.
+    // The inputs in the file have 8 digits, and feedback amplifies their rounding.
     limits: &[within(1e-5)],
     ..NOTHING
 };
@@ -41,7 +42,7 @@ const STEERING: Case = Case {
     ..NOTHING
 };
 
-/// The front axle alone, from the same run: its limits do not depend on the other axles.
+/// The front axle alone, with the same run: its limits do not depend on the other axles.
 const FRONT_AXLE: Case = Case {
     inputs: &["driver.steer", "vehicle.speed"],
     program: &[Run("FrontSteeringActuator")],
@@ -54,7 +55,8 @@ const FRONT_AXLE: Case = Case {
 const COORDINATION: Case = Case {
     inputs: &["driver.steer", "vehicle.speed"],
     program: &[Run("FuzzyCoordination")],
-    // No state and 12 digits; the output sets are tabulated at 101 points in both.
+    // The controller has no state, and the file has 12 digits. Both implementations tabulate the output sets at 101
+    // points.
     limits: &[within(1e-7)],
     ..NOTHING
 };
@@ -66,7 +68,8 @@ fn plant_in_ordinary_driving() {
 
 #[test]
 fn plant_with_wheels_in_the_air_and_saturated_tires() {
-    // Where a wheel lifts off, the derivative has a kink and RK4 loses its order: 1e-6 with 0.25 ms, times 100.
+    // When a wheel lifts off, the derivative has a kink and RK4 loses its order: the error is 1e-6 with 0.25 ms. The
+    // tolerance is 100 times this.
     compare(&Case { file: "rescue_vehicle/plant_limits", limits: const { &[within(1e-4)] }, ..PLANT });
 }
 
@@ -84,7 +87,8 @@ fn dual_sliding_mode_steering() {
 
 #[test]
 fn lqr_suspensions() {
-    // No discrete state: every row is independent. 12 digits, but the gains come from two different Riccati solvers.
+    // Without discrete state, each row is independent. The file has 12 digits, but the gains come from two different
+    // Riccati solvers.
     let case = Case { file: "rescue_vehicle/lqr", inputs: FEEDBACK, limits: const { &[within(1e-6)] }, ..NOTHING };
     const INTEGRATED: &[Call] = &[Run("IntegratedLqrSuspension")];
     compare(&Case { program: INTEGRATED, ignored: &["roll_force.*"], ..case });
@@ -97,7 +101,7 @@ fn fuzzy_coordination() {
     compare(&Case {
         file: "rescue_vehicle/coordination",
         ignored: &["as_printed.*"],
-        // The file has rows at 1 deg, which is the threshold, rounded down in print.
+        // The file has rows at 1 deg, which is the threshold, and rounds this value down.
         parameters: &[("FuzzyCoordination", "steering.activation_angle", 0.017_453_29)],
         ..COORDINATION
     });
@@ -160,7 +164,7 @@ fn gain_matrices_of_the_lqr_suspensions() {
         for (i, wheel) in WHEELS.iter().enumerate() {
             for (j, state) in states.iter().enumerate() {
                 let found = real(&fmu, &mut instance, &format!("{state}.{wheel}"));
-                // Two Riccati solvers, each with a residual near 1e-9 of the solution.
+                // Both Riccati solvers have a residual near 1e-9 of the solution.
                 let error = (found - expected[i][j]).abs() / largest;
                 assert!(error <= 1e-6, "{name}: {state}.{wheel} = {found}, {} was expected", expected[i][j]);
             }
@@ -170,7 +174,7 @@ fn gain_matrices_of_the_lqr_suspensions() {
 
 #[test]
 fn the_plant_starts_at_rest() {
-    // Without inputs everything but loads, speed and friction is exactly 0, at any speed.
+    // Without inputs, everything except loads, speed and friction is exactly 0, at any speed.
     let fmu = Fmu::named("RescueVehicle");
     let mut instance = fmu.started();
     for k in 0..100 {
@@ -182,7 +186,7 @@ fn the_plant_starts_at_rest() {
     for (state, value) in states.iter().zip(values) {
         assert_eq!(value, 0.0, "{}", state.name);
     }
-    // 36 t on six wheels: 36000 * 9.81 / 6 N, rounded differently at most in the last digits.
+    // 36 t on six wheels give 36000 * 9.81 / 6 N, up to rounding in the last digits.
     let load = real(&fmu, &mut instance, "tire_load.mr");
     assert!((load - 58_860.0).abs() < 1e-9 * 58_860.0, "tire_load.mr = {load}");
 }
@@ -194,7 +198,8 @@ fn front_axle_within_its_limits() {
 
 #[test]
 fn front_axle_is_that_of_the_steering_law() {
-    // One implementation, so the same bits: at all speeds, in both steady turns, with sideslip that only the law sees.
+    // Both FMUs use one implementation of the limits, so the results are bit-identical: at all speeds, in turns to both
+    // sides, and with sideslip, which is an input of the control law only.
     let fmus = [Fmu::named("DualSlidingModeSteering"), Fmu::named("FrontSteeringActuator")];
     for model in [0, 1] {
         let mut instances = fmus.each_ref().map(|fmu| {

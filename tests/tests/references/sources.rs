@@ -1,20 +1,20 @@
-//! `Driver` and `Road`: maneuvers, profiles and tracks. `Sensor` and `Actuator`: what they make of a signal.
+//! `Driver` and `Road`: maneuvers, profiles and tracks. `Sensor` and `Actuator`: their effect on a signal.
 
 use crate::Call::{Read, Run, Set, Step};
 use crate::{Case, Limit, NOTHING, Rule, compare, within};
 
-// Printed with 10 digits; the formulas are the same, in other words.
+// The file has 10 digits; the reference implements the same formulas independently.
 const DRIVER: Case = Case { program: &[Run("Driver")], limits: &[within(1e-8)], ..NOTHING };
 
 const ROAD: Case = Case {
     inputs: &["vehicle.speed"],
     program: &[Run("Road")],
-    // Printed with 10 digits; the speed is exact. The recursion over some thousand points adds no more than rounding.
+    // The file has 10 digits; the speed is exact. The recursion over some thousand points only adds rounding errors.
     limits: &[within(1e-8)],
     ..NOTHING
 };
 
-/// Distances of the axles of all roads but the one of the start values.
+/// Distances between the axles, for all roads except the one with start values.
 const AXLES: [(&str, &str, f64); 2] =
     [("Road", "geometry.axle_offset.middle", 2.95), ("Road", "geometry.axle_offset.rear", 4.6)];
 
@@ -186,8 +186,8 @@ fn road_that_starts_at_the_rear_axle_with_a_delayed_track() {
     );
 }
 
-/// Heights come from a table of the envelope, whose cubic interpolation errs by 2.4e-9 m (standard deviation) for class B;
-/// eight of them.
+/// The FMU interpolates a table of the envelope; the cubic interpolation has an error of 2.4e-9 m (standard deviation)
+/// for class B. The tolerance is eight standard deviations.
 const INTERPOLATED: &[Limit] = &[
     Limit { columns: &["road_height.*"], rule: Rule::Absolute(2e-8), ..within(0.0) },
     Limit { columns: &["road.distance", "road_friction.*"], ..within(1e-8) },
@@ -288,7 +288,7 @@ fn road_with_a_trapezoid_in_time() {
 const SENSOR: Case = Case {
     inputs: &["sensor.true_value"],
     program: &[Run("Sensor")],
-    // Printed with 10 digits. No value is so near to the middle of two multiples that they decide.
+    // The file has 10 digits. No value is so close to the middle between two multiples that its rounding matters.
     limits: &[within(1e-9)],
     ..NOTHING
 };
@@ -300,7 +300,7 @@ fn sensor(file: &'static str, parameters: &'static [(&'static str, &'static str,
 const ACTUATOR: Case = Case {
     inputs: &["actuator.command"],
     program: &[Read("Actuator"), Set("Actuator"), Step("Actuator")],
-    // Runge-Kutta steps of 5 us over the kinks of the rate limit: 1.6e-10 from the exact solution.
+    // At the kinks of the rate limit, the Runge-Kutta steps of 5 us give an error of 1.6e-10.
     limits: &[within(1e-9)],
     ..NOTHING
 };
