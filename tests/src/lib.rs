@@ -441,11 +441,11 @@ pub fn rejected<T>(result: Result<T, CallError>) -> String {
             function,
         }) => {
             let texts: Vec<_> = messages.into_iter().map(|message| message.text).collect();
-            assert!(!texts.is_empty(), "{instance}: {function} gave fmi2Error without a message");
+            assert!(!texts.is_empty(), "{instance}: {function} returned fmi2Error without a message");
             texts.join("\n")
         }
-        Err(other) => panic!("fmi2Error was expected: {other}"),
-        Ok(_) => panic!("fmi2Error was expected, the call succeeded"),
+        Err(other) => panic!("expected fmi2Error, got: {other}"),
+        Ok(_) => panic!("expected fmi2Error, but the call succeeded"),
     }
 }
 

@@ -52,7 +52,7 @@ fn unknown_references_and_wrong_types_are_rejected() {
         let mut written = [7.0, 7.0];
         let message = rejected(instance.get_real(&[first, UNKNOWN], &mut written));
         assert!(message.contains("4000000000") && message.contains("Real"), "{}: {message}", fmu.name);
-        assert_eq!(written, [7.0, 7.0], "{}: a value was written though the call was rejected", fmu.name);
+        assert_eq!(written, [7.0, 7.0], "{}: a rejected call wrote a value", fmu.name);
         rejects(&mut instance, &["4000000000"], |i| i.set_real(&[UNKNOWN], &[1.0]));
         rejects(&mut instance, &["4000000000"], |i| i.get_integer(&[UNKNOWN], &mut [0]));
         rejects(&mut instance, &["4000000000"], |i| i.set_integer(&[UNKNOWN], &[1]));
@@ -244,7 +244,7 @@ fn an_fmu_is_made_only_of_what_belongs_to_it() {
     for fmu in all() {
         let other = Instance::instantiate(&fmu.library, "a", "{00000000-0000-0000-0000-000000000000}", false);
         let message = rejected(other);
-        assert!(message.contains(&fmu.description.guid), "{}: the expected GUID is not named: {message}", fmu.name);
+        assert!(message.contains(&fmu.description.guid), "{}: the message does not contain the expected GUID: {message}", fmu.name);
         assert!(
             rejected(Instance::instantiate(&fmu.library, "", &fmu.description.guid, false)).contains("instanceName")
         );

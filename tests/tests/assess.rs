@@ -38,7 +38,7 @@ impl Assessed {
 
     fn number(&self, id: &str, system: &str) -> f64 {
         let row = self.row(id);
-        row[system].as_f64().unwrap_or_else(|| panic!("{id} of {system} is no number: {row}"))
+        row[system].as_f64().unwrap_or_else(|| panic!("{id} of {system} is not a number: {row}"))
     }
 
     /// Runs whose name begins with `start`.

@@ -85,7 +85,7 @@ impl Patient {
     fn has(self, severity: Severity, words: &str) -> Vec<Finding> {
         let findings = self.findings();
         let found = findings.iter().any(|finding| finding.severity == severity && finding.to_string().contains(words));
-        assert!(found, "\"{words}\" was expected among {findings:#?}");
+        assert!(found, "expected \"{words}\" in {findings:#?}");
         findings
     }
 }

@@ -154,7 +154,7 @@ fn assert_printed(what: &str, found: f64, printed: &str) {
     let expected: f64 = printed.parse().expect("a printed number");
     let decimals = printed.split_once('.').map_or(0, |(_, digits)| digits.len());
     let unit = 10.0_f64.powi(-i32::try_from(decimals).expect("few digits"));
-    assert!((found - expected).abs() <= unit, "{what} = {found}, {printed} was expected");
+    assert!((found - expected).abs() <= unit, "{what} = {found}, expected {printed}");
 }
 
 /// Constant steering of 0.05 rad with linear tires: yaw rate divided by the tangent of the front angle, sideslip, and

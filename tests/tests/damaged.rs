@@ -134,7 +134,7 @@ fn damaged_scenarios_are_rejected_with_a_message() {
     });
     assert!(
         rejected > 1000 && accepted > 100,
-        "{rejected} rejected, {accepted} accepted: what is changed tests little"
+        "{rejected} rejected, {accepted} accepted: the changes are not effective"
     );
 }
 
@@ -162,7 +162,7 @@ fn damaged_studies_are_rejected_with_a_message() {
         std::fs::write(&path, damaged).expect("it can be written");
         fmu_study::study::read(&path, &source, workers()).map(drop)
     });
-    assert!(rejected > 100 && accepted > 10, "{rejected} rejected, {accepted} accepted: what is changed tests little");
+    assert!(rejected > 100 && accepted > 10, "{rejected} rejected, {accepted} accepted: the changes are not effective");
 }
 
 #[test]

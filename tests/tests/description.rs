@@ -68,7 +68,7 @@ fn descriptions_are_complete() {
         assert_eq!((&description.model_name, &unit.model_identifier), (name, name));
         assert!(description.description.as_ref().is_some_and(|text| text.len() > 20), "{name}: description");
         for text in [&description.author, &description.version, &description.license, &description.generation_tool] {
-            assert!(text.as_ref().is_some_and(|text| !text.is_empty()), "{name}: a fact of the FMU is missing");
+            assert!(text.as_ref().is_some_and(|text| !text.is_empty()), "{name}: an attribute is missing");
         }
         // A date, which the standard does not require, would make the bytes depend on the time of packing.
         assert!(description.generation_date_and_time.is_none(), "{name}: a date");

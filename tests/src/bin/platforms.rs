@@ -185,7 +185,7 @@ fn compare(a: &Path, b: &Path) -> ExitCode {
         entries.map(|entry| entry.expect("the folder can be read").file_name()).collect()
     };
     let names = files(a);
-    assert!(!names.is_empty() && names == files(b), "the folders hold other files: {names:?}, {:?}", files(b));
+    assert!(!names.is_empty() && names == files(b), "the folders contain different files: {names:?}, {:?}", files(b));
     let mut code = ExitCode::SUCCESS;
     let (mut runs, mut identical, mut numbers) = (0, 0, 0);
     for file in names {

@@ -202,7 +202,7 @@ fn steps_without_drift(steps: u64, path: &str) -> Result<(), String> {
         let expected = (k + 1) as f64 * STEP;
         let found = ok(instance.last_successful_time());
         if (found - expected).abs() > f64::EPSILON * expected {
-            return Err(format!("{}: {found} s after {} steps, {expected} s was expected", fmu.name, k + 1));
+            return Err(format!("{}: {found} s after {} steps, expected {expected} s", fmu.name, k + 1));
         }
     }
     let seconds = start.elapsed().as_secs_f64();

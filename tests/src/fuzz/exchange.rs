@@ -111,7 +111,7 @@ impl Fuzzer<'_> {
         })?;
         let is_valid = |value: &f64| value.is_finite() && *value != MARK && (!is_positive || *value > 0.0);
         ensure(status != OK || is_null || values[..used].iter().all(is_valid), || {
-            format!("{function} handed out {values:?}")
+            format!("{function} returned {values:?}")
         })
     }
 

@@ -59,7 +59,7 @@ impl Fuzzer<'_> {
                 (function, status, if status == OK { unknowns } else { 0 })
             }
         };
-        ensure(result[..used].iter().all(|slope| slope.is_finite()), || format!("{function} handed out {result:?}"))?;
+        ensure(result[..used].iter().all(|slope| slope.is_finite()), || format!("{function} returned {result:?}"))?;
         ensure(result[used..].iter().all(|&slope| slope == MARK), || {
             format!("{function} returned {status} and wrote what it should not: {result:?}")
         })
@@ -106,7 +106,7 @@ impl Fuzzer<'_> {
             format!("{function} accepted {lengths:?} in place of {seeds}, {results}")
         })?;
         let used = if status == OK { lengths[1] } else { 0 };
-        ensure(result[..used].iter().all(|slope| slope.is_finite()), || format!("{function} handed out {result:?}"))?;
+        ensure(result[..used].iter().all(|slope| slope.is_finite()), || format!("{function} returned {result:?}"))?;
         ensure(result[used..].iter().all(|&slope| slope == MARK), || {
             format!("{function} returned {status} and wrote what it should not: {result:?}")
         })

@@ -79,7 +79,7 @@ impl Fuzzer<'_> {
         })?;
         ensure(before.is_null() || state == before, || "fmi2GetFMUstate changed the pointer".to_owned())?;
         if status == OK {
-            ensure(!state.is_null(), || "fmi2GetFMUstate gave no state".to_owned())?;
+            ensure(!state.is_null(), || "fmi2GetFMUstate returned no state".to_owned())?;
             self.keep(at, place, state, mode);
         }
         Ok(())
@@ -221,7 +221,7 @@ impl Fuzzer<'_> {
         })?;
         ensure(before.is_null() || state == before, || format!("{function} changed the pointer"))?;
         if status == OK {
-            ensure(fits && !state.is_null(), || format!("{function} gave no state"))?;
+            ensure(fits && !state.is_null(), || format!("{function} returned no state"))?;
             self.keep(at, place, state, mode);
         }
         Ok(())

@@ -158,7 +158,7 @@ impl Fuzzer<'_> {
             found = texts;
             status
         })?;
-        ensure(status != OK || found.len() == count, || "fmi2GetString gave a null pointer".to_owned())?;
+        ensure(status != OK || found.len() == count, || "fmi2GetString returned a null pointer".to_owned())?;
         ensure(found.iter().all(|text| std::str::from_utf8(text).is_ok()), || "a text is not UTF-8".to_owned())
     }
 }
