@@ -400,7 +400,7 @@ impl<'a> Fuzzer<'a> {
         let entries = slot.instance.take_log();
         let message = texts(self.version, &entries, &slot.name)?;
         ensure(entries.iter().all(|entry| entry.status == status), || {
-            format!("{name} returned {status}, the log says otherwise: {message}")
+            format!("{name} returned {status} but logged another status: {message}")
         })?;
         if let Some(last) = self.last.back_mut() {
             last.push_str(&format!(" {message:.200}"));
@@ -497,7 +497,7 @@ impl<'a> Fuzzer<'a> {
             && guid.as_deref().map(CStr::to_bytes) == Some(raw.guid().as_bytes())
             && (resources.is_none() || is_text(&resources));
         self.counted(interface, function, if made.is_ok() { OK } else { ERROR })?;
-        ensure(made.is_ok() == is_due, || format!("{function} gave an instance: {}", made.is_ok()))?;
+        ensure(made.is_ok() == is_due, || format!("{function} returned an instance: {}", made.is_ok()))?;
         let name = name.filter(|name| name.to_str().is_ok()).map(CString::into_bytes).unwrap_or_default();
         match made {
             Ok(instance) => {

@@ -1,4 +1,4 @@
-/** The page of an assessment in a browser. Reference: the file of the assessment beside it. */
+/** The page of an assessment in a browser. Reference: `assessment.json` beside it. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -69,7 +69,8 @@ test("a place of the track is found by the mouse", async () => {
   const plot = page.locator("#iso3888_2 .plot").first();
   assert.match(await plot.locator(".plot-title").innerText(), /^Highest speed passed\s+[\d.]+ km\/h, Without controllers$/);
   await hover(plot);
-  // Cones, path, the vehicle, its footprints and the tightest place: the nearest of them tells its coordinates.
+  // Cones, path, the vehicle, its footprints and the smallest margin: the readout has the coordinates of the nearest
+  // one.
   assert.equal(await plot.locator(".plot-readout > span").count(), 5);
   assert.equal(await plot.locator(".plot-readout b").count(), 2);
 });
@@ -84,7 +85,7 @@ test("footprints are to scale, and the cone that was hit first is marked at the 
   const speed = Number.parseFloat(await failed.locator(".plot-title span").innerText());
   const run = assessment.runs.find((one) => one.system === "without" && one.id.startsWith("iso3888_2.") && Math.abs(one.metrics.entry_speed * 3.6 - speed) < 0.06)!;
   const [begin, end, ...edges] = assessment.tracks["iso3888_2"]![run.metrics.first_hit![1]! - 1]!;
-  // The cross is drawn in ink on an edge, between both ends of the section.
+  // The cross is on an edge of the section, between its ends.
   assert.equal(await failed.locator(".plot-readout span", { hasText: "first cone hit" }).count(), 1);
   const data = await page.locator("#page-data").textContent();
   const figure = (JSON.parse(data!) as PageData).figures.find(({ name }) => name === "iso3888_2")!;
@@ -113,7 +114,7 @@ test("all cases can be off, and on again", async () => {
   for (let turn = 0; turn < 2; turn++) {
     for (let i = 0; i < (await cases.count()); i++) {
       await cases.nth(i).click();
-      // Plots draw themselves after the click.
+      // Plots are redrawn after the click.
       await page.evaluate(() => new Promise((resume) => requestAnimationFrame(resume)));
     }
     if (turn === 0) assert.ok((await lines()).length < all.length / 2);

@@ -1,4 +1,4 @@
-/** What tests of pages share: a browser, the page of a scenario, its recorded signals, and the rules of accessibility. */
+/** Shared code for tests of pages: a browser, the page of a scenario, its recorded signals, and accessibility rules. */
 
 import assert from "node:assert/strict";
 import { mkdirSync, readFileSync } from "node:fs";
@@ -9,13 +9,13 @@ import { pathToFileURL } from "node:url";
 import axe from "axe-core";
 import { type Browser, type BrowserContextOptions, type Locator, type Page, chromium } from "playwright-core";
 
-/** Where pictures of the pages go. */
+/** Folder for screenshots of the pages. */
 const SCREENSHOTS = "../target/screenshots";
 const CHROMIUM = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
 
 /** The results of a scenario in a browser. */
 export class Results {
-  /** What pages wrote to the console or asked for, which they should not. */
+  /** Unexpected console messages and requests of pages. */
   readonly faults: string[] = [];
   readonly #url: string;
   #browser: Browser | null = null;
@@ -43,12 +43,12 @@ export class Results {
     return page;
   }
 
-  /** Opens the page on a web server of this computer, which has the recorded signals, too. */
+  /** Opens the page on a local web server, which also provides the recorded signals. */
   async serve(): Promise<{ page: Page; close: () => Promise<void> }> {
     const server = createServer((request, response) => {
       const path = decodeURIComponent((request.url ?? "/").slice(1));
       response.setHeader("Content-Type", path.endsWith(".html") ? "text/html" : "text/csv");
-      // Browsers also ask for an icon.
+      // Browsers also request an icon.
       response.end(path === "favicon.ico" ? "" : readFileSync(`${this.folder}/${path}`));
     });
     await new Promise<void>((done) => server.listen(0, "127.0.0.1", done));
@@ -64,8 +64,8 @@ export class Results {
   }
 
   /**
-   * Tests that nothing is wider than the page, that it has no serious violation of accessibility and is not blank, on a desktop
-   * and on a phone, light and dark. Pictures go to target/screenshots, for people.
+   * Tests that nothing is wider than the page, that it has no serious accessibility violation and is not blank, on a desktop and on a
+   * phone, light and dark. Screenshots are written to target/screenshots for visual inspection.
    */
   testLayouts(name: string): void {
     for (const width of [400, 1400]) {
@@ -73,7 +73,7 @@ export class Results {
         test(`layout, accessibility and picture, ${width} px, ${colorScheme}`, async () => {
           const page = await this.open({ viewport: { width, height: 900 }, colorScheme });
           await assertAccessible(page);
-          // Tables are lists of cards on a phone: none is wider than its place.
+          // On a phone, tables are lists of cards, which must fit into the width.
           await page.locator("details").evaluateAll((all) => all.forEach((one) => one.setAttribute("open", "")));
           const wide = await page.locator(".scroll:visible").evaluateAll((all) => all.filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.firstElementChild!.className));
           if (width === 400) assert.deepEqual(wide, []);
@@ -83,7 +83,7 @@ export class Results {
     }
   }
 
-  /** Tests, after all others, that no page wrote an error or asked for anything. */
+  /** Tests, after all other tests, that no page wrote an error or made a request. */
   testSilence(): void {
     test("no page writes an error or asks for anything", () => {
       assert.deepEqual(this.faults, []);
@@ -97,12 +97,12 @@ export class Results {
   }
 }
 
-/** Makes a picture of the whole page, and asserts that every screen of it shows something. */
+/** Takes a screenshot of the whole page, and asserts that no part of it is blank. */
 async function screenshot(page: Page, name: string): Promise<void> {
   mkdirSync(SCREENSHOTS, { recursive: true });
   const picture = await page.screenshot({ path: `${SCREENSHOTS}/${name}.png`, fullPage: true });
   const reader = await page.context().newPage();
-  // Colors of each strip as high as half a window, of every fifth pixel.
+  // Counts the colors of every fifth pixel, in strips with half the height of the window.
   const colors = await reader.evaluate(async (source) => {
     const image = new Image();
     image.src = source;
@@ -121,11 +121,12 @@ async function screenshot(page: Page, name: string): Promise<void> {
   }, `data:image/png;base64,${picture.toString("base64")}`);
   await reader.close();
   assert.ok(colors.length > 0);
-  // Smoothed letters alone have more shades than these; a blank strip has one, with the borders of a section few.
+  // Antialiased text alone has more shades than this. A blank strip has one color, or a few with the borders of a
+  // section.
   colors.forEach((count, i) => assert.ok(count > 8, `${name}: ${count} colors from ${450 * i} px on`));
 }
 
-/** The texts that a page copies, instead of the clipboard. */
+/** Replaces the clipboard; returns a function for the texts that the page has copied. */
 export async function catchCopies(page: Page): Promise<() => Promise<string[]>> {
   await page.evaluate(() => {
     Object.defineProperty(navigator, "clipboard", {
@@ -135,10 +136,10 @@ export async function catchCopies(page: Page): Promise<() => Promise<string[]>> 
   return async () => (await page.locator("html").getAttribute("data-copied"))!.trim().split("\n");
 }
 
-/** A number as pages write it. */
+/** Parses a number as formatted in pages. */
 export { numberIn as number } from "../src/table";
 
-/** Puts the cursor in the middle of a plot. */
+/** Moves the mouse to the middle of a plot. */
 export async function hover(plot: Locator): Promise<void> {
   const over = plot.locator(".u-over");
   await over.scrollIntoViewIfNeeded();
@@ -151,13 +152,13 @@ export function range(text: string | null): [number, number] {
   return [min, max];
 }
 
-/** Asserts that nothing is wider than the page, and that it has no serious violation of accessibility. */
+/** Asserts that nothing is wider than the page, and that it has no serious accessibility violation. */
 export async function assertAccessible(page: Page): Promise<void> {
   const [scroll, inner] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
   assert.ok(scroll! <= inner!, `${scroll} px wide`);
   await page.evaluate(axe.source);
   const found = await page.evaluate(async () => {
-    // Without preload: it requests style sheets.
+    // Without preload, which would request style sheets.
     const { violations } = await (window as unknown as { axe: typeof axe }).axe.run({ preload: false });
     return violations
       .filter((one) => one.impact === "serious" || one.impact === "critical")

@@ -9,7 +9,7 @@ import { Results, hover, number, range } from "./browser";
 const results = new Results(process.env["CHASSIS_FMU_FIGURES"] ?? "../results/figures");
 const open = (options?: BrowserContextOptions) => results.open(options);
 
-/** The cells of a line of CSV; a title may have commas within quotes. */
+/** The cells of a CSV line; quoted titles can contain commas. */
 function cells(line: string): string[] {
   return line.split(/,(?=(?:[^"]*"[^"]*")*[^"]*$)/);
 }
@@ -29,7 +29,7 @@ test("the cursor on a curve is at a recorded point", async () => {
   const found = ["slow_1", "fast_1"].some((run) => {
     const { names, rows } = results.recording(run);
     const [across, up] = ["vehicle.position_x", "vehicle.position_y"].map((name) => names.indexOf(name));
-    // 16 bits of the range, up to 140 m and 10 m, then four digits at least.
+    // Tolerance: 16 bits of the ranges, up to 140 m and 10 m, and at least four digits.
     return rows.some((row) => Math.abs(row[across!]! - x) < 0.02 && Math.abs(row[up!]! - y) < 2e-3);
   });
   assert.ok(found, `${x} ${y}`);
@@ -42,7 +42,7 @@ test("the cursor in plots over time is on curves, too", async () => {
   const readout = page.locator("#path .plot-readout span");
   for (const [i, run] of ["slow_1", "fast_1"].entries()) {
     const { names, rows } = results.recording(run);
-    // The page has every other sample or so: 2 cm of a path at up to 14 m/s are a sample.
+    // The page contains about every second sample; at up to 14 m/s, a sample is 2 cm of the path.
     const row = rows.find((values) => Math.abs(values[0]! - time) < 1e-9)!;
     const x = Number(await readout.nth(i).getAttribute("data-x"));
     assert.ok(Math.abs(x - row[names.indexOf("vehicle.position_x")]!) < 0.3, `${run} ${x}`);
@@ -62,9 +62,9 @@ test("the cursor on a curve is in plots over time, too", async () => {
   assert.ok(times.length > 1 && times.every((time) => time === times[0]), readouts.join("\n"));
   const { names, rows } = results.recording("slow_1");
   const row = rows.find((values) => Math.abs(values[0]! - times[0]!) < 1e-9)!;
-  // The nearest sample in plots over time is some samples away at most; one is 8 cm of the path.
+  // In plots over time, the nearest sample is at most a few samples away; a sample is 8 cm of the path.
   assert.ok(Math.abs(row[names.indexOf("vehicle.position_x")]! - x) < 0.5, `${x} at ${times[0]} s`);
-  // A curve without the cursor follows, and all lose it with the mouse.
+  // Other curves follow the cursor, and all remove it when the mouse leaves.
   assert.ok((await page.locator("#hysteresis .plot-mark:visible").count()) > 0);
   await hover(plot);
   await page.mouse.move(2, 2);
@@ -84,7 +84,7 @@ test("on a web server a closer look at a curve reads the recorded signals", asyn
     const [across, up] = ["vehicle.position_x", "vehicle.position_y"].map((name) => names.indexOf(name));
     return rows.map((row) => [row[across!]!, row[up!]!] as const);
   });
-  // Six digits of up to 140 m and 10 m.
+  // Tolerance: six digits of up to 140 m and 10 m.
   assert.ok(points.some(([across, up]) => Math.abs(across - x) < 1e-3 && Math.abs(up - y) < 1e-4), `${x} ${y}`);
   await close();
 });
@@ -94,7 +94,7 @@ test("the keyboard goes along a curve", async () => {
   const plot = page.locator("#path .plot").first();
   await plot.locator(".plot-body").focus();
   await page.keyboard.press("Home");
-  // The path begins at the origin, as far as 16 bits of 140 m tell.
+  // The path begins at the origin, within 16 bits of 140 m.
   assert.ok(Math.hypot(...(await coordinates(plot))) < 0.01);
   await page.keyboard.press("End");
   const [end] = await coordinates(plot);
@@ -131,7 +131,7 @@ test("a line over the axis on the right is shown in its unit", async () => {
   const row = rows.find((values) => Math.abs(values[0]! - time) < 1e-9);
   assert.ok(row !== undefined, `no row at ${time} s`);
   const expected = (row[names.indexOf("driver.steer")]! * 180) / Math.PI;
-  // An amplitude of 2.3 degrees in 16 bits, four digits.
+  // Tolerance: 16 bits of an amplitude of 2.3 degrees, and four digits.
   assert.ok(Math.abs(number(await steer.locator("b").innerText()) - expected) < 1e-3);
   assert.match(await steer.innerText(), / (°|deg)$/);
 });
@@ -162,7 +162,7 @@ test("scatter plots and distributions show the numbers of the runs", async () =>
   };
   for (const [figure, axis] of [["#distribution", "x"], ["#scatter", "y"]] as const) {
     const plot = page.locator(`${figure} .plot`).first();
-    // Through all four seeds of the first case with the keyboard.
+    // Visits all four seeds of the first case with the keyboard.
     await plot.locator(".plot-body").focus();
     await page.keyboard.press("Home");
     const seen = new Map<string, number>();
@@ -175,7 +175,7 @@ test("scatter plots and distributions show the numbers of the runs", async () =>
     const values = axis === "x" ? [...seen.keys()].map(Number) : [...seen.values()];
     assert.equal(values.length, 4, values.join(" "));
     const average = values.reduce((sum, value) => sum + value, 0) / 4;
-    // The table has six digits, the page four.
+    // Tolerance: the table has six digits, the page four.
     assert.ok(Math.abs(average / mean("roll_peak", "slow") - 1) < 1e-3, `${figure} ${average}`);
   }
 });

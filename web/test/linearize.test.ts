@@ -1,4 +1,4 @@
-/** The page of a linear model in a browser. Reference: the table of modes on the page, which Rust writes without the code of the plots. */
+/** The page of a linear model in a browser. Reference: the table of modes on the page, which does not depend on the code of the plots. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -16,7 +16,7 @@ test("the modes are sorted by a click and copied", async () => {
   assert.ok(given.length > 3);
   await table.getByRole("button", { name: "Frequency (Hz)" }).click();
   assert.deepEqual(await frequencies(), [...given].sort((a, b) => a - b));
-  // A pole at 0 has no damping: its dash is behind the numbers in both directions.
+  // A pole at 0 has a dash instead of a damping ratio, which is sorted after the numbers in both directions.
   const damping = async () => (await table.locator("tbody td:nth-child(3)").allInnerTexts()).map(number);
   for (const direction of [1, -1]) {
     await table.getByRole("button", { name: "Damping" }).click();
@@ -41,7 +41,7 @@ test("the cursor in the plane of poles is at a pole of the table", async () => {
   await plot.locator(".plot-body").focus();
   await page.keyboard.press("Home");
   const shown = number(await plot.locator(".plot-readout b").first().innerText());
-  // 16 bits of the range of all poles.
+  // Tolerance: 16 bits of the range of all poles.
   const extent = Math.max(...real.map(Math.abs));
   assert.ok(real.some((value) => Math.abs(value - shown) < 1e-4 * extent), `${shown} ${real.join(" ")}`);
 });
@@ -51,7 +51,7 @@ test("poles are crosses, on the plot and in its key", async () => {
   const key = page.locator("#poles .plot-key");
   assert.equal(await key.locator("path").count(), 1);
   assert.equal(await key.locator("circle").count(), 0);
-  // The other figures have lines.
+  // In the other figures, legend symbols are lines.
   assert.equal(await page.locator("#bode_1 .plot-key path[stroke-dasharray]").count(), 2);
 });
 

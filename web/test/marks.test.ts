@@ -23,7 +23,7 @@ test("marks show the printed numbers beside ours", async () => {
   for (const [i, key] of ["Home", "End"].entries()) {
     await page.keyboard.press(key);
     const [ours, paper] = [Number(rows[i]![7]), Number(rows[i]![11])];
-    // Both ends of a column are exact; four digits at least.
+    // Both ends of a column are stored exactly, and shown with at least four digits.
     assert.ok(Math.abs(number(await printed.locator("b").innerText()) - paper) < 1e-3 * paper);
     assert.ok(Math.abs(number(await entries.first().locator("b").innerText()) - ours) < 1e-3 * ours);
   }
@@ -48,7 +48,7 @@ test("marks are squares of the color of the card with the color of their case ar
     1 - (4.187 - low!) / (high! - low!),
   );
   assert.deepEqual(colors.inside, [255, 255, 255, 255]);
-  // #0072b2, the first color of the palette, somewhere on the way out.
+  // #0072b2, the first color of the palette, around the center of the mark.
   assert.ok(colors.around.some(([red, green, blue]) => red! < 90 && green! > 80 && green! < 160 && blue! > 150), JSON.stringify(colors));
 });
 
@@ -66,7 +66,7 @@ test("any of many seeds is shown by a list", async () => {
   const row = rows.find((values) => Math.abs(values[0]! - time) < 1e-9);
   assert.ok(row !== undefined, `no row at ${time} s`);
   const expected = (row[names.indexOf("vehicle.yaw_rate")]! * 180) / Math.PI;
-  // 16 bits of some degrees per second, four digits at least.
+  // Tolerance: 16 bits of some degrees per second, and at least four digits.
   assert.ok(Math.abs(number(await entry.locator("b").innerText()) - expected) < 1e-3 * Math.abs(expected) + 1e-4);
   await list.selectOption("");
   assert.equal(await plot.locator(".plot-readout span").count(), 0);

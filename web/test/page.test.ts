@@ -28,7 +28,7 @@ describe("figures", () => {
     assert.ok(row !== undefined && column > 0, `no row at ${time} s`);
     const degrees = rows.map((values) => (values[column]! * 180) / Math.PI);
     const span = Math.max(...degrees) - Math.min(...degrees);
-    // Rounded to 16 bits, then to the digits that this leaves, four at least in the middle of this run.
+    // Rounded to 16 bits, then to the remaining digits, at least four in the middle of this run.
     const expected = (row[column]! * 180) / Math.PI;
     assert.ok(Math.abs(shown - expected) <= span / 65534 + 5e-4 * Math.abs(expected), `${shown} ${expected}`);
   });
@@ -117,7 +117,7 @@ describe("figures", () => {
     const shown = Number((await entry.locator("b").innerText()).replace("−", "-"));
     const factor = /°|deg/.test((await entry.textContent()) ?? "") ? 180 / Math.PI : 1;
     const expected = row[names.indexOf("body.roll_acceleration")]! * factor;
-    // Six digits.
+    // Tolerance: six digits.
     assert.ok(Math.abs(shown - expected) <= 5e-6 * Math.abs(expected), `${shown} ${expected}`);
     await close();
   });
@@ -196,7 +196,7 @@ test("a long table can be shown as a matrix of points and cases", async () => {
   assert.equal(await share(matrix.locator("tbody tr").nth(20).locator("td").nth(1)), "55%");
   await page.getByRole("button", { name: "Matrix of the points and cases" }).click();
   await page.getByRole("button", { name: "Ours" }).click();
-  // A point that repeated the row above is named in its new place.
+  // The title of a point, which is omitted if it repeats the row above, appears after sorting.
   assert.deepEqual(await page.locator("table.headline tbody tr").first().locator("td").allInnerTexts(), ["0 km/h", "B", "-20"]);
 });
 

@@ -1,4 +1,4 @@
-/** Dimensions of the drawing of a vehicle. */
+/** Dimensions for drawing a vehicle. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -15,7 +15,7 @@ const vehicle = (outputs: string[]): Vehicle => ({
   maneuvers: [],
 });
 
-// Moments about the center of gravity: the axle that is nearer to it carries more.
+// From the moments about the center of gravity, the nearer axle carries more.
 test("the levers of the axles divide the load of a side of a half car", () => {
   const shares = shapeOf(vehicle(["vehicle.yaw", "wheel_height.l"])).wheels.map(({ place, share }) => [place, share]);
   const expected = [["fl", 0.6], ["fr", 0.6], ["rl", 0.4], ["rr", 0.4]] as const;

@@ -1,4 +1,4 @@
-/** The page of a study in a browser. Reference: the tables on the page, which Python makes without the code of the plots. */
+/** The page of a study in a browser. Reference: the tables on the page, which do not depend on the code of the plots. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -37,7 +37,7 @@ test("a distribution ends at the largest number of the table", async () => {
   await plot.locator(".plot-body").focus();
   await page.keyboard.press("End");
   const shown = Number((await plot.locator(".plot-readout b").first().innerText()).replace("−", "-"));
-  // Four decimals in the table, 16 bits of the range and four digits in the readout.
+  // Tolerance: four decimals in the table, 16 bits of the range and four digits in the readout.
   assert.ok(largest.some((value) => Math.abs(shown - value) < 1e-4), `${shown} ${largest.join(" ")}`);
 });
 

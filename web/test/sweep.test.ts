@@ -1,4 +1,4 @@
-/** The page of a sweep of two axes in a browser. Reference: the table beside it. */
+/** The page of a sweep over two parameters in a browser. Reference: the table beside it. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -33,7 +33,7 @@ test("a table of more than 40 rows can be shown as matrices of both parameters",
     for (const [j, column] of columns.entries()) {
       const shown = number(await matrix.locator("tbody tr").nth(i).locator("td").nth(j).innerText());
       const name = `speed_${Number.parseFloat(column)}_steering_angle_${String(Number.parseFloat(row)).replace(".", "p")}`;
-      // Four digits.
+      // Tolerance: four digits.
       assert.ok(Math.abs(shown - expected.get(name)!) <= 1e-3 * Math.abs(shown), `${name} ${shown} ${expected.get(name)}`);
     }
   }
@@ -53,7 +53,7 @@ test("the keyboard goes from cell to cell of a heat map", async () => {
   assert.equal(Number(await entry.getAttribute("data-y")), 1);
   const shown = number(await entry.locator("b").innerText());
   const value = expected.get("speed_50_steering_angle_1")!;
-  // 16 bits of the range, then four digits at least.
+  // Tolerance: 16 bits of the range, and at least four digits.
   assert.ok(Math.abs(shown - value) < 1e-3 * value, `${shown} ${value}`);
 });
 
@@ -66,7 +66,7 @@ test("the mouse finds the cell below it", async () => {
   const box = (await plot.locator(".heat-mark").boundingBox())!;
   const over = (await plot.locator(".u-over").boundingBox())!;
   const [across, up] = [over.x + over.width / 2, over.y + over.height / 2];
-  // The middle may be a border of cells, which are whole pixels.
+  // The middle can be on a border between cells, which are rounded to whole pixels.
   assert.ok(box.x - 1 <= across && across <= box.x + box.width + 1, `${box.x} ${box.width} ${across}`);
   assert.ok(box.y - 1 <= up && up <= box.y + box.height + 1, `${box.y} ${box.height} ${up}`);
   const value = numbers("yaw_rate").get(`speed_${x}_steering_angle_${String(Number(y.toFixed(6))).replace(".", "p")}`)!;

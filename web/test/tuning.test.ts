@@ -1,4 +1,4 @@
-/** The page of a study that tunes parameters, in a browser. Reference: the summary beside it. */
+/** The page of a tuning study in a browser. Reference: `summary.json` beside it. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -25,7 +25,7 @@ test("the curves end at the best objectives of the summary", async () => {
   const shown = (await plot.locator(".plot-readout b").allInnerTexts()).map(number);
   const best = summary.methods.map((method) => method.best!.objective);
   assert.equal(shown.length, best.length);
-  // 16 bits of the range, then four digits at least.
+  // Tolerance: 16 bits of the range, and at least four digits.
   best.forEach((value, i) => assert.ok(Math.abs(shown[i]! - value) < 1e-3 * value, `${shown[i]} ${value}`));
 });
 

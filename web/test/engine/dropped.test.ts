@@ -1,4 +1,4 @@
-// FMUs of visitors: wired in, refused by name, and survived when they fail.
+// FMUs from visitors are wired into the system, rejected with their name, and do not end the engine when they fail.
 import assert from "node:assert/strict";
 import { before, test } from "node:test";
 import { readFileSync } from "node:fs";
@@ -20,7 +20,7 @@ function failures() {
   return client.events.flatMap((event) => (event.kind === "failed" ? [event] : []));
 }
 
-/** Lets both systems run up to a time, s, or until all have failed. */
+/** Runs both systems up to a time, s, or until all have failed. */
 async function until(time: number): Promise<void> {
   while (client.time < time && failures().length < 2) await client.play(Number.POSITIVE_INFINITY, 5);
 }

@@ -1,45 +1,45 @@
-// FMUs of somebody else, for the tests: modules written byte by byte, in archives without compression.
+// Third-party FMUs for tests: modules that are assembled byte by byte, in archives without compression.
 import { FUNCTIONS } from "../../lab/src/engine/abi";
 
 const number = (value: number): number[] => (value < 0x80 ? [value] : [(value & 0x7f) | 0x80, ...number(value >> 7)]);
-/** A number that is not negative, where the format has signed ones. */
+/** Encodes a nonnegative number where the format requires a signed one (LEB128). */
 const signed = (value: number): number[] => (value < 0x40 ? [value] : [(value & 0x7f) | 0x80, ...signed(value >> 7)]);
 const vector = (items: number[][]): number[] => [...number(items.length), ...items.flat()];
 const text = (value: string): number[] => vector([...Buffer.from(value)].map((byte) => [byte]));
 const TYPE: Record<string, number> = { i: 0x7f, d: 0x7c };
 const types = (letters: string): number[] => vector([...letters].map((letter) => [TYPE[letter] ?? 0]));
 
-/** Code of a function that returns a number. */
+/** Code that returns a number. */
 export const constant = (value: number): number[] => [0x41, ...signed(value)];
 export const UNREACHABLE = [0x00];
 
-/** Code of a function that returns a number in its first calls, counted in memory, and runs other code in the later ones. */
+/** Code that returns 0 in the first calls, which it counts in memory, and then runs other code. */
 export const after = (calls: number, code: number[]): number[] => [
   ...[0x41, 8, 0x41, 8, 0x28, 2, 0, 0x41, 1, 0x6a, 0x36, 2, 0, 0x41, 8, 0x28, 2, 0],
   ...[...constant(calls), 0x4e, 0x04, 0x40, ...code, 0x0b, 0x41, 0],
 ];
-/** Never ends. */
+/** Code that never ends. */
 export const ENDLESS_LOOP = [0x03, 0x40, 0x0c, 0, 0x0b];
 
 const VERSION = 16;
 const PLATFORM = 32;
 const MESSAGE = 48;
 
-/** Calls the logger of the callbacks, whose address the instance is, with the status Error and a message; returns Error. */
+/** Code that calls the logger with status Error and a message, and returns Error. The instance is the address of the callbacks. */
 export const LOG_AND_FAIL = [
-  // component environment, instance name, status, category, message, arguments
+  // Arguments: component environment, instance name, status, category, message, address of further arguments.
   ...[0x20, 0, 0x28, 2, 16, 0x41, 0, 0x41, 3, ...constant(MESSAGE), ...constant(MESSAGE + 16), 0x41, 0],
-  // call_indirect of type 0 at the index in the first word of the callbacks
+  // call_indirect with type 0; the first word of the callbacks is the index.
   ...[0x20, 0, 0x28, 2, 0, 0x11, 0, 0, 0x41, 3],
 ];
 
-/** A module with the functions of FMI 2.0, of which some have other code, and imports `module.name` without parameters. */
+/** A module with the functions of FMI 2.0, some of them with the given code, and with imports `module.name` without parameters. */
 export function module(code: Record<string, number[]>, imports: [string, string][] = []): Uint8Array {
   const functions = Object.entries(FUNCTIONS);
   const standard: Record<string, number[]> = {
     fmi2GetVersion: constant(VERSION),
     fmi2GetTypesPlatform: constant(PLATFORM),
-    // The address of the callbacks is the instance.
+    // Returns the address of the callbacks as the instance.
     fmi2Instantiate: [0x20, 4],
   };
   const body = (name: string, results: string): number[] => {

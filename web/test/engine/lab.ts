@@ -1,11 +1,11 @@
-// The engine without a browser: what scripts/lab builds for it, and a client that waits for responses.
+// The engine without a browser: the files that scripts/lab builds, and a client that waits for responses.
 import { readFileSync, readdirSync } from "node:fs";
 import { inflateRawSync } from "node:zlib";
 import { basename, join, resolve } from "node:path";
 import { Engine } from "../../lab/src/engine/engine";
 import type { Catalog, Event, FmuFile, Metric, Opened, Request, Response, Setup } from "../../lab/src/protocol";
 
-/** The repository, from `web/`. */
+/** The repository, relative to `web/`. */
 export const ROOT = resolve("..");
 export const BUILT = process.env.LAB_BUILD ?? join(ROOT, "target/lab-build");
 
@@ -77,7 +77,7 @@ export class Client {
     });
   }
 
-  /** A response of a kind; fails with the message of an error. */
+  /** Sends a request and returns the response of the expected kind; throws the message of an error. */
   async expect<R extends Response["kind"], K extends Extract<Request, { id: number }>["kind"]>(
     response: R,
     kind: K,
@@ -104,7 +104,7 @@ export class Client {
     return opened;
   }
 
-  /** Lets the systems run until they end or fail. */
+  /** Runs the systems until they end or fail. */
   run(rate = Number.POSITIVE_INFINITY): Promise<void> {
     return new Promise((resume) => {
       this.#paused.push(resume);
@@ -112,7 +112,7 @@ export class Client {
     });
   }
 
-  /** Lets the systems run for a wall-clock time, ms. */
+  /** Runs the systems for a wall-clock time, ms. */
   async play(rate: number, milliseconds: number): Promise<void> {
     this.engine.receive({ kind: "play", rate });
     await new Promise((resume) => setTimeout(resume, milliseconds));
@@ -128,7 +128,7 @@ export class Client {
     return (await this.expect("metrics", "metrics", {})).metrics;
   }
 
-  /** Time of the latest state of the clock. */
+  /** Time in the latest `clock` event. */
   get time(): number {
     const clocks = this.events.filter((event) => event.kind === "clock");
     return clocks.at(-1)?.time ?? Number.NaN;

@@ -1,4 +1,4 @@
-// The modules of all FMUs: no imports, the functions of FMI and what the linker adds, and their size.
+// The modules of all FMUs: no imports, no exports except FMI functions and those of the linker, and their size.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
@@ -8,10 +8,10 @@ import { BUILT, fmus, ROOT } from "./lab";
 
 /** Exports that a linker adds. */
 const OF_LINKER = ["memory", "__indirect_function_table", "__data_end", "__heap_base"];
-/** Largest module, bytes. The largest one of the library has 418 kB. */
+/** Maximum size of a module, bytes. The largest in the library has 418 kB. */
 const LIMIT = 450_000;
 
-/** Functions of FMI 2.0, by what the importer demands (crates/fmu-import/src/loader/functions/v2.rs). */
+/** Functions of FMI 2.0 that the importer looks up (crates/fmu-import/src/loader/functions/v2.rs). */
 const FUNCTIONS = new Set(readFileSync(join(ROOT, "crates/fmu-import/src/loader/functions/v2.rs"), "utf8").match(/fmi2[A-Za-z]+(?=")/g));
 
 test("modules import nothing, export the functions of FMI, and are small", () => {
@@ -37,7 +37,7 @@ test("modules import nothing, export the functions of FMI, and are small", () =>
 
 test("the core imports only its host", () => {
   const core = new WebAssembly.Module(readFileSync(join(BUILT, "core.wasm")));
-  // wasm-bindgen comes with the crate `zip`, see unused() in core.ts.
+  // The crate `zip` needs wasm-bindgen, see unused() in core.ts.
   const imports = WebAssembly.Module.imports(core).filter((entry) => !entry.module.startsWith("__wbindgen"));
   const names = imports.map((entry) => `${entry.module}.${entry.name}`);
   assert.deepEqual(names.sort(), ["host.close_library", "host.find_function", "host.open_library", "host.read_module"]);

@@ -1,5 +1,5 @@
-// A dropped FMU against the table of its author, run without others. Not part of the tests, because its module is built by hand
-// (docs/guide/src/lab.md): REFERENCE names the folder with modelDescription.xml (FMI2.xml), NAME.wasm and NAME_out.csv.
+// Compares a dropped FMU, run alone, with its author's reference table. Not part of the tests, because the module is built manually
+// (docs/guide/src/lab.md). REFERENCE is the folder with modelDescription.xml (FMI2.xml), NAME.wasm and NAME_out.csv.
 import { readFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { archive } from "./foreign";

@@ -1,6 +1,6 @@
-// Every scenario of the library, one seed: the engine writes the file of `chassis run`, byte by byte.
+// Every scenario of the library, with one seed: the engine writes the same bytes as `chassis run`.
 //
-// CHASSIS names the command, FMUS the folder with native FMUs of the same sources.
+// CHASSIS is the command, FMUS the folder with native FMUs from the same sources.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
@@ -36,7 +36,7 @@ test("all scenarios have the bytes of the native master", async (context) => {
         const failed = client.events.find((event) => event.kind === "failed");
         assert.equal(failed, undefined, JSON.stringify(failed));
         const got = await client.csv();
-        // Of a sweep, the engine runs the first point.
+        // The engine runs only the first point of a sweep.
         const runs = join(out, id, "runs");
         const files = readdirSync(runs).filter((file) => file === `${name}.csv` || (file.startsWith(`${name}_`) && file.endsWith(seeds.length > 0 ? `_${seed}.csv` : ".csv")));
         const texts = files.map((file) => readFileSync(join(runs, file), "utf8"));

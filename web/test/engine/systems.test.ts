@@ -6,14 +6,14 @@ import { Client, free } from "./lab";
 const client = new Client();
 before(() => client.start());
 
-/** The last row of each column by name. */
+/** The last value of each column by name. */
 function last(system = 0, branch = 0): Record<string, number> {
   const rows = client.rows(system, branch);
   const columns = client.opened?.systems[system]?.columns ?? [];
   return Object.fromEntries(columns.map(({ name }, index) => [name, rows.at(-1)?.[index + 1] ?? Number.NaN]));
 }
 
-/** Lets the systems run up to a time, s, unless they fail. */
+/** Runs the systems up to a time, s, unless they fail. */
 async function until(time: number): Promise<void> {
   while (client.time < time && failures().length === 0) await client.play(Number.POSITIVE_INFINITY, 5);
 }
@@ -22,7 +22,7 @@ function failures(): string[] {
   return client.events.flatMap((event) => (event.kind === "failed" ? [`${event.system} ${event.time} ${event.component}: ${event.message}`] : []));
 }
 
-/** Failures other than a rollover, which may follow soon after the time that a test waits for: how soon depends on the machine. */
+/** Failures other than a rollover. A rollover can happen soon after the time that a test waits for, depending on the machine. */
 function faults(): string[] {
   return failures().filter((failure) => !failure.includes("the vehicle rolled over"));
 }
@@ -145,18 +145,18 @@ test("files and descriptions", async () => {
   await until(1);
   const [header = "", first = ""] = (await client.csv()).split("\n");
   assert.ok(header.startsWith("time,") && first.startsWith("0.0,"));
-  // A signal of a controller.
+  // The file contains a controller's signal.
   assert.ok(header.split(",").some((name) => name.startsWith("yaw_control_pressure.")), header);
   assert.equal(first.split(",").length, header.split(",").length);
   const ssp = await client.expect("file", "ssp", { system: 0 });
-  // Its FMUs have no binary for a desktop, which the name says.
+  // The name states that its FMUs only have binaries for WebAssembly.
   assert.ok(ssp.name.endsWith("_wasm32.ssp"), ssp.name);
   assert.equal(Buffer.from(ssp.bytes.subarray(0, 2)).toString(), "PK");
   const { variables } = await client.expect("described", "describe", { fmu: "EspCar" });
   assert.ok(variables.some(({ name, causality }) => name === "steer.front" && causality === "input"));
 });
 
-/** The middle one of some numbers. */
+/** The median. */
 function median(values: number[]): number {
   return [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)] ?? Number.NaN;
 }
@@ -186,7 +186,7 @@ test("measurements of a truck and its twin", async () => {
     core.advance(0, 1);
     return performance.now() - start;
   };
-  // The first step of each second is made after the state was saved.
+  // The state is saved before the first step of each second.
   const saved = Array.from({ length: 20 }, () => {
     core.advance(0, 999 - (Math.round(1000 * core.time(0)) % 1000) + 1);
     const [first, second] = [timed(), timed()];
@@ -201,7 +201,7 @@ test("ten minutes fit into 200 MB", async () => {
   await until(60);
   const [early, at] = [client.engine.core?.size ?? 0, client.time];
   await until(120);
-  // All that grows with time: rows, and a saved state each second.
+  // The memory that grows with time: rows, and a saved state per second.
   const later = client.engine.core?.size ?? 0;
   const all = early + ((later - early) * (600 - at)) / (client.time - at);
   console.log(`${(later / 1e6).toFixed(1)} MB after ${client.time.toFixed(0)} s, ${(all / 1e6).toFixed(0)} MB after ten minutes`);

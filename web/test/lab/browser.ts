@@ -1,4 +1,4 @@
-/** What tests of the lab share: a browser, its pages, and how a page shows the state of the simulation. */
+/** Shared code for tests of the lab: a browser, its pages, and access to the state that a page shows. */
 
 import assert from "node:assert/strict";
 import { mkdirSync } from "node:fs";
@@ -13,7 +13,7 @@ const SCREENSHOTS = resolve("../target/lab/screenshots");
 export const PATIENCE = 60_000;
 
 export class Lab {
-  /** What pages wrote to the console or asked for, which they should not. */
+  /** Unexpected console messages and requests of pages. */
   readonly faults: string[] = [];
   readonly #url: string;
   #browser: Browser | null = null;
@@ -24,7 +24,7 @@ export class Lab {
   ) {
     this.#url = pathToFileURL(resolve(folder, "index.html")).href;
     before(async () => {
-      // The software renderer, so that there is WebGL without a graphics card.
+      // The software renderer provides WebGL without a graphics card.
       const webgl = ["--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader"];
       this.#browser = await chromium.launch({ executablePath: CHROMIUM, args: ["--no-sandbox", ...(args.length > 0 ? args : webgl)] });
     });
@@ -45,7 +45,7 @@ export class Lab {
     return page;
   }
 
-  /** A page with its system open. */
+  /** Opens a page, and waits until its system is open. */
   async open(options: BrowserContextOptions = {}, hash = ""): Promise<Page> {
     const page = await this.page(options);
     await page.goto(this.#url + hash);
@@ -68,7 +68,7 @@ export async function runTo(page: Page, time: number): Promise<void> {
   await page.waitForFunction((time) => Number.parseFloat(document.querySelector(".clock")?.textContent ?? "") >= time, time, { timeout: PATIENCE });
 }
 
-/** Does something that opens a system, and waits for it; returns its title. */
+/** Performs an action that opens a system, and waits for it; returns the system's title. */
 export async function opening(page: Page, action: () => Promise<unknown>): Promise<string> {
   await page.evaluate(() => (document.getElementById("status")!.textContent = ""));
   await action();
@@ -86,7 +86,7 @@ export async function link(page: Page): Promise<{ system: Record<string, unknown
   return JSON.parse(Buffer.from(text.split("#setup=")[1]!, "base64url").toString());
 }
 
-/** Takes a picture of the view, keeps it, and asserts that it is not blank. */
+/** Takes a screenshot of the view, and asserts that it is not blank. */
 export async function picture(page: Page, name: string): Promise<void> {
   mkdirSync(SCREENSHOTS, { recursive: true });
   const image = await page.locator("#view").screenshot({ path: `${SCREENSHOTS}/${name}.png` });
@@ -102,7 +102,7 @@ export async function picture(page: Page, name: string): Promise<void> {
     for (let i = 0; i < data.length; i += 4) found.add((data[i]! >> 3) * 1024 + (data[i + 1]! >> 3) * 32 + (data[i + 2]! >> 3));
     return found.size;
   }, image.toString("base64"));
-  // The sky and the ground alone have a few dozen.
+  // The sky and the ground alone have a few dozen colors.
   assert.ok(colors > 100, `${name}: ${colors} colors`);
 }
 

@@ -1,4 +1,4 @@
-/** Failures that the engine of the lab does not cause on demand: with a test double in its place. */
+/** Failures that the real engine does not cause on demand, with a mock engine. */
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -18,7 +18,7 @@ test("a worker that does not return is ended, and the component is named", async
   await opening(page, () => page.getByLabel("Endless").click());
   await page.locator(".message.error").waitFor({ timeout: 15_000 });
   assert.match(await page.locator(".message.error").innerText(), /Endless did not return from a call after 0\.9\d s/);
-  // The system is open again without it.
+  // The system is open again without the FMU.
   await page.waitForFunction(() => !(document.querySelector('[data-key="controller Endless"]') as HTMLInputElement).checked);
   assert.deepEqual((await link(page)).system["controllers"], []);
   await page.getByRole("button", { name: "Play", exact: true }).click();
@@ -41,11 +41,11 @@ test("numbers are provisional until the end, and again after a rewind from a rol
   const page = await lab.open();
   await page.locator("#setup fieldset summary").click();
   await opening(page, () => page.getByLabel("Rollover").click());
-  // In one look each, because the run goes on.
+  // Each check is a single query, because the run continues.
   const provisional = page.locator("#metrics:not(:has(.badge))").filter({ hasText: /Provisional: \d\.\d s of at most 12\.0 s/ });
   const final = page.locator("#metrics:has(.badge.pass)").filter({ hasNotText: "Provisional" });
   await provisional.waitFor({ timeout: PATIENCE });
-  // The end is that of the systems, long before that of the maneuver.
+  // The run ends when both systems have failed, long before the end of the maneuver.
   await final.waitFor({ timeout: PATIENCE });
   await page.getByRole("slider", { name: /^Time/ }).focus();
   await page.keyboard.press("Home");

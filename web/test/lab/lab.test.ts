@@ -1,4 +1,4 @@
-/** The lab in a browser, with the engine and all FMUs. `scripts/lab` makes it. */
+/** The lab in a browser, with the engine and all FMUs. `scripts/lab` builds it. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -15,19 +15,19 @@ const VEHICLES = ["RescueVehicle", "HeavyVehicle", "EspCar", "HydroPneumaticHalf
 
 const faults = () => assert.deepEqual(lab.faults.splice(0), []);
 
-/** Numbers beside a plot: of each line the value at the time shown. */
+/** The numbers beside a plot, which are the values of its lines at the time shown. */
 async function readout(page: Page, plot: number): Promise<number[]> {
   const texts = await page.locator(".plot").nth(plot).locator(".plot-readout b").allInnerTexts();
   return texts.map((text) => Number(text.replace("−", "-")));
 }
 
-/** The numbers beside a plot, once `holds` accepts them; the last ones if it never does. A busy machine draws later. */
+/** The numbers beside a plot when `holds` accepts them, because a busy machine draws later; the last numbers if it never does. */
 async function readoutOnce(page: Page, plot: number, holds: (numbers: number[]) => boolean): Promise<number[]> {
   for (const end = Date.now() + PATIENCE; Date.now() < end && !holds(await readout(page, plot)); ) await frames(page, 2);
   return readout(page, plot);
 }
 
-/** Lets the page draw. */
+/** Waits for a number of frames. */
 async function frames(page: Page, count: number): Promise<void> {
   await page.evaluate(async (count) => {
     for (let frame = 0; frame < count; frame++) await new Promise(requestAnimationFrame);
@@ -63,7 +63,7 @@ describe("start", () => {
 
   test("the simulation waits for those who asked for less motion", async () => {
     const page = await lab.open({ reducedMotion: "reduce" });
-    // A simulation that runs shows a later time in each frame.
+    // If the simulation were running, the time shown would change in each frame.
     await frames(page, 40);
     assert.equal(await clock(page), 0);
     await page.getByRole("button", { name: "Play", exact: true }).click();
@@ -95,7 +95,7 @@ describe("systems", () => {
       await runTo(page, 1);
       await page.getByRole("button", { name: "Pause" }).click();
       await picture(page, vehicle);
-      // Some are in a list that is closed at first.
+      // Some are in a list that is initially closed.
       const more = page.locator("#setup fieldset summary");
       if (await more.isVisible()) await more.click();
       const boxes = page.locator("#setup .controllers input");
@@ -151,7 +151,7 @@ describe("while it runs", () => {
     await page.keyboard.press("Home");
     await page.keyboard.press("PageUp");
     await page.waitForFunction(() => document.querySelector(".clock")!.textContent === "1.00 s");
-    // The first slider that the vehicle follows: any value of the system is one.
+    // The first slider; any value of the system would do.
     const slider = page.locator("#adjust .slider input").first();
     await slider.focus();
     await page.keyboard.press("Home");
@@ -197,7 +197,7 @@ describe("while it runs", () => {
     await runTo(page, 0.5);
     await page.locator("#title").click();
     await page.keyboard.down("ArrowLeft");
-    // Steering takes time on the clock of the wall.
+    // Steering takes wall-clock time.
     await page.waitForFunction(() => document.querySelector<HTMLInputElement>("#driving .mirrored")!.valueAsNumber > 0.9);
     await runTo(page, (await clock(page)) + 1.5);
     await page.keyboard.up("ArrowLeft");
@@ -242,7 +242,7 @@ describe("while it runs", () => {
         assert.match(with_[0]!, button === "CSV" ? /DualSlidingModeSteering.*_iso3888_1\.csv$/ : /^control_iso3888_1\.csv$/);
         const [head] = content.toString("utf8").split("\n");
         assert.match(head!, /^time,/);
-        // A signal that only a controller writes.
+        // Only a controller writes this signal, so the twin's file does not contain it.
         assert.equal(head!.split(",").includes("weight.integrated"), button === "CSV", head);
       }
       else assert.equal(content.toString("latin1", 0, 2), "PK");
@@ -265,7 +265,7 @@ describe("FMUs of the visitor", () => {
     const { system } = await link(page);
     const controllers = system["controllers"] as string[];
     assert.ok(controllers.includes("MySteering"));
-    // The name of the model is not that of the file.
+    // The name of the model differs from the file name.
     assert.match(await page.locator(".message").last().innerText(), /MySteering is part of the system\.\s+DualSlidingModeSteering: Multi-ax\w+ steering/);
     assert.match(await page.locator('#setup li:has([data-key="controller MySteering"])').innerText(), /DualSlidingModeSteering: Multi-ax\w+ steering/);
     assert.ok(!controllers.includes("DualSlidingModeSteering"));
@@ -306,7 +306,7 @@ describe("FMUs of the visitor", () => {
     const message = page.locator(".message.error").first();
     await message.waitFor({ timeout: PATIENCE });
     assert.match(await message.innerText(), /[Ee]ndless did not return from a call/);
-    // The system is open again without it.
+    // The system is open again without the FMU.
     await page.waitForFunction(() => document.querySelector('[data-key="controller Endless"]') === null, null, { timeout: PATIENCE });
     assert.ok(!((await link(page)).system["controllers"] as string[]).includes("Endless"));
     await page.getByRole("button", { name: "Play", exact: true }).click();
@@ -431,7 +431,7 @@ describe("everyone", () => {
     await runTo(page, 0.3);
     await page.keyboard.press("Space");
     await page.getByRole("button", { name: "Play", exact: true }).waitFor();
-    // Once around: each control is reached, and each shows that it has the focus.
+    // One cycle through the page reaches every control, and each shows that it has the focus.
     const reached = new Set<string>();
     const expected = await page.evaluate(() => {
       const all = [...document.querySelectorAll<HTMLElement>("button, select, input, summary")].filter((one) => one.checkVisibility() && !one.matches(":disabled"));
@@ -450,7 +450,7 @@ describe("everyone", () => {
     }
     const missed = expected.filter((_, i) => !reached.has(String(i)));
     assert.deepEqual(missed, []);
-    // A select of the setup keeps the focus when it opens another system.
+    // A select in the setup keeps the focus after it has opened another system.
     await setup(page, "Vehicle").focus();
     await opening(page, () => page.keyboard.press("h"));
     assert.equal(await page.evaluate(() => (document.activeElement as HTMLElement).dataset["key"]), "vehicle");

@@ -1,7 +1,7 @@
 /**
- * A test double of the engine: it speaks the protocol without a simulation, so that tests can cause what the real engine does not do on demand.
- * Vehicles move by sine functions. The controller `Endless` never returns from 1 s on, `Broken` fails at 1 s, `Rollover` ends both systems
- * at 4 s.
+ * A mock engine: it implements the protocol without a simulation, to cause failures that the real engine does not cause on demand.
+ * Vehicles move by sine functions. The controller `Endless` stops responding at 1 s, `Broken` fails at 1 s, and `Rollover` ends both
+ * systems at 4 s.
  */
 
 import type { Adjustable, Catalog, Column, Controller, Event, FmuFile, Opened, Request, Response, Setup, Vehicle } from "../../lab/src/protocol";
@@ -24,7 +24,7 @@ const SPEED = adjustable("speed", "Speed", "m/s", 5, 30, 20);
 /** Columns of each vehicle. */
 const columnsOf = new Map<string, Column[]>();
 
-/** The vehicles among the FMUs: geometry and outputs are those of their descriptions. */
+/** The vehicles among the FMUs, with parameters and outputs from their descriptions. */
 function vehicles(fmus: FmuFile[]): Vehicle[] {
   return fmus.flatMap(({ name: fmu, description }) => {
     const variables = [...description.matchAll(/<ScalarVariable ([^>]*)>\s*<(\w+)([^>]*)/g)].map(([, head, , type]) => {
