@@ -290,7 +290,9 @@ fn texts(version: FmiVersion, entries: &[Entry], name: &[u8]) -> Checked<String>
         ensure(!text.trim().is_empty(), || "an empty message".to_owned())?;
         ensure(!text.contains("internal error"), || format!("a panic: {text}"))?;
         ensure(!entry.category.is_empty(), || format!("a message without category: {text}"))?;
-        ensure(version == FmiVersion::V3 || entry.name == name, || format!("a message with the name of another instance: {text}"))?;
+        ensure(version == FmiVersion::V3 || entry.name == name, || {
+            format!("a message with the name of another instance: {text}")
+        })?;
         all.push_str(&text);
     }
     Ok(all)
@@ -406,7 +408,9 @@ impl<'a> Fuzzer<'a> {
             last.push_str(&format!(" {message:.200}"));
         }
         let named = message.strip_prefix(name).is_some_and(|rest| rest.starts_with([':', ' ']));
-        ensure(named || !message.starts_with("fmi"), || format!("{name} logged the name of another function: {message}"))?;
+        ensure(named || !message.starts_with("fmi"), || {
+            format!("{name} logged the name of another function: {message}")
+        })?;
         match status {
             ERROR => ensure(!entries.is_empty(), || format!("{name} was rejected without a reason"))?,
             DISCARD if slot.all_logged => {

@@ -244,7 +244,11 @@ fn an_fmu_is_made_only_of_what_belongs_to_it() {
     for fmu in all() {
         let other = Instance::instantiate(&fmu.library, "a", "{00000000-0000-0000-0000-000000000000}", false);
         let message = rejected(other);
-        assert!(message.contains(&fmu.description.guid), "{}: the message does not contain the expected GUID: {message}", fmu.name);
+        assert!(
+            message.contains(&fmu.description.guid),
+            "{}: the message does not contain the expected GUID: {message}",
+            fmu.name
+        );
         assert!(
             rejected(Instance::instantiate(&fmu.library, "", &fmu.description.guid, false)).contains("instanceName")
         );
