@@ -321,7 +321,6 @@ class Ride:
 
 
 def constant(coefficient: float, count: int) -> Array:
-    """Return the same coefficient for every grid point."""
     return np.full(count, coefficient)
 
 
@@ -346,7 +345,6 @@ def from_front_axle() -> Signals:
 
 
 def from_rear_axle() -> Signals:
-    """Return delayed tracks that start at the rear axle."""
     ride = Ride(3.0, lambda t: 20.0 + 0.0 * t)
     count = ride.points(0.01)
     left = shaped(3, 0, constant(100e-6, count), 0.0006, 0.01, -math.floor(4.6 / 0.01))
@@ -380,7 +378,6 @@ HEIGHTS = {
 
 
 def table() -> Signals:
-    """Return delayed tracks over a table."""
     ride = Ride(3.0, lambda t: 10.0 + 5.0 * t)
     rows, heights = np.array(HEIGHTS["distance"]), np.array(HEIGHTS["height_left"])
 
@@ -465,7 +462,6 @@ def sensor_noisy() -> Signals:
 
 
 def sensor_default() -> Signals:
-    """Return a sensor with the start values."""
     return sensor(0, 0.0, 0.0, 1, 0.0)
 
 
@@ -507,7 +503,6 @@ def actuator_limited() -> Signals:
 
 
 def actuator_default() -> Signals:
-    """Return an actuator with the start values."""
     return actuator(0.01, 1e9, -1e9, 1e9, 0.0)
 
 

@@ -88,7 +88,6 @@ def build(folder: Path, value: str = "a + 10 * b + 100 * c", before: str = "", n
 
 
 def write(folder: Path, study: str, scenario: str = SCENARIO) -> Path:
-    """Write scenario and study; returns the path of the study."""
     (folder / "function.toml").write_text(scenario)
     path = folder / "study.toml"
     path.write_text(f'title = "A study"\nscenario = "function.toml"\n{study}')

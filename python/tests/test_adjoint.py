@@ -89,7 +89,6 @@ def nominal_of(variable: ModelVariable) -> float:
 
 
 def started(path: Path, description: ModelDescription) -> fmpy.fmi3.FMU3Model:
-    """Return an instance in Continuous-Time Mode."""
     instance = fmpy.instantiate_fmu(str(fmpy.extract(str(path))), description, "ModelExchange")
     instance.enterInitializationMode(startTime=0.0)
     instance.exitInitializationMode()

@@ -58,7 +58,6 @@ def name_of(package: str) -> str:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the FMUs."""
     folder = tmp_path_factory.mktemp("fmus")
     command = [*CARGO_FMU, "pack", *PACKAGES, "--out", str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)

@@ -46,7 +46,6 @@ def call(*command: str) -> str:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the FMUs of all examples."""
     folder = tmp_path_factory.mktemp("examples")
     call(*CARGO_FMU, "pack", *NAMES, "--out", str(folder))
     return folder

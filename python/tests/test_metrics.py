@@ -54,8 +54,6 @@ def evaluate(metric: Metric, times: Signal, values: Signal, step: float, until: 
 
 
 def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Recording | None = None) -> float | None:
-    """Return a metric of a recording with columns of a plan."""
-
     def columns(of: Recording) -> dict[int, Array]:
         return {i: of.values[c.name].astype(np.float64) for i, c in enumerate(plan.columns) if c.name in of.values}
 

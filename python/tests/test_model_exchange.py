@@ -49,8 +49,6 @@ FLOOR = 1e-6
 
 
 class Fmu:
-    """An unpacked FMU and its description."""
-
     def __init__(self, path: Path, folder: Path) -> None:
         fmpy.extract(str(path), str(folder))
         self.folder = folder
@@ -109,7 +107,6 @@ def read(instance: Any, variables: Sequence[ScalarVariable]) -> list[float]:
 
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
-    """Return all FMUs of the library by name."""
     paths = sorted(FOLDER.glob("*.fmu"))
     assert len(paths) > 20, "run `cargo fmu pack --all`"
     folder = tmp_path_factory.mktemp("fmus")

@@ -49,7 +49,6 @@ def recordings() -> dict[Key, Recording]:
 
 
 def panels(plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None) -> list[Panel]:
-    """Return the panels of a figure for runs of the first seed."""
     shown = Recordings(plan)
     shown.first = found
     return figures.panels(plan, figure, shown, numbers or Numbers(plan, {}))

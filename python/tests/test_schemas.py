@@ -52,7 +52,6 @@ def test_mistakes_do_not_fit(kind: str, text: str) -> None:
 
 
 def keys(part: Any) -> Iterator[tuple[str, Any]]:
-    """Iterate over all keys that a schema describes."""
     if isinstance(part, dict):
         if part.get("type") == "object":
             yield from part.get("properties", {}).items()

@@ -777,7 +777,6 @@ def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
 
 
 def job(folder: Path, study: str, scenario: str) -> Job:
-    """Return the job of a study."""
     path = write(folder, study, scenario)
     return Job(load_study(path, [folder / "fmus"]), path, [folder / "fmus"])
 

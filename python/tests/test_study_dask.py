@@ -70,7 +70,6 @@ class Cluster:
         return self._start("worker", self.address, *options, **environment)
 
     def workers(self) -> int:
-        """Return the number of workers that the scheduler knows."""
         dask: Any = distributed
         with dask.Client(self.address) as client:
             return len(client.nthreads())
@@ -116,7 +115,6 @@ def arguments(folder: Path, out: str, *options: str) -> list[str]:
 
 
 def start(folder: Path, cluster: Cluster, *options: str) -> subprocess.Popen[bytes]:
-    """Start the study in another process."""
     return study_system.start(arguments(folder, "dask", f"--dask={cluster.address}", *options), folder, cwd=folder)
 
 

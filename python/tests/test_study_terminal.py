@@ -13,7 +13,6 @@ UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
 
 
 def shown(folder: Path, study: str, capsys: pytest.CaptureFixture[str], *options: str, code: int = 0) -> str:
-    """Run a study; returns its output."""
     path = write(folder, study, SCENARIO) if study else folder / "study.toml"
     given = [str(path), "--fmus", str(folder / "fmus"), "--out", str(folder / "out"), "--overwrite", *options]
     assert study_system.carry_out(given) == code

@@ -55,7 +55,6 @@ def by_schema(path: Path) -> list[str]:
 
 
 def by_fmpy(path: Path) -> list[str]:
-    """Return the findings of `fmpy validate`."""
     return list(validate_fmu(str(path)))
 
 

@@ -14,7 +14,6 @@ const TIME = "Time (s)";
 const HEIGHT = 340;
 /** Free space beside the curves, as a share of their extent. */
 const ROOM = 0.05;
-/** Radius of marks, px. */
 const MARK = 3.5;
 /** Scatter plots with more points have translucent ones, which show their density. */
 const OPAQUE = 40;
@@ -36,7 +35,6 @@ interface Drawn {
   digits: [number, number];
 }
 
-/** Smallest and largest of the values. */
 function extent(values: number[]): Range {
   return [values.reduce((m, v) => Math.min(m, v), Infinity), values.reduce((m, v) => Math.max(m, v), -Infinity)];
 }
@@ -49,7 +47,6 @@ export class Curve extends Plane {
   #at = new Map<Drawn, number>();
   /** Whether the cursor was set in this plot, not by another one. */
   #isOwn = false;
-  /** The mark of each line. */
   #marks = new Map<Drawn, HTMLElement>();
 
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
@@ -75,7 +72,6 @@ export class Curve extends Plane {
     return axis.range === null ? withRoom(...extent(values), axis.log, ROOM) : [axis.range[0], axis.range[1]];
   }
 
-  /** Whether both axes have the same scale. */
   get #isMap(): boolean {
     return this.panel.kind === "map";
   }
@@ -168,7 +164,6 @@ export class Curve extends Plane {
     this.draw();
   }
 
-  /** Draws a line. */
   #paint(plot: uPlot, drawn: Drawn): void {
     const { ctx } = plot;
     const { line, xs, begins } = drawn;
@@ -203,7 +198,6 @@ export class Curve extends Plane {
     }
   }
 
-  /** Finds the point nearest to the mouse. */
   protected find(plot: uPlot): void {
     const { left = -1, top = -1 } = plot.cursor;
     let [found, least]: [[Drawn, number] | null, number] = [null, Infinity];

@@ -2,7 +2,6 @@
 
 type Attributes = { [name: `aria-${string}` | `data-${string}`]: string; role?: string };
 
-/** Makes an element with properties, attributes and children. */
 export function element<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   properties: Partial<Omit<HTMLElementTagNameMap[K], "style" | "role">> & Attributes = {},
@@ -23,7 +22,6 @@ export function button(text: string, action: () => void, label = text): HTMLButt
   return element("button", { type: "button", textContent: text, onclick: action, ...hint });
 }
 
-/** Makes a toggle button. */
 export function toggle(text: string, label: string, on: boolean, change: (on: boolean) => void): HTMLButtonElement {
   const result = button(text, () => {
     const now = result.getAttribute("aria-pressed") !== "true";
@@ -34,12 +32,10 @@ export function toggle(text: string, label: string, on: boolean, change: (on: bo
   return result;
 }
 
-/** Makes a group of controls with a title. */
 export function group(title: string, controls: HTMLElement[]): HTMLElement {
   return element("div", { className: "group", role: "group", "aria-label": title }, element("span", {}, title), ...controls);
 }
 
-/** Returns a color from the page's style. */
 export function color(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }

@@ -3,7 +3,6 @@
 import { element } from "./dom";
 import type { Axis, Unit } from "./page-data";
 
-/** Characters of an exponent. */
 const RAISED: Record<string, string> = Object.fromEntries([..."-0123456789"].map((sign, i) => [sign, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"[i]!]));
 
 /** Formats a number with up to `digits` significant digits, with a typographic minus sign and without trailing zeros. */
@@ -28,7 +27,6 @@ export function measured(value: number, digits: number, unit: Unit): (string | N
   return [" ", element("b", {}, text(value, digits)), unit.name === "" ? "" : ` ${unit.name}`];
 }
 
-/** Returns the title of an axis with its unit. */
 export function axisTitle(axis: Axis, unit: Unit): string {
   return `${axis.title} (${unit.name === "" ? "–" : unit.name})`;
 }

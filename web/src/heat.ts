@@ -22,7 +22,6 @@ const COLORS: readonly (readonly [number, number, number])[] = [
   [253, 231, 37],
 ];
 
-/** Returns the color for a share of the range. */
 function colorAt(share: number): [number, number, number] {
   const place = Math.max(0, Math.min(1, share)) * (COLORS.length - 1);
   const low = Math.min(COLORS.length - 2, Math.floor(place));

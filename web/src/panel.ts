@@ -9,7 +9,6 @@ import type { State } from "./state";
 import { ticks } from "./ticks";
 
 export const DASHES: readonly (readonly number[])[] = [[], [8, 4], [2, 4]];
-/** Marks in legends. */
 const DOT = '<circle cx="12" cy="5" r="3.5"/>';
 const CROSS = '<path d="m8.5 1.5 7 7m-7 0 7-7"/>';
 /** Height of the abscissa's title and numbers, px. */
@@ -27,13 +26,11 @@ export function lineKey(stroke: string, dashes: readonly number[] | null, mark =
   return svg;
 }
 
-/** Style of the axes of all plots. */
 export function axisStyle(): uPlot.Axis {
   const font = `12px ${getComputedStyle(document.body).fontFamily}`;
   return { stroke: () => color("muted"), grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false }, font, labelFont: font };
 }
 
-/** Width of a text on an axis, px. */
 function widthOf(title: string): number {
   const context = element("canvas").getContext("2d")!;
   context.font = axisStyle().font as string;
@@ -161,7 +158,6 @@ export abstract class Frame {
     }
   }
 
-  /** Called after the width has changed. */
   protected resized(): void {}
 
   #pan(plot: uPlot, start: MouseEvent): null {
@@ -206,7 +202,6 @@ export abstract class Frame {
 
 /** A panel whose lines have no common abscissa; each series has its own paint function. */
 export abstract class Plane extends Frame {
-  /** Moves the cursor to the mouse position. */
   protected abstract find(plot: uPlot): void;
 
   /** Makes the plot; each series has a paint function and its coordinates. */

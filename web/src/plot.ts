@@ -26,7 +26,6 @@ interface Drawn {
   noisy: boolean;
   /** Whether all recorded samples are loaded, or not available. */
   isFull: boolean;
-  /** Number of its series in uPlot. */
   series: number;
 }
 
@@ -243,7 +242,6 @@ export class Plot extends Frame {
     this.element.dataset["vertical"] = `${min} ${max}`;
   }
 
-  /** Draws the levels with their titles. */
   #levels(plot: uPlot): void {
     const { ctx, bbox } = plot;
     const [card, ink, size] = [color("card"), color("ink"), 11 * devicePixelRatio];

@@ -15,7 +15,6 @@ async function read(file: string): Promise<Columns> {
   return new Map(head.split(",").map((name, i) => [name, rows.map((row) => Number(row[i]))]));
 }
 
-/** Whether files can be read. */
 export const isReadable = location.protocol.startsWith("http");
 
 /** Returns times and values of a signal; null if the file does not exist. */

@@ -7,7 +7,6 @@ export class State {
   readonly seeds = new Set<number>();
   /** Whether the means over the seeds are shown, with their spread. */
   mean: boolean;
-  /** Whether numbers are in base units. */
   base = false;
   readonly #listeners: (() => void)[] = [];
   readonly #watchers: ((time: number | null, source: object) => void)[] = [];
@@ -19,7 +18,6 @@ export class State {
     if (first !== undefined) this.seeds.add(first);
   }
 
-  /** Calls a function after every change. */
   listen(listener: () => void): void {
     this.#listeners.push(listener);
   }
@@ -39,7 +37,6 @@ export class State {
     for (const watcher of this.#watchers) watcher(time, source);
   }
 
-  /** Whether a line is visible. */
   shows(line: Line): boolean {
     if (line.case !== null && !this.cases.has(line.case)) return false;
     if (line.kind === "mean") return this.mean;

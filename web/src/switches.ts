@@ -41,7 +41,6 @@ export function caseSwitches(data: PageData, state: State, title: string, figure
   return element("div", { className: "switches" }, ...(toggles.length > 1 ? [group(title, toggles)] : []));
 }
 
-/** Makes the page's bar of switches. */
 export function switches(data: PageData, state: State): HTMLElement {
   const bar = caseSwitches(data, state, "Cases");
   const lines = data.figures.flatMap((figure) => figure.panels.flatMap((panel) => panel.lines));

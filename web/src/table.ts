@@ -5,7 +5,6 @@ import { button, element, group, toggle } from "./dom";
 /** Tables with more rows than this can be shown as a matrix. */
 const LONG = 40;
 
-/** Returns the text of a cell in one line. */
 function textOf(cell: HTMLTableCellElement): string {
   return cell.dataset["text"] ?? (cell.innerText ?? "").replace(/\s+/g, " ").trim();
 }

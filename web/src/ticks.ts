@@ -14,7 +14,6 @@ export function logTicks(low: number, high: number): number[] {
   return powers.flatMap((power) => factors.map((factor) => Number(`${factor}e${power}`))).filter((tick) => tick >= low && tick <= high);
 }
 
-/** The numbers beside an axis. */
 export function ticks({ log }: Axis): Pick<uPlot.Axis, "values" | "splits" | "filter"> {
   const values = (_: uPlot, splits: number[]) => splits.map((tick) => text(tick, 6));
   return log ? { values, splits: (_plot, _axis, low, high) => logTicks(low, high), filter: (_plot, splits) => splits } : { values };

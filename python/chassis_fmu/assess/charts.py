@@ -86,7 +86,6 @@ def _speed(source: Source, maneuver: str) -> str:
 
 
 def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple[Conversion, ...]]]) -> list[Panel]:
-    """Return the panels of a run's signals over time."""
     panels = []
     for signal, title, units in signals:
         lines = [

@@ -186,7 +186,6 @@ class _Shown:
     rows: slice
 
     def line(self, kind: LineKind, title: str, column: Column, *, right: bool = False) -> Line:
-        """Return the line of a signal."""
         times, values = self.recording.times[self.rows], self.recording.values[column.name][self.rows]
         stem, name = self.run.stem, column.name
         return Line(kind, title, times, values, self.case, self.run.seed, run=stem, signal=name, right=right)

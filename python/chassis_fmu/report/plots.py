@@ -233,7 +233,6 @@ def _draw_line(
     is_widest: bool,
     key: _Key,
 ) -> None:
-    """Draw a line with values in the displayed units."""
     color = color_of(cases, line.case)
     if line.kind == "reference":
         # In the text color if the panel shows one case, otherwise in the color of the case.
@@ -287,7 +286,6 @@ def borders(centers: Array, *, log: bool) -> Array:
 
 
 def _draw_cells(ax: Axes, panel: Panel) -> None:
-    """Draw a heat map with its color bar."""
     line, z = panel.lines[0], panel.z or panel.y
     units = [axis.units[0] for axis in (panel.x, panel.y, z)]
     columns = (line.x, line.y, line.y if line.z is None else line.z)
@@ -319,7 +317,6 @@ class _Decades(LogFormatter):
     """Numbers of a logarithmic axis, also between its decades where there is room."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """Format a number as in the tables."""
         return tables.scientific(x) if super().__call__(x, pos) else ""
 
 
@@ -328,7 +325,6 @@ NUMBERS = FuncFormatter(lambda value, _: tables.scientific(0.0 if abs(value) < 1
 
 
 def _scale(ax: Axes, panel: Panel) -> None:
-    """Set scales and numbers of the axes."""
     for axis, scale, drawn in ((panel.x, ax.set_xscale, ax.xaxis), (panel.y, ax.set_yscale, ax.yaxis)):
         if axis.log:
             scale("log")
@@ -387,7 +383,6 @@ def _draw_panel(
 
 
 def _right_axis(ax: Axes, label: str) -> Axes:
-    """Return a second vertical axis of a panel."""
     right = ax.twinx()
     right.grid(visible=False)
     right.spines["right"].set_visible(True)

@@ -135,7 +135,6 @@ def _edges(values: Array) -> Array:
 
 
 def _steps(values: Array, count: int) -> tuple[Array, Array]:
-    """Return the steps of a cumulative distribution."""
     shares = np.arange(1, values.size + 1) / count
     if values.size > MOST_STEPS:
         rows = np.unique(np.linspace(0, values.size - 1, MOST_STEPS).astype(np.intp))
@@ -146,7 +145,6 @@ def _steps(values: Array, count: int) -> tuple[Array, Array]:
 
 
 def _outline(values: Array, edges: Array) -> tuple[Array, Array]:
-    """Return the outline of a histogram."""
     counts, _ = np.histogram(values, edges)
     shares = counts / max(1, values.size)
     x = np.repeat(edges, 2)
@@ -267,7 +265,6 @@ def _cloud(x: Array, y: Array, case: Case | None, *, title: str | None = None) -
 
 
 def _means(of: Array, values: Array, case: Case) -> Line | None:
-    """Return the line of the means at each level of a factor."""
     known = np.isfinite(values)
     if not known.any():
         return None
@@ -341,7 +338,6 @@ def history_cases(numbers: Numbers, recorded: Recorded) -> dict[tuple[int, int],
 
 
 def _setting(numbers: Numbers, factor: int, number: int) -> str:
-    """Format the value of a factor in a sample."""
     of, value = numbers.job.study.vary[factor], numbers.values[factor][number]
     if of.fmu is not None:
         return str(value)

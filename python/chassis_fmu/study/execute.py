@@ -96,7 +96,6 @@ class Result:
 
 
 def _header(path: Path) -> dict[str, Any]:
-    """Read the header of a journal."""
     try:
         with path.open(encoding="utf-8") as file:
             found = json.loads(file.readline())

@@ -304,7 +304,6 @@ def _without_paths(text: str, hashes: Mapping[str, str]) -> str:
 
 
 def _in_unit(factor: Factor, variable: Variable, value: Value) -> Value:
-    """Return a value of a factor in the unit of a variable."""
     if isinstance(value, str | bool) or factor.distribution == "seed":
         return value
     if factor.relative and isinstance(variable.value, float):

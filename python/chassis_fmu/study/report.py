@@ -307,7 +307,6 @@ def _columns(metrics: Sequence[Metric], at: int) -> list[int]:
 
 
 def _failed(numbers: Numbers) -> list[tuple[str, list[Done]]]:
-    """Return the rows of each status other than "ok"."""
     found: dict[str, list[Done]] = {}
     for key in sorted(numbers.rows):
         done = numbers.rows[key]
@@ -406,7 +405,6 @@ def console(numbers: Numbers) -> str:
 
 
 def _found(numbers: Numbers, best: Found) -> str:
-    """Describe the result of a search."""
     job = numbers.job
     units = {factor.name: tables.pretty_unit(job.unit(factor)) for factor in job.study.vary}
     texts = {name: f"{v:g}" if isinstance(v, float) else str(v) for name, v in best.values.items()}

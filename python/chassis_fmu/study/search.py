@@ -68,7 +68,6 @@ def _explained(what: str) -> Iterator[None]:
 
 
 def _suggest(trial: Any, factor: Factor) -> Value:
-    """Let Optuna choose a value of a factor."""
     levels = factor.levels
     if levels is not None:
         chosen: Value = trial.suggest_categorical(factor.name, levels)

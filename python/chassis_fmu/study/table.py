@@ -49,7 +49,6 @@ def timing(job: Job, rows: Rows) -> pa.Table:
 
 
 def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
-    """Return the columns that identify the run of a row."""
     return [
         (pa.field("sample", pa.int64()), [number for number, _ in sorted(rows)]),
         (pa.field("case", pa.string()), [job.cells[cell].case for _, cell in sorted(rows)]),
@@ -58,6 +57,5 @@ def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
 
 
 def _table(columns: Sequence[tuple[pa.Field, Any]]) -> pa.Table:
-    """Return a table from fields and their values."""
     schema = pa.schema([field for field, _ in columns])
     return pa.table([pa.array(of, field.type) for field, of in columns], schema=schema)

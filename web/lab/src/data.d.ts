@@ -2,12 +2,10 @@
 declare module "lab:data" {
   /** The core as WebAssembly, packed. */
   export const core: string;
-  /** Code of the worker. */
   export const worker: string;
   /** JSON with scenarios and the files they include, by path, packed. */
   export const texts: string;
   /** JSON with the modelDescription.xml of all FMUs, by name, packed. */
   export const descriptions: string;
-  /** Names of the FMUs. */
   export const names: string[];
 }

@@ -46,7 +46,6 @@ export function isControl(target: EventTarget | null): boolean {
 export const unitText = (unit: string): string =>
   unit === "1" ? "" : unit.replaceAll(/([A-Za-z)])2/g, "$1²").replaceAll(/([A-Za-z)])3/g, "$1³").replaceAll(".", "·");
 
-/** Offers a file for download. */
 export function download(name: string, content: Uint8Array): void {
   const url = URL.createObjectURL(new Blob([content as Uint8Array<ArrayBuffer>]));
   element("a", { href: url, download: name }).click();
@@ -58,7 +57,6 @@ export function region(label: string, className: string, content: HTMLElement): 
   return element("div", { className, tabIndex: 0, role: "region", "aria-label": label }, content);
 }
 
-/** Makes a note in a panel. */
 export const note = (text: string): HTMLElement => element("p", { className: "note" }, text);
 
 export const darkMode = matchMedia("(prefers-color-scheme: dark)");

@@ -3,7 +3,6 @@
 import type { Event, Request, Response } from "./protocol";
 
 type WithoutId<T> = T extends { id: number } ? Omit<T, "id"> : never;
-/** Requests that get a response. */
 export type Query = WithoutId<Request>;
 export type Command = Exclude<Request, { id: number }>;
 type Answer<K extends Response["kind"]> = Extract<Response, { kind: K }>;

@@ -23,7 +23,6 @@ const waiting = new Map<string, (content: unknown) => void>();
 
 Object.assign(window, { chassisLab: { register: (name: string, content: unknown) => waiting.get(name)?.(content) } });
 
-/** Unpacks bytes that build-lab.mjs has packed. */
 export async function unpack(base64: string): Promise<Uint8Array> {
   return new Uint8Array(await inflated(base64, "deflate-raw"));
 }
@@ -57,7 +56,6 @@ export async function allFmus(): Promise<FmuFile[]> {
   return Object.entries(await allDescriptions()).map(([name, description]) => ({ name, description, module: null }));
 }
 
-/** Loads a part of an FMU from its script. */
 export function part<K extends keyof Parts>(name: string, kind: K): Promise<Parts[K]> {
   const key = `${name}.${kind}`;
   let found = loaded.get(key);

@@ -126,7 +126,6 @@ export class Model {
     return { system, values: {} };
   }
 
-  /** FMUs of a setup that are not available. */
   #absent({ system }: Setup): string[] {
     const vehicles = this.catalog?.vehicles ?? [];
     const known = new Set(vehicles.flatMap(({ fmu, controllers }) => [fmu, ...controllers.map((controller) => controller.fmu)]));
@@ -317,7 +316,6 @@ export class Model {
     return `${system.vehicle} ${count === 0 ? "without control" : count === 1 ? `with ${system.controllers[0]}` : `with ${count} controllers`}`;
   }
 
-  /** The maneuver or scenario. */
   get task(): string {
     const { catalog } = this;
     const system = this.setup?.system;
@@ -363,7 +361,6 @@ export class Model {
     return dropped.name;
   }
 
-  /** FMUs from the visitor in the open system. */
   #foreign(): string[] {
     const names = (this.opened?.systems ?? []).flatMap(({ components }) => components.map(({ fmu }) => fmu));
     const chosen = this.setup?.system.kind === "free" ? this.setup.system.controllers : [];

@@ -156,7 +156,6 @@ class LivePlot {
     this.read();
   }
 
-  /** Moves the line that marks the time shown. */
   mark(): void {
     const plot = this.#plot;
     if (plot === null) return;
@@ -275,7 +274,6 @@ export class Plots {
     for (const plot of this.#plots) plot.rebuild();
   }
 
-  /** Called for each frame of the display. */
   frame(now: number): void {
     if (this.#isStale && now > this.#drawn + PERIOD) {
       this.#isStale = false;

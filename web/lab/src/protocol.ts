@@ -21,7 +21,6 @@ export interface Choice {
 }
 
 export interface Vehicle {
-  /** Name of the FMU. */
   fmu: string;
   title: string;
   /** Controllers whose signals fit, each with the controllers that it needs. */
@@ -55,7 +54,6 @@ export interface Maneuver {
 }
 
 export interface ScenarioEntry {
-  /** File stem. */
   id: string;
   title: string;
   vehicle: string;
@@ -113,7 +111,6 @@ export interface Opened {
   stop: number;
   /** Time between two rows, s. */
   rowStep: number;
-  /** One or two. */
   systems: SystemInfo[];
   /** Center line of the path, and sections of cones (begin, end, right edge, left edge; m), if the maneuver has them. */
   path: [number, number][];
@@ -180,7 +177,6 @@ export type Request =
 
 export interface FmuFile {
   name: string;
-  /** modelDescription.xml */
   description: string;
   /** Absent until the system needs it. */
   module: Uint8Array | null;
@@ -207,7 +203,6 @@ export interface VariableInfo {
   description: string;
 }
 
-/** Events during a simulation. */
 export type Event =
   /** New rows of a system: `data` has `count` rows, each with its time and all columns. */
   | { kind: "rows"; system: number; branch: number; count: number; data: Float64Array }

@@ -19,7 +19,6 @@ class Track {
 
   constructor(
     readonly width: number,
-    /** Index of the first row. */
     readonly first: number,
     readonly parent: Track | null,
   ) {}
@@ -50,7 +49,6 @@ class Track {
   }
 }
 
-/** All branches of one system. */
 export class Recording {
   readonly #tracks = new Map<number, Track>();
   readonly #columns = new Map<string, number>();

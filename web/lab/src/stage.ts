@@ -150,7 +150,6 @@ export class Stage {
     byId("canvas").setAttribute("aria-label", `The vehicle at ${text(Number(this.model.time.toFixed(1)), 4)} s: ${sentence}${factor > 1 ? `; motion shown ${factor} times larger` : ""}`);
   }
 
-  /** Called for each frame of the display. */
   frame(seconds: number): void {
     const { model } = this;
     if (model.opened === null) return;

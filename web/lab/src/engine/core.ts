@@ -219,7 +219,6 @@ export class Core {
     return this.#exports.lab_time(system);
   }
 
-  /** New rows of a system. */
   rows(system: number, width: number): { count: number; data: Float64Array } {
     const count = this.#exports.lab_rows(system);
     const from = this.#exports.lab_rows_data(system) >>> 3;
@@ -234,7 +233,6 @@ export class Core {
     return JSON.parse(this.#memory.slice(this.#exports.lab_response(), length)) as { time: number; component: string; message: string } | null;
   }
 
-  /** Memory of the core and the FMUs, in bytes. */
   get size(): number {
     return [...this.#libraries.values()].reduce((sum, library) => sum + library.fmu.size, this.#memory.memory.buffer.byteLength);
   }

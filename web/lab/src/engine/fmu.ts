@@ -14,7 +14,6 @@ const callbackModule = trampolines(CALLBACKS);
 
 type Export = (...parameters: number[]) => number;
 
-/** The parts of the core that an FMU needs. */
 export interface Core {
   memory: Memory;
   /** Calls a function in the core's table. */
@@ -136,7 +135,6 @@ export class Fmu {
     return this.#scratch;
   }
 
-  /** Makes the functions that the core calls. */
   #make(callbacks: number): void {
     const functions: Record<string, Export> = {
       ...this.#texts(),
@@ -323,7 +321,6 @@ export class Fmu {
     };
   }
 
-  /** Memory of the FMU, in bytes. */
   get size(): number {
     return this.#memory.memory.buffer.byteLength;
   }

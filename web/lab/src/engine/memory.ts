@@ -36,7 +36,6 @@ export class Memory {
     this.now.words[address >>> 2] = value;
   }
 
-  /** Length of a C string. */
   length(address: number): number {
     const end = this.now.bytes.indexOf(0, address);
     return (end < 0 ? this.bytes.length : end) - address;
@@ -47,7 +46,6 @@ export class Memory {
     return address === 0 ? "" : this.slice(address, this.length(address));
   }
 
-  /** Text of a known length. */
   slice(address: number, length: number): string {
     return DECODER.decode(this.now.bytes.subarray(address, address + length));
   }

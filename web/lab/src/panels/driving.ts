@@ -108,7 +108,6 @@ export class DrivingPanel {
     return null;
   }
 
-  /** Called for each frame of the display. */
   frame(seconds: number): void {
     if (!this.#isActive) return;
     const pad = this.#gamepad();

@@ -40,7 +40,6 @@ export class MetricsPanel {
     model.on("failed", () => (this.#isStale = true));
   }
 
-  /** Called for each frame of the display. */
   frame(now: number): void {
     if (this.#isWaiting || !this.#isStale || this.model.opened === null) return;
     if (this.model.playing && now < this.#asked + PERIOD) return;

@@ -29,7 +29,6 @@ export class SetupPanel {
     model.on("catalog", () => this.show());
   }
 
-  /** Shows the setup that is open. */
   show(): void {
     const { setup, catalog } = this.model;
     if (setup === null || catalog === null) return;

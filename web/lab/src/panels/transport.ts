@@ -44,7 +44,6 @@ export class Transport {
     this.model.scrub(this.model.time + step);
   }
 
-  /** Called for each frame of the display. */
   frame(): void {
     const { opened, time, playing, isFinished } = this.model;
     if (opened === null) return;

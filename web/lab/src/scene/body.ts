@@ -78,7 +78,6 @@ function arched(bottom: number, top: Point[], arches: number[], center: number, 
 
 const axlesOf = (shape: Shape): number[] => [...new Set(shape.wheels.map(({ x }) => x))];
 
-/** Lamps at both ends. */
 function lamps(kit: Kit, front: number, rear: number, y: number, z: number, size: number): void {
   kit.boxes("white", [front - 0.02, y - 1.6 * size, z], [front + 0.03, y, z + 0.8 * size], 0.02);
   kit.boxes("red", [rear - 0.03, y - 1.2 * size, z], [rear + 0.02, y, z + 0.8 * size], 0.02);

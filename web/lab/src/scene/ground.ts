@@ -66,7 +66,6 @@ export interface GroundColors {
   twin: string;
 }
 
-/** A strip along points. */
 function ribbon(points: [number, number][], width: number, dash: number): BufferGeometry {
   const positions: number[] = [];
   let way = 0;
@@ -168,7 +167,6 @@ export class Ground {
     this.trails = this.#newTrails();
   }
 
-  /** Draws the course of a maneuver. */
   open(opened: Opened): void {
     for (const child of [...this.#course.children]) {
       child.removeFromParent();

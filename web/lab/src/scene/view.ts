@@ -221,7 +221,6 @@ export class View {
     if (adapts) this.#adapt(seconds);
   }
 
-  /** Lowers the quality if frames take too long. */
   #adapt(seconds: number): void {
     this.#frames += 1;
     this.#seconds += seconds;
