@@ -1,6 +1,5 @@
-//! Native code of the Python package `chassis_fmu`: metrics of arrays, and runs of scenarios.
-//!
-//! `chassis_fmu/_native.pyi` has the types.
+//! Native code of the Python package `chassis_fmu`: metrics of arrays, and runs of scenarios. `chassis_fmu/_native.pyi`
+//! declares the types for Python.
 
 mod metrics;
 mod session;

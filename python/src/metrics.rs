@@ -1,4 +1,4 @@
-//! Metrics of arrays, which are not copied. `chassis_fmu.evaluation.metrics` is the interface for users.
+//! Metrics of NumPy arrays, which are not copied. `chassis_fmu.evaluation.metrics` is the interface in Python.
 
 use fmu_system::metrics::{self, Columns, Definition, Kind};
 use fmu_system::{requirements, typography};
@@ -11,14 +11,14 @@ use serde::de::IntoDeserializer as _;
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-create_exception!(chassis_fmu._native, MetricError, PyException, "A metric that has no number.");
+create_exception!(chassis_fmu._native, MetricError, PyException, "A metric that cannot be computed.");
 
 pub(crate) type Array<'py> = PyReadonlyArray1<'py, f64>;
 
 /// The columns of a recording, by their index in the plan.
 pub(crate) type Arrays<'py> = BTreeMap<usize, Array<'py>>;
 
-/// Name and definition of a metric of a plan, from its JSON.
+/// Reads the name and definition of a plan's metric from JSON.
 fn read(metric: &[u8]) -> PyResult<(String, Definition)> {
     #[derive(Deserialize)]
     struct Named {
@@ -51,7 +51,7 @@ pub(crate) fn value(
     value.map_err(|error| failed(&name, error))
 }
 
-/// The formula of a kind of metric in words.
+/// The formula of a kind of metric, as text.
 #[pyfunction]
 pub(crate) fn formula(kind: &str) -> PyResult<&'static str> {
     let found: Result<Kind, serde::de::value::Error> = Kind::deserialize(kind.into_deserializer());
@@ -70,7 +70,7 @@ pub(crate) fn is_enough(kept: usize, of: usize, share: f64) -> bool {
     requirements::is_enough(kept, of, share)
 }
 
-/// First row, row after the last one, and the values between them.
+/// First row, row after the last one, and the values of these rows.
 pub(crate) type Running<'py> = (usize, usize, Bound<'py, PyArray1<f64>>);
 
 #[pyfunction]
@@ -127,7 +127,7 @@ pub(crate) fn transfer<'py>(
     let copied = |array: Array<'_>| array.as_slice().map(<[f64]>::to_vec);
     let (input, output) = (copied(given)?, copied(found)?);
     let (real, imaginary) = (copied(real)?, copied(imaginary)?);
-    // The frequencies have no effect.
+    // The frequencies do not affect the result.
     let frequencies = vec![0.0; input.len()];
     let metrics::Transfer { gain, phase, coherence } =
         metrics::Cross { frequencies, input, output, real, imaginary }.transfer();
@@ -140,7 +140,7 @@ pub(crate) fn window(times: Array<'_>, window: Option<[f64; 2]>, step: f64) -> P
     Ok((rows.start, rows.end))
 }
 
-/// Formats a number with these decimals, or with four significant digits.
+/// Formats a number with `digits` decimals, or with four significant digits.
 #[pyfunction]
 pub(crate) fn number(value: f64, digits: Option<u8>) -> String {
     typography::number(value, digits)
@@ -158,7 +158,7 @@ pub(crate) fn unit(name: &str) -> String {
     typography::unit(name)
 }
 
-/// Formats limits, of which one may be missing, in a formatted unit.
+/// Formats limits with a formatted unit; one of them can be missing.
 #[pyfunction]
 pub(crate) fn limits(min: Option<f64>, max: Option<f64>, unit: &str) -> String {
     typography::limits([min, max], unit)

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A run between two steps: its inputs can be overwritten, its signals read, its state saved and restored.
+/// A run that advances step by step. Inputs can be overwritten, signals read, and states saved and restored.
 #[pyclass(frozen, module = "chassis_fmu._native")]
 pub(crate) struct Session(Mutex<Inner>);
 
@@ -23,8 +23,8 @@ struct Inner {
 
 #[pymethods]
 impl Session {
-    /// Instantiates and initializes a run of the plan in this process. `inputs` are overwritten by `step`, `columns` are read by
-    /// `read`.
+    /// Instantiates and initializes a run of the plan in this process. `step` overwrites `inputs`, `read` returns
+    /// `columns`.
     #[new]
     fn new(
         py: Python<'_>,
@@ -63,7 +63,7 @@ impl Session {
         self.inner(py).session.time()
     }
 
-    /// Number of communication steps that are done.
+    /// Number of completed communication steps.
     #[getter]
     fn steps(&self, py: Python<'_>) -> u64 {
         self.inner(py).session.steps()
@@ -75,8 +75,8 @@ impl Session {
         self.inner(py).session.is_over()
     }
 
-    /// Makes communication steps, but none beyond the stop time. `values` overwrites the inputs from now on; without it, they are
-    /// unchanged.
+    /// Makes communication steps, up to the stop time. `values` overwrites the inputs for these and later steps; None
+    /// keeps the previous values.
     #[pyo3(signature = (count=1, values=None))]
     fn step(&self, py: Python<'_>, count: u64, values: Option<PyReadonlyArray1<'_, f64>>) -> PyResult<()> {
         let values = values.map(|values| values.as_array().to_vec());
@@ -103,7 +103,7 @@ impl Session {
         done.map_err(run_failure)
     }
 
-    /// The columns at this time.
+    /// The values of the columns at the current time.
     fn read<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let inner = self.inner(py);
         let values: Vec<f64> =
@@ -138,7 +138,8 @@ impl Session {
 }
 
 impl Session {
-    /// Another thread may hold this lock without the interpreter's: release the latter while waiting.
+    /// Releases the interpreter's lock while it waits, because the thread that holds this lock may wait for the
+    /// interpreter's.
     fn inner(&self, py: Python<'_>) -> MutexGuard<'_, Inner> {
         use pyo3::sync::MutexExt as _;
         self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)

@@ -1,4 +1,4 @@
-//! Runs of a scenario with other values: in this process, or in worker processes.
+//! Runs of a scenario with changed values, in this process or in worker processes.
 
 use fmu_import::description::{BaseType, Value, Variable};
 use fmu_import::fmu::Fmu;
@@ -28,7 +28,7 @@ create_exception!(
     chassis_fmu._native,
     RunFailedError,
     PyException,
-    "A run that failed: time in s or None, and a message."
+    "A run that failed: time (s) or None, and a message."
 );
 
 pub(crate) fn error(error: impl std::fmt::Display) -> PyErr {
@@ -47,7 +47,7 @@ pub(crate) fn study(file: PathBuf, folders: Vec<PathBuf>, runs: Option<u64>) -> 
     found.map(|study| study.json().to_string()).map_err(|problem| error(problem.lines().join("\n")))
 }
 
-/// A value from Python; `bool` before `int`, of which it is a subclass.
+/// A value from Python. `bool` is tried before `int`, because it is a subclass of `int`.
 #[derive(FromPyObject)]
 pub(crate) enum Given {
     Boolean(bool),
@@ -57,7 +57,7 @@ pub(crate) enum Given {
 }
 
 impl Given {
-    /// Converts to a value of a variable: integers are valid as Reals, names of modes as Integers.
+    /// Converts to a value of a variable. Integers are valid for Reals, names of enum values for Integers.
     fn of(self, variable: &Variable) -> Result<Value, String> {
         let value = match (self, variable.base_type) {
             (Self::Integer(value), BaseType::Real) => Value::Real(f64::from(value)),
@@ -91,7 +91,7 @@ fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     })
 }
 
-/// Component, variable, value.
+/// A changed value: component, variable, value.
 pub(crate) type Changed = (String, String, Given);
 
 /// A finished run: sample, run, numbers, status, time, component, variable, message, seconds.
@@ -113,7 +113,7 @@ fn done(row: Row) -> Done {
 /// A resolved scenario with its FMUs.
 #[pyclass(frozen, module = "chassis_fmu._native")]
 pub(crate) struct System {
-    /// Plan that records the signals of the scenario.
+    /// The plan, which records the signals of the scenario.
     plan: Plan,
     batch: Batch,
     /// The FMUs loaded in this process.
@@ -150,8 +150,8 @@ impl System {
         serde_json::to_string(&self.plan).map_err(error)
     }
 
-    /// Properties of a settable variable, in the first run that has it: base type, unit, units with factor and offset, limits,
-    /// value, description.
+    /// Properties of a settable variable in the first run that contains it: base type, unit, other units with factor
+    /// and offset, limits, value, description.
     fn variable<'py>(&self, py: Python<'py>, component: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let Settable { variable, value, units } = self.settable(component, name).map_err(error)?;
         let units: Vec<(String, f64, f64)> =
@@ -177,8 +177,8 @@ impl System {
         Ok(())
     }
 
-    /// Executes samples, each a list of changes and the runs of the plan, in worker processes. `take` gets each row when it is
-    /// done and returns true to continue.
+    /// Executes samples in worker processes; each has a list of changes and the indices of runs in the plan. `take` is
+    /// called with each completed row, and returns true to continue.
     fn execute(&self, py: Python<'_>, samples: Vec<(Vec<Changed>, Vec<usize>)>, take: Py<PyAny>) -> PyResult<()> {
         let samples = self.samples(samples)?;
         let pool = self.pool()?;
@@ -202,8 +202,8 @@ impl System {
         Ok(py.detach(|| batch.execute_here(0, &samples[0])).into_iter().map(done).collect())
     }
 
-    /// Executes runs, each a list of changes and a run of the plan, in worker processes. `take` gets the index of each, its times
-    /// and columns, and a message if it failed, when it is done.
+    /// Executes runs in worker processes; each has a list of changes and the index of a run in the plan. `take` is
+    /// called for each completed run, with its index, its times and columns, and a message if it failed.
     fn record(&self, py: Python<'_>, runs: Vec<(Vec<Changed>, usize)>, take: Py<PyAny>) -> PyResult<()> {
         let samples = self.samples(runs.into_iter().map(|(changes, run)| (changes, vec![run])).collect())?;
         let runs: Vec<(Vec<Change>, usize)> =
@@ -263,10 +263,10 @@ impl System {
 
     fn pool(&self) -> PyResult<Arc<Pool>> {
         let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        pool.ok_or_else(|| error("no worker processes were prepared"))
+        pool.ok_or_else(|| error("no worker processes: call `start` first"))
     }
 
-    /// A run of the plan with other values, which records the signals of the scenario.
+    /// A run of the plan with changed values.
     pub(crate) fn changed(&self, changes: Vec<Changed>, run: usize) -> PyResult<Run> {
         let samples = self.samples(vec![(changes, vec![run])])?;
         let mut changed = self.here()?.changed(run, &samples[0].changes).map_err(error)?;
@@ -295,7 +295,7 @@ impl System {
             .collect()
     }
 
-    /// A change with the type that the variable has in the first run that has it.
+    /// Converts a change to the type of the variable, from the first run that contains it.
     fn change(&self, (component, name, value): Changed) -> PyResult<Change> {
         let components = self.plan.runs.iter().flat_map(|run| &run.components);
         for found in components.filter(|other| other.name == component) {

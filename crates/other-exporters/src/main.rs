@@ -27,12 +27,10 @@ struct Model {
     inputs: Vec<Vec<f64>>,
     /// Exact outputs after each step.
     exact: Vec<Vec<f64>>,
-    /// A run of the Rust function.
     function: fn(&[Vec<f64>]),
 }
 
 impl Model {
-    /// The model that the FMU contains.
     fn of(description: &ModelDescription) -> Option<Self> {
         let has = |name: &str| description.variables.iter().any(|variable| variable.name == name);
         let models = [quarter_car::model(), bouncing_ball::model(&["h"]), bouncing_ball::model(&["height"])];
@@ -100,7 +98,6 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// A line of the table.
 fn measure(path: &Path) -> Result<String, String> {
     let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
     let model = Model::of(fmu.description()).ok_or("neither a quarter car nor a bouncing ball")?;
