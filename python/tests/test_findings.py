@@ -108,7 +108,7 @@ def columns(metrics: str, table: str, within: str, seeds: int) -> list[Pin]:
     ]
 
 
-# Section 8 of the half car: columns of its tables, and their last digits.
+# Section 8 of the half car: columns of its tables, and the uncertainty of their printed digits.
 HALF_CAR = (
     "heave_acceleration_rms heave_acceleration_rms_straight heave_acceleration_rms_turn roll_acceleration_rms"
     " settled_roll roll_peak load_transfer_mean load_transfer_max load_transfer_above load_transfer_crossing wheel_lift"

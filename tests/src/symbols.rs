@@ -41,8 +41,8 @@ pub fn imported(library: &[u8]) -> Vec<String> {
     names
 }
 
-/// Returns true for a function of the C library whose last digits depend on the platform: all of <math.h> and <complex.h>
-/// except those that have one possible result, in double and single precision.
+/// Returns true for a function of the C library whose last digits can depend on the platform: all functions in <math.h>
+/// and <complex.h>, in double and single precision, except those whose result is uniquely defined.
 #[must_use]
 pub fn is_inexact(function: &str) -> bool {
     const INEXACT: [&str; 36] = [

@@ -66,7 +66,7 @@ def _function(library: Any, name: str, *arguments: Any) -> Callable[..., int]:
 
 
 def _getter(library: Any, name: str, kind: Any) -> Callable[..., int]:
-    """Return a function that reads or sets variables."""
+    """Return one of the library's get or set functions."""
     return _function(library, name, _REFERENCES, ctypes.c_size_t, ctypes.POINTER(kind), ctypes.c_size_t)
 
 

@@ -35,7 +35,7 @@ def _read(folder: Path) -> Entry:
 
 
 def write(folder: Path, page: str, entry: Entry) -> Path:
-    """Write a page and its entry to a folder, and rewrite the index page in the parent folder; returns the page."""
+    """Write a page and its entry to a folder, and rewrite the index in the parent folder; returns the page's path."""
     path = folder / "index.html"
     results.write_text(path, page)
     results.write_text(folder / NOTE, json.dumps(asdict(entry), ensure_ascii=False, indent=2) + "\n")

@@ -76,7 +76,7 @@ fn record(out: &Path) {
     }
 }
 
-/// The inputs and outputs of an FMU as a table.
+/// Runs an FMU with changing inputs; returns its inputs and outputs as a table.
 fn alone(fmu: &Fmu) -> String {
     let inputs: Vec<_> = fmu.with(Causality::Input).filter(|v| v.base_type == BaseType::Real).collect();
     let input_references = fmu.references(Causality::Input);
