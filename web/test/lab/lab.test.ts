@@ -353,7 +353,7 @@ describe("links", () => {
     const other = await lab.page();
     await other.goto(url);
     await other.waitForSelector('body[data-state="open"]', { timeout: PATIENCE });
-    assert.match(await other.locator(".message.error").innerText(), /MySteering, which it does not contain\. Drop MySteering\.fmu/);
+    assert.match(await other.locator(".message.error").innerText(), /MySteering, which the link does not contain\. Drop MySteering\.fmu/);
     assert.deepEqual((await link(other)).system["vehicle"], expected.system["vehicle"]);
     await opening(other, () => drop(other, "MySteering.fmu", steering));
     assert.deepEqual(await link(other), expected);
