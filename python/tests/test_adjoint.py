@@ -39,7 +39,7 @@ def test_there_are_vehicles() -> None:
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("path", CONTINUOUS, ids=lambda path: path.stem)
 def test_derivatives_are_those_of_the_equations(path: Path, seed: int) -> None:
-    """At random states and inputs near those of the start."""
+    """Compare at random states and inputs near the start values."""
     description = DESCRIPTIONS[path]
     derivatives = [unknown.variable for unknown in description.derivatives]
     states = [variable.derivative for variable in derivatives]

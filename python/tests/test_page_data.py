@@ -46,7 +46,7 @@ def test_numbers_are_rounded_to_parts_of_their_range(scenario: Plan) -> None:
     values[7] = np.nan
     data = of_panel(scenario, Line("run", "A", times, values))
     line = first_line(data)
-    # Times lie on the grid of the recording, so only the last digits may differ.
+    # Times are on the grid of the recording, so only the last digits can differ.
     np.testing.assert_allclose(numbers(data, line["x"]), times, rtol=1e-13)
     # Rounding error: half a step.
     half = 0.5 * np.ptp(values[np.isfinite(values)]) / page_data.LARGEST

@@ -155,7 +155,7 @@ def test_a_tornado_of_all_combinations_has_the_means_over_the_others() -> None:
     a, b = design.values(swept, design.shares(swept))
     y = [u * v for u, v in zip(a, b, strict=True)]
     found = {s.factor: s for s in statistics.swings(numbers(swept, [a, b], y), 0, 0)}
-    # By hand: the mean of a is 7/3, that of b 15.
+    # The mean of a is 7/3, the mean of b is 15.
     assert (found["a"].at_low, found["a"].at_high) == (15.0, 60.0)
     assert (found["b"].at_low, found["b"].at_high) == pytest.approx((70.0 / 3.0, 140.0 / 3.0), rel=1e-15)
 
@@ -220,7 +220,7 @@ def test_sensitivities_leave_out_groups_with_a_run_that_failed(analysis: str) ->
 
 
 def test_morris_tells_factors_that_act_together() -> None:
-    # y = a + b c: the elementary effects of a are all 1, those of b are c and have a deviation.
+    # y = a + b c: the elementary effects of a are all 1; the effects of b are c, so they have a deviation.
     wanted = study(uniform("a"), uniform("b"), uniform("c"), method="sensitivity", analysis="morris", runs=50)
     shares = design.shares(wanted)
     a, b, c = (np.array(v) for v in design.values(wanted, shares))

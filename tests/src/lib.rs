@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// Top folder of the workspace.
 ///
 /// # Panics
-/// Never: this package lies one folder below it.
+/// Never, because this package is in a subfolder.
 #[must_use]
 pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package has a parent folder").to_path_buf()
@@ -30,7 +30,7 @@ pub fn workspace() -> PathBuf {
 /// The output of a command that must succeed.
 ///
 /// # Panics
-/// If it fails, with what it printed.
+/// If it fails, with its output.
 #[track_caller]
 pub fn successful(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));

@@ -1,11 +1,11 @@
 //! Changes values in the bytes of a saved state.
 //!
-//! Some states start from the parameters and cannot be set, but the tests of the model structure have to change them one
-//! by one, and others craft states that no run reaches. The bytes are those of this project's exporter (crate `fmu`,
-//! `state_bytes`): a magic number, the version of the format, version and interface of FMI (4 bytes), the GUID with its
-//! length, the mode (4 bytes), the start, the flag of a stop (4 bytes), the stop, the time, the number of samples, then
-//! the real values in the order of their references, little endian. The last eight bytes are the FNV-1a checksum of all
-//! before.
+//! Some states start from parameters and cannot be set, but the tests of the model structure must change them one by
+//! one. Other tests craft states that no run reaches. The crate `fmu` defines the format (`state_bytes`): a magic
+//! number, the format version, version and interface of FMI (4 bytes), the GUID with its length, the FMU state (4
+//! bytes), the start time, a flag for a stop time (4 bytes), the stop time, the time, the number of samples, then the
+//! real values in the order of their references, little endian. The last eight bytes are the FNV-1a checksum of all
+//! bytes before them.
 
 use crate::ok;
 use fmu_import::c_api::Reference;
@@ -17,7 +17,7 @@ pub(crate) const VERSION_AT: usize = 8;
 pub(crate) const COLUMN_AT: usize = 12;
 /// The text of the GUID, after its length.
 pub(crate) const GUID_AT: usize = 20;
-/// Mode, start, flag of a stop, stop, time, number of samples.
+/// FMU state, start, flag for a stop time, stop, time, number of samples.
 const BETWEEN_GUID_AND_REALS: usize = 4 + 8 + 4 + 3 * 8;
 
 /// Positions of values in the bytes of an FMU's states.
@@ -58,7 +58,7 @@ impl Place {
         u64::from_le_bytes(bytes[self.samples_at()..self.first].try_into().expect("eight bytes"))
     }
 
-    /// The bytes of the instance's state with another number of samples.
+    /// The bytes of the instance's state with a changed number of samples.
     ///
     /// # Panics
     /// If the FMU does not save its state.
@@ -70,7 +70,7 @@ impl Place {
         bytes
     }
 
-    /// Continues an instance from its own state with other values of some reals.
+    /// Continues an instance from its own state with changed values of real variables.
     ///
     /// # Panics
     /// If the FMU rejects the state.

@@ -113,7 +113,7 @@ class Numbers:
         return Statistic.of(list(self.by_seed(cell).values()))
 
     def pairs(self, cell: Cell, against: Cell) -> list[tuple[float, float]]:
-        """Return the values of two cells for each seed for which both have a value."""
+        """Return pairs of values of two cells, for the seeds with which both have a value."""
         ours, theirs = self.by_seed(cell), self.by_seed(against)
         return [(value, theirs[seed]) for seed, value in ours.items() if seed in theirs]
 

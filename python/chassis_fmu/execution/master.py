@@ -109,7 +109,7 @@ def _note(name: str, status: int, category: bytes | None, text: str) -> None:
 
 
 def messages() -> list[tuple[str, str]]:
-    """Return what the components logged during the latest run: pairs of component and message."""
+    """Return the messages of the latest run, as pairs of component and message."""
     return [(component, text) for component, texts in _log.items() for text in texts]
 
 
@@ -404,7 +404,7 @@ def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
 
 
 def _end(slaves: Iterable[Slave], time: float) -> None:
-    """Terminate all components after one has ended the simulation; their errors do not matter any more."""
+    """Terminate all components after one has ended the simulation; further errors are ignored."""
     for slave in slaves:
         with contextlib.suppress(RunError):
             slave.terminate(time)

@@ -59,7 +59,7 @@ struct Case {
     /// Columns whose signal has another name. If there are any, only these are compared.
     renamed: &'static [(&'static str, &'static str)],
     parameters: &'static [(&'static str, &'static str, f64)],
-    /// String parameters that name a file beside the reference data.
+    /// String parameters that name a file in the folder of the reference data.
     files: &'static [(&'static str, &'static str, &'static str)],
     program: &'static [Call],
     /// Limits for the columns. Of several limits with the same [`Rule`] and time, the first that lists a column
@@ -215,7 +215,7 @@ impl Component {
 /// The components of a case, connected by a bus of signals.
 struct System {
     components: HashMap<String, Component>,
-    /// Names of the components in the order in which they first act.
+    /// Names of the components, in the order of their first calls.
     order: Vec<&'static str>,
     bus: Vec<f64>,
     /// Signals from the file: columns and positions on the bus.

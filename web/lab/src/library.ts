@@ -1,4 +1,4 @@
-/** The FMUs beside the page. Their parts are scripts, because a page from `file://` cannot read other files. */
+/** The FMUs in the page's folder. Their parts are scripts, because a page from `file://` cannot read other files. */
 
 import { descriptions, names } from "lab:data";
 import { inflated } from "../../src/data";
