@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import scipy.special
 
-# A change may differ from the paper's change by this share of the latter, or by this many percentage points.
+# Allowed difference from the paper's change: this share of it or this many percentage points, whichever is larger.
 CHANGE_SHARE = 0.25
 CHANGE_POINTS = 5.0
-# An absolute value may differ from the paper's value by this share.
+# Allowed relative difference from the paper's value, for an absolute value.
 VALUE_SHARE = 0.05
 CONFIDENCE = 0.95
 # Smaller differences, relative to the values, are rounding errors.

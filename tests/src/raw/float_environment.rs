@@ -6,9 +6,9 @@ use std::arch::asm;
 /// The control words of a thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FloatEnvironment {
-    /// Of SSE, without the flags of exceptions that occurred.
+    /// Control word of SSE (MXCSR), without the exception flags.
     pub mxcsr: u32,
-    /// Of x87.
+    /// Control word of x87.
     pub x87: u16,
 }
 
@@ -26,7 +26,7 @@ impl FloatEnvironment {
     /// Subnormal results and arguments are zero, as with `-ffast-math` in a C host.
     pub const FLUSH: Self = Self { mxcsr: 0x9fc0, x87: 0x037f };
 
-    /// That of this thread.
+    /// The environment of this thread.
     #[must_use]
     pub fn current() -> Self {
         let (mut mxcsr, mut x87) = (0_u32, 0_u16);
@@ -47,9 +47,9 @@ impl FloatEnvironment {
         }
     }
 
-    /// Runs `f` in this environment and returns with its result the environment that `f` left.
+    /// Runs `f` in this environment; returns the result of `f`, and the environment after it.
     pub fn around<R>(self, f: impl FnOnce() -> R) -> (R, Self) {
-        /// Not inlined: no operation of `f` is moved to another environment.
+        /// Not inlined, because the compiler could otherwise move operations of `f` to another environment.
         #[inline(never)]
         fn apart<R>(f: impl FnOnce() -> R) -> R {
             f()
