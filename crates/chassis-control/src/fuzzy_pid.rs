@@ -62,7 +62,7 @@ pub struct Gains {
 pub enum Rules {
     /// point symmetric: an error and its opposite change the gains alike
     Mirrored = 0,
-    /// as printed in many places, for steps in one direction
+    /// as commonly printed, for steps in one direction
     Standard = 1,
 }
 

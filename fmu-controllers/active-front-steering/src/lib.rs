@@ -21,7 +21,7 @@ use fmu::prelude::*;
 /// Parameters; all values are assumed, the paper prints none.
 #[derive(Parameters, Clone, Debug)]
 pub struct ActiveFrontSteering {
-    /// T_f: time constant of the filter that makes the rate of the error; 0 for none
+    /// T_f: time constant of the filter for the rate of the error; 0 for none
     #[var("filter.time_constant", unit = "s", start = 0.02, min = 0.0, tunable, display = "ms")]
     t_f: f64,
     /// Rules for the gains
@@ -36,13 +36,13 @@ pub struct ActiveFrontSteering {
     /// kp: proportional gain before the fuzzy correction
     #[var("pid.proportional_gain", unit = "s", start = 0.4, min = 0.0, tunable)]
     kp: f64,
-    /// ki: integral gain before the fuzzy correction; raise it against a lasting error
+    /// ki: integral gain before the fuzzy correction; raise it to remove a lasting error
     #[var("pid.integral_gain", unit = "1", start = 2.0, min = 0.0, tunable)]
     ki: f64,
     /// kd: derivative gain before the fuzzy correction
     #[var("pid.derivative_gain", unit = "s2", start = 0.02, min = 0.0, tunable)]
     kd: f64,
-    /// Change of the proportional gain per unit of the rules' output, which is within -3 and 3
+    /// Change of the proportional gain per unit of the rules' output, which is between -3 and 3
     #[var("fuzzy.proportional_scale", unit = "s", start = 0.1, min = 0.0, tunable)]
     kp_scale: f64,
     /// Change of the integral gain per unit of the rules' output
@@ -51,13 +51,13 @@ pub struct ActiveFrontSteering {
     /// Change of the derivative gain per unit of the rules' output
     #[var("fuzzy.derivative_scale", unit = "s2", start = 0.005, min = 0.0, tunable)]
     kd_scale: f64,
-    /// Least angle that is added
+    /// Smallest added angle
     #[var("pid.output_minimum", unit = "rad", start = -0.06, max = 0.0, tunable, display = "deg")]
     output_minimum: f64,
-    /// Greatest angle that is added
+    /// Largest added angle
     #[var("pid.output_maximum", unit = "rad", start = 0.06, min = 0.0, tunable, display = "deg")]
     output_maximum: f64,
-    /// Greatest magnitude of the integral part of the angle
+    /// Largest magnitude of the integral part of the angle
     #[var("pid.integral_limit", unit = "rad", start = 0.06, min = 0.0, tunable, display = "deg")]
     integral_limit: f64,
     /// Rate at which the integral part decays

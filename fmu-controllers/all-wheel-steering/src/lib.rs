@@ -15,10 +15,10 @@ use fmu::prelude::*;
 /// Parameters; the paper prints the ranges of the error, its rate and the ratio, all other values are assumed.
 #[derive(Parameters, Clone, Debug)]
 pub struct AllWheelSteering {
-    /// Angle of the driver from which on the error counts in full; below, it fades out and the integral rests
+    /// Driver's angle above which the error counts in full; at smaller angles, the error is reduced in proportion
     #[var("steer.sign_width", unit = "rad", start = 0.02, positive, tunable, display = "deg")]
     sign_width: f64,
-    /// T_f: time constant of the filter that makes the rate of the error; 0 for none
+    /// T_f: time constant of the filter for the rate of the error; 0 for none
     #[var("filter.time_constant", unit = "s", start = 0.02, min = 0.0, tunable, display = "ms")]
     t_f: f64,
     /// Rules for the gains
@@ -33,13 +33,13 @@ pub struct AllWheelSteering {
     /// kp: proportional gain before the fuzzy correction
     #[var("pid.proportional_gain", unit = "1/rad", start = 6.0, min = 0.0, tunable)]
     kp: f64,
-    /// ki: integral gain before the fuzzy correction; raise it against a lasting error
+    /// ki: integral gain before the fuzzy correction; raise it to remove a lasting error
     #[var("pid.integral_gain", unit = "1/(rad.s)", start = 30.0, min = 0.0, tunable)]
     ki: f64,
     /// kd: derivative gain before the fuzzy correction
     #[var("pid.derivative_gain", unit = "s/rad", start = 0.3, min = 0.0, tunable)]
     kd: f64,
-    /// Change of the proportional gain per unit of the rules' output, which is within -3 and 3
+    /// Change of the proportional gain per unit of the rules' output, which is between -3 and 3
     #[var("fuzzy.proportional_scale", unit = "1/rad", start = 1.0, min = 0.0, tunable)]
     kp_scale: f64,
     /// Change of the integral gain per unit of the rules' output
@@ -48,13 +48,13 @@ pub struct AllWheelSteering {
     /// Change of the derivative gain per unit of the rules' output
     #[var("fuzzy.derivative_scale", unit = "s/rad", start = 0.05, min = 0.0, tunable)]
     kd_scale: f64,
-    /// Least rear ratio (paper)
+    /// Smallest rear ratio (paper)
     #[var("pid.output_minimum", unit = "1", start = -1.0, min = -1.0, max = 0.0, tunable)]
     output_minimum: f64,
-    /// Greatest rear ratio (paper)
+    /// Largest rear ratio (paper)
     #[var("pid.output_maximum", unit = "1", start = 1.0, min = 0.0, max = 1.0, tunable)]
     output_maximum: f64,
-    /// Greatest magnitude of the integral part of the ratio
+    /// Largest magnitude of the integral part of the ratio
     #[var("pid.integral_limit", unit = "1", start = 1.0, min = 0.0, tunable)]
     integral_limit: f64,
     /// Rate at which the integral part decays

@@ -25,22 +25,22 @@ pub struct AntilockBraking {
     /// Half the width of the band around the target slip (assumed)
     #[var("slip.band", unit = "1", start = 0.02, min = 0.0, tunable, display = "%")]
     band: f64,
-    /// How far ahead the slip is extrapolated; a positive time is a better antilock logic (assumed)
+    /// Time by which the slip is extrapolated; a positive value improves the antilock logic (assumed)
     #[var("slip.lead_time", unit = "s", start = 0.0, min = 0.0, tunable, display = "ms")]
     lead: f64,
-    /// Rate at which the pressure rises (calibrated on a braking distance of the paper's Table 7)
+    /// Rate at which the pressure rises (calibrated to a braking distance in the paper's Table 7)
     #[var("pressure.rise_rate", unit = "MPa/s", start = 20.0, min = 0.0, tunable)]
     rate_up: f64,
     /// Rate at which the pressure falls (assumed)
     #[var("pressure.fall_rate", unit = "MPa/s", start = 60.0, min = 0.0, tunable)]
     rate_down: f64,
-    /// Acceleration of the wheel's circumference from which on the pressure is held instead of lowered (assumed)
+    /// Acceleration of the wheel's circumference above which the pressure is held instead of lowered (assumed)
     #[var("pressure.hold_acceleration", unit = "m/s2", start = 10.0, tunable)]
     reacceleration: f64,
     /// Speed below which the logic is off (assumed)
     #[var("activation.minimum_speed", unit = "m/s", start = 1.5, min = 0.0, tunable, display = "km/h")]
     speed_min: f64,
-    /// Greatest brake pressure (assumed)
+    /// Largest brake pressure (assumed)
     #[var("pressure.limit", unit = "MPa", start = 12.0, min = 0.0, tunable, display = "bar")]
     p_max: f64,
     /// R

@@ -36,23 +36,24 @@ pub struct ComfortSlidingMode {
     c_s: f64,
     #[var(TIRE_STIFFNESS_SIDE, start = data::TIRE_STIFFNESS)]
     k_t: f64,
-    /// n1: weight of the wheel height in the surface, below n2 n3 for a stable one; a lower value damps the wheel more
-    /// (Table 5)
+    /// n1: weight of the wheel height in the surface, which is stable only below n2 n3; a lower value damps the wheel
+    /// more (Table 5)
     #[var("surface.weight.wheel_height", unit = "1/s", start = -0.575, tunable)]
     n1: f64,
-    /// n2: weight of heave in the surface, above 0 for a stable one; the rate at which heave returns (Table 5)
+    /// n2: weight of heave in the surface, which is stable only above 0; the rate at which heave returns (Table 5)
     #[var("surface.weight.heave", unit = "1/s", start = 0.6559, tunable)]
     n2: f64,
-    /// n3: weight of the wheel velocity in the surface, below the ratio of wheel to body mass for a stable one (Table 5)
+    /// n3: weight of the wheel velocity in the surface, which is stable only below the ratio of wheel to body mass
+    /// (Table 5)
     #[var("surface.weight.wheel_velocity", unit = "1", start = 0.0, tunable)]
     n3: f64,
-    /// eta: linear reaching rate; raise it for a stiffer hold of the body (Table 5)
+    /// eta: linear reaching rate; raise it to hold the body more firmly (Table 5)
     #[var("reaching.rate", unit = "1/s", start = 11.0, min = 0.0, tunable)]
     eta: f64,
     /// mu: switching gain (Table 5)
     #[var("switching.gain", unit = "m/s2", start = 0.0005, min = 0.0, tunable)]
     mu: f64,
-    /// Boundary layer; widen it if the force chatters (0: a pure sign, as in the paper)
+    /// Boundary layer; widen it if the force chatters (0: sign function, as in the paper)
     #[var("switching.boundary_layer", unit = "m/s", start = 0.0, min = 0.0, tunable)]
     width: f64,
     /// zeta: right force over left force (Table 5)

@@ -62,10 +62,10 @@ pub struct DirectYawControl {
     /// Yaw moment up to which no wheel is braked (assumed)
     #[var("moment.deadband", unit = "N.m", start = 100.0, min = 0.0, tunable)]
     deadband: f64,
-    /// Greatest yaw moment (assumed)
+    /// Largest yaw moment (assumed)
     #[var("moment.limit", unit = "N.m", start = 6000.0, min = 0.0, tunable, display = "kN.m")]
     moment_max: f64,
-    /// Greatest brake pressure (assumed)
+    /// Largest brake pressure (assumed)
     #[var("pressure.limit", unit = "MPa", start = 8.0, min = 0.0, tunable, display = "bar")]
     pressure_max: f64,
     /// C, as in BrakeAndDriveActuators
@@ -121,7 +121,8 @@ pub struct D {
     c: f64,
 }
 
-/// Yaw moment of a car by a sliding mode of sideslip and yaw rate, and the brake pressures of one side that make it
+/// Yaw moment of a car from a sliding mode of sideslip and yaw rate, and the brake pressures on one side that produce
+/// it
 #[fmu::model(stop_time = 6.0, step_size = 0.001)]
 impl Discrete for DirectYawControl {
     type Derived = D;

@@ -17,7 +17,7 @@ use fmu::prelude::*;
 pub enum SlipAngleModel {
     /// small angles, as in the paper
     SmallAngle = 0,
-    /// arctangent, right at low speed with large angles
+    /// arctangent, accurate at low speed with large angles
     Arctangent = 1,
 }
 
@@ -40,7 +40,7 @@ pub struct DualSlidingModeSteering {
     g: f64,
     #[var(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
     u_min: f64,
-    /// zeta: rate at which the error decays on the surface; raise it against a lasting error
+    /// zeta: rate at which the error decays on the surface; raise it to remove a lasting error
     #[var("surface.integral_gain", unit = "1/s", start = 1.0, min = 0.0, tunable)]
     zeta: SlidingModes<f64>,
     /// K: linear reaching rate; raise it for a faster return to the surface
@@ -52,19 +52,19 @@ pub struct DualSlidingModeSteering {
     /// eps: switching gain of the yaw rate law
     #[var("switching.gain.yaw_rate", unit = "rad/s2", start = 0.05, min = 0.0, tunable)]
     eps_r: f64,
-    /// Boundary layer of the sideslip law; widen it if the axles chatter, 0 is a pure sign
+    /// Boundary layer of the sideslip law; widen it if the axles chatter, 0 is a sign function
     #[var("switching.boundary_layer.sideslip", unit = "rad", start = 0.01, min = 0.0, tunable)]
     width_b: f64,
-    /// Boundary layer of the yaw rate law; widen it if the axles chatter, 0 is a pure sign
+    /// Boundary layer of the yaw rate law; widen it if the axles chatter, 0 is a sign function
     #[var("switching.boundary_layer.yaw_rate", unit = "rad/s", start = 0.02, min = 0.0, tunable)]
     width_r: f64,
-    /// Largest lateral acceleration that the reference asks for (calibrated on Table 4)
+    /// Largest lateral acceleration that the reference demands (calibrated to Table 4)
     #[var("reference.lateral_acceleration_limit", unit = "m/s2", start = 3.743, positive, tunable)]
     ay_limit: f64,
     /// Time constant of the yaw rate reference
     #[var("reference.time_constant", unit = "s", start = 0.2, positive, tunable)]
     tau: f64,
-    /// Rate limit of the front axle; 0 or less for none (calibrated on Table 4: 10 deg/s)
+    /// Rate limit of the front axle; 0 or less for none (calibrated to Table 4: 10 deg/s)
     #[var("steer.rate_limit.front", unit = "rad/s", start = 10.0 * DEG, tunable, display = "deg/s")]
     front_rate: f64,
     /// Rate limit of the middle and rear axle; 0 or less for none
@@ -76,10 +76,10 @@ pub struct DualSlidingModeSteering {
     /// Angle limit of the middle and rear axle
     #[var("steer.angle_limit.rear", unit = "rad", start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
     limit: f64,
-    /// Steady turn of the yaw rate reference
+    /// Steady turn that defines the yaw rate reference
     #[var("reference.model", start = ReferenceModel::ZeroSideslip)]
     reference_model: ReferenceModel,
-    /// Slip angles of the axles
+    /// Computation of the slip angles of the axles
     #[var("slip_angle.model", start = SlipAngleModel::Arctangent)]
     slip_angle_model: SlipAngleModel,
     /// T

@@ -17,7 +17,7 @@ use fmu::prelude::*;
 pub enum Strategy {
     /// no control: everything is off
     None = 0,
-    /// every law for itself: all on, with constant gains and target slip
+    /// independent laws: all on, with constant gains and target slip
     Individual = 1,
     /// by driving states
     Coordination = 2,
@@ -35,25 +35,25 @@ pub struct FiniteStateCoordination {
     /// Longitudinal acceleration or deceleration above which the car accelerates or brakes (assumed)
     #[var("threshold.longitudinal_acceleration_on", unit = "m/s2", start = 0.5, min = 0.0, tunable)]
     ax_on: f64,
-    /// Longitudinal acceleration or deceleration down to which this lasts (assumed)
+    /// Longitudinal acceleration or deceleration below which accelerating or braking ends (assumed)
     #[var("threshold.longitudinal_acceleration_off", unit = "m/s2", start = 0.3, min = 0.0, tunable)]
     ax_off: f64,
     /// Lateral acceleration above which the car turns (assumed)
     #[var("threshold.lateral_acceleration_on", unit = "m/s2", start = 0.4, min = 0.0, tunable)]
     ay_on: f64,
-    /// Lateral acceleration down to which this lasts (assumed)
+    /// Lateral acceleration below which turning ends (assumed)
     #[var("threshold.lateral_acceleration_off", unit = "m/s2", start = 0.25, min = 0.0, tunable)]
     ay_off: f64,
     /// Position of the brake pedal above which the driver brakes (assumed)
     #[var("threshold.brake_pedal", unit = "1", start = 0.05, tunable)]
     brake_on: f64,
-    /// K_p of the suspension law at all wheels where no rule says otherwise (assumed: 20 % of the mass above a wheel)
+    /// K_p of the suspension law at all wheels where no rule changes it (assumed: 20 % of the mass above a wheel)
     #[var("base_gain.proportional", unit = "kg", start = 60.0, tunable)]
     k_p0: f64,
-    /// K_i of the suspension law at all wheels where no table says otherwise (paper, middle columns of Tables 2-5)
+    /// K_i of the suspension law at all wheels where no table changes it (paper, middle columns of Tables 2-5)
     #[var("base_gain.integral", unit = "kg", start = 0.8, tunable)]
     k_i0: f64,
-    /// K_d of the suspension law at all wheels where no table says otherwise (paper, middle columns of Tables 2-5)
+    /// K_d of the suspension law at all wheels where no table changes it (paper, middle columns of Tables 2-5)
     #[var("base_gain.derivative", unit = "kg", start = 3.0, tunable)]
     k_d0: f64,
     /// sigma_1: K_p at the axle that sinks (assumed: 1.5 times the base)
@@ -92,7 +92,7 @@ pub struct FiniteStateCoordination {
     /// gamma_0: roll acceleration above which state 5 blends both rules (assumed: as beta_2)
     #[var("blend_rule.roll_acceleration_threshold", unit = "rad/s2", start = 0.01, min = 0.0, tunable)]
     gamma_0: f64,
-    /// Target slip of individual control (assumed: peak of the tire at 60 km/h)
+    /// Target slip of individual control (assumed: peak of the tire's brake force at 60 km/h)
     #[var("slip.initial", unit = "1", start = SLIP_0, min = 0.0, max = 1.0, tunable, display = "%")]
     slip_0: f64,
     /// Target slip at the reference speed (assumed)
@@ -101,13 +101,13 @@ pub struct FiniteStateCoordination {
     /// Reference speed of the target slip (assumed)
     #[var("slip.reference_speed", unit = "m/s", start = data::SPEED, min = 0.0, tunable, display = "km/h")]
     v_ref: f64,
-    /// Loss of target slip in state 5 at the greatest lateral acceleration (assumed)
+    /// Reduction of the target slip in state 5 at the largest lateral acceleration (assumed)
     #[var("slip.lateral_reduction", unit = "1", start = 0.4, min = 0.0, max = 1.0, tunable, display = "%")]
     slip_lat: f64,
-    /// Least target slip (assumed)
+    /// Smallest target slip (assumed)
     #[var("slip.minimum", unit = "1", start = 0.08, min = 0.0, max = 1.0, tunable, display = "%")]
     slip_lo: f64,
-    /// Greatest target slip (assumed)
+    /// Largest target slip (assumed)
     #[var("slip.maximum", unit = "1", start = 0.30, min = 0.0, max = 1.0, tunable, display = "%")]
     slip_hi: f64,
     /// mu

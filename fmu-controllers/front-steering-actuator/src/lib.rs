@@ -28,7 +28,7 @@ pub struct FrontSteeringActuator {
     g: f64,
     #[var(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
     u_min: f64,
-    /// Largest lateral acceleration of the steady turn that the front axle may ask for
+    /// Largest lateral acceleration of the steady turn that the front axle can demand
     #[var("reference.lateral_acceleration_limit", unit = "m/s2", start = 3.743, positive, tunable)]
     ay_limit: f64,
     /// Rate limit of the front axle; 0 or less for none
@@ -79,7 +79,7 @@ pub struct D {
     w_f: f64,
 }
 
-/// Steered front axle of a three-axle vehicle: follows the driver within limits of angle, rate and lateral acceleration
+/// Steered front axle of a three-axle vehicle: follows the driver within limits on angle, rate and lateral acceleration
 #[fmu::model(stop_time = 20.0, step_size = 0.001)]
 impl Discrete for FrontSteeringActuator {
     type Derived = D;

@@ -31,16 +31,16 @@ pub struct FuzzyCoordination {
     /// Share of the integrated law in individual control
     #[var("fixed_weight.integrated", unit = "1", start = 1.0, tunable)]
     fixed_integrated: f64,
-    /// Share of the roll law in individual control; both laws fully on are unstable
+    /// Share of the roll law in individual control; unstable with both laws fully on
     #[var("fixed_weight.roll", unit = "1", start = 0.0, tunable)]
     fixed_roll: f64,
     /// Multi-axle steering in individual control: on when above 0.5
     #[var("fixed_weight.steering", unit = "1", start = 1.0, tunable)]
     fixed_steering: f64,
-    /// Steering demand from which on the multi-axle steering is on in coordination
+    /// Steering demand at which coordination switches the multi-axle steering on
     #[var("steering.activation_angle", unit = "rad", start = std::f64::consts::PI / 180.0, min = 0.0, tunable, display = "deg")]
     delta_0: f64,
-    /// Tables 2 and 3 drive the shares as printed in the paper
+    /// Assign Tables 2 and 3 to the shares as printed in the paper
     #[var("rules.as_printed", start = false)]
     as_printed: bool,
     /// assumed

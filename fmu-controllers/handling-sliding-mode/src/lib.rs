@@ -46,7 +46,7 @@ pub struct HandlingSlidingMode {
     /// eta: linear reaching rate; raise it for a faster return to the surface (Table 5)
     #[var("reaching.rate", unit = "1/s", start = 25.0, min = 0.0, tunable)]
     eta: f64,
-    /// mu: switching gain; raise it against errors of the model, lower it against chatter (Table 5)
+    /// mu: switching gain; raise it to reject model errors, lower it to reduce chatter (Table 5)
     #[var("switching.gain", unit = "rad/s2", start = 3.0, min = 0.0, tunable)]
     mu: f64,
     /// kappa1: switching gain per roll angle (Table 5)
@@ -55,7 +55,7 @@ pub struct HandlingSlidingMode {
     /// kappa2: switching gain per roll rate (Table 5)
     #[var("switching.roll_rate_gain", unit = "1/s", start = 0.0014, min = 0.0, tunable)]
     kappa2: f64,
-    /// Boundary layer; widen it if the forces chatter, 0.3 is recommended (0: a pure sign, as in the paper)
+    /// Boundary layer; widen it if the forces chatter, 0.3 is recommended (0: sign function, as in the paper)
     #[var("switching.boundary_layer", unit = "rad/s", start = 0.0, min = 0.0, tunable)]
     width: f64,
     /// Share of the damper's roll moment that the law cancels; 1 as in the paper, 0 is recommended: it keeps the wheels

@@ -21,13 +21,13 @@ pub struct IntegratedLqrSuspension {
     /// Largest accepted pitch acceleration
     #[var("accepted.pitch_acceleration", unit = "rad/s2", start = 1.0, min = 1e-3)]
     thetadd: f64,
-    /// Largest accepted roll acceleration (calibrated on Table 4)
+    /// Largest accepted roll acceleration (calibrated to Table 4)
     #[var("accepted.roll_acceleration", unit = "rad/s2", start = 0.347, min = 1e-3)]
     phidd: f64,
-    /// Largest accepted suspension deflection (calibrated on Table 4)
+    /// Largest accepted suspension deflection (calibrated to Table 4)
     #[var("accepted.suspension_deflection", unit = "m", start = 0.0347, min = 1e-4, display = "mm")]
     d_s: f64,
-    /// Largest accepted tire deflection: the static one
+    /// Largest accepted tire deflection: the static deflection
     #[var("accepted.tire_deflection", unit = "m", start = 0.0589, min = 1e-4, display = "mm")]
     d_t: f64,
     /// Largest accepted actuator force

@@ -15,16 +15,16 @@ use fmu::prelude::*;
 pub struct RollLqrSuspension {
     #[var(flatten)]
     vehicle: VehicleParameters,
-    /// Largest accepted roll angle; decides how much the roll angle shrinks
+    /// Largest accepted roll angle; determines the reduction of the roll angle
     #[var("accepted.roll_angle", unit = "rad", start = std::f64::consts::PI / 180.0, positive, display = "deg")]
     phi: f64,
     /// Largest accepted roll acceleration
     #[var("accepted.roll_acceleration", unit = "rad/s2", start = 0.347, min = 1e-3)]
     phidd: f64,
-    /// Largest accepted suspension deflection (calibrated on Table 4)
+    /// Largest accepted suspension deflection (calibrated to Table 4)
     #[var("accepted.suspension_deflection", unit = "m", start = 0.0347, min = 1e-4, display = "mm")]
     d_s: f64,
-    /// Largest accepted tire deflection: the static one
+    /// Largest accepted tire deflection: the static deflection
     #[var("accepted.tire_deflection", unit = "m", start = 0.0589, min = 1e-4, display = "mm")]
     d_t: f64,
     /// Largest accepted actuator force

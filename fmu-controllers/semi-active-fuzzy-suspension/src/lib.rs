@@ -18,9 +18,9 @@ use fmu::prelude::*;
 pub enum Constraint {
     /// any force: fully active
     Active = 0,
-    /// the commanded force alone takes power from the suspension
+    /// the command alone dissipates power
     Command = 1,
-    /// damper and command together are a damper with a coefficient within its limits; the command can soften it
+    /// damper and command together act as a damper within its limits; the command can soften it
     Damper = 2,
 }
 
@@ -44,26 +44,26 @@ fmu::named_array! {
 /// Parameters; those that are not the vehicle's are assumed, the paper prints none.
 #[derive(Parameters, Clone, Debug)]
 pub struct SemiActiveFuzzySuspension {
-    /// What the actuators can do
+    /// Capability of the actuators
     #[var("constraint", start = Constraint::Damper)]
     constraint: Constraint,
     #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     l1: f64,
     #[var(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
     l2: f64,
-    /// both half tracks of the plant
+    /// sum of the plant's half tracks
     #[var(TRACK, start = 2.0 * data::HALF_TRACK)]
     b: f64,
     /// c_0: the damping that the plant applies without command
     #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
     c_0: TwoAxles<f64>,
-    /// Least damping of one damper
+    /// Smallest damping of one damper
     #[var("damper.minimum_damping", unit = "N.s/m", start = [3000.0, 4000.0], min = 0.0, display = "kN.s/m")]
     c_min: TwoAxles<f64>,
-    /// Greatest damping of one damper
+    /// Largest damping of one damper
     #[var("damper.maximum_damping", unit = "N.s/m", start = [40_000.0, 80_000.0], min = 0.0, display = "kN.s/m")]
     c_max: TwoAxles<f64>,
-    /// Limit of the force of one strut
+    /// Force limit of one strut
     #[var("actuator.force_limit", unit = "N", start = 30_000.0, min = 0.0, tunable, display = "kN")]
     force_limit: f64,
     /// Share of the front struts in the roll moment
@@ -102,10 +102,10 @@ pub struct SemiActiveFuzzySuspension {
     /// kd: moment per acceleration before the fuzzy correction
     #[var("pid.derivative_gain", unit = "N.m.s2/rad", start = [6000.0, 1500.0], min = 0.0, tunable)]
     kd: Rotations<f64>,
-    /// Change of the proportional gain per unit of the rules' output, which is within -3 and 3
+    /// Change of the proportional gain per unit of the rules' output, which is between -3 and 3
     #[var("fuzzy.proportional_scale.heave", unit = "N.s/m", start = 10_000.0, min = 0.0, tunable)]
     kp_scale_heave: f64,
-    /// Change of the proportional gain per unit of the rules' output, which is within -3 and 3
+    /// Change of the proportional gain per unit of the rules' output, which is between -3 and 3
     #[var("fuzzy.proportional_scale", unit = "N.m.s/rad", start = [40_000.0, 10_000.0], min = 0.0, tunable)]
     kp_scale: Rotations<f64>,
     /// Change of the integral gain per unit of the rules' output
@@ -120,25 +120,25 @@ pub struct SemiActiveFuzzySuspension {
     /// Change of the derivative gain per unit of the rules' output
     #[var("fuzzy.derivative_scale", unit = "N.m.s2/rad", start = [1200.0, 300.0], min = 0.0, tunable)]
     kd_scale: Rotations<f64>,
-    /// Least heave force
+    /// Smallest heave force
     #[var("pid.output_minimum.heave", unit = "N", start = -60_000.0, max = 0.0, tunable, display = "kN")]
     output_minimum_heave: f64,
-    /// Least moment
+    /// Smallest moment
     #[var("pid.output_minimum", unit = "N.m", start = [-150_000.0, -40_000.0], max = 0.0, tunable, display = "kN.m")]
     output_minimum: Rotations<f64>,
-    /// Greatest heave force
+    /// Largest heave force
     #[var("pid.output_maximum.heave", unit = "N", start = 60_000.0, min = 0.0, tunable, display = "kN")]
     output_maximum_heave: f64,
-    /// Greatest moment
+    /// Largest moment
     #[var("pid.output_maximum", unit = "N.m", start = [150_000.0, 40_000.0], min = 0.0, tunable, display = "kN.m")]
     output_maximum: Rotations<f64>,
-    /// Greatest magnitude of the integral part of the heave force
+    /// Largest magnitude of the integral part of the heave force
     #[var("pid.integral_limit.heave", unit = "N", start = 10_000.0, min = 0.0, tunable, display = "kN")]
     integral_limit_heave: f64,
-    /// Greatest magnitude of the integral part of the moment
+    /// Largest magnitude of the integral part of the moment
     #[var("pid.integral_limit", unit = "N.m", start = [30_000.0, 10_000.0], min = 0.0, tunable, display = "kN.m")]
     integral_limit: Rotations<f64>,
-    /// Rate at which the integral part decays: the vehicle is not held at an angle
+    /// Rate at which the integral part decays, so the body is not held at an angle
     #[var("pid.leak_rate", unit = "1/s", start = 1.0, min = 0.0, tunable)]
     leak_rate: Motions<f64>,
     /// T
@@ -190,7 +190,7 @@ pub struct D {
     pid: FuzzyPid,
 }
 
-/// Forces of adjustable dampers against heave, pitch and roll of a heavy truck, by three fuzzy PIDs
+/// Forces of adjustable dampers against heave, pitch and roll of a heavy truck, from three fuzzy PIDs
 #[fmu::model(stop_time = 13.0, step_size = 0.001)]
 impl Discrete for SemiActiveFuzzySuspension {
     type Derived = D;

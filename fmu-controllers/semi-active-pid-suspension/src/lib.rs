@@ -26,7 +26,7 @@ use fmu::prelude::*;
 /// Constraint of the actuators.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constraint {
-    /// any force within its limit: active suspension
+    /// any force within the limit: active suspension
     None = 0,
     /// forces against the velocity of the suspension only: adjustable dampers
     Dissipative = 1,
@@ -35,22 +35,22 @@ pub enum Constraint {
 /// Parameters.
 #[derive(Parameters, Clone, Debug)]
 pub struct SemiActivePidSuspension {
-    /// F_max: greatest suspension force, also the limit of the accumulated law (assumed: valve damper of a car)
+    /// F_max: largest suspension force, also the limit of the accumulated law (assumed: valve damper of a car)
     #[var("actuator.force_limit", unit = "N", start = 1500.0, min = 0.0, tunable, display = "kN")]
     f_max: f64,
-    /// c_add: greatest damping that the valve adds (assumed)
+    /// c_add: largest damping that the valve adds (assumed)
     #[var("damper.maximum_added_damping", unit = "N.s/m", start = 3000.0, min = 0.0, tunable, display = "kN.s/m")]
     c_add: f64,
-    /// f_leak: frequency below which the accumulated law forgets (assumed: guard against drift)
+    /// f_leak: frequency below which the accumulated law decays (assumed: prevents drift)
     #[var("pid.leak_frequency", unit = "Hz", start = 0.1, min = 0.0, tunable)]
     f_leak: f64,
     /// Factor on the accumulated law
     #[var("pid.output_gain", unit = "1", start = 1.0, tunable)]
     gain: f64,
-    /// What the actuators can do
+    /// Capability of the actuators
     #[var("constraint", start = Constraint::Dissipative)]
     constraint: Constraint,
-    /// T_s (assumed: at this sample time the paper's gains act)
+    /// T_s (assumed: the paper's gains are effective at this value)
     #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
@@ -87,8 +87,8 @@ pub struct X {
     a2: [f64; 4],
 }
 
-/// Semi-active suspension of a car: accumulated incremental PID of the body's acceleration above each wheel, clipped
-/// to what a damper can do
+/// Semi-active suspension of a car: accumulated incremental PID of the body's acceleration above each wheel, limited to
+/// the forces of a damper
 #[fmu::model(stop_time = 6.0, step_size = 0.001)]
 impl Discrete for SemiActivePidSuspension {
     type State = X;

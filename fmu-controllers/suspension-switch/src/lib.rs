@@ -36,15 +36,15 @@ pub struct SuspensionSwitch {
     /// Q: load transfer ratio above which the handling law acts (paper)
     #[var("threshold.load_transfer", unit = "1", start = 0.8, tunable)]
     q: f64,
-    /// How far the ratio must fall below the threshold before the comfort law returns; 0 as in the paper, 0.1 is
-    /// recommended against switching to and fro
+    /// Distance below the threshold at which the comfort law returns; 0 as in the paper, 0.1 is recommended to prevent
+    /// repeated switching
     #[var("threshold.hysteresis", unit = "1", start = 0.0, min = 0.0, tunable)]
     width: f64,
-    /// Look at the magnitude of the ratio, so that right turns are protected too; if false, at the signed ratio as in
-    /// the paper
+    /// Use the magnitude of the ratio, which also protects right turns; if false, use the signed ratio as in the paper
     #[var("threshold.magnitude", start = false)]
     magnitude: bool,
-    /// Time in which one law fades into the other; 0 as in the paper, 0.3 s is recommended against shocks
+    /// Time in which one law fades into the other; 0 as in the paper, 0.3 s is recommended to prevent jumps of the
+    /// force
     #[var("blend.time", unit = "s", start = 0.0, min = 0.0, tunable)]
     blend_time: f64,
     /// Control case

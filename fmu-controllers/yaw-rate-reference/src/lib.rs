@@ -31,7 +31,7 @@ pub struct YawRateReference {
     l1: f64,
     #[var(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
     l2: f64,
-    /// assumed: slope of the tire of the plant at its load at rest
+    /// assumed: slope of the plant's tire at its static load
     #[var(TIRE_CORNERING_STIFFNESS, start = data::FRONT_CORNERING_STIFFNESS)]
     kc: FrontAxle<f64>,
     /// assumed
