@@ -1,14 +1,14 @@
-//! `ActiveFrontSteering`: adds an angle to the driver's demand, so that the yaw rate follows its reference, by a PID
-//! controller whose gains follow fuzzy rules.
+//! `ActiveFrontSteering`: adds an angle to the driver's demand so that the yaw rate follows its reference. The angle
+//! comes from a PID controller whose gains follow fuzzy rules.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
 //! Coupling Dynamics", 2022, section 3.2.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | w_d, w | reference of the yaw rate, yaw rate |
-//! | e, ec | error of the yaw rate and its filtered rate |
-//! | delta, dd | angle of the front axle demanded by the driver, and the added angle |
+//! | w_d, w | yaw rate reference, yaw rate |
+//! | e, ec | yaw rate error and its filtered rate |
+//! | delta, dd | front-axle angle demanded by the driver, and the added angle |
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
 #[cfg(test)]
@@ -18,7 +18,7 @@ use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Rules, Settings, filtered_rate
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Parameters; all values are assumed, the paper prints none.
+/// Parameters. All values are assumed; the paper prints none.
 #[derive(Parameters, Clone, Debug)]
 pub struct ActiveFrontSteering {
     /// T_f: time constant of the filter for the rate of the error; 0 for none
@@ -68,7 +68,7 @@ pub struct ActiveFrontSteering {
     sample_time: f64,
 }
 
-/// Driver demand, reference and measurement.
+/// Driver's demand, reference and measurement.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]
@@ -94,7 +94,7 @@ pub struct Y {
     kd: f64,
 }
 
-/// Integral part, error of the last sample if there was one, and filtered rate.
+/// Integral part, error at the last sample if there was one, and filtered rate of the error.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     i: f64,

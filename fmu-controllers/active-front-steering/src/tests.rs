@@ -1,4 +1,4 @@
-//! Check numbers, the plain PID inside, and properties of the law.
+//! Check numbers, the law without fuzzy rules, and its symmetry and limits.
 
 use approx::assert_abs_diff_eq;
 use proptest::prelude::*;
@@ -17,7 +17,7 @@ fn sample(p: &ActiveFrontSteering, d: &D, x: &mut X, u: &U) -> Y {
 
 #[test]
 fn without_error_the_gains_are_those_of_the_rules_at_zero() {
-    // k + scale dK(0, 0) with the increments of an independent implementation, 8 digits printed.
+    // k + scale dK(0, 0) with the increments from an independent implementation, printed to 8 digits.
     let cases = [
         (Rules::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
         (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
@@ -34,8 +34,8 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
 
 #[test]
 fn the_first_sample_has_the_rules_of_its_error_and_no_kick() {
-    // A third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent implementation, 8 digits),
-    // and the rate of the error is 0 as there was no sample before.
+    // An error of a third of the range is E = 1. The rate is 0 without a previous sample, so EC = 0: dKp = 0.99996779,
+    // dKi = -0.99996779 (independent implementation, 8 digits).
     let p = ActiveFrontSteering::default();
     let e = 0.1 / 3.0;
     let y = sample(&p, &derived(&p), &mut X::default(), &U { w_d: 0.12 + e, w: 0.12, ..REST });
@@ -46,7 +46,7 @@ fn the_first_sample_has_the_rules_of_its_error_and_no_kick() {
 
 #[test]
 fn without_rules_it_is_a_pid_on_the_yaw_rate() {
-    // The law by hand over some samples: K_p e + sum K_i e T + K_d d, with the filtered difference d. Roundings.
+    // The law written out: K_p e + sum K_i e T + K_d d, with the filtered difference quotient d. Tolerance: rounding.
     let p = ActiveFrontSteering { kp_scale: 0.0, ki_scale: 0.0, kd_scale: 0.0, ..ActiveFrontSteering::default() };
     let d = derived(&p);
     let a = (-0.05_f64).exp();
@@ -68,7 +68,7 @@ fn a_lasting_error_leads_to_the_limit_and_no_further() {
     let (d, mut x) = (derived(&p), X::default());
     let y = (0..5000).map(|_| sample(&p, &d, &mut x, &U { w_d: 0.02, ..REST })).last().unwrap();
     assert_eq!(y.dd[0], 0.06);
-    // The integral stopped at the sample before the output reached its limit: when the error goes, it is what remains.
+    // The integral stops growing when the output reaches its limit, so the output leaves the limit once the error is 0.
     let after = sample(&p, &d, &mut x, &U { w_d: 0.0, ..REST });
     assert!(x.i < 0.06 && after.dd[0] < 0.06);
 }
@@ -76,8 +76,8 @@ fn a_lasting_error_leads_to_the_limit_and_no_further() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A turn to the right is the turn to the left in a mirror, to the bit, with the mirrored rules; and the correction
-    /// stays within its limits with either rules.
+    /// With the mirrored rules, right turns mirror left turns bit for bit. With both sets of rules, the correction
+    /// stays within its limits.
     #[test]
     fn the_law_is_odd_and_bounded(
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.5..0.5_f64, -0.5..0.5_f64), 1..50), standard: bool,

@@ -1,12 +1,12 @@
-//! One sample of the law: error of the sideslip angle, fuzzy PID for the rear axle, fuzzy rules for the middle axle.
+//! One sample of the law: sideslip error, fuzzy PID for the rear axle, fuzzy rules for the middle axle.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | beta_d, beta | reference of the sideslip angle, sideslip angle |
-//! | delta | angle of the front axle demanded by the driver |
-//! | s | its smoothed sign |
-//! | e, ec | error of the sideslip angle, positive if the rear axle has to steer more with the front, and its filtered rate |
-//! | k1, k2 | angle of the middle and of the rear axle over delta |
+//! | beta_d, beta | sideslip reference, sideslip angle |
+//! | delta | front-axle angle demanded by the driver |
+//! | s | smoothed sign of delta |
+//! | e, ec | sideslip error (positive if the rear axle has to steer further in the direction of the front axle), its filtered rate |
+//! | k1, k2 | angles of the middle and the rear axle, divided by delta |
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
 use chassis_control::fuzzy::{FuzzyError, LabelMap, Membership, Output, Partition};
@@ -26,7 +26,7 @@ const K1_OF_K2: [usize; 7] = {
     [NM, NS, NS, ZO, PM, PB, PB]
 };
 
-/// The fuzzy rules that give k1 from k2: triangles over -1 to 1.
+/// The fuzzy rules that give k1 from k2, with triangular sets from -1 to 1.
 #[derive(Clone, Debug)]
 pub(crate) struct MiddleRatio {
     input: Partition<7>,
@@ -44,7 +44,7 @@ impl MiddleRatio {
         })
     }
 
-    /// k1 for `k2`, which counts within -1 and 1.
+    /// k1 for `k2`, which is limited to -1 to 1.
     pub(crate) fn of(&self, k2: f64) -> f64 {
         self.output.centroid(&self.rules.apply(&self.input.grades(k2.clamp(-1.0, 1.0))))
     }
@@ -57,7 +57,8 @@ pub(crate) fn derived(p: &AllWheelSteering) -> Result<D, String> {
 }
 
 pub(crate) fn sample(p: &AllWheelSteering, d: &D, x: &mut X, u: &U) -> Y {
-    // k2 multiplies the driver's angle, so the error carries its sign; without an angle there is nothing to correct.
+    // k2 multiplies the driver's angle, so the error needs the sign of this angle. Without an angle, k2 has no effect,
+    // and the error is 0.
     let s = saturation(u.delta, p.sign_width);
     let e = (u.beta_d - u.beta) * s;
     let previous = if x.has_previous { x.e } else { e };

@@ -1,5 +1,6 @@
-//! `AllWheelSteering`: steers the middle and the rear axle in proportion to the front, so that the sideslip angle follows
-//! its reference: the rear ratio by a PID controller whose gains follow fuzzy rules, the middle one by fuzzy rules on it.
+//! `AllWheelSteering`: steers the middle and the rear axle in proportion to the front axle so that the sideslip angle
+//! follows its reference. A PID controller whose gains follow fuzzy rules computes the rear ratio; fuzzy rules derive
+//! the middle ratio from it.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
 //! Coupling Dynamics", 2022, section 3.2, Table 2.
@@ -12,7 +13,7 @@ use chassis_control::fuzzy_pid::{FuzzyPid, Rules};
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Parameters; the paper prints the ranges of the error, its rate and the ratio, all other values are assumed.
+/// Parameters. The paper prints the ranges of the error, its rate and the ratio; all other values are assumed.
 #[derive(Parameters, Clone, Debug)]
 pub struct AllWheelSteering {
     /// Driver's angle above which the error counts in full; at smaller angles, the error is reduced in proportion
@@ -65,7 +66,7 @@ pub struct AllWheelSteering {
     sample_time: f64,
 }
 
-/// Driver demand, reference and measurement.
+/// Driver's demand, reference and measurement.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]
@@ -91,7 +92,7 @@ pub struct Y {
     kd: f64,
 }
 
-/// Integral part, error of the last sample if there was one, and filtered rate.
+/// Integral part, error at the last sample if there was one, and filtered rate of the error.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     i: f64,

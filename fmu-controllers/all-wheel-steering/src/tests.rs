@@ -1,4 +1,4 @@
-//! Check numbers and properties of the law.
+//! Check numbers, and symmetry and limits of the law.
 
 use approx::assert_abs_diff_eq;
 use proptest::prelude::*;
@@ -15,7 +15,7 @@ fn sample(p: &AllWheelSteering, d: &D, x: &mut X, u: &U) -> Y {
 
 #[test]
 fn the_middle_ratio_has_the_check_numbers() {
-    // Computed by an independent implementation, 8 decimals printed. Beyond -1 and 1 it stays.
+    // Computed by an independent implementation, printed to 8 decimals. The ratio is constant below -1 and above 1.
     let middle = derived(&AllWheelSteering::default()).middle;
     let numbers =
         [(-1.0, -0.66663366), (-0.5, -0.3334), (0.0, 0.0), (0.1, 0.23939586), (0.5, 0.70883073), (1.0, 0.89217822)];
@@ -28,8 +28,9 @@ fn the_middle_ratio_has_the_check_numbers() {
 
 #[test]
 fn the_first_sample_has_the_rules_of_its_error() {
-    // A third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent implementation, 8 digits).
-    // The rear of the vehicle slides out of a left turn: it has to steer with the front.
+    // An error of a third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent
+    // implementation, 8 digits). In this left turn, the rear slides outward, so the rear axle has to steer in the
+    // direction of the front axle.
     let p = AllWheelSteering::default();
     let e = 0.2 / 3.0;
     let y = sample(&p, &derived(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: -e });
@@ -42,7 +43,7 @@ fn the_first_sample_has_the_rules_of_its_error() {
 
 #[test]
 fn without_error_the_gains_are_those_of_the_rules_at_zero() {
-    // k + scale dK(0, 0) with the increments of an independent implementation, 8 digits printed.
+    // k + scale dK(0, 0) with the increments from an independent implementation, printed to 8 digits.
     let cases = [
         (Rules::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
         (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
@@ -60,7 +61,7 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
 
 #[test]
 fn straight_ahead_the_integral_rests() {
-    // Without an angle of the driver the error is 0; at half the width of the sign it counts by half.
+    // Without a driver's angle, the error is 0. At half of `sign_width`, it is halved.
     let p = AllWheelSteering::default();
     let (d, mut x) = (derived(&p), X::default());
     for _ in 0..100 {
@@ -87,8 +88,8 @@ fn the_sideslip_reference_is_followed_from_either_side() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A turn to the right is the turn to the left in a mirror, to the bit: the ratios are the same (also with rules that
-    /// are not symmetric, as the error carries the sign of the turn). Ratios stay within those of Table 2.
+    /// Right turns mirror left turns bit for bit: the ratios are the same, even with asymmetric rules, because the
+    /// error has the sign of the turn. Ratios stay within those of Table 2.
     #[test]
     fn left_and_right_turns_are_alike(
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.1..0.1_f64, -0.3..0.3_f64), 1..50), standard: bool,

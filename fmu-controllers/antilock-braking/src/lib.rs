@@ -1,13 +1,13 @@
-//! `AntilockBraking`: brake pressures that keep the slip of each wheel near a target, by thresholds of slip and wheel
-//! acceleration.
+//! `AntilockBraking`: brake pressures that keep the slip of each wheel near a target, controlled by thresholds for slip
+//! and wheel acceleration.
 //!
-//! Made for the car of Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic
-//! stability program on a finite-state basis"; the paper names its antilock logic without describing it.
+//! Designed for the car in Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic
+//! stability program on a finite-state basis"; the paper mentions an antilock logic without describing it.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | u, omega | speed of the vehicle, speed of rotation of the wheel |
-//! | slip, pred | braking slip (positive, 1 locked), the same extrapolated by the lead time |
+//! | slip, pred | braking slip (0 rolling, 1 locked), and slip extrapolated by the lead time |
 //! | acc | acceleration of the wheel's circumference |
 //! | req, cmd | pressure demanded by driver and yaw control, commanded pressure |
 //! | T | sample time |
@@ -68,7 +68,7 @@ pub struct U {
     omega: FourWheels<f64>,
 }
 
-/// Pressures, and the wheels on which they are modulated.
+/// Pressures, and whether they are modulated.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(BRAKE_PRESSURE_COMMAND)]
@@ -77,7 +77,7 @@ pub struct Y {
     active: FourWheels<bool>,
 }
 
-/// Last speed and slip of each wheel, its modulation flag, and the last pressure.
+/// Speed, slip and pressure of each wheel at the last sample, and whether the wheel is modulated.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     has_past: bool,
@@ -87,7 +87,7 @@ pub struct X {
     cmd: [f64; 4],
 }
 
-/// Floor of the speed in the slip, m/s.
+/// Lower limit of the speed that divides the slip, m/s.
 const LEAST_SPEED: f64 = 0.5;
 
 /// Antilock brakes of a car: pressure of each wheel by thresholds of slip and wheel acceleration around a target slip
@@ -113,7 +113,7 @@ impl Discrete for AntilockBraking {
             x.active[i] = is_on && (x.active[i] || (is_high && req > 0.0));
             if x.active[i] {
                 let cmd = if is_high {
-                    // A wheel that already speeds up again keeps its pressure.
+                    // The pressure is held while the wheel is already speeding up again.
                     if acc < self.reacceleration { x.cmd[i] - self.rate_down * t } else { x.cmd[i] }
                 } else if is_low {
                     x.cmd[i] + self.rate_up * t

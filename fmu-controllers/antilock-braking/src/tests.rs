@@ -1,10 +1,10 @@
-//! The logic step by step, and its properties.
+//! The logic step by step, and its limits and symmetry.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// Full pedal at 15 m/s with this slip at all wheels.
+/// Full braking at 15 m/s with the same slip at all wheels.
 fn braking(slip: f64) -> U {
     U {
         enable: true,
@@ -23,29 +23,30 @@ fn sample(p: &AntilockBraking, x: &mut X, u: &U) -> (f64, bool) {
 
 #[track_caller]
 fn assert_command(actual: (f64, bool), expected: (f64, bool)) {
-    // Sums of a few steps of pressure: roundings of 10 MPa.
+    // Tolerance: rounding errors of 10 MPa in a sum of a few steps.
     assert!((actual.0 - expected.0).abs() < 1e-13 && actual.1 == expected.1, "{actual:?} is not {expected:?}");
 }
 
 #[test]
 fn a_wheel_that_slips_too_much_is_released_held_and_braked_again() {
     let (p, mut x) = (AntilockBraking::default(), X::default());
-    // Below the band: the driver's pressure. In the band nothing starts.
+    // Below and within the band: the driver's pressure, no modulation yet.
     assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, false));
     assert_command(sample(&p, &mut x, &braking(0.2199)), (10.0, false));
-    // Above: 60 MPa/s for 5 ms, starting with this very sample.
+    // Above: the pressure falls by 60 MPa/s times 5 ms from this sample on.
     assert_command(sample(&p, &mut x, &braking(0.25)), (9.7, true));
     assert_command(sample(&p, &mut x, &braking(0.3)), (9.4, true));
-    // The wheel speeds up by more than 10 m/s2 (0.06 m/s in 5 ms): held although above the band.
+    // The wheel speeds up by more than 10 m/s2 (0.06 m/s in 5 ms), so its pressure is held although the slip is above
+    // the band.
     assert_command(sample(&p, &mut x, &braking(0.3 - 0.06 / 15.0)), (9.4, true));
-    // In the band: held.
+    // Within the band: held.
     assert_command(sample(&p, &mut x, &braking(0.21)), (9.4, true));
     assert_command(sample(&p, &mut x, &braking(0.1801)), (9.4, true));
-    // Below: 20 MPa/s, until the driver's pressure is reached.
+    // Below: rises by 20 MPa/s until it reaches the driver's pressure.
     for expected in [9.5, 9.6, 9.7, 9.8, 9.9] {
         assert_command(sample(&p, &mut x, &braking(0.1)), (expected, true));
     }
-    // Ten roundings decide whether the last step reaches 10 MPa at once.
+    // Rounding decides whether 10 MPa is reached in this sample or the next.
     sample(&p, &mut x, &braking(0.1));
     assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, false));
 }
@@ -66,7 +67,7 @@ fn switched_off_or_slow_the_request_passes() {
         let mut x = X { active: [true; 4], cmd: [1.0; 4], ..X::default() };
         assert_command(sample(&p, &mut x, &u), (10.0, false));
     }
-    // The request: pedal and yaw control together, within 0 and the limit.
+    // The request is the sum of driver and yaw control, limited to 0 to 12 MPa.
     let off = U { enable: false, p_dyc: FourWheels([1.0, 5.0, 0.0, -20.0]), ..braking(0.0) };
     let y = p.update(Sample { time: 0.0, state: &mut X::default(), inputs: &off, derived: &() });
     assert_eq!(*y.cmd, [11.0, 12.0, 10.0, 0.0]);
@@ -74,12 +75,12 @@ fn switched_off_or_slow_the_request_passes() {
 
 #[test]
 fn the_lead_time_looks_ahead() {
-    // The slip starts from 0. 0.05, then 0.11 within 5 ms: 10 ms later it would be 0.23.
+    // The slip rises from 0.05 to 0.11 within 5 ms, so it would be 0.23 after another 10 ms.
     let p = AntilockBraking { lead: 0.01, ..AntilockBraking::default() };
     let mut x = X::default();
     assert_command(sample(&p, &mut x, &braking(0.05)), (10.0, false));
     assert_command(sample(&p, &mut x, &braking(0.11)), (9.7, true));
-    // A wheel that is modulated from the first sample on has no pressure yet.
+    // In the first sample, the extrapolation starts from a slip of 0, and the modulation from a pressure of 0.
     assert_command(
         sample(&AntilockBraking { lead: 0.005, ..AntilockBraking::default() }, &mut X::default(), &braking(0.12)),
         (0.0, true),
@@ -89,8 +90,9 @@ fn the_lead_time_looks_ahead() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Any sequence: commands within 0 and the request; a modulated wheel is below it; pressures change by their rates
-    /// while modulated; sides exchanged before or after are the same to the bit.
+    /// For any sequence, commands stay between 0 and the request, and below the request while modulated. During
+    /// modulation, pressures change at most at their rates. Exchanging left and right in the inputs exchanges them in
+    /// the outputs, bit for bit.
     #[test]
     fn commands_stay_within_the_request(
         samples in prop::collection::vec(
@@ -109,7 +111,7 @@ proptest! {
                 if y.active[i] {
                     prop_assert!(y.cmd[i] < req);
                     let change = y.cmd[i] - before.cmd[i];
-                    // One rounding of 14 MPa.
+                    // Rounding of a pressure of up to 14 MPa.
                     prop_assert!((-0.3 - 1e-14..=0.1 + 1e-14).contains(&change), "{change}");
                 } else {
                     prop_assert_eq!(y.cmd[i], req);

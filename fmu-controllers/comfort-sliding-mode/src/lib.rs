@@ -1,5 +1,5 @@
-//! `ComfortSlidingMode`: the left suspension keeps the body still by a sliding mode of a quarter car; the right one gets
-//! a constant share of its force.
+//! `ComfortSlidingMode`: keeps the body still with the left suspension, by a sliding mode of a quarter car. The right
+//! suspension gets a constant share of the left force.
 //!
 //! Applied Sciences 2020, 10, 1852, eqs. 15-23 (there RCSMC).
 //!
@@ -7,11 +7,11 @@
 //! |---|---|
 //! | x1, x2 | height of the left wheel, heave of the body |
 //! | x3, x4 | their rates |
-//! | n1, n2, n3 | weights of x1, x2, x3 in the surface S; that of x4 is 1 |
+//! | n1, n2, n3 | weights of x1, x2, x3 in the surface S; x4 has the weight 1 |
 //! | e | force of spring and damper on the body |
-//! | NA, NB | rate of S without force, and per force |
+//! | NA, NB | rate of S without force, and its change per force |
 //! | mu, eta | switching gain and linear reaching rate |
-//! | f | force of a side; zeta is right over left |
+//! | f | actuator force of a side; zeta is the ratio of right to left force |
 
 #[cfg(test)]
 mod tests;
@@ -102,9 +102,10 @@ impl Discrete for ComfortSlidingMode {
     type Outputs = Y;
 
     fn check(&self, _: &Sample<Self>) -> Result<(), String> {
-        // The weight is tunable, so every sample looks at it.
+        // The weight is tunable, so every sample checks it.
         let singular = self.m_u / self.m_s;
-        // Within a few roundings of the weight at which body and wheel motion cancel in the surface.
+        // At the singular weight, the effects of the force on body and wheel cancel in the surface. 1e-9 allows for
+        // rounding.
         if (surface_rate_per_force(self) * self.m_s).abs() > 1e-9 {
             return Ok(());
         }

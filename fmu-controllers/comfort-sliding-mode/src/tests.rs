@@ -34,14 +34,15 @@ fn inputs(x1: f64, x2: f64, x3: f64, x4: f64) -> U {
     U { x1: LeftSide([x1]), x2, x3: LeftSide([x3]), x4 }
 }
 
-/// Coefficients of the motion on the surface S = 0, highest power first. The force drops out of the sum of the two
-/// balances, m_u x3' + m_s x4' = -k_t x1; with x4 = -(n1 x1 + n2 x2 + n3 x3) that is a system of third order in x1, x2.
+/// Coefficients of the characteristic polynomial on the surface S = 0, highest power first. The force cancels in the
+/// sum of the two force balances, m_u x3' + m_s x4' = -k_t x1; with x4 = -(n1 x1 + n2 x2 + n3 x3), this is a system of
+/// third order in x1, x2.
 fn sliding_polynomial(p: &ComfortSlidingMode) -> [f64; 4] {
     let d = p.m_u - p.m_s * p.n3;
     [d, p.m_u * p.n2 - p.m_s * p.n1, p.k_t, p.k_t * p.n2]
 }
 
-/// Returns true if all roots of the polynomial lie in the left half plane, by the eigenvalues of its companion matrix.
+/// Returns true if all roots of the polynomial (eigenvalues of its companion matrix) are in the left half plane.
 fn is_stable([a3, a2, a1, a0]: [f64; 4]) -> bool {
     let companion = Matrix3::new(-a2 / a3, -a1 / a3, -a0 / a3, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
     companion.complex_eigenvalues().iter().all(|root| root.re < 0.0)
@@ -75,7 +76,7 @@ fn the_limit_holds_for_the_left_force_and_its_share() {
 
 #[test]
 fn both_parameter_sets_slide_stably() {
-    // Coefficients and roots: check numbers.
+    // Coefficients: check numbers.
     let [d, a2, a1, a0] = sliding_polynomial(&ComfortSlidingMode::default());
     assert_abs_diff_eq!(d, 50.0, epsilon = 1e-12);
     assert_abs_diff_eq!(a2, 909.67, epsilon = 1e-9);
@@ -87,14 +88,14 @@ fn both_parameter_sets_slide_stably() {
     assert_abs_diff_eq!(a2, 4373.75, epsilon = 1e-9);
     for p in [ComfortSlidingMode::default(), genetic()] {
         assert!(is_stable(sliding_polynomial(&p)));
-        // Without it the wheel would not be damped: it is negative in both sets.
+        // A negative n1 damps the wheel.
         assert!(p.n1 < 0.0);
     }
 }
 
 #[test]
 fn the_conditions_of_the_paper_accept_an_unstable_surface() {
-    // Eq. 22 asks for D > 0, m_u n2 - m_s n1 > 0 and n2 > 0. With n1 = 0.01 1/s it is satisfied, but n2 n3 - n1 < 0.
+    // Eq. 22 requires D > 0, m_u n2 - m_s n1 > 0 and n2 > 0. With n1 = 0.01 1/s, these hold, but n2 n3 - n1 < 0.
     let p = ComfortSlidingMode { n1: 0.01, ..ComfortSlidingMode::default() };
     let [d, a2, a1, a0] = sliding_polynomial(&p);
     assert!(d > 0.0 && a2 > 0.0 && a1 > 0.0 && a0 > 0.0);
@@ -116,8 +117,8 @@ fn a_surface_that_no_force_moves_is_rejected() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// The quarter car under the force moves the surface as the reaching law demands; here it is derived independently from
-    /// Newton's law. Rates of up to 1e4 m/s2 leave roundings of 1e-10.
+    /// The force makes the surface follow the reaching law; the rate of the surface is computed independently, from
+    /// Newton's law. Rounding errors are below 1e-10 for rates of up to 1e4 m/s2.
     #[test]
     fn the_surface_is_reached_as_demanded(
         x in prop::array::uniform4(-1.0..1.0f64), n3 in -0.1..0.02, width in 0.0..0.5, genetic_set: bool,
@@ -133,7 +134,7 @@ proptest! {
         prop_assert_eq!(y.f[1], p.zeta * y.f[0]);
     }
 
-    /// Every function of the law is odd, to the bit.
+    /// Inputs of opposite sign give outputs of opposite sign, bit for bit.
     #[test]
     fn the_law_is_odd(x in prop::array::uniform4(-1.0..1.0f64), limit in 0.0..2000.0) {
         let p = ComfortSlidingMode { limit, ..ComfortSlidingMode::default() };
@@ -142,12 +143,12 @@ proptest! {
         prop_assert_eq!((y.f.0, y.s), (mirror.f.map(|f| -f), -mirror.s));
     }
 
-    /// The motion on the surface decays if, and only if, eq. 22 holds with the term that it lacks: n2 n3 - n1 > 0.
+    /// The motion on the surface decays if and only if eq. 22 and the missing condition, n2 n3 - n1 > 0, hold.
     #[test]
     fn four_inequalities_are_necessary_and_sufficient(n1 in -3.0..0.5, n2 in -1.0..10.0, n3 in -0.1..0.1) {
         let p = ComfortSlidingMode { n1, n2, n3, ..ComfortSlidingMode::default() };
         let [d, a2, a1, a0] = sliding_polynomial(&p);
-        // Near the border, rounding determines the sign of the eigenvalues.
+        // Near the stability limit, rounding determines the sign of the eigenvalues.
         prop_assume!(d.abs() > 1e-3 && n2.abs() > 1e-3 && (n2 * n3 - n1).abs() > 1e-3);
         let inequalities = a2 / d > 0.0 && a1 / d > 0.0 && a0 / d > 0.0 && n2 * n3 - n1 > 0.0;
         prop_assert_eq!(inequalities, is_stable([d, a2, a1, a0]));

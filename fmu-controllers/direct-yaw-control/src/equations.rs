@@ -1,17 +1,17 @@
-//! One sample of yaw control: references, sliding mode, brake pressures. The numbers are those of the paper; corrections
-//! are listed in the README.
+//! One sample of yaw control: references, sliding mode, brake pressures. Equation numbers refer to the paper; the
+//! README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | delta | steering angle demanded by the driver |
-//! | u, beta, r | speed (u_e: with a floor, for divisions), sideslip angle, yaw rate |
+//! | u, beta, r | speed (u_e: with a lower limit, for divisions), sideslip angle, yaw rate |
 //! | K_f, K_r | cornering stiffness of the axles (both tires), positive |
 //! | K | stability factor |
-//! | r_ss, r_d, rd_d | yaw rate of the steady turn, its lagged reference, and the rate of that; beta alike |
-//! | beta_n, r_n | rates of sideslip and yaw rate without yaw moment, by the linear model |
+//! | r_ss, r_d, rd_d | yaw rate of the steady turn, the lagged reference, and the rate of the reference; the same for beta |
+//! | beta_n, r_n | rates of sideslip and yaw rate without yaw moment, from the linear model |
 //! | sigma, c | sliding surface (r - r_d) + c (beta - beta_d) |
 //! | dM | demanded yaw moment, positive to the left |
-//! | F_d | brake force of each wheel of one side |
+//! | F_d | brake force of each wheel on one side |
 //! | T | sample time |
 
 use chassis_control::limit::{lag, magnitude};
@@ -41,13 +41,13 @@ pub(crate) fn sample(p: &DirectYawControl, d: &D, x: &mut X, inputs: &U) -> Y {
     Y { dm, pressure: brake_pressures(p, dm), r_d: x.r_d, beta_d: x.beta_d }
 }
 
-/// r_d and beta_d: the steady turn demanded by the driver, within the limit of friction, and its first-order lag. Returns rd_d
-/// and betad_d.
+/// Updates r_d and beta_d: first-order lags of the steady turn that the driver demands, within the friction limit.
+/// Returns rd_d and betad_d.
 fn update_references(p: &DirectYawControl, d: &D, x: &mut X, delta: f64, u_e: f64) -> [f64; 2] {
     let (m, a, b, t) = (p.m, p.a, p.b, p.sample_time);
     let [_, k_r] = *p.k;
     let wheelbase = a + b;
-    // An oversteering vehicle has a critical speed; the turn stays finite beyond it.
+    // An oversteering vehicle has a critical speed. The lower limit keeps the turn finite there and above.
     let den = wheelbase * (1.0 + d.stability * u_e * u_e).max(0.05);
     let r_ss = magnitude(u_e * delta / den, 0.85 * p.mu * p.g / u_e);
     let beta_ss =
@@ -57,7 +57,7 @@ fn update_references(p: &DirectYawControl, d: &D, x: &mut X, delta: f64, u_e: f6
     [(r_ss - x.r_d) / p.tau, (beta_ss - x.beta_d) / p.tau]
 }
 
-/// dM: the moment that leads to the surface (eq. 20), from the rates without it (eqs. 9, 10, 19).
+/// dM: the moment that brings the motion to the surface (eq. 20), from the rates without yaw moment (eqs. 9, 10, 19).
 fn yaw_moment(p: &DirectYawControl, d: &D, x: &X, inputs: &U, u_e: f64, [rd_d, betad_d]: [f64; 2]) -> f64 {
     let U { delta, beta, r, .. } = *inputs;
     let (m, i_z, a, b) = (p.m, p.i_z, p.a, p.b);

@@ -1,5 +1,5 @@
-//! `DirectYawControl`: the yaw moment that makes a car follow the turn demanded by its driver, by a sliding mode of sideslip
-//! and yaw rate, and the brake pressures of one side that produce this moment.
+//! `DirectYawControl`: the yaw moment that makes a car follow the turn demanded by its driver, from a sliding mode of
+//! sideslip and yaw rate, and the brake pressures on one side that produce this moment.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eqs. 9, 10 and 19-22.
@@ -76,7 +76,7 @@ pub struct DirectYawControl {
     sample_time: f64,
 }
 
-/// Driver demand and measurements.
+/// Driver's demand and measurements.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_YAW_CONTROL)]

@@ -1,4 +1,4 @@
-//! Check numbers, closed forms and properties of yaw control.
+//! Check numbers, closed forms, symmetry and limits of yaw control.
 
 use proptest::prelude::*;
 
@@ -45,7 +45,7 @@ fn the_references_reach_the_steady_turn_and_its_limits() {
 
 #[test]
 fn the_reference_is_a_first_order_lag() {
-    // 1 - exp(-T/tau) of the way in the first sample; also while switched off.
+    // The first sample covers 1 - exp(-T/tau) of the step, even while the control is disabled.
     let p = DirectYawControl::default();
     let mut x = X::default();
     let y = sample(&p, &mut x, &U { delta: 0.01, enable: false, ..driving() });
@@ -55,8 +55,8 @@ fn the_reference_is_a_first_order_lag() {
 
 #[test]
 fn the_moment_makes_the_surface_fall_as_the_reaching_law_says() {
-    // In the linear model with this moment: d(sigma)/dt = -k_s sigma - eta sat(sigma/layer). Closed form by the model's
-    // own rates, written out once more with numbers; a few roundings.
+    // In the linear model with this moment: d(sigma)/dt = -k_s sigma - eta sat(sigma/layer). The model's rates are
+    // written out here with numbers. Tolerance: a few rounding errors.
     let p = DirectYawControl { layer: 0.5, ..DirectYawControl::default() };
     let d = derived(&p);
     let mut x = X { r_d: 0.1, beta_d: -0.01 };
@@ -78,7 +78,8 @@ fn the_moment_makes_the_surface_fall_as_the_reaching_law_says() {
 
 #[test]
 fn brakes_of_one_side_make_the_moment() {
-    // dM = 2 wheels of one side, each F_d = DirectYawControl C/R, at half the track: 2 F_d track/2. Exact but for roundings.
+    // dM = 2 F_d track/2: two wheels on one side, each with F_d = pressure C/R, at half the track. Exact up to
+    // rounding.
     let p = DirectYawControl::default();
     let y = sample(&p, &mut X::default(), &U { r: -0.02, ..driving() });
     assert!(y.dm > p.deadband && y.dm < p.moment_max);
@@ -87,7 +88,7 @@ fn brakes_of_one_side_make_the_moment() {
         let force = pressure * 1e6 * gain / data::RADIUS;
         assert!((force * data::TRACK / y.dm - 1.0).abs() < 1e-14);
     }
-    // Small moments brake no wheel, great ones are limited, and the rear brakes by their pressure.
+    // Small moments brake no wheel. Large moments are limited; at the rear, the pressure limit acts.
     let small = sample(
         &DirectYawControl { deadband: 1e5, ..DirectYawControl::default() },
         &mut X::default(),
@@ -111,7 +112,7 @@ fn a_slow_car_is_left_alone() {
 
 #[test]
 fn an_oversteering_car_has_finite_references() {
-    // K < 0: beyond the critical speed 1 + K u^2 would change its sign; it stays at 0.05.
+    // K < 0: above the critical speed, 1 + K u^2 would change its sign; it is kept at 0.05.
     let p = DirectYawControl { k: TwoAxles([120_000.0, 60_000.0]), ..DirectYawControl::default() };
     assert!(derived(&p).stability < 0.0);
     let mut x = X::default();
@@ -130,7 +131,8 @@ fn a_surface_without_yaw_rate_is_rejected() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Left and right exchanged: to the bit. Pressures stay within their limits and on the inner side.
+    /// Exchanging left and right mirrors the result bit for bit. Pressures stay within their limits and act on one side
+    /// only.
     #[test]
     fn control_is_odd_and_limited(
         r_d in -1.0..1.0, beta_d in -0.2..0.2, delta in -0.5..0.5, u in 0.0..50.0, beta in -0.5..0.5, r in -2.0..2.0,

@@ -1,18 +1,18 @@
-//! One sample of the steering law, in the order of computation: front axle and reference, sliding modes, limits. The
-//! numbers are those of the paper; corrections are listed in the README.
+//! One sample of the steering law, in the order of computation: front axle and reference, sliding modes, limits.
+//! Equation numbers refer to the paper; the README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | beta, r, u | sideslip angle, yaw rate, speed |
 //! | df, dm, dr | angles of the front, middle and rear axle |
-//! | a, -b, -c | positions of the axles in front of the center of mass |
+//! | a, -b, -c | positions of the axles relative to the center of mass, positive forward |
 //! | C_F, C_M, C_R | cornering stiffness of the axles (two tires each), positive |
 //! | W_F | load of the front axle at rest |
-//! | r_d, rd_d | reference of the yaw rate, and its rate; that of sideslip is 0 |
-//! | e, I | error of sideslip (e_b) and of yaw rate (e_r), and their integrals |
-//! | S | sliding surface of sideslip (S_b) and of yaw rate (S_r) |
-//! | g | cornering stiffness times slip angle of an axle (middle and rear: of the straight axle) |
-//! | n_b, n_r | lateral force and yaw moment that the middle and rear axles have to steer for |
+//! | r_d, rd_d | yaw rate reference, and its rate; the sideslip reference is 0 |
+//! | e, I | errors of sideslip (e_b) and yaw rate (e_r), and their integrals |
+//! | S | sliding surfaces of sideslip (S_b) and yaw rate (S_r) |
+//! | g | cornering stiffness times slip angle of an axle (middle and rear: not steered) |
+//! | n_b, n_r | lateral force and yaw moment that the steering of the middle and rear axles has to produce |
 //! | T | sample time |
 
 use chassis_control::front_steering::{Limits, ReferenceModel, Sample, Vehicle};
@@ -67,7 +67,7 @@ pub(crate) fn sample(p: &DualSlidingModeSteering, d: &D, x: &mut X, inputs: &U) 
     Y { delta: ThreeAxles([x.df, x.dm, x.dr]), s_b, s_r, r_d, request: RearAxles([dm, dr]) }
 }
 
-/// Surfaces, and the angles of the middle and rear axle that lead to them.
+/// Surfaces, and the angles of the middle and rear axles that drive them to zero.
 #[derive(Default)]
 struct Modes {
     s_b: f64,

@@ -1,5 +1,5 @@
-//! `DualSlidingModeSteering`: the middle and rear axles of a three-axle vehicle keep sideslip at zero and the yaw rate
-//! at its reference, by two integral sliding modes.
+//! `DualSlidingModeSteering`: steers the middle and rear axles of a three-axle vehicle to keep sideslip at zero and the
+//! yaw rate at its reference, by two integral sliding modes.
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 14-31.
 
@@ -97,7 +97,7 @@ fmu::named_array! {
     }
 }
 
-/// Driver demand, measurements and weight.
+/// Driver's demand, measurements and weight.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]

@@ -36,7 +36,7 @@ fn three_samples_from_rest_have_the_check_numbers() {
         assert_abs_diff_eq!(y.request[0], middle, epsilon = 1e-11);
         assert_abs_diff_eq!(y.request[1], rear, epsilon = 1e-11);
         assert_abs_diff_eq!(y.delta[0], front, epsilon = 1e-12);
-        // Both are slewed: 30 deg/s in 1 ms per sample.
+        // The rate limit of the middle and rear axles: 30 deg/s times 1 ms per sample.
         let slewed = 0.000523598776 * (n + 1) as f64;
         assert_abs_diff_eq!(y.delta[1], slewed, epsilon = 2e-12);
         assert_abs_diff_eq!(y.delta[2], slewed, epsilon = 2e-12);
@@ -55,8 +55,8 @@ fn small_slip_angles_have_the_check_numbers() {
 
 #[test]
 fn small_slip_angles_solve_the_equations_of_the_paper() {
-    // Eqs. 14-31 written with A1, A2, A3 as in the paper (k = -C, six tires): the same two equations for the two axles
-    // solved by hand. Roundings of forces of 1e5 N over 6e5 N/rad.
+    // Eqs. 14-31 written with A1, A2, A3 as in the paper (k = -C, six tires): the angles must satisfy both equations.
+    // Tolerance: rounding errors of forces of 1e5 N, divided by 6e5 N/rad.
     let p =
         DualSlidingModeSteering { slip_angle_model: SlipAngleModel::SmallAngle, ..DualSlidingModeSteering::default() };
     let d = derived(&p);
@@ -82,9 +82,10 @@ fn small_slip_angles_solve_the_equations_of_the_paper() {
 
 #[test]
 fn the_steady_turn_needs_the_angles_of_equal_slip() {
-    // Steady state with zero sideslip at 35 km/h and 0.05 rad: all axles run at the slip angle m u r/A1, so the middle
-    // axle stands at alpha - b r/u and the rear one at alpha - c r/u with r = gain tan(0.05). Small angles: the arc
-    // tangents and the tangent of 0.05 rad differ from it by less than 0.05^3/3 = 4e-5 rad, over the levers by 1e-4.
+    // Steady state with zero sideslip at 35 km/h and 0.05 rad: all axles have the slip angle alpha = m u r/A1, so the
+    // angle of the middle axle is alpha - b r/u and that of the rear axle alpha - c r/u, with r = gain tan(0.05).
+    // Replacing arc tangents and the tangent by their arguments changes angles by less than 0.05^3/3 = 4e-5 rad, and
+    // the result by less than 1e-4.
     let p = DualSlidingModeSteering::default();
     let d = derived(&p);
     let u = 35.0 * KM_H;
@@ -102,8 +103,8 @@ fn the_steady_turn_needs_the_angles_of_equal_slip() {
 
 #[test]
 fn the_front_axle_slews_to_the_angle_of_the_largest_lateral_acceleration() {
-    // pi/6 at 35 km/h: 9.8995 deg (check number) after 0.99 s at 10 deg/s; the reference tends to ay_limit/u within
-    // exp(-9/0.2).
+    // pi/6 at 35 km/h: 9.8995 deg (check number) after 0.99 s at 10 deg/s. The reference then approaches ay_limit/u;
+    // exp(-9/0.2) of the difference remains.
     let p = DualSlidingModeSteering::default();
     let mut x = X::default();
     let u = U { steer: std::f64::consts::FRAC_PI_6, u: 35.0 * KM_H, beta: 0.0, r: 0.0, k3: 0.0 };
@@ -139,7 +140,7 @@ fn the_integrals_wait_while_an_axle_is_at_its_limit() {
     let y = sample(&p, &mut x, &TURN);
     assert!(y.request[1] > p.limit);
     assert_eq!((x.i_b, x.i_r), (0.0, 0.0));
-    // Within the limit: I = T e exactly.
+    // Below the limit: exactly I = T e.
     let p = DualSlidingModeSteering::default();
     sample(&p, &mut x, &TURN);
     assert_eq!(x.i_b, p.sample_time * TURN.beta);
@@ -170,7 +171,7 @@ fn any_inputs() -> impl Strategy<Value = U> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// A turn to the right is the turn to the left in a mirror: every function of the law is odd, to the bit.
+    /// Right turns mirror left turns bit for bit.
     #[test]
     fn the_law_is_odd(x in any_memory(), u in any_inputs(), ordinary_reference: bool, small_angles: bool) {
         let p = DualSlidingModeSteering {
@@ -190,7 +191,7 @@ proptest! {
         prop_assert_eq!((left.i_b, left.i_r, left.r_d), (-right.i_b, -right.i_r, -right.r_d));
     }
 
-    /// Angles and their rates stay within their limits from wherever they start within them, at any speed down to 0.
+    /// Angles and rates stay within their limits from any state within them, at any speed down to 0.
     #[test]
     fn angles_and_rates_keep_their_limits(x in any_memory(), u in any_inputs()) {
         let p = DualSlidingModeSteering::default();
@@ -199,7 +200,7 @@ proptest! {
         let steps = [(x.df, y.delta[0], p.front_rate), (x.dm, y.delta[1], p.rate), (x.dr, y.delta[2], p.rate)];
         for (before, angle, rate) in steps {
             prop_assert!(angle.is_finite() && angle.abs() <= p.limit);
-            // One rounding of an angle below 1.
+            // Rounding of an angle below 1 rad.
             prop_assert!((angle - before).abs() <= rate * p.sample_time + 1e-16);
         }
         prop_assert!(y.r_d.is_finite() && after.r_d.is_finite());

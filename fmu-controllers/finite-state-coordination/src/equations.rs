@@ -1,10 +1,10 @@
 //! One sample of the coordination: driving state (Table 1), gains of the suspension law (Tables 2-5, rules 1-5), target
-//! slip. The numbers are those of the paper; corrections are listed in the README.
+//! slip. Numbers of tables and rules refer to the paper; the README lists corrections.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | a_x, a_y | filtered longitudinal and lateral acceleration |
-//! | theta, phi | pitch and roll; one more d is one more derivative with respect to time |
+//! | theta, phi | pitch and roll; each d at the end is a derivative with respect to time |
 //! | K_p, K_i, K_d | gains of the suspension law |
 //! | sigma, lambda, alpha, beta, epsilon_0, gamma_0 | gains and thresholds of the rules |
 //! | u | speed |
@@ -25,7 +25,7 @@ pub(crate) enum State {
     TurningAndAccelerating = 6,
 }
 
-/// K_i and K_d at a pair of wheels: for a low and for a high acceleration.
+/// K_i and K_d of a pair of wheels, each for accelerations below and above the thresholds.
 struct Row {
     k_i: [f64; 2],
     k_d: [f64; 2],
@@ -42,19 +42,19 @@ const TABLE_5: [Row; 2] = [Row { k_i: [0.98, 1.00], k_d: [3.01, 3.06] }, Row { k
 const K_I_5: f64 = 1.0;
 const K_D_5: f64 = 3.16;
 
-/// Floor of the speed in the target slip, m/s.
+/// Lower limit of the speed in the target slip, m/s.
 const LEAST_SPEED: f64 = 2.0;
 
-/// Left or right of wheel `i`: 0 or 1.
+/// Side of wheel `i`: 0 left, 1 right.
 fn side_of(i: usize) -> usize {
     i % 2
 }
 
-/// Table 1 with bands: a car that was in a state stays in it a little longer.
+/// Table 1 with hysteresis: a state ends at a lower acceleration than it begins.
 pub(crate) fn state(p: &FiniteStateCoordination, x: &mut X, inputs: &U) -> State {
     x.a_x = lag(x.a_x, inputs.a_x, p.tau, p.sample_time);
     x.a_y = lag(x.a_y, inputs.a_y, p.tau, p.sample_time);
-    // Braking by yaw control alone is not braking: the pedal decides.
+    // Braking requires the pedal: braking by yaw control alone does not count.
     let pedal = inputs.brake > p.brake_on;
     let exceeds = |a: f64, was: bool| a > p.ax_on || (was && a > p.ax_off);
     (x.accelerates, x.brakes) = (!pedal && exceeds(x.a_x, x.accelerates), pedal && exceeds(-x.a_x, x.brakes));
@@ -69,7 +69,7 @@ pub(crate) fn state(p: &FiniteStateCoordination, x: &mut X, inputs: &U) -> State
     }
 }
 
-/// K_i and K_d of a pair of wheels for a pitch or roll acceleration.
+/// K_i and K_d of a pair of wheels, depending on the pitch or roll acceleration.
 fn banded(p: &FiniteStateCoordination, row: &Row, acceleration: f64, threshold: f64) -> (f64, f64) {
     if acceleration < -threshold {
         (row.k_i[0], row.k_d[0])
@@ -80,8 +80,8 @@ fn banded(p: &FiniteStateCoordination, row: &Row, acceleration: f64, threshold: 
     }
 }
 
-/// K_p of two pairs of wheels: `large` at the first where rate and acceleration are positive, at the second where both are
-/// negative, the other one at the opposite pair.
+/// K_p of two pairs of wheels. If rate and acceleration are both above their thresholds, the first pair gets `large`
+/// and the second `small`. If both are below the negative thresholds, the pairs are exchanged.
 fn opposed(p: &FiniteStateCoordination, motion: [f64; 2], thresholds: [f64; 2], large: f64, small: f64) -> [f64; 2] {
     let both = |sign: f64| (0..2).all(|i| sign * motion[i] > thresholds[i]);
     if both(1.0) {
@@ -138,7 +138,8 @@ pub(crate) fn gains(p: &FiniteStateCoordination, state: State, inputs: &U) -> [F
     }
 }
 
-/// Target slip: the tire's best slip grows as the speed falls; in a turn some of it is left for the lateral force.
+/// Target slip: the slip of the largest brake force grows as the speed falls. When braking in a turn, a lower target
+/// leaves grip for the lateral force.
 pub(crate) fn target_slip(p: &FiniteStateCoordination, state: State, a_y: f64, u: f64) -> f64 {
     let straight = p.slip_ref * (p.v_ref / u.max(LEAST_SPEED)).sqrt();
     let turning =

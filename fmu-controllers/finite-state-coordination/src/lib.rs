@@ -1,4 +1,4 @@
-//! `FiniteStateCoordination`: detects six driving states and selects, by state, the active laws, the gains of the
+//! `FiniteStateCoordination`: detects six driving states. For each, it selects the active laws, the gains of the
 //! suspension law and the target slip of the antilock logic.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
@@ -23,7 +23,7 @@ pub enum Strategy {
     Coordination = 2,
 }
 
-/// Symbols as in the paper, where it has one.
+/// Symbols as in the paper, if it has one.
 #[derive(Parameters, Clone, Debug)]
 pub struct FiniteStateCoordination {
     /// Control case
@@ -123,7 +123,7 @@ pub struct FiniteStateCoordination {
     sample_time: f64,
 }
 
-/// Target slip before the first sample and of individual control.
+/// Target slip before the first sample, and with individual control.
 const SLIP_0: f64 = 0.20;
 
 /// Pedals and measurements.
@@ -150,7 +150,7 @@ pub struct U {
     throttle: f64,
 }
 
-/// State, switches, gains and target slips.
+/// Driving state, active laws, gains and target slips.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(COORDINATION_STATE)]

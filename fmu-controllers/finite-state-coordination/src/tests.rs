@@ -1,11 +1,11 @@
-//! Driving states, tables and rules by hand, and their properties.
+//! Driving states, tables and rules against the paper, and limits of the outputs.
 
 use proptest::prelude::{ProptestConfig, prop, prop_assert, prop_assert_eq, proptest};
 
 use super::equations::State;
 use super::*;
 
-/// No filter: the state follows at once.
+/// Without filter, so the state follows the accelerations at once.
 fn unfiltered() -> FiniteStateCoordination {
     FiniteStateCoordination { tau: 0.0, ..FiniteStateCoordination::default() }
 }
@@ -14,7 +14,7 @@ fn sample(p: &FiniteStateCoordination, x: &mut X, u: &U) -> Y {
     p.update(Sample { time: 0.0, state: x, inputs: u, derived: &() })
 }
 
-/// State for accelerations and brake pedal, after what was before.
+/// Next driving state for the accelerations and the brake pedal.
 fn state(x: &mut X, a_x: f64, a_y: f64, brake: f64) -> i32 {
     sample(&unfiltered(), x, &U { a_x, a_y, brake, u: data::SPEED, ..U::default() }).state
 }
@@ -29,7 +29,8 @@ fn six_states_are_told_apart() {
         (0.0, 1.0, 0.0, 4),
         (-1.0, -1.0, 1.0, 5),
         (1.0, -1.0, 0.0, 6),
-        // Decelerating without the pedal is not braking, the pedal alone neither, nor accelerating with it.
+        // Neither deceleration without the pedal, nor the pedal without deceleration, nor acceleration with the pedal
+        // changes the state.
         (-1.0, 0.0, 0.0, 1),
         (0.0, 0.0, 1.0, 1),
         (1.0, 0.0, 1.0, 1),
@@ -52,19 +53,20 @@ fn states_last_until_the_lower_threshold() {
     for (a_y, expected) in [(0.3, 1), (-0.41, 4), (0.26, 4), (-0.24, 1), (0.3, 1)] {
         assert_eq!(state(&mut x, 0.0, a_y, 0.0), expected, "turning, {a_y}");
     }
-    // From braking straight to accelerating: the band of one does not hold the other.
+    // From braking straight to accelerating: the lower threshold of braking does not apply to accelerating.
     state(&mut x, -1.0, 0.0, 1.0);
     assert_eq!(state(&mut x, 0.4, 0.0, 0.0), 1);
 }
 
 #[test]
 fn accelerations_are_filtered() {
-    // 1 - exp(-5 ms/50 ms) of 2 m/s2 per sample: above 0.4 m/s2 in the third, 2 (1 - exp(-0.3)) = 0.518.
+    // Each sample covers 1 - exp(-5 ms/50 ms) of the difference to 2 m/s2. The third exceeds 0.4 m/s2: 2 (1 -
+    // exp(-0.3)) = 0.518.
     let p = FiniteStateCoordination::default();
     let mut x = X::default();
     let states: Vec<_> = (0..3).map(|_| sample(&p, &mut x, &U { a_y: 2.0, ..U::default() }).state).collect();
     assert_eq!(states, [1, 1, 4]);
-    // A few roundings.
+    // Tolerance: a few rounding errors.
     assert!((x.a_y - 2.0 * (1.0 - (-0.3_f64).exp())).abs() < 1e-15);
 }
 
@@ -123,7 +125,7 @@ fn the_tables_are_those_of_the_paper() {
         (State::Turning, roll(0.011), sides(1.10, 1.04), sides(3.12, 3.10)),
         (State::TurningAndAccelerating, roll(-0.011), sides(0.98, 1.10), sides(3.01, 3.15)),
         (State::TurningAndAccelerating, roll(0.011), sides(1.00, 1.00), sides(3.06, 3.02)),
-        // In between and in the other states: the base.
+        // Between the thresholds, and in the other states: base gains.
         (State::Accelerating, pitch(0.1), [0.8; 4], [3.0; 4]),
         (State::Turning, roll(-0.01), [0.8; 4], [3.0; 4]),
         (State::Uniform, U { thetadd: 1.0, phidd: 1.0, ..U::default() }, [0.8; 4], [3.0; 4]),
@@ -153,16 +155,16 @@ fn rules_raise_the_proportional_gain_where_rate_and_acceleration_agree() {
     let rolling = motion(0.0, 0.0, 0.002, 0.02);
     assert_eq!(k_p(State::Turning, rolling.clone()), [100.0, 80.0, 100.0, 80.0]);
     assert_eq!(k_p(State::Turning, motion(0.0, 0.0, -0.002, -0.02)), [80.0, 100.0, 80.0, 100.0]);
-    // State 6 has thresholds of its own.
+    // State 6 has separate thresholds.
     assert_eq!(k_p(State::TurningAndAccelerating, rolling.clone()), [60.0; 4]);
     assert_eq!(k_p(State::TurningAndAccelerating, motion(0.0, 0.0, 0.6, 0.02)), [100.0, 80.0, 100.0, 80.0]);
     assert_eq!(k_p(State::Uniform, pitching.clone()), [60.0; 4]);
-    // State 5: the greater acceleration decides, or both blend by their size (0.3 and 0.1: three quarters pitch).
+    // State 5: the rule of the larger acceleration, or both blended in proportion (0.3 and 0.1: three quarters pitch).
     assert_eq!(k_p(State::TurningAndBraking, pitching), [90.0, 90.0, 75.0, 75.0]);
     assert_eq!(k_p(State::TurningAndBraking, rolling), [100.0, 80.0, 100.0, 80.0]);
     let both = k_p(State::TurningAndBraking, motion(0.02, 0.3, 0.002, 0.1));
     for (actual, expected) in both.into_iter().zip([92.5, 87.5, 81.25, 76.25]) {
-        // Roundings of 0.3 + 0.1.
+        // Tolerance: rounding of 0.3 + 0.1.
         assert!((actual - expected).abs() < 1e-12, "{actual} {expected}");
     }
 }
@@ -171,18 +173,18 @@ fn rules_raise_the_proportional_gain_where_rate_and_acceleration_agree() {
 fn the_target_slip_falls_with_speed_and_in_turns() {
     let p = FiniteStateCoordination::default();
     let slip = |state, a_y: f64, u: f64| equations::target_slip(&p, state, a_y, u);
-    // 0.18 at 60 km/h, sqrt of the inverse speed; limited at 0.30 below 21.6 km/h.
+    // 0.18 at 60 km/h, proportional to 1/sqrt(speed); limited to 0.30 below 21.6 km/h.
     assert!((slip(State::Braking, 0.0, data::SPEED) - 0.18).abs() < 1e-15);
     assert!((slip(State::Braking, 0.0, data::SPEED * 4.0) - 0.09).abs() < 1e-15);
     assert_eq!(slip(State::Braking, 0.0, 0.0), 0.30);
     assert_eq!(slip(State::Braking, 0.0, 400.0), 0.08);
-    // 40 % less at the limit of friction, 20 % at half of it; only in state 5.
+    // 40 % less at the friction limit, 20 % less at half of it, but only in state 5.
     let limit = 0.77 * 9.81;
     for (a_y, share) in [(limit, 0.6), (-3.0 * limit, 0.6), (limit / 2.0, 0.8)] {
         assert!((slip(State::TurningAndBraking, a_y, data::SPEED) - 0.18 * share).abs() < 1e-15);
     }
     assert!((slip(State::Turning, limit, data::SPEED) - 0.18).abs() < 1e-15);
-    // Parameters that contradict each other, or ice without friction, do not panic.
+    // Contradictory limits and zero friction do not panic.
     let odd = FiniteStateCoordination { slip_lo: 0.5, slip_hi: 0.1, mu: 0.0, ..FiniteStateCoordination::default() };
     assert_eq!(equations::target_slip(&odd, State::TurningAndBraking, 0.0, 10.0), 0.1);
 }
@@ -190,8 +192,8 @@ fn the_target_slip_falls_with_speed_and_in_turns() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Any sequence: gains and target slips stay within those of tables and parameters, switches belong to
-    /// the state.
+    /// For any sequence, gains and target slips stay within the ranges of tables and parameters, and the active laws
+    /// match the state.
     #[test]
     fn results_belong_to_the_state(
         samples in prop::collection::vec((prop::array::uniform6(-2.0..2.0_f64), 0.0..0.1_f64, 0.0..40.0_f64), 1..30),

@@ -47,7 +47,7 @@ pub struct FrontSteeringActuator {
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Driver demand and speed.
+/// Driver's demand and speed.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]

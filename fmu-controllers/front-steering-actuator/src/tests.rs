@@ -1,16 +1,16 @@
-//! The front axle against the equations of its README, written out here.
+//! Compares the front axle with the equations in the README, written out here.
 
 use approx::assert_abs_diff_eq;
 
 use super::*;
 
-/// One sample, with the start values but for the model.
+/// Angle after one sample, rad.
 fn sample(p: &FrontSteeringActuator, x: &mut X, steer: f64, u: f64) -> f64 {
     p.update(Sample { time: 0.0, derived: &p.derived().unwrap(), state: x, inputs: &U { steer, u } }).delta[0]
 }
 
-/// The equations in the order of the README, with numbers of the rescue vehicle: its axles carry equal loads, so W_F/g is
-/// a third of the mass. 1e-15 rad is a few roundings of angles below 1.
+/// The equations in the order of the README, with numbers of the rescue vehicle. Its axles carry equal loads, so W_F/g
+/// is a third of the mass. Tolerance: a few rounding errors of angles below 1 rad.
 #[test]
 fn the_axle_follows_the_equations() {
     let p = FrontSteeringActuator::default();
@@ -31,7 +31,7 @@ fn the_axle_follows_the_equations() {
     }
 }
 
-/// pi/6 at 35 km/h: 10 deg/s up to 9.8995 deg (check number of an independent implementation, 4 decimals).
+/// A step of pi/6 at 35 km/h: 10 deg/s up to 9.8995 deg (check number from an independent implementation, 4 decimals).
 #[test]
 fn a_step_slews_to_the_angle_of_the_largest_lateral_acceleration() {
     let p = FrontSteeringActuator::default();
@@ -42,7 +42,7 @@ fn a_step_slews_to_the_angle_of_the_largest_lateral_acceleration() {
     }
 }
 
-/// Without a rate limit the axle is at its angle at once; left and right are mirror images.
+/// Without a rate limit, the axle follows at once. Left and right are mirror images.
 #[test]
 fn without_a_rate_limit_only_the_angle_is_limited() {
     for reference_model in [ReferenceModel::TwoDegreesOfFreedom, ReferenceModel::ZeroSideslip] {

@@ -1,4 +1,4 @@
-//! Mamdani inference of the shares (Tables 2 and 3 of the paper; Gaussian sets that cross at one half).
+//! Mamdani inference of the shares from Tables 2 and 3 of the paper, with Gaussian sets that cross at one half.
 
 use chassis_control::fuzzy::{Conjunction, FuzzyError, LabelMap, Membership, Output, Partition, RuleTable};
 
@@ -22,7 +22,7 @@ const RULES: [[usize; 5]; 5] = [
     [PS, PB, PVB, PEB, PEB],
 ];
 
-/// Table 3: the label of the other share for PES, PVS, ... PEB.
+/// Table 3: the label of the other share, for each of PES, PVS, ... PEB.
 const MIRROR: [usize; 7] = [PEB, PEB, PB, PM, PS, PVS, PES];
 
 const LARGEST_ANGLE: f64 = 32.0; // deg

@@ -1,4 +1,4 @@
-//! Check numbers and properties of the rules.
+//! Check numbers, symmetry and limits of the shares.
 
 use proptest::prelude::{ProptestConfig, prop_assert, prop_assert_eq, proptest};
 
@@ -16,7 +16,8 @@ fn weights(p: &FuzzyCoordination, degrees: f64, km_h: f64) -> Y {
     })
 }
 
-/// Steering angle in degrees, speed in km/h, K1, K2: computed by an independent implementation, 9 decimals printed.
+/// Steering angle in degrees, speed in km/h, K1, K2, computed by an independent implementation and printed to 9
+/// decimals.
 const CHECKS: [(f64, f64, f64, f64); 7] = [
     (30.0, 35.0, 0.146518016, 0.853481984),
     (0.0, 35.0, 0.615975864, 0.384024136),
@@ -51,9 +52,9 @@ fn multi_axle_steering_needs_speed_and_a_steering_demand() {
     assert_eq!(weights(&p, 30.0, -5.0).k3, 0.0);
     assert_eq!(weights(&p, 30.0, 0.001).k3, 1.0);
     assert_eq!(weights(&p, 0.999, 35.0).k3, 0.0);
-    assert_eq!(weights(&p, 1.0, 35.0).k3, 1.0); // the activation angle itself counts
+    assert_eq!(weights(&p, 1.0, 35.0).k3, 1.0); // exactly the activation angle
     assert_eq!(weights(&p, -1.0, 35.0).k3, 1.0);
-    // A threshold of 0: always on while moving.
+    // With a threshold of 0, steering is on whenever the vehicle moves.
     assert_eq!(weights(&FuzzyCoordination { delta_0: 0.0, ..p }, 0.0, 35.0).k3, 1.0);
 }
 
@@ -69,8 +70,8 @@ fn individual_control_has_constant_weights() {
 
 #[test]
 fn turning_and_speed_shift_the_shares_to_the_roll_law() {
-    // What the paper's text asks of the coordination: K2 rises and K1 falls with steering angle and speed. Checked where
-    // the sets peak, because Mamdani inference is not monotone between them.
+    // As the paper's text requires, K2 rises and K1 falls with steering angle and speed. Checked at the centers of the
+    // sets, because Mamdani inference is not monotone between them.
     let share = |i: usize, j: usize| weights(&FuzzyCoordination::default(), 8.0 * i as f64, 10.0 * j as f64);
     for i in 0..5 {
         for j in 0..4 {
@@ -84,8 +85,8 @@ fn turning_and_speed_shift_the_shares_to_the_roll_law() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Left and right turns are alike (to the bit: only the magnitude is used), and beyond the universes of 32 degrees
-    /// and 40 km/h nothing changes.
+    /// Left and right turns give identical shares, because only the magnitude is used. Beyond 32 degrees and 40 km/h,
+    /// nothing changes.
     #[test]
     fn the_shares_are_even_and_bounded(degrees in -60.0..60.0_f64, km_h in -10.0..80.0_f64) {
         let p = FuzzyCoordination::default();
@@ -95,11 +96,12 @@ proptest! {
         for share in [y.k1, y.k2] {
             prop_assert!((0.0..=1.0).contains(&share));
         }
-        // An exact mirror would give a sum of 1. Table 3 maps PVS (1/6) to PEB (1) instead of PVB (5/6): a label's center
-        // moves by 1/6, and its set merges with that of PES. An independent computation on a grid finds 0.956 to 1.084.
+        // If Table 3 were an exact mirror, the sum would be 1. It maps PVS (1/6) to PEB (1) instead of PVB (5/6), so
+        // the center moves by 1/6 and the set merges with that of PES. An independent computation on a grid found sums
+        // of 0.956 to 1.084.
         prop_assert!((0.95..1.09).contains(&(y.k1 + y.k2)), "{}", y.k1 + y.k2);
         let edge = weights(&p, degrees.clamp(-32.0, 32.0), km_h.clamp(0.0, 40.0));
-        // Degrees and radians round.
+        // Tolerance: rounding of the conversion between degrees and radians.
         prop_assert!((y.k1 - edge.k1).abs() < 1e-12 && (y.k2 - edge.k2).abs() < 1e-12);
     }
 }

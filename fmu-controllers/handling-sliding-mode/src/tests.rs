@@ -1,4 +1,4 @@
-//! Check numbers, the demanded motion, and its robustness.
+//! Check numbers, the demanded motion, and robustness.
 //!
 //! "Check numbers" were computed by an independent implementation of the law and are compared to their last printed
 //! digit.
@@ -15,12 +15,12 @@ fn forces(p: &HandlingSlidingMode, u: &U) -> Y {
 /// Inputs of the check numbers.
 const TURN: U = U { phi: 0.05, phid: 0.1, d_s: Sides([0.03, -0.02]), dd_s: Sides([0.1, -0.05]), a_y: 4.0 };
 
-/// Boundary layer 0.3 rad/s, the damper stays.
+/// The recommended values: boundary layer 0.3 rad/s, damper not cancelled.
 fn damped() -> HandlingSlidingMode {
     HandlingSlidingMode { width: 0.3, cancellation: 0.0, ..HandlingSlidingMode::default() }
 }
 
-/// The paper's parameter sets: Table 5 found by PACSA and by a genetic algorithm, and Table 6.
+/// The paper's parameter sets: Table 5 (found by PACSA, and by a genetic algorithm) and Table 6.
 fn sets() -> [HandlingSlidingMode; 3] {
     [
         HandlingSlidingMode::default(),
@@ -36,7 +36,8 @@ fn sets() -> [HandlingSlidingMode; 3] {
     ]
 }
 
-/// Roll acceleration of the plant's body with these actuator forces: I_x phidd = M + m_s h a_y, M with the weight.
+/// Roll acceleration of the plant's body with the actuator forces `f`: I_x phidd = M + m_s h a_y, where M includes the
+/// moment of the weight.
 fn roll_acceleration(p: &HandlingSlidingMode, u: &U, f: &[f64; 2]) -> f64 {
     let push = |i: usize| -p.k_s * u.d_s[i] - p.c_s * u.dd_s[i] + f[i];
     let moment = p.t / 2.0 * (push(0) - push(1)) + p.m_s * p.g * p.h * u.phi.sin();
@@ -48,7 +49,7 @@ fn the_forces_have_the_check_numbers() {
     let y = forces(&HandlingSlidingMode::default(), &TURN);
     assert_abs_diff_eq!(y.f[0], -4639.036789, epsilon = 5e-7);
     assert_abs_diff_eq!(y.s, 0.35, epsilon = 1e-15);
-    // s is outside the boundary layer, so only the damper makes the difference.
+    // s is outside the boundary layer, so only the damper changes the force.
     assert_abs_diff_eq!(forces(&damped(), &TURN).f[0], -4712.536789, epsilon = 5e-7);
     let y = forces(&damped(), &U { phi: 0.02, phid: 0.05, ..TURN });
     assert_abs_diff_eq!(y.f[0], -2592.727496, epsilon = 5e-7);
@@ -69,7 +70,7 @@ fn the_limit_holds_for_both_forces() {
 
 #[test]
 fn the_sets_of_the_paper_satisfy_the_robust_condition() {
-    // Eq. 13 with the term that it lacks, for the largest roll angle of the paper, 0.2 rad. Bounds: check numbers.
+    // Eq. 13 with the missing rho, for the paper's largest roll angle, 0.2 rad. Bounds: check numbers.
     for (p, bound) in sets().into_iter().zip([0.2016, 0.348, 0.32]) {
         let least = (1.0 + p.kappa1 + p.rho * p.kappa2) * 0.2;
         assert_abs_diff_eq!(least, bound, epsilon = 1e-3);
@@ -91,8 +92,8 @@ fn any_inputs() -> impl Strategy<Value = U> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// With exact data the roll acceleration is -(rho + eta) phid - rho eta phi - (mu + kap) sign(s): poles at -rho and
-    /// -eta. Accelerations of 1e3 rad/s2 leave roundings of 1e-11.
+    /// With exact data, the roll acceleration is -(rho + eta) phid - rho eta phi - (mu + kap) sign(s): poles at -rho
+    /// and -eta. Rounding errors of accelerations of 1e3 rad/s2 are about 1e-11.
     #[test]
     fn roll_moves_as_demanded(u in any_inputs(), width in 0.0..0.5) {
         let p = HandlingSlidingMode { width, ..HandlingSlidingMode::default() };
@@ -103,7 +104,7 @@ proptest! {
         prop_assert!((roll_acceleration(&p, &u, &y.f) - wanted).abs() < 1e-10);
     }
 
-    /// The damper that is not cancelled adds its own roll moment, nothing else.
+    /// The part of the damping that is not cancelled adds its roll moment and nothing else.
     #[test]
     fn the_damper_is_cancelled_by_its_share(u in any_inputs(), cancellation in 0.0..1.0) {
         let p = HandlingSlidingMode { cancellation, ..HandlingSlidingMode::default() };
@@ -114,8 +115,8 @@ proptest! {
         prop_assert!((left - damper).abs() < 1e-10);
     }
 
-    /// V = (phi^2 + s^2)/2 falls for roll angles to 0.2 rad and errors of the roll acceleration within
-    /// kappa1 |phi| + kappa2 |phid|.
+    /// V = (phi^2 + s^2)/2 falls for roll angles of up to 0.2 rad and errors in the roll acceleration of up to kappa1
+    /// |phi| + kappa2 |phid|.
     #[test]
     fn the_lyapunov_function_falls(u in any_inputs(), error in -1.0..1.0, set in 0..3_usize) {
         let p = &sets()[set];
@@ -127,7 +128,7 @@ proptest! {
         prop_assert!(rate < 0.0, "{rate}");
     }
 
-    /// A turn to the right is the turn to the left in a mirror, to the bit; the two forces are opposite.
+    /// Right turns mirror left turns bit for bit. The two forces are opposite.
     #[test]
     fn the_law_is_symmetric(u in any_inputs(), limit in 0.0..8000.0, cancellation in 0.0..1.0) {
         let p = HandlingSlidingMode { limit, cancellation, ..HandlingSlidingMode::default() };

@@ -1,5 +1,5 @@
-//! `IntegratedLqrSuspension`: suspension forces of a linear quadratic regulator that weighs heave, pitch and roll
-//! accelerations, suspension and tire deflections, and the forces.
+//! `IntegratedLqrSuspension`: suspension forces from a linear quadratic regulator. Its cost weights heave, pitch and
+//! roll accelerations, suspension and tire deflections, and the forces.
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eq. 36.
 
@@ -38,7 +38,7 @@ pub struct IntegratedLqrSuspension {
     sample_time: f64,
 }
 
-/// The proposed force.
+/// The proposed forces.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     /// U_z of the paper

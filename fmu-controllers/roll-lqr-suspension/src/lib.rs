@@ -1,5 +1,5 @@
-//! `RollLqrSuspension`: suspension forces of a linear quadratic regulator that weighs the roll angle and acceleration,
-//! suspension and tire deflections, and the forces.
+//! `RollLqrSuspension`: suspension forces from a linear quadratic regulator. Its cost weights the roll angle and
+//! acceleration, suspension and tire deflections, and the forces.
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eq. 37.
 
@@ -35,7 +35,7 @@ pub struct RollLqrSuspension {
     sample_time: f64,
 }
 
-/// The proposed force.
+/// The proposed forces.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     /// U_phi of the paper

@@ -1,12 +1,13 @@
-//! Gains against the check numbers; the design model and its loops are tested in `chassis_control::lqr_suspension`.
+//! Compares the gains with check numbers. Tests in `chassis_control::lqr_suspension` cover the design model and the
+//! closed loops.
 
 use fmu::testing::store::{Counts, ValuesMut};
 use fmu::{Derived as _, Variables as _};
 
 use super::*;
 
-/// Gains of the wheels fl, ml, rl: per heave, pitch, roll; per wheel height; per their rates. Check numbers of an
-/// independent implementation (LAPACK), 8 digits.
+/// One block for each of the wheels fl, ml, rl. The lines contain the gains for heave, pitch, roll; for the six wheel
+/// heights; and for the rates of both. Check numbers from an independent implementation (LAPACK), 8 digits.
 #[rustfmt::skip]
 const K: [[f64; 18]; 3] = [
     [
@@ -29,7 +30,7 @@ const K: [[f64; 18]; 3] = [
     ],
 ];
 
-/// Outputs for one state equal to 1 and the others 0, for each state: the columns of -K.
+/// The columns of -K: the forces for each state equal to 1, with the other states 0.
 fn answers(p: &RollLqrSuspension) -> Vec<[f64; 6]> {
     let d = p.derived().unwrap();
     (0..20)
@@ -41,7 +42,7 @@ fn answers(p: &RollLqrSuspension) -> Vec<[f64; 6]> {
         .collect()
 }
 
-/// The wheel or wheel state on the other side.
+/// State number with left and right wheels exchanged.
 fn other_side(column: usize) -> usize {
     match column {
         3..9 => 3 + ((column - 3) ^ 1),
@@ -52,7 +53,8 @@ fn other_side(column: usize) -> usize {
 
 #[test]
 fn the_gains_are_the_check_numbers() {
-    // To 1e-6 of the largest element; a right row is the left one with the sides exchanged and the sign of roll reversed.
+    // Tolerance: 1e-6 of the largest element. The row of a right wheel is the row of the left wheel with the sides
+    // exchanged and the sign of the roll gains reversed.
     let columns = answers(&RollLqrSuspension::default());
     let largest = K.iter().flatten().fold(0.0_f64, |most, k| most.max(k.abs()));
     for (axle, row) in K.iter().enumerate() {
@@ -80,7 +82,7 @@ fn the_gains_can_be_read() {
     d.write(&mut ValuesMut::of_reals(&mut values), Counts::ZERO);
     let gain = |name: &str| values[names.iter().position(|known| known == name).unwrap()];
     let columns = answers(&RollLqrSuspension::default());
-    // The same numbers, hence to the bit: rows are wheels, columns are states.
+    // Rows are wheels, columns are states. The numbers are the same, so the comparison is exact.
     assert_eq!(gain("gain.pitch.ml"), -columns[1][2]);
     assert_eq!(gain("gain.wheel_velocity.rr.fl"), -columns[12][5]);
 }

@@ -5,10 +5,10 @@
 //! |---|---|
 //! | F_h, M_p, M_r | demanded heave force (up), pitch moment (nose down), roll moment (to the right) |
 //! | e, ec | errors: minus the rate, and minus the acceleration of the body |
-//! | l1, l2, b | center of mass to front axle and to the trunnion between the rear axles; track |
+//! | l1, l2, b | distances from the center of mass to the front axle and to the trunnion between the rear axles; track |
 //! | eps | share of the front struts in the roll moment |
 //! | f, v | force of a strut (pushes the body up) and rate of its length |
-//! | c_0, c_min, c_max | damping that the plant has already, least and greatest damping of the damper |
+//! | c_0, c_min, c_max | damping that the plant already has, smallest and largest damping of the damper |
 
 use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Settings};
 use chassis_control::limit;
@@ -37,7 +37,7 @@ pub(crate) fn derived(p: &SemiActiveFuzzySuspension) -> Result<D, String> {
     Ok(D { pid: FuzzyPid::new(p.rule_table).map_err(|error| error.to_string())? })
 }
 
-/// Settings of the PIDs of heave, pitch and roll.
+/// Settings of the PIDs for heave, pitch and roll.
 fn settings(p: &SemiActiveFuzzySuspension) -> [Settings; 3] {
     let heave = Settings {
         gains: Gains { proportional: p.kp_heave, integral: p.ki_heave, derivative: p.kd_heave },
@@ -62,7 +62,7 @@ fn settings(p: &SemiActiveFuzzySuspension) -> [Settings; 3] {
     [heave, rotation(0), rotation(1)]
 }
 
-/// Strut forces whose sum is the heave force and whose moments are the pitch and the roll moment.
+/// Strut forces that add up to the heave force and produce the pitch and roll moments.
 pub(crate) fn allocation(p: &SemiActiveFuzzySuspension, [f_h, m_p, m_r]: [f64; 3]) -> Struts<f64> {
     let l = p.l1 + p.l2;
     let axle = [(p.l2 * f_h - m_p) / l, (p.l1 * f_h + m_p) / l];
@@ -70,10 +70,10 @@ pub(crate) fn allocation(p: &SemiActiveFuzzySuspension, [f_h, m_p, m_r]: [f64; 3
     Struts::from_fn(|i| axle[i / 2] / 2.0 + left_is_positive(i) * share[i / 2] * m_r / p.b)
 }
 
-/// Feasible part of the force `f` for the damper of an axle (0 front, 1 rear) at the velocity `v`.
+/// The part of the force `f` that the damper of an axle (0 front, 1 rear) can produce at the velocity `v`.
 pub(crate) fn constrained(p: &SemiActiveFuzzySuspension, axle: usize, f: f64, v: f64) -> f64 {
     let (c_0, c_min, c_max) = (p.c_0[axle], p.c_min[axle], p.c_max[axle]);
-    // Least and greatest damping of the command.
+    // Smallest and largest damping by the command.
     let range = match p.constraint {
         Constraint::Active => None,
         Constraint::Command => Some((0.0, c_max - c_0)),

@@ -1,5 +1,5 @@
-//! `SemiActiveFuzzySuspension`: adjustable dampers reduce heave, pitch and roll of a heavy truck, by three PID controllers
-//! whose gains follow fuzzy rules.
+//! `SemiActiveFuzzySuspension`: adjustable dampers reduce heave, pitch and roll of a heavy truck, controlled by three
+//! PID controllers whose gains follow fuzzy rules.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
 //! Coupling Dynamics", 2022, section 3.
@@ -41,7 +41,7 @@ fmu::named_array! {
     }
 }
 
-/// Parameters; those that are not the vehicle's are assumed, the paper prints none.
+/// Parameters. Except for the vehicle data, all values are assumed; the paper prints none.
 #[derive(Parameters, Clone, Debug)]
 pub struct SemiActiveFuzzySuspension {
     /// Capability of the actuators

@@ -1,4 +1,4 @@
-//! Check numbers, the balances of the allocation, what a damper can do, and properties of the law.
+//! Check numbers, the balance of the allocated forces, the limits of a damper, and symmetry of the law.
 
 use approx::assert_abs_diff_eq;
 use fmu::Variables;
@@ -32,8 +32,8 @@ fn a_body_at_rest_needs_no_force() {
 
 #[test]
 fn each_motion_is_opposed_with_the_rules_of_its_rate() {
-    // A third of a range is |E| = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent implementation, 8 digits);
-    // demand = -(K_p + K_i T) rate. Relative 1e-8.
+    // A rate of a third of the range is |E| = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent
+    // implementation, 8 digits); demand = -(K_p + K_i T) rate. Tolerance: 1e-8 of the demand.
     let demand = |kp: f64, kp_scale: f64, ki: f64, ki_scale: f64, rate: f64| {
         -(kp + kp_scale * 0.99996779 + (ki - ki_scale * 0.99996779) * 0.001) * rate
     };
@@ -43,7 +43,7 @@ fn each_motion_is_opposed_with_the_rules_of_its_rate() {
     assert_abs_diff_eq!(y.f_h, demand(60e3, 10e3, 30e3, 5e3, 0.05), epsilon = 4e-5);
     assert_abs_diff_eq!(y.m_p, demand(250e3, 40e3, 100e3, 20e3, -0.1 / 3.0), epsilon = 1e-4);
     assert_abs_diff_eq!(y.m_r, demand(60e3, 10e3, 30e3, 5e3, 0.1 / 3.0), epsilon = 3e-5);
-    // An acceleration alone: EC = -1, E = 0 is a row of its own; only the derivative gain acts.
+    // With an acceleration alone, E = 0 and EC = -1, and only the derivative gain acts.
     let y = sample(&p, &derived(&p), &mut X::default(), &U { zdd: 1.0, ..U::default() });
     let dk = derived(&p).pid.increments(0.0, -1.0);
     assert_eq!(y.f_h, -(1500.0 + 300.0 * dk.derivative));
@@ -51,7 +51,8 @@ fn each_motion_is_opposed_with_the_rules_of_its_rate() {
 
 #[test]
 fn the_integral_part_decays() {
-    // I exp(-leak n T) when the motion has stopped (closed form); roundings of forces of 100 N.
+    // Without motion, the integral part is I exp(-leak n T) (closed form). Tolerance: rounding errors of forces of 100
+    // N.
     let p = SemiActiveFuzzySuspension::default();
     let (d, mut x) = (derived(&p), X { i: [100.0, -200.0, 300.0] });
     for _ in 0..1000 {
@@ -64,8 +65,8 @@ fn the_integral_part_decays() {
 
 #[test]
 fn a_soft_damper_can_be_commanded_only_by_the_whole_damper() {
-    // c_0 = 12 000, c_min = 3000, c_max = 40 000 N s/m in front, v = 0.1 m/s: the damper makes 300 to 4000 N against the
-    // motion, 1200 N of which the plant has already.
+    // c_0 = 12 000, c_min = 3000, c_max = 40 000 N s/m in front. At v = 0.1 m/s, the damper can produce 300 to 4000 N
+    // against the motion; the plant already produces 1200 N of it.
     let force = |constraint, f| equations::constrained(&with(constraint), 0, f, 0.1);
     assert_eq!(force(Constraint::Active, 5000.0), 5000.0);
     assert_eq!(force(Constraint::Command, 5000.0), 0.0);
@@ -75,7 +76,7 @@ fn a_soft_damper_can_be_commanded_only_by_the_whole_damper() {
         assert_eq!(force(constraint, -1000.0), -1000.0);
         assert_eq!(equations::constrained(&with(constraint), 0, -1000.0, 0.0), 0.0);
     }
-    // The limit of the force comes last.
+    // The force limit is applied last.
     for constraint in CONSTRAINTS {
         assert_eq!(equations::constrained(&with(constraint), 1, -1e6, 10.0), -30_000.0);
     }
@@ -84,7 +85,8 @@ fn a_soft_damper_can_be_commanded_only_by_the_whole_damper() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Sum and moments of the strut forces are those demanded. Roundings of forces of 1e5 N and levers of a few m.
+    /// The strut forces have the demanded sum and moments. Tolerance: rounding errors of forces of 1e5 N with lever
+    /// arms of a few m.
     #[test]
     fn the_allocation_balances(
         f_h in -6e4..6e4_f64, m_p in -15e4..15e4_f64, m_r in -4e4..4e4_f64, eps in 0.0..1.0_f64,
@@ -96,8 +98,8 @@ proptest! {
         prop_assert!((p.b / 2.0 * (f[0] - f[1] + f[2] - f[3]) - m_r).abs() < 1e-9);
     }
 
-    /// The command alone dissipates power (mode 1), or damper and command together still act as a damper within its limits
-/// (mode 2). Up to 1e-12 of the power is rounding.
+    /// The command alone dissipates power (constraint 1), or damper and command together act as a damper within its
+    /// limits (constraint 2). Up to 1e-12 of the power is rounding.
     #[test]
     fn a_damper_never_drives(f in -1e5..1e5_f64, v in -2.0..2.0_f64, rear: bool) {
         let axle = usize::from(rear);
@@ -108,7 +110,7 @@ proptest! {
         prop_assert!(command * v >= -(p.c_max[axle] - c_0) * v * v - power);
         let damper = equations::constrained(&p, axle, f, v) * v - c_0 * v * v;
         prop_assert!(damper <= -p.c_min[axle] * v * v + power && damper >= -p.c_max[axle] * v * v - power);
-        // A feasible demand is met.
+        // Forces stay within the limit, and a feasible demand is met.
         for force in [command, equations::constrained(&p, axle, f, v)] {
             prop_assert!(force.abs() <= 30_000.0);
         }
@@ -118,8 +120,8 @@ proptest! {
         }
     }
 
-    /// The vehicle in a mirror (roll turned, sides exchanged) gets the forces in a mirror: mirrored rules are odd to the bit;
-    /// the sum in the allocation rounds alike. Also upside down with all signs turned.
+    /// Mirrored inputs (roll negated, sides exchanged) give mirrored forces, and negated inputs give negated forces,
+    /// both bit for bit: the mirrored rules are odd, and the sums in the allocation round alike.
     #[test]
     fn left_and_right_are_alike(
         motions in prop::collection::vec(prop::array::uniform10(-1.0..1.0_f64), 1..20), mode in 0..3_usize,
@@ -159,6 +161,6 @@ fn dampers_without_a_range_are_rejected() {
         "'damper.maximum_damping.front' must be at least 'suspension.damping.front' (12000 N.s/m), got 10000 N.s/m: \
          the command alone can only add damping"
     );
-    // The whole damper may be softer than the one it replaces.
+    // The adjustable damper can be softer than the damper of the plant.
     assert_eq!(message(SemiActiveFuzzySuspension { c_max: soft, ..SemiActiveFuzzySuspension::default() }), None);
 }

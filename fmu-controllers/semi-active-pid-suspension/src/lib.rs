@@ -1,12 +1,12 @@
-//! `SemiActivePidSuspension`: suspension forces that damp the body above each wheel, by an accumulated incremental PID
-//! law of its vertical acceleration, as far as an adjustable damper can produce them.
+//! `SemiActivePidSuspension`: suspension forces that damp the body above each wheel. An incremental PID law accumulates
+//! them from the vertical acceleration of the body, limited to the forces that an adjustable damper can produce.
 //!
 //! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
 //! finite-state basis", eq. 18.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | a | vertical acceleration of the body above the wheel: now, one (a1) and two (a2) samples before |
+//! | a | vertical acceleration of the body above the wheel: now, one (a1) and two (a2) samples earlier |
 //! | v | velocity of the suspension |
 //! | u | accumulated law, a force that would accelerate the body further |
 //! | f_d, f | demanded force, and force of the actuator |
@@ -79,7 +79,7 @@ pub struct Y {
     f: FourWheels<f64>,
 }
 
-/// The accumulated law of each wheel, and its last two accelerations.
+/// The accumulated law of each wheel, and the last two accelerations.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     u: [f64; 4],

@@ -1,10 +1,10 @@
-//! Closed forms and properties of the suspension law.
+//! Closed forms, symmetry and limits of the suspension law.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// The same at all wheels, enabled.
+/// Enabled, with the same values at all wheels.
 fn inputs(gains: [f64; 3], a: f64, v: f64) -> U {
     let four = |value| FourWheels([value; 4]);
     U { enable: true, k_p: four(gains[0]), k_i: four(gains[1]), k_d: four(gains[2]), a: four(a), v: four(v) }
@@ -20,7 +20,7 @@ fn active() -> SemiActivePidSuspension {
 
 #[test]
 fn without_leak_the_sum_of_increments_is_a_pid_law() {
-    // f = -(K_p a + K_i sum a + K_d (a - a1)); powers of 2 are exact.
+    // f = -(K_p a + K_i sum a + K_d (a - a1)); exact with powers of 2.
     let (p, mut x) = (active(), X::default());
     let gains = [8.0, 0.5, 2.0];
     assert_eq!(force(&p, &mut x, &inputs(gains, 1.0, 0.0)), -10.5);
@@ -33,7 +33,8 @@ fn without_leak_the_sum_of_increments_is_a_pid_law() {
 
 #[test]
 fn the_integral_is_a_skyhook_damper() {
-    // K_i/T_s times the velocity of the body: 0.8 kg / 1 ms = 800 N s/m. 100 samples of 2 m/s2 are 0.2 m/s; roundings.
+    // K_i/T_s times the velocity of the body: 0.8 kg / 1 ms = 800 N s/m. 100 samples of 2 m/s2 give 0.2 m/s. Tolerance:
+    // rounding.
     let (p, mut x) = (active(), X::default());
     let mut f = 0.0;
     for _ in 0..100 {
@@ -44,7 +45,8 @@ fn the_integral_is_a_skyhook_damper() {
 
 #[test]
 fn the_law_leaks_and_is_limited() {
-    // The leak: exp(-2 pi 0.1 Hz 1 ms) per sample, e^-1 after 1/(2 pi 0.1) = 1.5915 s = 1592 samples (rounded: 3e-4).
+    // The law decays by exp(-2 pi 0.1 Hz 1 ms) per sample, and to e^-1 after 1/(2 pi 0.1 Hz) = 1.5915 s, rounded to
+    // 1592 samples (an error of 3e-4).
     let p = SemiActivePidSuspension { constraint: Constraint::None, ..SemiActivePidSuspension::default() };
     let mut x = X { u: [100.0; 4], ..X::default() };
     let mut f = 0.0;
@@ -52,7 +54,8 @@ fn the_law_leaks_and_is_limited() {
         f = force(&p, &mut x, &inputs([60.0, 0.8, 3.0], 0.0, 0.0));
     }
     assert!((f / (-100.0 * (-1.0_f64).exp()) - 1.0).abs() < 5e-4, "{f}");
-    // Neither the force nor the memory exceeds the limit, so it turns around at once.
+    // Neither the force nor the accumulated law exceeds the limit, so the force falls as soon as the acceleration
+    // changes its sign.
     for _ in 0..100 {
         f = force(&p, &mut x, &inputs([0.0, 80.0, 0.0], 5.0, 0.0));
     }
@@ -62,7 +65,7 @@ fn the_law_leaks_and_is_limited() {
 
 #[test]
 fn a_damper_makes_only_forces_against_its_velocity() {
-    // Greatest added damping 3000 N s/m, then the limit of the force.
+    // The added damping is limited to 3000 N s/m, and the force to 1500 N.
     let p = SemiActivePidSuspension::default();
     let with = |a: f64, v: f64| force(&p, &mut X::default(), &inputs([0.0, 1000.0, 0.0], a, v));
     assert_eq!(with(1.0, 0.1), -300.0);
@@ -87,7 +90,8 @@ fn switched_off_it_forgets() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Any sequence: no power into the suspension, forces within both limits, odd to the bit, wheel by wheel.
+    /// For any sequence, no wheel feeds power into the suspension, forces stay within both limits, and negated inputs
+    /// give negated forces bit for bit.
     #[test]
     fn forces_are_dissipative_limited_and_odd(
         gains in prop::array::uniform3(0.0..200.0_f64),

@@ -1,4 +1,4 @@
-//! Eq. 40 of the paper by hand, and its symmetry.
+//! Numerical examples of eq. 40 of the paper, and its symmetry.
 
 use proptest::prelude::*;
 
@@ -16,7 +16,7 @@ fn forces_add_by_their_shares() {
         u_z: SixWheels([4000.0, -4000.0, 0.0, 8.0, 1.0, 2.0]),
         u_phi: SixWheels([2000.0, 1000.0, -600.0, 2.0, 3.0, -4.0]),
     };
-    // Powers of 2: exact.
+    // Exact, because the shares are powers of 2.
     assert_eq!(mixed(&SuspensionMixer::default(), &u), [2000.0, -500.0, -300.0, 3.0, 1.75, -1.5]);
 }
 
@@ -30,7 +30,8 @@ fn forces_stop_at_the_limit() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Every wheel for itself: sides exchanged before or after mixing, and all signs turned, give the same to the bit.
+    /// Wheels are mixed independently: exchanged sides and negated inputs give exchanged and negated forces, bit for
+    /// bit.
     #[test]
     fn mixing_is_symmetric_and_odd(
         k1 in 0.0..1.0, k2 in 0.0..1.0, u_z in prop::array::uniform6(-2e5..2e5), u_phi in prop::array::uniform6(-2e5..2e5),

@@ -1,6 +1,7 @@
-//! `SuspensionSwitch`: chooses between the comfort and the handling law by the estimated load transfer ratio.
+//! `SuspensionSwitch`: switches between the comfort and the handling law, depending on the estimated load transfer
+//! ratio.
 //!
-//! Applied Sciences 2020, 10, 1852, eq. 8; hysteresis, blending and the test of the magnitude are additions.
+//! Applied Sciences 2020, 10, 1852, eq. 8; hysteresis, blending and the use of the magnitude are additions.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -66,7 +67,7 @@ pub struct U {
     f_h: Sides<f64>,
 }
 
-/// The force of the chosen law, and the choice.
+/// The force of the active law, and which law is active.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(SUSPENSION_FORCE)]
@@ -77,7 +78,7 @@ pub struct Y {
     w: f64,
 }
 
-/// The choice: true if the handling law is on, and its share.
+/// True while the handling law is active, and its share.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     handling: bool,

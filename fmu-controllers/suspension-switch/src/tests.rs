@@ -9,7 +9,7 @@ fn sample(p: &SuspensionSwitch, x: &mut X, u: &U) -> Y {
     p.update(Sample { time: 0.0, derived: &(), state: x, inputs: u })
 }
 
-/// A load transfer ratio with forces that can be told apart.
+/// A load transfer ratio with distinguishable forces.
 fn inputs(ltr: f64) -> U {
     U { ltr, f_c: Sides([100.0, 44.0]), f_h: Sides([-2000.0, 2000.0]) }
 }
@@ -55,7 +55,8 @@ fn the_control_cases_choose_the_law() {
 
 #[test]
 fn blending_takes_its_time() {
-    // 0.25 s at 1 ms: 250 samples; each adds 0.004 with one rounding. It turns around on the way.
+    // 0.25 s are 250 samples of 1 ms; each adds 0.004, with one rounding. Later, the direction changes in the middle of
+    // a blend.
     let p = SuspensionSwitch { blend_time: 0.25, ..SuspensionSwitch::default() };
     let mut x = X::default();
     for n in 1..=260 {
@@ -81,7 +82,7 @@ fn a_blend_shorter_than_a_sample_is_at_once() {
 }
 
 proptest! {
-    /// Without blending the force is one of the two proposals, to the bit; with it, it lies between them.
+    /// Without blending, the force is exactly one of the two proposals; with blending, it is between them.
     #[test]
     fn the_force_is_a_mean_of_the_proposals(
         ltr in -1.5..1.5, f in prop::array::uniform4(-1e4..1e4_f64), w in 0.0..=1.0, handling: bool,
@@ -96,7 +97,7 @@ proptest! {
         }
         for i in 0..2 {
             let (low, high) = (u.f_c[i].min(u.f_h[i]), u.f_c[i].max(u.f_h[i]));
-            // Two roundings of forces to 1e4 N.
+            // Tolerance: two rounding errors of forces of up to 1e4 N.
             prop_assert!(low - 1e-11 <= y.f[i] && y.f[i] <= high + 1e-11);
         }
     }

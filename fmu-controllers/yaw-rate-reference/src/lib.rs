@@ -6,11 +6,11 @@
 //! | symbol | meaning |
 //! |---|---|
 //! | m, I_z | mass and yaw inertia of the vehicle |
-//! | l1, l2 | center of mass to front axle and to the trunnion between the rear axles; L is their sum |
+//! | l1, l2 | distances from the center of mass to the front axle and to the trunnion between the rear axles; L is their sum |
 //! | kc | cornering stiffness of one front wheel |
-//! | u, delta | speed, steering angle of the front axle demanded by the driver |
+//! | u, delta | speed, front-axle angle demanded by the driver |
 //! | k, tau | yaw rate of the steady turn per steering angle, time constant |
-//! | w | reference of the yaw rate |
+//! | w | yaw rate reference |
 
 #[cfg(test)]
 mod tests;
@@ -39,7 +39,7 @@ pub struct YawRateReference {
     sample_time: f64,
 }
 
-/// Driver demand and speed.
+/// Driver's demand and speed.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(DRIVER_STEER)]

@@ -1,4 +1,4 @@
-//! Check numbers, the steady turn of the law, and its properties.
+//! Check numbers, the steady turn, the step response, and symmetry.
 //!
 //! "Check numbers" were computed by an independent implementation and are compared to their last printed digit.
 
@@ -28,20 +28,21 @@ fn gains_and_time_constants_have_the_check_numbers() {
 
 #[test]
 fn the_gain_balances_forces_and_moments_without_sideslip() {
-    // Steady turn with beta = 0: the front force 2 kc (delta - l1 w/u) and a rear force at l2 make m u w and no moment.
+    // In a steady turn with beta = 0, the front force 2 kc (delta - l1 w/u) and a rear force at l2 add up to m u w and
+    // produce no moment.
     let p = YawRateReference::default();
     let u = 60.0 * KM_H;
     let (k, _) = gain_and_time_constant(&p, u);
     let (delta, w) = (0.01, k * 0.01);
     let front = 2.0 * p.kc[0] * (delta - p.l1 * w / u);
     let rear = p.m * u * w - front;
-    // Roundings of moments of 1e4 N m.
+    // Tolerance: rounding errors of moments of 1e4 N m.
     assert_abs_diff_eq!(p.l1 * front - p.l2 * rear, 0.0, epsilon = 1e-10);
 }
 
 #[test]
 fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
-    // Closed form of the sampled lag: k delta (1 - exp(-n T/tau)); roundings of numbers of order 0.1.
+    // Closed form of the sampled lag: k delta (1 - exp(-n T/tau)). Tolerance: rounding errors of numbers of about 0.1.
     let p = YawRateReference::default();
     let u = U { delta: 0.1, u: 60.0 * KM_H };
     let (k, tau) = gain_and_time_constant(&p, u.u);
@@ -51,7 +52,7 @@ fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
         assert_abs_diff_eq!(*reference, k * 0.1 * (1.0 - (-(n as f64) * p.sample_time / tau).exp()), epsilon = 1e-14);
     }
     assert_abs_diff_eq!(references[2999], 0.1498, epsilon = 5e-5); // check number
-    // The sample time divides the time only: every tenth value.
+    // With ten times the sample time, every tenth value is the same.
     let coarse = run(&YawRateReference { sample_time: 0.01, ..p }, &u, 300);
     for (n, reference) in coarse.into_iter().enumerate() {
         assert_abs_diff_eq!(reference, references[10 * n], epsilon = 1e-14);
@@ -67,7 +68,8 @@ fn a_standing_vehicle_does_not_turn() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Left and right are alike to the bit, forwards and backwards stay finite, and the sideslip reference is 0.
+    /// Left and right are mirror images bit for bit, references are finite forward and backward, and the sideslip
+    /// reference is 0.
     #[test]
     fn the_law_is_odd(inputs in prop::collection::vec((-0.6..0.6_f64, -10.0..40.0_f64), 1..50)) {
         let p = YawRateReference::default();
