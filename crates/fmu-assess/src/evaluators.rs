@@ -108,7 +108,7 @@ impl Evaluation {
 
 /// A metric that is the largest magnitude of a signal.
 const fn peak_of_run(name: &'static str, title: &'static str, unit: &'static str) -> Definition {
-    Definition::new(name, title, unit, "Largest magnitude of the run.")
+    Definition::new(name, title, unit, "Largest magnitude in the run.")
 }
 
 /// The largest magnitude of a column.

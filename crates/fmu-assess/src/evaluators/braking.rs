@@ -46,15 +46,13 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "initial_speed",
             "Initial speed",
             "m/s",
-            "Speed over ground in the row before the first with `driver.brake` above 0. The speed over ground of a row is the distance of its position \
-             from that of the row before, times the sampling rate. Where `vehicle.speed` is there and differs from it by more than 2 % until this row \
-             (noise of positions adds to their distance), all metrics use `vehicle.speed` and its integral instead.",
+            "Speed over ground in the last row before `driver.brake` rises above 0. The speed over ground is the distance from the previous position, times the sampling rate. If `vehicle.speed` is recorded and differs from it by more than 2 % up to this row (position noise increases distances), all metrics use `vehicle.speed` and its integral instead.",
         ),
         Definition::new(
             "mfdd",
             "Mean fully developed deceleration",
             "m/s2",
-            "((0.8 v)^2 - (0.1 v)^2) over twice the distance between these speeds; v is the initial speed.",
+            "((0.8 v)^2 - (0.1 v)^2) divided by twice the distance traveled between the speeds 0.8 v and 0.1 v; v is the initial speed.",
         ),
         Definition::new("distance", "Braking distance", "m", "Distance from the row of the initial speed until the speed falls to 0.2 m/s.").down(),
         Definition::new("time", "Braking time", "s", "Time between both."),

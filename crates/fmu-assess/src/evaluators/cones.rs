@@ -81,8 +81,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "margins",
             "Margins",
             "m",
-            "For each section, the smallest distance of the part of the footprint inside the section from both edges, over all rows; negative beyond an edge. \
-             Null where the footprint is never inside.",
+            "For each section, the smallest distance, over all rows, between the part of the footprint inside the section and the edges; negative beyond an edge. Null if the footprint is never inside.",
         ),
         Definition::new(
             "entry_speed",
@@ -102,19 +101,19 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "passed",
             "Passed",
             "1",
-            "Whether no margin is negative and the reference point passes the end of the last section.",
+            "True if no margin is negative and the reference point passes the end of the last section.",
         ),
         Definition::new(
             "first_hit",
             "First hit",
             "s, 1",
-            "Time of the first negative margin, and the number of its section, from 1. Null without one.",
+            "Time of the first negative margin, and the number of its section, from 1. Null if there is none.",
         ),
         Definition::new(
             "tightest",
             "Tightest place",
             "s, 1",
-            "Time of the smallest margin of all sections, and the number of its section, from 1.",
+            "Time of the smallest margin in any section, and the number of that section, from 1.",
         ),
         peak_of_run("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2"),
         peak_of_run("sideslip_peak", "Peak of the sideslip angle", "rad").down(),

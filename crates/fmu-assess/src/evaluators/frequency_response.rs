@@ -34,24 +34,24 @@ macro_rules! metrics {
                     concat!($group, ".phase"),
                     concat!($title, ", phase"),
                     "rad",
-                    "Phase of the response at each frequency, without jumps from one to the next.",
+                    "Phase of the response at each frequency, unwrapped.",
                 ),
                 Definition::new(concat!($group, ".reference_gain"), concat!($title, ", reference gain"), $unit, "Gain at 0.2 Hz."),
                 Definition::new(
                     concat!($group, ".bandwidth"),
                     concat!($title, ", bandwidth"),
                     "Hz",
-                    "First frequency above 0.2 Hz where the gain falls below the reference gain over sqrt(2); the gain is linear over the logarithm of the frequency between the lines.",
+                    "First frequency above 0.2 Hz at which the gain falls below the reference gain divided by sqrt(2), interpolated linearly over the logarithm of the frequency.",
                 ),
                 Definition::new(
                     concat!($group, ".phase_45_frequency"),
                     concat!($title, ", frequency of -45 deg"),
                     "Hz",
-                    "First frequency above 0.2 Hz where the phase falls below -45 deg, found in the same way.",
+                    "First frequency above 0.2 Hz at which the phase falls below -45 deg, interpolated in the same way.",
                 ),
-                Definition::new(concat!($group, ".peak_ratio"), concat!($title, ", peak ratio"), "1", "Largest gain over the reference gain."),
+                Definition::new(concat!($group, ".peak_ratio"), concat!($title, ", peak ratio"), "1", "Largest gain divided by the reference gain."),
                 Definition::new(concat!($group, ".peak_frequency"), concat!($title, ", peak frequency"), "Hz", "Frequency of the largest gain."),
-                Definition::new(concat!($group, ".delay_1hz"), concat!($title, ", delay at 1 Hz"), "s", "Minus the phase at 1 Hz over 2 pi."),
+                Definition::new(concat!($group, ".delay_1hz"), concat!($title, ", delay at 1 Hz"), "s", "Phase lag at 1 Hz, divided by the angular frequency."),
             )*
         ]
     };
@@ -72,7 +72,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "frequency",
             "Frequencies",
             "Hz",
-            "The lines of the multisine, of which the last 20 s are transformed. The steering angle of a row was held during the step before it, which the response takes into account."
+            "Frequencies of the multisine. The last 20 s of the recording are transformed. The response accounts for the steering angle of a row being held during the step before it."
         ),
         ["yaw_rate" "Yaw rate" "1/s" "lateral_acceleration" "Lateral acceleration" "m/(s2.rad)"]
     ),

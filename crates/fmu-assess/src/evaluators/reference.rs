@@ -17,7 +17,7 @@ fn one(evaluator: &Evaluator) -> String {
         let chosen = evaluator.columns.iter().filter(|column| column.is_needed == is_needed);
         chosen.map(|column| format!("`{}`{}", column.name, unit(column.unit))).collect::<Vec<_>>().join(", ")
     };
-    for (title, columns) in [("Needed columns", columns(true)), ("Columns of single metrics", columns(false))] {
+    for (title, columns) in [("Required columns", columns(true)), ("Optional columns", columns(false))] {
         if !columns.is_empty() {
             let _ = writeln!(text, "{title}: {columns}.\n");
         }

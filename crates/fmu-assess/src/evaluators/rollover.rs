@@ -13,7 +13,7 @@ const LIFT_TIME: f64 = 0.02;
 pub(super) const EVALUATOR: Evaluator = Evaluator {
     name: "rollover",
     title: "Rollover",
-    source: "NHTSA fishhook and J-turn; by tire loads, because not all vehicles have wheel heights",
+    source: "NHTSA fishhook and J-turn; wheel lift is detected from tire loads, because not all vehicles have wheel heights",
     columns: &[
         Column::optional("vehicle.lateral_acceleration", "m/s2"),
         Column::optional("vehicle.load_transfer_ratio", "1"),
@@ -31,16 +31,16 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "two_wheel_lift",
             "Two-wheel lift",
             "1",
-            "Whether all tire loads of a side are at most 1 N for 0.02 s, in consecutive rows (at least one).",
+            "True if all tire loads on one side are at most 1 N for 0.02 s, in consecutive rows (at least one).",
         ),
         Definition::new("two_wheel_lift_time", "Time of the lift", "s", "Time of the row that completes the 0.02 s."),
         Definition::new(
             "two_wheel_lift_duration",
             "Duration of the lift",
             "s",
-            "Longest time that a side is off, also if it is too short for a lift.",
+            "Longest time that a side is off the road, even if it is too short for a lift.",
         ),
-        Definition::new("load_minimum", "Smallest tire load", "N", "Smallest sample of all tires."),
+        Definition::new("load_minimum", "Smallest tire load", "N", "Smallest load of any tire in any row."),
     ],
     compute,
 };

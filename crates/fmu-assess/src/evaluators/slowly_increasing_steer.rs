@@ -36,8 +36,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "A_raw",
             "Steering wheel angle at 0.3 g",
             "deg",
-            "Value at 0.3 g of the line of least squares of the steering wheel angle over the lateral acceleration from 0.1 g to 0.375 g. \
-             Steering angle filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; positive in the direction of the last steering angle.",
+            "Value at 0.3 g of the least-squares line through the steering wheel angle over the lateral acceleration from 0.1 g to 0.375 g. The steering angle is filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; all are positive in the direction of the last steering angle.",
         ),
         Definition::new(
             "A",
@@ -49,7 +48,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "understeer_gradient",
             "Understeer gradient",
             "rad/(m/s2)",
-            "Slope of steering angle less wheelbase times yaw rate over speed, over the lateral acceleration from 1 to 3 m/s2.",
+            "Slope of (steering angle - wheelbase * yaw rate / speed) over the lateral acceleration from 1 to 3 m/s2.",
         ),
         Definition::new(
             "sideslip_gradient",

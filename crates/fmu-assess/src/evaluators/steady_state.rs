@@ -9,7 +9,7 @@ pub(super) const WHEELBASE: OptionRule = OptionRule {
     unit: "m",
     form: Form::Positive,
     default: Fallback::Required,
-    meaning: "wheelbase; of more than two axles the equivalent one",
+    meaning: "wheelbase; for more than two axles, the equivalent wheelbase",
 };
 
 /// Steady-state cornering in some rows. Signals are positive in the direction of the turn.

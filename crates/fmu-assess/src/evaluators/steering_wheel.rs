@@ -11,13 +11,13 @@ pub(super) const RATIO: OptionRule = OptionRule {
     unit: "1",
     form: Form::Positive,
     default: Fallback::Required,
-    meaning: "angle of the steering wheel over that of the road wheel",
+    meaning: "ratio of steering wheel angle to road-wheel angle",
 };
 
 /// The option for recordings without the column.
 pub(super) const OPTIONAL_RATIO: OptionRule = OptionRule {
     default: Fallback::Absent,
-    meaning: "angle of the steering wheel over that of the road wheel; makes the steering wheel angle from `driver.steer` if the recording has no column `driver.steering_wheel`",
+    meaning: "ratio of steering wheel angle to road-wheel angle, to compute the steering wheel angle from `driver.steer` if the recording has no column `driver.steering_wheel`",
     ..RATIO
 };
 

@@ -27,8 +27,8 @@ macro_rules! metrics {
                     $unit,
                     "Mean of the last second, positive in the direction of the steering angle.",
                 ),
-                Definition::new(concat!($group, ".gain"), concat!($title, ", gain"), $gain, "Steady value over the steady steering angle."),
-                Definition::new(concat!($group, ".peak"), concat!($title, ", peak"), $unit, "Largest sample from the step on."),
+                Definition::new(concat!($group, ".gain"), concat!($title, ", gain"), $gain, "Steady value divided by the steady steering angle."),
+                Definition::new(concat!($group, ".peak"), concat!($title, ", peak"), $unit, "Largest value from the step on."),
                 Definition::new(
                     concat!($group, ".response_time"),
                     concat!($title, ", response time"),
@@ -45,7 +45,7 @@ macro_rules! metrics {
                     concat!($group, ".overshoot"),
                     concat!($title, ", overshoot"),
                     "1",
-                    "Peak less steady value, over the steady value.",
+                    "Peak minus steady value, divided by the steady value.",
                 ).down(),
             )*
             $($last),*

@@ -20,7 +20,7 @@ const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
             "steering_wheel_peak_2s",
             "Largest steering wheel angle in the first 2 s",
             "deg",
-            "Largest magnitude of the steering wheel angle in the first 2 s of braking, of both sides.",
+            "Largest magnitude of the steering wheel angle in the first 2 s of braking, over both runs.",
         )
         .down(),
         Some(120.0),
@@ -30,7 +30,7 @@ const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
             "steering_wheel_peak",
             "Largest steering wheel angle",
             "deg",
-            "Largest magnitude of the steering wheel angle until the car stops, of both sides.",
+            "Largest magnitude of the steering wheel angle until the car stops, over both runs.",
         )
         .down(),
         Some(240.0),
@@ -40,7 +40,7 @@ const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
             "lateral_peak",
             "Largest lateral offset",
             "m",
-            "Largest distance from the line on which braking begins, of both sides.",
+            "Largest distance from the line on which braking begins, over both runs.",
         )
         .down(),
         None,
@@ -50,7 +50,7 @@ const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
             "yaw_peak",
             "Largest change of the yaw angle",
             "rad",
-            "Largest change of the yaw angle from the start of braking, of both sides.",
+            "Largest change of the yaw angle after braking begins, over both runs.",
         )
         .down(),
         None,
@@ -118,7 +118,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         }
     }
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
-    let definition = "Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.";
+    let definition = "True if the car stops in both runs and its sideslip angle stays below 0.7 rad while it is faster than 3 m/s.";
     let of = Definition::new("held", "Stops without spinning", "", definition).up();
     results.metric(&of, held).set_limit(Limit::holds(ANNEX), applies);
     for (worst, (of, limit)) in worst.into_iter().zip(&OF_BOTH_SIDES) {

@@ -51,29 +51,28 @@ const METRICS: [Definition; 4] = [
         "vibration_total",
         "Weighted acceleration",
         "m/s2",
-        "Root of the sum of the squares of the weighted heave, roll and pitch accelerations, mean of three roads. The label is its comfort \
-         class in ISO 2631-1; where the ranges of the standard overlap, that of the lower end.",
+        "Root of the sum of squares of the weighted heave, roll and pitch accelerations, averaged over three roads. The label is the comfort class of ISO 2631-1; where the ranges in the standard overlap, the less comfortable class.",
     )
     .down(),
     Definition::new(
         "heave_weighted",
         "Weighted heave acceleration",
         "m/s2",
-        "RMS of the heave acceleration weighted by W_k (ISO 2631-1), mean of three roads.",
+        "RMS of the heave acceleration weighted by W_k (ISO 2631-1), averaged over three roads.",
     )
     .down(),
     Definition::new(
         "dynamic_load_coefficient",
         "Largest dynamic load coefficient",
         "1",
-        "Standard deviation of the tire load over its mean, of the wheel where it is largest, mean of three roads.",
+        "Standard deviation of the tire load divided by its mean, at the wheel where this is largest, averaged over three roads.",
     )
     .down(),
     Definition::new(
         "suspension_travel_rms",
         "Largest suspension travel, RMS",
         "m",
-        "RMS of the suspension deflection about its mean, of the strut where it is largest, mean of three roads.",
+        "RMS of the suspension deflection about its mean, at the strut where this is largest, averaged over three roads.",
     )
     .down(),
 ];

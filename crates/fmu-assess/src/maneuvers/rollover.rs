@@ -37,14 +37,14 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
         }
     }
     let title = "No two-wheel lift up to the highest speed";
-    let definition = "Whether the tires of one side never lose the road for 20 ms, at any speed of the series.";
+    let definition = "True if, at all speeds of the series, no side loses contact with the road for 20 ms.";
     let of = Definition::new("no_lift", title, "", definition).up();
     let metric = results.metric(&of, is_known.then_some(lifted.is_none()));
     metric.set_limit(Limit::holds("NHTSA, 49 CFR 575.106"), bench.not_applicable());
     if !is_known {
         metric.set_reason("no run has tire loads");
     }
-    let definition = "First speed of the series at which two wheels of a side lift, or the vehicle rolls over.";
+    let definition = "First speed of the series at which the wheels on one side lift or the vehicle rolls over.";
     let of = Definition::new("lift_speed", "Speed of the first two-wheel lift", "mph", definition).up();
     let metric = results.metric(&of, lifted);
     if lifted.is_none() {
@@ -69,13 +69,13 @@ const PEAKS: [(Definition, &str); 2] = [
             "load_transfer_peak",
             "Largest load transfer ratio",
             "1",
-            "Largest magnitude of the load transfer ratio, of all runs.",
+            "Largest magnitude of the load transfer ratio in all runs.",
         )
         .down(),
         "vehicle.load_transfer_ratio",
     ),
     (
-        Definition::new("roll_peak", "Largest roll angle", "rad", "Largest magnitude of the roll angle, of all runs.")
+        Definition::new("roll_peak", "Largest roll angle", "rad", "Largest magnitude of the roll angle in all runs.")
             .down(),
         "body.roll",
     ),

@@ -116,7 +116,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let wanted = least_displacement(bench.vehicle.mass.as_ref().map_or(0.0, |mass| mass.value));
     let applies = bench.not_applicable();
     let stable = (unknown.is_none() || !is_stable).then_some(is_stable);
-    let definition = "Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.";
+    let definition = "True if, in all runs, the yaw rate is at most 35 % of its second peak 1 s after the steering, and at most 20 % after 1.75 s.";
     let of = Definition::new("stable", "Stable at all amplitudes", "", definition).up();
     let metric = results.metric(&of, stable).set_limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
     metric.reason = unknown.clone().filter(|_| is_stable);
@@ -128,7 +128,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     }
     let titles = ["Largest yaw rate 1 s after the steering", "Largest yaw rate 1.75 s after the steering"];
     let definitions = [
-        "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
+        "Largest magnitude of the yaw rate 1 s after the completion of steer, divided by its second peak, in all runs.",
         "The same 1.75 s after the completion of steer.",
     ];
     for (worst, (title, definition)) in worst.into_iter().zip(titles.into_iter().zip(definitions)) {
@@ -137,7 +137,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
         results.metric(&of, value).series = Some(worst.series());
     }
     let definition =
-        "Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.";
+        "Smallest lateral displacement 1.07 s after the beginning of steer, in all runs with an amplitude of at least 5 A.";
     let of = Definition::new(least.name, "Least displacement from 5 A on", "m", definition).up();
     let metric = results.metric(&of, least.value);
     metric.set_limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies);

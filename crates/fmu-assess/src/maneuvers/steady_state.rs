@@ -60,9 +60,9 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
         metric.reason = found.iter().find_map(|metrics| reason(metrics, name));
     };
     let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
-    let definition = "A: mean of the magnitudes that both directions give, rounded to 0.1 deg.";
+    let definition = "A: mean of the magnitudes for both directions, rounded to 0.1 deg.";
     add("A", "Steering wheel angle at 0.3 g", "deg", definition, amplitude);
-    let definition = "Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.";
+    let definition = "Slope over the lateral acceleration from 1 to 3 m/s2, averaged over both directions.";
     for (name, title, unit) in [
         ("understeer_gradient", "Understeer gradient", "rad/(m/s2)"),
         ("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)"),
@@ -104,7 +104,7 @@ pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     let Some((run, metrics)) = shown(bench, spec, "constant_radius", &options, results) else { return };
     results.take(&run, &metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
     if run.error.is_some() {
-        let definition = "Whether the run gets to its end, 72 s, without breaking down.";
+        let definition = "True if the run reaches its end, 72 s, without an error.";
         results.metric(&Definition::new("completed", "Circle driven to the end", "", definition), false);
     }
 }
