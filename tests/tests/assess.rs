@@ -165,7 +165,7 @@ fn a_rollover_is_a_result() {
     assert!(found.runs("fishhook.").any(|run| run["flags"].as_array().unwrap().contains(&"rolled_over".into())));
     let row = found.row("fishhook.no_lift");
     assert_eq!((&row["without"], &row["verdict"]), (&Value::Bool(false), &"comparison".into()));
-    assert_eq!(row["reason"], "the speed is prescribed, the vehicle cannot coast");
+    assert_eq!(row["reason"], "the speed is prescribed, so the vehicle cannot coast");
     assert_eq!(row["limit"]["is"], true);
     near(found.number("fishhook.lift_speed", "without"), 35.0, 1e-9);
 }
@@ -306,7 +306,13 @@ fn signals_in_other_units_are_refused_where_nothing_converts_them() {
     for (name, variable, old, new, words) in [
         ("Speed", "vehicle.speed", "m/s", "km/h", ["`vehicle.speed` of Speed is in km/h", "Export Speed with"]),
         ("Steering", "steer.front", "rad", "deg", ["`steer.front` of Steering is in deg", "Export Steering with"]),
-        ("Unknown", "vehicle.yaw_rate", "rad/s", "blob", ["in blob, which no base unit explains", "Declare the unit"]),
+        (
+            "Unknown",
+            "vehicle.yaw_rate",
+            "rad/s",
+            "blob",
+            ["in blob, whose base units are not declared", "Declare the unit"],
+        ),
         ("Other", "body.roll", "rad", "kg", ["`body.roll` of Other is in kg, but the bench needs rad", "--vehicle"]),
         (
             "Mass",
@@ -351,7 +357,7 @@ fn a_plant_without_geometry_loses_what_needs_it() {
     for maneuver in ["constant_radius", "single_lane_change", "iso3888_1", "iso3888_2"] {
         let row = theirs.row(maneuver);
         assert_eq!(row["verdict"], "dropped");
-        assert!(row["reason"].as_str().unwrap().starts_with("the wheelbase is not known"), "{row}");
+        assert!(row["reason"].as_str().unwrap().starts_with("the wheelbase is unknown"), "{row}");
     }
     let gradient = theirs.row("slowly_increasing_steer.understeer_gradient");
     assert!(gradient["without"].is_null() && gradient["reason"].as_str().unwrap().contains("wheelbase"), "{gradient}");
@@ -698,7 +704,7 @@ fn a_call_that_cannot_begin_says_why() {
         ),
         (
             vec!["HeavyVehicle", "--with", "AllWheelSteering", "--vehicle", &nowhere],
-            vec!["name `vehicle.yaw_rate` `nowhere`, but AllWheelSteering has no such variable"],
+            vec!["map `vehicle.yaw_rate` to `nowhere`, but AllWheelSteering has no such variable"],
         ),
         (
             set("nosuch:foo=1"),
@@ -708,28 +714,25 @@ fn a_call_that_cannot_begin_says_why() {
             set("driver:preview.tim=1"),
             vec!["neither Driver nor PathDriver has a parameter `preview.tim`", "did you mean `preview.time`?"],
         ),
-        (set("driver:steer.ratio=15"), vec!["cannot be set: the bench gives it a value", "Give `steer_ratio`"]),
-        (set("driver:path.vehicle_width=2"), vec!["the bench gives it a value", "Give `width`"]),
-        (set("driver:path.start=15"), vec!["the bench gives it a value", "procedures of the maneuvers prescribe it"]),
-        (set("esp_car:vehicle.initial_speed=15"), vec!["the bench gives it a value", "Use --speed"]),
+        (set("driver:steer.ratio=15"), vec!["cannot be set: the bench sets it", "Set `steer_ratio`"]),
+        (set("driver:path.vehicle_width=2"), vec!["the bench sets it", "Set `width`"]),
+        (set("driver:path.start=15"), vec!["the bench sets it", "maneuver procedures prescribe its value"]),
+        (set("esp_car:vehicle.initial_speed=15"), vec!["the bench sets it", "Use --speed"]),
         (vec!["NoSuchCar"], vec!["there is no FMU NoSuchCar in", "cargo fmu pack NoSuchCar"]),
         (vec!["EspCra"], vec!["there is no FMU EspCra in", "did you mean `EspCar`?"]),
         (set("esp_car:body.mas=1300"), vec!["EspCar has no parameter `body.mas`", "did you mean `body.mass`?"]),
         (vec!["Road"], vec!["Road cannot be driven"]),
         (
             vec!["EspCar", "--with", "AntilockBraking", "--with", "AntilockBraking"],
-            vec!["AntilockBraking and AntilockBraking both write `brake_pressure_command.fl`", "Leave one of them out"],
+            vec!["AntilockBraking and AntilockBraking both write `brake_pressure_command.fl`", "Remove one of them"],
         ),
-        (vec!["EspCar", "--vehicle", wrong.to_str().unwrap()], vec!["vehicle.width is 0, expected a number above 0"]),
+        (vec!["EspCar", "--vehicle", wrong.to_str().unwrap()], vec!["vehicle.width must be a positive number, got 0"]),
         (
             vec!["EspCar", "--parameters", nameless.to_str().unwrap()],
             vec!["`mass` names no component, expected COMPONENT.PARAMETER"],
         ),
         (vec!["EspCar", "--parameters", "nowhere.ssv"], vec!["cannot read nowhere.ssv"]),
-        (
-            vec!["EspCar", "--set", "esp_car:body.mass=1.3 t"],
-            vec!["`body.mass` of esp_car is given in t; give it in kg"],
-        ),
+        (vec!["EspCar", "--set", "esp_car:body.mass=1.3 t"], vec!["`body.mass` of esp_car is given in t; use kg"]),
         (vec!["EspCar", "--set", "esp_car:body.masses=1300"], vec!["has no parameter `body.masses`", "body.mass"]),
         (
             vec!["EspCar", "--suite", "braking", "--require", "braking.mfd=6"],

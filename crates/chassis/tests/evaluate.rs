@@ -169,8 +169,8 @@ fn what_cannot_be_computed_is_null_with_a_reason() {
     assert_eq!(found["yaw_rate"]["gain"], Value::Null);
     let message = message(&output);
     // One line for each cause, with the number of metrics; the last line reports that there are no metrics.
-    let all = "note: 22 metrics, from t0 to tb_factor, are null: the recording has no row";
-    assert_eq!(message.matches("the recording has no row").count(), 1, "{message}");
+    let all = "note: 22 metrics, from t0 to tb_factor, are null: the recording has no rows";
+    assert_eq!(message.matches("the recording has no rows").count(), 1, "{message}");
     assert!(message.contains(all) && message.contains("warning: no metric has a value"), "{message}");
 }
 

@@ -57,8 +57,8 @@ impl Bench<'_> {
     /// Returns the reason that limits for coasting cars do not apply, or `None` if they apply.
     pub(crate) fn not_applicable(&self) -> Option<&'static str> {
         match self.system.speed {
-            _ if !self.is_car() => Some("the limit is that of cars"),
-            Speed::Prescribed => Some("the speed is prescribed, the vehicle cannot coast"),
+            _ if !self.is_car() => Some("the limit applies to cars only"),
+            Speed::Prescribed => Some("the speed is prescribed, so the vehicle cannot coast"),
             Speed::Own if self.plant.found.description.variable("vehicle.initial_speed").is_none() => {
                 Some("nothing sets the speed of the vehicle")
             }
@@ -87,7 +87,7 @@ impl Bench<'_> {
             let found = run.components.iter().find(|other| other.name == component);
             let found = found.and_then(|other| self.descriptions.get(&*other.fmu));
             let Some(variable) = found.and_then(|description| description.variable(name)) else {
-                return if is_optional { Ok(()) } else { Err(format!("`{component}` has no `{name}`")) };
+                return if is_optional { Ok(()) } else { Err(format!("`{component}` has no variable `{name}`")) };
             };
             let value = match (setting, variable.base_type) {
                 (Setting::Text(text), BaseType::Integer) => {
@@ -148,7 +148,7 @@ impl Bench<'_> {
     /// Wheelbase, m.
     pub(crate) fn wheelbase(&self) -> Result<f64, String> {
         let found = self.vehicle.wheelbase.as_ref().map(|datum| datum.value);
-        found.ok_or_else(|| "the wheelbase is not known; give it in the vehicle data (--vehicle)".to_owned())
+        found.ok_or_else(|| "the wheelbase is unknown; set it in the vehicle data (`--vehicle`)".to_owned())
     }
 }
 

@@ -97,20 +97,18 @@ pub(crate) fn find(
         let similar = suggestion(fmu, names.iter().map(String::as_str));
         let help = similar.unwrap_or_else(|| {
             let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            format!(
-                "Pack it with `cargo fmu pack {fmu}`, or give its folder with `--fmus`. The FMUs found are {known}."
-            )
+            format!("Pack it with `cargo fmu pack {fmu}`, or name its folder with `--fmus`. FMUs found: {known}.")
         });
         return Err(SetupError::with_help(format!("there is no FMU {fmu} in {}", source.place()), help));
     };
     if found.description.co_simulation.is_none() {
-        return Err(SetupError::new(format!("{} has no co-simulation", found.path)));
+        return Err(SetupError::new(format!("{} has no co-simulation interface", found.path)));
     }
     let mut renamed = BTreeMap::new();
     for (signal, variable) in names.into_iter().flatten().filter(|(signal, _)| *signal != TIME) {
         if found.description.variable(variable).is_none() {
             return Err(SetupError::new(format!(
-                "the vehicle data name `{signal}` `{variable}`, but {fmu} has no such variable"
+                "the vehicle data map `{signal}` to `{variable}`, but {fmu} has no such variable"
             )));
         }
         renamed.insert(variable.clone(), signal.clone());

@@ -86,7 +86,7 @@ impl Evaluator {
         let options = Options::new(self.name, self.options, options)?;
         let mut results = Results::new(self.metrics);
         let computed = Rows::new(trace).and_then(|rows| (self.compute)(&rows, &options, &mut results));
-        let reason = computed.err().unwrap_or_else(|| "the recording does not have it".to_owned());
+        let reason = computed.err().unwrap_or_else(|| "the recording contains no data for it".to_owned());
         let notes = std::mem::take(&mut results.notes);
         Ok(Evaluation { metrics: results.finish(&reason), notes })
     }
@@ -113,7 +113,7 @@ const fn peak_of_run(name: &'static str, title: &'static str, unit: &'static str
 
 /// The largest magnitude of a column.
 fn peak(rows: &Rows<'_>, column: &str) -> Result<f64, Reason> {
-    largest_magnitude(rows.column(column)?).ok_or_else(|| "the recording has no row".to_owned())
+    largest_magnitude(rows.column(column)?).ok_or_else(|| "the recording has no rows".to_owned())
 }
 
 #[cfg(test)]
@@ -171,9 +171,9 @@ mod tests {
         let falling: Vec<f64> = grid(50).into_iter().rev().collect();
         for evaluator in &EVALUATORS {
             for (times, value, expected) in [
-                (Vec::new(), 1.0, "the recording has no row, at least two are needed"),
-                (vec![0.0], 1.0, "the recording has one row, at least two are needed"),
-                (falling.clone(), 1.0, "the times do not rise: row 2 is at 0.49 s, the row before at 0.5 s"),
+                (Vec::new(), 1.0, "the recording has no rows; at least two are needed"),
+                (vec![0.0], 1.0, "the recording has one row; at least two are needed"),
+                (falling.clone(), 1.0, "the times must increase: row 2 is at 0.49 s, the previous row at 0.5 s"),
                 (vec![f64::NAN; 50], 1.0, "the time of row 1 is not a finite number"),
                 (grid(3_000), f64::NAN, "is not a finite number at 0.01 s"),
             ] {

@@ -117,7 +117,7 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
 const ROLLOVER: &[&str] = &["tire_load."];
 
 fn needs_speed(bench: &Bench<'_>) -> Option<NotApplicable> {
-    let reason = "nothing holds the speed: neither `driver.speed` nor pedals";
+    let reason = "nothing controls the speed: there is neither an input `driver.speed` nor pedals";
     (bench.system.speed == Speed::Own).then(|| NotApplicable::without(&["driver.speed"], reason))
 }
 
@@ -150,7 +150,7 @@ fn needs_both_sides(bench: &Bench<'_>) -> Option<NotApplicable> {
     let is_load = |name: &str, side: char| name.starts_with("tire_load.") && name.ends_with(side);
     let has = |side: char| bench.plant.signals(Causality::Output).any(|name| is_load(name, side));
     let missing = ['l', 'r'].into_iter().find(|side| !has(*side));
-    let reason = |side| format!("the plant has no output `tire_load.*` of the side `{side}`");
+    let reason = |side| format!("the plant has no output `tire_load.*` for the side `{side}`");
     let sides = missing.map(|side| NotApplicable::without(&["tire_load.*"], &reason(side)));
     sides.or_else(|| needs_amplitude(bench))
 }
@@ -160,7 +160,7 @@ fn needs_footprint(bench: &Bench<'_>) -> Option<NotApplicable> {
     let data = [("width", &vehicle.width), ("front", &vehicle.front), ("rear", &vehicle.rear)];
     let unknown: Vec<&str> = data.into_iter().filter(|(_, datum)| datum.is_none()).map(|(name, _)| name).collect();
     needs_path(bench).or_else(|| {
-        let reason = format!("of the vehicle data {} is not known; give it by --vehicle", unknown.join(", "));
+        let reason = format!("unknown vehicle data: {}; set them in a file for `--vehicle`", unknown.join(", "));
         (!unknown.is_empty()).then(|| NotApplicable::new(reason))
     })
 }

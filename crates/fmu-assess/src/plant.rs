@@ -70,11 +70,13 @@ impl Plant {
         check_plant(&plant)?;
         for signal in plant.given.keys() {
             if !plant.has_input(signal) && !plant.has_output(signal) {
-                let message = format!("{} has no `{signal}`, whose unit is given", plant.fmu);
+                let message = format!("a unit is given for `{signal}`, but {} has no such signal", plant.fmu);
                 return Err(SetupError::new(message));
             }
             if signals::unit(signal).is_none() {
-                return Err(SetupError::new(format!("the bench does not read `{signal}`, whose unit is given")));
+                return Err(SetupError::new(format!(
+                    "a unit is given for `{signal}`, but the bench does not use this signal"
+                )));
             }
         }
         for variable in &plant.component.description().variables {
@@ -194,7 +196,7 @@ fn wrong_unit(component: &Component, variable: &Variable, signal: &str, found: &
     let declare = format!("Declare the unit of `{name}` with its base units in the FMU");
     let help = match variable.causality {
         Causality::Input | Causality::Output => format!(
-            "{declare}, or give it in a file by --vehicle: [signals] \"{signal}\" = {{ variable = \"{name}\", unit = \
+            "{declare}, or set it in a file for `--vehicle`: [signals] \"{signal}\" = {{ variable = \"{name}\", unit = \
              \"{needed}\" }}."
         ),
         _ => format!("{declare}."),
@@ -213,7 +215,7 @@ fn wired_unit(component: &Component, name: &str, unit: &str, needed: &str, reade
     let fmu = &component.fmu;
     SetupError::with_help(
         format!("`{name}` of {fmu} is in {unit}, but {reader} {needed}"),
-        format!("Export {fmu} with `{name}` in {needed}: the bench converts what it records, not what it connects."),
+        format!("Export {fmu} with `{name}` in {needed}: the bench converts recorded signals, but not connections."),
     )
 }
 
@@ -227,7 +229,6 @@ fn check_plant(plant: &Plant) -> Result<(), SetupError> {
     }
     Err(SetupError::with_help(
         format!("{} cannot be driven: it has no {}", plant.fmu, missing.join(" and no ")),
-        "If it has them by other names, write a file with [signals] \"steer.front\" = \"its name\", and so on, and give it by \
-         --vehicle.",
+        "If they have other names, map them in a file for `--vehicle`: [signals] \"steer.front\" = \"its name\", and so on.",
     ))
 }

@@ -233,7 +233,7 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
     let no_value = |metric: &Measured| metric.reason.clone().unwrap_or_else(|| "no value was computed".to_owned());
     let (old, new) = match (&without.value, &with.value) {
         (Value::Bool(old), Value::Bool(new)) => return Comparison::Booleans(*old, *new),
-        (Value::Null, Value::Null) => return Comparison::None("neither has a value".to_owned()),
+        (Value::Null, Value::Null) => return Comparison::None("neither system has a value".to_owned()),
         (Value::Null, new) => {
             return beyond(without.bound, new).map_or_else(|| of("without", &no_value(without)), Comparison::Rises);
         }
@@ -243,7 +243,7 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
         }
         (old, new) => (old.as_f64(), new.as_f64()),
     };
-    let Some((old, new)) = old.zip(new) else { return Comparison::None("it is not a number".to_owned()) };
+    let Some((old, new)) = old.zip(new) else { return Comparison::None("the value is not a number".to_owned()) };
     let (Some(first), Some(second)) = (&without.series, &with.series) else {
         return Comparison::Numbers(old, new, None);
     };
@@ -261,7 +261,7 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
         }
         None => {
             let condition = if first.unit == "A" { "amplitude" } else { "speed" };
-            Comparison::None(format!("there is no {condition} that both can drive"))
+            Comparison::None(format!("there is no {condition} that both systems can drive"))
         }
     }
 }
@@ -362,7 +362,7 @@ impl Assessment {
             let (verdict, reason) =
                 if is_first { (row.verdict_without, &row.reason_without) } else { (row.verdict, &row.reason) };
             let reason = reason.as_deref().unwrap_or_default();
-            let found = if value.is_null() { format!("no number: {reason}") } else { with_unit(value, row.unit) };
+            let found = if value.is_null() { format!("no value: {reason}") } else { with_unit(value, row.unit) };
             let words = row.words.get(system).map_or_else(String::new, |words| format!(" ({words})"));
             let (element, text) = match verdict {
                 Verdict::Fail => ("failure", found + &words + &required(row)),
@@ -479,7 +479,7 @@ mod tests {
         assert_eq!(found.compared.map(|compared| compared.with), Some(11.0));
         let none = row(Some(&slow), Some(&of(1.0, &[], false)), true);
         assert_eq!((none.judgment, none.change), (Some(Judgment::NotComparable), Value::Null));
-        assert_eq!(none.incomparable.as_deref(), Some("there is no speed that both can drive"));
+        assert_eq!(none.incomparable.as_deref(), Some("there is no speed that both systems can drive"));
         let lost = Measured { incomparable: Some("the driver lost the path".to_owned()), ..fast };
         let found = row(Some(&slow), Some(&lost), true);
         assert_eq!(found.incomparable.as_deref(), Some("with controllers: the driver lost the path"));

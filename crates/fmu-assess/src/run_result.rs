@@ -40,10 +40,10 @@ impl RunResult {
     pub(crate) fn cut_short(&self) -> Option<String> {
         let time = self.trace.times().last().map_or_else(String::new, |time| format!(" at {} s", shown_time(*time)));
         match &self.error {
-            Some(error) => Some(format!("a run broke down: {error}")),
+            Some(error) => Some(format!("a run failed: {error}")),
             None if self.has("rolled_over") => Some(format!("the vehicle rolled over{time}")),
             None if self.has("lost") => Some(format!("the driver lost the path{time}")),
-            None if self.has("not_finished") => Some("the driver did not get to the end of the path".to_owned()),
+            None if self.has("not_finished") => Some("the driver did not reach the end of the path".to_owned()),
             None => None,
         }
     }

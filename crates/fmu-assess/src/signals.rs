@@ -91,7 +91,7 @@ pub(crate) fn conversion(
             Ok(Conversion::new(factor, if variable.relative_quantity { 0.0 } else { offset }))
         }
         (None, None) if name == needed => Ok(None),
-        (None, None) => Err(format!("{name}, which no base unit explains")),
+        (None, None) => Err(format!("{name}, whose base units are not declared")),
         _ => Err(name.to_owned()),
     }
 }

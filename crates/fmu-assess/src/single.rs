@@ -358,7 +358,7 @@ pub fn single(
     }
     let vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
     let plan = systems.systems.first().and_then(|system| system.plan(maneuver.driving)).cloned();
-    let plan = plan.ok_or_else(|| SetupError::new("the plant cannot be driven like this"))?;
+    let plan = plan.ok_or_else(|| SetupError::new("the plant cannot drive this maneuver"))?;
     let components = plan.runs.iter().flat_map(|run| &run.components);
     let described = components.filter_map(|component| {
         let name = component.fmu.strip_suffix(".fmu").unwrap_or(&component.fmu);
@@ -370,7 +370,7 @@ pub fn single(
     let bench = bench(&systems, &vehicle, &descriptions);
     let made = (maneuver.make)(&bench, &chosen);
     let (mut spec, options) =
-        made.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
+        made.ok_or_else(|| SetupError::new("the width, front or rear of the vehicle is unknown"))?;
     if is_rough && maneuver.driving != Driving::Ride {
         spec = ride::on_road(&bench, spec, f64::from(chosen.class), f64::from(chosen.seed));
     }

@@ -31,14 +31,14 @@ pub(crate) const DRIVERS: [&str; 2] = ["Driver", "PathDriver"];
 
 /// Parameters of drivers and plants that the bench sets itself, and what to do instead of setting them.
 const GIVEN: [(&str, &str, &str); 6] = [
-    ("driver", "geometry.wheelbase", "Give `wheelbase` in the table [vehicle] of a file, by --vehicle."),
+    ("driver", "geometry.wheelbase", "Set `wheelbase` in the table [vehicle] of a file for `--vehicle`."),
     (
         "driver",
         "vehicle.understeer_gradient",
-        "Give `understeer_gradient` in the table [vehicle] of a file, by --vehicle.",
+        "Set `understeer_gradient` in the table [vehicle] of a file for `--vehicle`.",
     ),
-    ("driver", "steer.ratio", "Give `steer_ratio` in the table [vehicle] of a file, by --vehicle."),
-    ("driver", "path.vehicle_width", "Give `width` in the table [vehicle] of a file, by --vehicle."),
+    ("driver", "steer.ratio", "Set `steer_ratio` in the table [vehicle] of a file for `--vehicle`."),
+    ("driver", "path.vehicle_width", "Set `width` in the table [vehicle] of a file for `--vehicle`."),
     ("driver", "speed.initial", "Use --speed."),
     ("plant", "vehicle.initial_speed", "Use --speed."),
 ];
@@ -74,7 +74,7 @@ pub(crate) fn settings(
     for (owner, name, value) in &subject.set {
         if !known.contains(&owner.as_str()) {
             let message = format!("`{name}` cannot be set: there is no component `{owner}`");
-            return Err(SetupError::with_help(message, format!("There are `{}`.", known.join("`, `"))));
+            return Err(SetupError::with_help(message, format!("Components: `{}`.", known.join("`, `"))));
         }
         let own = if *owner == plant.component.name { "plant" } else { owner.as_str() };
         let given = GIVEN.iter().find(|(of, parameter, _)| *of == own && parameter == name).map(|(_, _, help)| *help);
@@ -82,8 +82,8 @@ pub(crate) fn settings(
             PRESCRIBED.iter().any(|(of, names)| *of == own && names.split_whitespace().any(|known| known == name));
         if given.is_some() || is_prescribed {
             return Err(SetupError::with_help(
-                format!("`{owner}:{name}` cannot be set: the bench gives it a value"),
-                given.unwrap_or("The procedures of the maneuvers prescribe it."),
+                format!("`{owner}:{name}` cannot be set: the bench sets it"),
+                given.unwrap_or("The maneuver procedures prescribe its value."),
             ));
         }
         let is_known = |driver: &Component| driver.description().variable(name).is_some();

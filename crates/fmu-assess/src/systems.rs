@@ -127,7 +127,7 @@ impl Systems {
                 if let Some(other) = written.insert(output, &component.fmu) {
                     return Err(SetupError::with_help(
                         format!("{other} and {} both write `{output}`", component.fmu),
-                        "Leave one of them out.",
+                        "Remove one of them.",
                     ));
                 }
             }
@@ -184,10 +184,7 @@ impl Systems {
             // The vehicle data come from these numbers, too.
             if let Some(given) = given.filter(|given| Some(*given) != own) {
                 let own = own.unwrap_or("1");
-                return Err(SetupError::new(format!(
-                    "`{name}` of {} is given in {given}; give it in {own}",
-                    component.name
-                )));
+                return Err(SetupError::new(format!("`{name}` of {} is given in {given}; use {own}", component.name)));
             }
             set.insert(name.clone(), number);
         }

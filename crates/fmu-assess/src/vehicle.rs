@@ -38,7 +38,7 @@ pub fn schema() -> Schema {
 #[derive(Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "a name of a variable, { variable = .., unit = .. }, or a table of an FMU with names of variables"
+    expecting = "the name of a variable, { variable = .., unit = .. }, or a table of an FMU with the names of its variables"
 )]
 enum Named {
     /// Name of a variable.
@@ -164,11 +164,11 @@ impl VehicleFile {
         let names = ["mass", "width", "front", "rear", "wheelbase", "steer_ratio"];
         for (name, value) in names.into_iter().zip([mass, width, front, rear, wheelbase, steer_ratio]) {
             if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
-                return Err(format!("vehicle.{name} is {value}, expected a number above 0"));
+                return Err(format!("vehicle.{name} must be a positive number, got {value}"));
             }
         }
         if let Some(gradient) = file.vehicle.understeer_gradient.filter(|gradient| !gradient.is_finite()) {
-            return Err(format!("vehicle.understeer_gradient is {gradient}, expected a finite number"));
+            return Err(format!("vehicle.understeer_gradient must be a finite number, got {gradient}"));
         }
         Ok(file)
     }
@@ -303,14 +303,14 @@ mod tests {
         let empty = VehicleFile::parse("[signals]\na = {}\n").unwrap_err();
         assert_eq!(empty, "signals.a has neither `variable` nor `unit`");
         let wrong = VehicleFile::parse("[signals]\n\"steer.front\" = 1\n").unwrap_err();
-        assert!(wrong.contains("a name of a variable, { variable = .., unit = .. }, or a table"), "{wrong}");
+        assert!(wrong.contains("the name of a variable, { variable = .., unit = .. }, or a table"), "{wrong}");
     }
 
     #[test]
     fn a_wrong_file_is_explained() {
         assert_eq!(
             VehicleFile::parse("[vehicle]\nwidth = -1.0").unwrap_err(),
-            "vehicle.width is -1, expected a number above 0"
+            "vehicle.width must be a positive number, got -1"
         );
         assert!(VehicleFile::parse("[vehicle]\nlength = 1.0").unwrap_err().contains("unknown field `length`"));
     }

@@ -14,6 +14,7 @@ const AFTER: f64 = 1.0;
 const SPAN: f64 = 2.0;
 /// Share of the initial speed below which nothing is evaluated.
 const SLOW: f64 = 0.2;
+const SLOW_AT_ONCE: &str = "the vehicle is below 20 % of its initial speed when braking begins";
 
 pub(super) const EVALUATOR: Evaluator = Evaluator {
     name: "brake_in_turn",
@@ -87,7 +88,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     };
     let initial = |column| {
         let values: &[f64] = rows.column(column)?;
-        mean(&values[begin..=first]).ok_or_else(|| "the recording has no row".to_owned())
+        mean(&values[begin..=first]).ok_or_else(|| "the recording has no rows".to_owned())
     };
     results.set("lateral_acceleration", initial("vehicle.lateral_acceleration"));
     let (speed, yaw_rate) = (initial("vehicle.speed")?, initial("vehicle.yaw_rate")?);
@@ -100,7 +101,8 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
 
     let time = rows.times[first] + AFTER;
     let after = |values: &[f64]| {
-        at(rows.times, values, time).ok_or_else(|| format!("the recording ends before {AFTER} s after braking begins"))
+        at(rows.times, values, time)
+            .ok_or_else(|| format!("the recording ends less than {AFTER} s after braking begins"))
     };
     let [speeds, yaw_rates] = ["vehicle.speed", "vehicle.yaw_rate"].map(|column| rows.column(column));
     let (speeds, yaw_rates) = (speeds?, yaw_rates?);
@@ -113,13 +115,13 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     let ratios =
         end.clone().map(|end| (first..end).map(|row| circle.ratio(yaw_rates[row], speeds[row])).collect::<Vec<_>>());
     let extreme = |of: fn(&[f64]) -> Option<f64>| {
-        of(ratios.as_ref().map_err(Clone::clone)?).ok_or_else(|| "the vehicle is slow at once".to_owned())
+        of(ratios.as_ref().map_err(Clone::clone)?).ok_or_else(|| SLOW_AT_ONCE.to_owned())
     };
     results.set("yaw_rate_ratio_max", extreme(largest));
     results.set("yaw_rate_ratio_min", extreme(smallest));
     let change = initial("vehicle.sideslip").and_then(|initial| {
         let changes = rows.column("vehicle.sideslip")?[first..end?].iter().map(|angle| (angle - initial).abs());
-        changes.reduce(f64::max).ok_or_else(|| "the vehicle is slow at once".to_owned())
+        changes.reduce(f64::max).ok_or_else(|| SLOW_AT_ONCE.to_owned())
     });
     results.set("sideslip_change", change);
     Ok(())

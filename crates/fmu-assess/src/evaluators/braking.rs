@@ -46,7 +46,9 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "initial_speed",
             "Initial speed",
             "m/s",
-            "Speed over ground in the last row before `driver.brake` rises above 0. The speed over ground is the distance from the previous position, times the sampling rate. If `vehicle.speed` is recorded and differs from it by more than 2 % up to this row (position noise increases distances), all metrics use `vehicle.speed` and its integral instead.",
+            "Speed over ground in the last row before `driver.brake` rises above 0. The speed over ground is the distance from the previous \
+             position, times the sampling rate. If `vehicle.speed` is recorded and differs from it by more than 2 % up to this row (position noise \
+             increases distances), all metrics use `vehicle.speed` and its integral instead.",
         ),
         Definition::new(
             "mfdd",
@@ -55,7 +57,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "((0.8 v)^2 - (0.1 v)^2) divided by twice the distance traveled between the speeds 0.8 v and 0.1 v; v is the initial speed.",
         ),
         Definition::new("distance", "Braking distance", "m", "Distance from the row of the initial speed until the speed falls to 0.2 m/s.").down(),
-        Definition::new("time", "Braking time", "s", "Time between both."),
+        Definition::new("time", "Braking time", "s", "Time for the same distance."),
         Definition::new(
             "lateral_peak",
             "Largest lateral offset",
@@ -78,7 +80,9 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     if let Err(reason) = &speed
         && rows.has("vehicle.speed")
     {
-        results.notes.push(format!("{reason}: the speed is that of the positions, which their noise makes too large"));
+        results
+            .notes
+            .push(format!("{reason}; the speed is computed from the positions, whose noise makes it too large"));
     }
     if let Ok(speed) = speed
         && let measured = Ground::of_speed(rows, speed)
@@ -87,12 +91,13 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         let ratio = of_speed / of_positions;
         if let Some((factor, meant)) = FACTORS.into_iter().find(|(factor, _)| (ratio / factor - 1.0).abs() < ALIKE) {
             return Err(format!(
-                "`vehicle.speed` is {factor:.3} times the speed of the positions, as if {meant}: give the columns their units"
+                "`vehicle.speed` is {factor:.3} times the speed computed from the positions, as if {meant}: specify the units \
+                 of the columns"
             ));
         }
         results.notes.push(format!(
-            "the positions give a speed of {of_positions:.3} m/s when braking begins, `vehicle.speed` is {of_speed:.3} m/s: the speed and its \
-             integral are used"
+            "the positions give a speed of {of_positions:.3} m/s when braking begins, but `vehicle.speed` is {of_speed:.3} \
+             m/s; `vehicle.speed` and its integral are used"
         ));
         ground = measured;
     }
@@ -101,8 +106,8 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         ground.mean_before(rows, first).filter(|mean| (initial - mean).abs() > DISAGREEMENT * mean.abs())
     {
         results.notes.push(format!(
-            "the speed is {initial:.3} m/s when braking begins, its mean over the {BEFORE} s before is {mean:.3} m/s: all metrics are as \
-             uncertain; record `vehicle.speed`, or filter the recording"
+            "the speed is {initial:.3} m/s when braking begins, but its mean over the previous {BEFORE} s is {mean:.3} \
+             m/s; all metrics are equally uncertain. Record `vehicle.speed`, or filter the recording"
         ));
     }
     results.set("initial_speed", initial);
@@ -125,7 +130,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
 
     let until_stop = |x: Result<Vec<f64>, Reason>| {
         let (x, stop) = (x?, stop.clone()?);
-        largest_magnitude(&x[first..stop.row]).ok_or_else(|| "the vehicle stops at once".to_owned())
+        largest_magnitude(&x[first..stop.row]).ok_or_else(|| "the vehicle stops as soon as braking begins".to_owned())
     };
     let yaw = rows.column("vehicle.yaw");
     let offset = yaw.clone().and_then(|yaw| {
@@ -141,7 +146,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let has_stopped = stop.is_ok();
     let peak_within = |x: &[f64], span: f64| {
         let end = end_of_span(rows, first, span, has_stopped)?;
-        largest_magnitude(&x[first..end]).ok_or_else(|| "the recording has no row".to_owned())
+        largest_magnitude(&x[first..end]).ok_or_else(|| "the recording has no rows".to_owned())
     };
     results.set("yaw_rate_peak_1s", rows.column("vehicle.yaw_rate").and_then(|rate| peak_within(rate, 1.0)));
     results.set("steering_wheel_peak_2s", wheel.and_then(|angle| peak_within(&angle, 2.0)));
@@ -165,7 +170,7 @@ pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: boo
     let end = rows.times.partition_point(|time| rows.is_until(*time, limit));
     let ends_early = end == rows.times.len() && !rows.is_until(limit, rows.times[end - 1]);
     if ends_early && !is_over {
-        return Err(format!("the recording ends before {span} s after braking begins"));
+        return Err(format!("the recording ends less than {span} s after braking begins"));
     }
     Ok(end)
 }
@@ -313,7 +318,7 @@ mod tests {
         // Noise cannot cause a ratio of 3.6.
         let in_kilometers = evaluated(0.0, Some(&|time| 3.6 * speed(time)));
         let Some(Value::Null(reason)) = in_kilometers.value("mfdd") else { panic!("{:?}", in_kilometers.metrics) };
-        assert!(reason.to_string().contains("as if it were in km/h: give the columns their units"), "{reason}");
+        assert!(reason.to_string().contains("as if it were in km/h: specify the units of the columns"), "{reason}");
         let with_gap = noisy(Some(&|time| if (5.0..5.002).contains(&time) { f64::NAN } else { speed(time) }));
         assert!(with_gap.notes[0].starts_with("`vehicle.speed` is not a finite number at 5"), "{:?}", with_gap.notes);
         let clean = evaluate(27.8, 8.0, 0.0);

@@ -81,7 +81,8 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "margins",
             "Margins",
             "m",
-            "For each section, the smallest distance, over all rows, between the part of the footprint inside the section and the edges; negative beyond an edge. Null if the footprint is never inside.",
+            "For each section, the smallest distance, over all rows, between the part of the footprint inside the section and the edges; negative \
+             beyond an edge. Null if the footprint is never inside.",
         ),
         Definition::new(
             "entry_speed",
@@ -96,7 +97,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "m/s",
             "Speed when the reference point passes the end of the last section.",
         ),
-        Definition::new("time", "Time", "s", "Time between both."),
+        Definition::new("time", "Time", "s", "Time between entry and exit."),
         Definition::new(
             "passed",
             "Passed",
@@ -136,7 +137,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         results.set(name, peak(rows, column));
     }
     let wheel = steering_wheel(rows, options)
-        .and_then(|angle| largest_magnitude(&angle).ok_or_else(|| "the recording has no row".to_owned()));
+        .and_then(|angle| largest_magnitude(&angle).ok_or_else(|| "the recording has no rows".to_owned()));
     results.set("steering_wheel_peak", wheel);
 
     let [x, y, yaw] = ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"].map(|column| rows.column(column));
@@ -153,7 +154,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
         (passes(first[0], "the start of the first section"), passes(last[1], "the end of the last section"));
     let speed = |time: &Result<f64, Reason>| {
         let (time, speed) = (time.clone()?, rows.column("vehicle.speed")?);
-        at(rows.times, speed, time).ok_or_else(|| "the recording ends before".to_owned())
+        at(rows.times, speed, time).ok_or_else(|| "the recording ends before that time".to_owned())
     };
     results.set("entry_speed", speed(&entry));
     results.set("exit_speed", speed(&exit));
@@ -185,7 +186,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let passed = if !is_finished || hit.is_some() {
         Ok(false)
     } else if margins.contains(&None) {
-        Err("no row is inside of one of the sections".to_owned())
+        Err("in at least one section, there is no row with the vehicle inside".to_owned())
     } else {
         Ok(true)
     };
@@ -193,7 +194,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let hit = hit.map(|(time, section)| vec![time, section as f64]);
     results.set("first_hit", hit.ok_or_else(|| "no margin is negative".to_owned()));
     let tightest = tightest.map(|(_, time, section)| vec![time, section as f64]);
-    results.set("tightest", tightest.ok_or_else(|| "no row is inside of a section".to_owned()));
+    results.set("tightest", tightest.ok_or_else(|| "there is no row with the vehicle inside a section".to_owned()));
     results.set("margins", margins);
     Ok(())
 }

@@ -65,8 +65,18 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "rad/(m/s2)",
             "Slope of (steering angle - wheelbase * yaw rate / speed) over the lateral acceleration from 1 to 3 m/s2 (truck: 1.8).",
         ),
-        Definition::new("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)", "Slope of the sideslip angle over the same lateral accelerations."),
-        Definition::new("roll_gradient", "Roll gradient", "rad/(m/s2)", "Slope of the roll angle over the same lateral accelerations."),
+        Definition::new(
+            "sideslip_gradient",
+            "Sideslip gradient",
+            "rad/(m/s2)",
+            "Slope of the sideslip angle over the same lateral accelerations.",
+        ),
+        Definition::new(
+            "roll_gradient",
+            "Roll gradient",
+            "rad/(m/s2)",
+            "Slope of the roll angle over the same lateral accelerations.",
+        ),
         Definition::new(
             "load_transfer_gradient",
             "Load transfer gradient",

@@ -111,7 +111,7 @@ fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let values = &values[begin..];
     let highest = FREQUENCIES[FREQUENCIES.len() - 1];
     if rows.rate < 2.0 * highest {
-        return Err(format!("a sampling rate of {} Hz is too low for a line at {highest} Hz", rows.rate));
+        return Err(format!("a sampling rate of {} Hz is too low for a frequency of {highest} Hz", rows.rate));
     }
     let lines = FREQUENCIES.map(|frequency| {
         let mut sum = Complex::new(0.0, 0.0);

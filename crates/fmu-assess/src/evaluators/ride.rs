@@ -59,7 +59,9 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Definition::new("roll_weighted", "Roll acceleration, weighted", "m/s2", "As `heave_weighted`, but weighted by W_e and multiplied by 0.63 m/rad.").down(),
         Definition::new("pitch_rms", "Pitch acceleration", "rad/s2", "Standard deviation of the pitch acceleration."),
         Definition::new("pitch_weighted", "Pitch acceleration, weighted", "m/s2", "As `heave_weighted`, but weighted by W_e and multiplied by 0.4 m/rad.").down(),
-        Definition::new("vibration_total", "Vibration total", "m/s2", "Root of the sum of squares of the three weighted values. Comfort class of ISO 2631-1: not uncomfortable below 0.315 m/s2, a little uncomfortable below 0.5, fairly uncomfortable below 0.8, uncomfortable below 1.25, very uncomfortable below 2, otherwise extremely uncomfortable.").down(),
+        Definition::new("vibration_total", "Vibration total", "m/s2", "Root of the sum of squares of the three weighted values. Comfort class of \
+             ISO 2631-1: not uncomfortable below 0.315 m/s2, a little uncomfortable below 0.5, fairly uncomfortable below 0.8, uncomfortable below \
+             1.25, very uncomfortable below 2, otherwise extremely uncomfortable.").down(),
         Definition::new("suspension_travel_rms", "Suspension travel", "m", "Standard deviation of the deflection of each strut.").each("suspension_deflection"),
         Definition::new("suspension_travel_range", "Range of the suspension travel", "m", "Largest minus smallest deflection of each strut.")
             .each("suspension_deflection"),

@@ -64,7 +64,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     let lifts = [left, right].map(|side| Lift::of(&side, needed));
     let first = lifts.iter().filter_map(|lift| lift.completed).min();
     results.set("two_wheel_lift", first.is_some());
-    let time = first.map(|row| rows.times[row]).ok_or_else(|| "no side is off for 0.02 s".to_owned());
+    let time = first.map(|row| rows.times[row]).ok_or_else(|| "no side is off the road for 0.02 s".to_owned());
     results.set("two_wheel_lift_time", time);
     let longest = lifts.iter().map(|lift| lift.longest).max().unwrap_or(0);
     results.set("two_wheel_lift_duration", longest as f64 / rows.rate);
@@ -76,7 +76,7 @@ fn loads<'a>(rows: &Rows<'a>, side: char) -> Result<Vec<&'a [f64]>, Reason> {
     let places = rows.places("tire_load").into_iter().filter(|(place, _)| place.ends_with(side));
     let loads = places.map(|(_, name)| rows.column(name)).collect::<Result<Vec<_>, _>>()?;
     if loads.is_empty() {
-        return Err(format!("the recording has no column `tire_load.*` of the side `{side}`"));
+        return Err(format!("the recording has no column `tire_load.*` for the side `{side}`"));
     }
     Ok(loads)
 }
@@ -131,14 +131,14 @@ mod tests {
         assert_eq!((lift, time, duration), (Value::Boolean(true), Value::Number(0.12), Value::Number(0.02)));
         let [lift, time, duration] = lifted(19);
         assert_eq!((lift, duration), (Value::Boolean(false), Value::Number(0.019)));
-        assert_eq!(time, Value::Null("no side is off for 0.02 s".to_owned()));
+        assert_eq!(time, Value::Null("no side is off the road for 0.02 s".to_owned()));
     }
 
     #[test]
     fn both_sides_are_needed() {
         let trace = Trace::new(vec![0.0, 0.1]).with("tire_load.l", vec![0.0; 2]).unwrap();
         let evaluation = EVALUATOR.evaluate(&trace, &json!({})).unwrap();
-        let expected = Value::Null("the recording has no column `tire_load.*` of the side `r`".to_owned());
+        let expected = Value::Null("the recording has no column `tire_load.*` for the side `r`".to_owned());
         assert_eq!(evaluation.value("two_wheel_lift"), Some(&expected));
     }
 }

@@ -114,7 +114,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     results.set(
         "sideslip_peak",
         rows.column("vehicle.sideslip").and_then(|sideslip| {
-            largest_magnitude(&sideslip[zeroing.row..]).ok_or_else(|| "the recording has no row".to_owned())
+            largest_magnitude(&sideslip[zeroing.row..]).ok_or_else(|| "the recording has no rows".to_owned())
         }),
     );
     let angle = zeroing.apply(angle);
@@ -144,7 +144,8 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let ratio = |after: f64| {
         let (yaw_rate, (_, peak), completion) = (yaw_rate.clone()?, second.clone()?, completion.clone()?);
         let value = at(rows.times, &yaw_rate, completion + after);
-        let value = value.ok_or_else(|| format!("the recording ends before {after} s after the completion of steer"));
+        let value =
+            value.ok_or_else(|| format!("the recording ends less than {after} s after the completion of steer"));
         Ok(value? / peak)
     };
     let ratios = RATIOS.map(|(after, limit)| (ratio(after), limit));
@@ -233,7 +234,7 @@ fn completion(rows: &Rows<'_>, angle: &[f64], begin: usize) -> Result<f64, Reaso
     let limit = dwell.saturating_add(rows.count(COMPLETION_TIME));
     let back = up(rows.times, angle, 0.0, dwell).filter(|crossing| crossing.row <= limit);
     let back = back.or_else(|| up(rows.times, angle, COMPLETION_SHARE * minimum, dwell));
-    Ok(back.ok_or_else(|| "the steering wheel does not come back to 0".to_owned())?.time)
+    Ok(back.ok_or_else(|| "the steering wheel does not return to 0".to_owned())?.time)
 }
 
 /// The row of the second peak, after the row where the angle has become negative.
@@ -249,7 +250,7 @@ fn displacement(rows: &Rows<'_>, acceleration: &[f64], begin: Beginning) -> Resu
     let end = begin.time + DISPLACEMENT_TIME;
     let value = |time| {
         at(rows.times, acceleration, time)
-            .ok_or_else(|| format!("the recording ends before {DISPLACEMENT_TIME} s after the beginning of steer"))
+            .ok_or_else(|| format!("the recording ends less than {DISPLACEMENT_TIME} s after the beginning of steer"))
     };
     let inner = (begin.row..rows.times.len()).map(|row| (rows.times[row], acceleration[row]));
     let inner = inner.filter(|(time, _)| *time > begin.time && *time < end);

@@ -36,7 +36,9 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "A_raw",
             "Steering wheel angle at 0.3 g",
             "deg",
-            "Value at 0.3 g of the least-squares line through the steering wheel angle over the lateral acceleration from 0.1 g to 0.375 g. The steering angle is filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; all are positive in the direction of the last steering angle.",
+            "Value at 0.3 g of the least-squares line through the steering wheel angle over the lateral acceleration from 0.1 g to 0.375 g. The \
+             steering angle is filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; all are positive in the direction of the last steering \
+             angle.",
         ),
         Definition::new(
             "A",
@@ -91,7 +93,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let window = window(&cornering.lateral_acceleration, GRADIENT_WINDOW);
     cornering.set_gradients(&window, options.number("geometry.wheelbase"), results);
     let largest = largest(&cornering.lateral_acceleration);
-    results.set("lateral_acceleration_max", largest.ok_or_else(|| "the recording has no row".to_owned()));
+    results.set("lateral_acceleration_max", largest.ok_or_else(|| "the recording has no rows".to_owned()));
     Ok(())
 }
 
@@ -113,7 +115,7 @@ fn window(lateral_acceleration: &[f64], [low, high]: [f64; 2]) -> Result<Vec<usi
     };
     if length < MIN_ROWS {
         return Err(format!(
-            "the lateral acceleration is between {low:.3} and {high:.3} m/s2 in {length} rows, at least {MIN_ROWS} are needed"
+            "the lateral acceleration is between {low:.3} and {high:.3} m/s2 in {length} rows; at least {MIN_ROWS} are needed"
         ));
     }
     Ok((begin..begin + length).collect())
@@ -132,7 +134,7 @@ mod tests {
         let reason = window(&ramp(0.5, 30), [1.0, 3.0]).unwrap_err().to_string();
         assert_eq!(
             reason,
-            "the lateral acceleration is between 1.000 and 3.000 m/s2 in 5 rows, at least 10 are needed"
+            "the lateral acceleration is between 1.000 and 3.000 m/s2 in 5 rows; at least 10 are needed"
         );
         assert!(window(&[], [1.0, 3.0]).is_err());
     }

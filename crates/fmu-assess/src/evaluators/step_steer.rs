@@ -170,5 +170,5 @@ impl Response {
 fn steady(rows: &Rows<'_>, x: &[f64]) -> Result<f64, Reason> {
     let begin = x.len().checked_sub(rows.count(STEADY));
     let last = begin.and_then(|begin| mean(&x[begin..]));
-    last.ok_or_else(|| "the recording is shorter than the second of the steady values".to_owned())
+    last.ok_or_else(|| "the recording is shorter than 1 s, over which steady values are averaged".to_owned())
 }

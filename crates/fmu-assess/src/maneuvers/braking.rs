@@ -77,7 +77,7 @@ pub(crate) fn spec(id: String, speed: f64) -> RunSpec {
 pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
     let spec = spec("braking".to_owned(), 100.0 / 3.6);
     let Some((run, metrics)) = shown(bench, spec, "braking", &json!({}), results) else { return };
-    let applies = (!bench.is_car()).then_some("the limit is that of cars");
+    let applies = (!bench.is_car()).then_some("the limit applies to cars only");
     results.take(&run, &metrics, &["mfdd"]);
     results.last().set_limit(Limit::at_least(MFDD, "UN R13-H, type 0"), applies);
     results.take(&run, &metrics, &["distance"]);
@@ -117,8 +117,9 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
             }
         }
     }
-    let applies = (!bench.is_car()).then_some("the limit is that of cars");
-    let definition = "True if the car stops in both runs and its sideslip angle stays below 0.7 rad while it is faster than 3 m/s.";
+    let applies = (!bench.is_car()).then_some("the limit applies to cars only");
+    let definition =
+        "True if the car stops in both runs and its sideslip angle stays below 0.7 rad while it is faster than 3 m/s.";
     let of = Definition::new("held", "Stops without spinning", "", definition).up();
     results.metric(&of, held).set_limit(Limit::holds(ANNEX), applies);
     for (worst, (of, limit)) in worst.into_iter().zip(&OF_BOTH_SIDES) {

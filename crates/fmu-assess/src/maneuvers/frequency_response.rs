@@ -52,7 +52,7 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
     // The step steer has all its metrics.
     results.maneuver = "frequency_response";
     let Some(steer) = steer else {
-        results.take_none("frequency_response", &wanted, "the amplitude is that of the step steer, which found none");
+        results.take_none("frequency_response", &wanted, "the amplitude comes from the step steer, which found none");
         return;
     };
     let path = bench.folder.join(format!("frequency_response_{}.csv", bench.system.name));

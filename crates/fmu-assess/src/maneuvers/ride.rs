@@ -51,7 +51,8 @@ const METRICS: [Definition; 4] = [
         "vibration_total",
         "Weighted acceleration",
         "m/s2",
-        "Root of the sum of squares of the weighted heave, roll and pitch accelerations, averaged over three roads. The label is the comfort class of ISO 2631-1; where the ranges in the standard overlap, the less comfortable class.",
+        "Root of the sum of squares of the weighted heave, roll and pitch accelerations, averaged over three roads. The label is the comfort class \
+         of ISO 2631-1; where the ranges in the standard overlap, the less comfortable class.",
     )
     .down(),
     Definition::new(

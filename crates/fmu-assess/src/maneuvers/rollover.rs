@@ -55,7 +55,7 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
         let metric = results.metric(of, peaks.largest);
         metric.series = Some(peaks.series);
         if peaks.largest.is_none() && bench.plant.has_output(signal) {
-            metric.set_reason("no run has it");
+            metric.set_reason("no run has a value");
         } else if peaks.largest.is_none() {
             metric.set_dropped(&format!("the plant has no output `{signal}`"));
         }

@@ -38,7 +38,7 @@ const LEAST: f64 = 0.1;
 /// Returns the reason that no series is run, if there is one.
 pub(crate) fn not_applicable(bench: &Bench<'_>) -> Option<NotApplicable> {
     let small = bench.amplitude.filter(|a| *a <= LEAST)?;
-    Some(NotApplicable::new(format!("A is {small} deg, the series needs more than {LEAST} deg")))
+    Some(NotApplicable::new(format!("A is {small} deg; the series needs more than {LEAST} deg")))
 }
 
 /// The extreme value of a metric of all runs, and that of each amplitude.
@@ -136,9 +136,8 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
         let value = worst.value;
         results.metric(&of, value).series = Some(worst.series());
     }
-    let definition =
-        "Smallest lateral displacement 1.07 s after the beginning of steer, in all runs with an amplitude of at least 5 A.";
-    let of = Definition::new(least.name, "Least displacement from 5 A on", "m", definition).up();
+    let definition = "Smallest lateral displacement 1.07 s after the beginning of steer, in all runs with an amplitude of at least 5 A.";
+    let of = Definition::new(least.name, "Smallest displacement from 5 A", "m", definition).up();
     let metric = results.metric(&of, least.value);
     metric.set_limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies);
     if least.value.is_none() {
@@ -146,7 +145,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
         if largest < COUNTS_FROM * a {
             metric.set_reason(&format!("the largest amplitude, {largest:.0} deg, is below 5 A"));
         } else {
-            metric.set_reason("no run of at least 5 A has a displacement");
+            metric.set_reason("no run with at least 5 A has a displacement");
         }
     }
     metric.series = Some(least.series());

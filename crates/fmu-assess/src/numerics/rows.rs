@@ -25,8 +25,8 @@ impl<'a> Rows<'a> {
     pub(crate) fn new(trace: &'a Trace<'a>) -> Result<Self, Reason> {
         let times = trace.times();
         let &[first, .., last] = times else {
-            let count = if times.is_empty() { "no row" } else { "one row" };
-            return Err(format!("the recording has {count}, at least two are needed"));
+            let count = if times.is_empty() { "no rows" } else { "one row" };
+            return Err(format!("the recording has {count}; at least two are needed"));
         };
         if let Some(row) = times.iter().position(|time| !time.is_finite()) {
             return Err(format!("the time of row {} is not a finite number", row + 1));
@@ -34,7 +34,7 @@ impl<'a> Rows<'a> {
         if let Some(row) = times.windows(2).position(|pair| pair[0] >= pair[1]) {
             let (before, after) = (times[row], times[row + 1]);
             return Err(format!(
-                "the times do not rise: row {} is at {after} s, the row before at {before} s",
+                "the times must increase: row {} is at {after} s, the previous row at {before} s",
                 row + 2
             ));
         }
@@ -42,7 +42,7 @@ impl<'a> Rows<'a> {
         let grid = |row: usize| first + row as f64 * step;
         if let Some(row) = (0..times.len()).find(|row| (times[*row] - grid(*row)).abs() > UNEVENNESS * step) {
             return Err(format!(
-                "the rows are not evenly spaced: row {} is at {} s, but would be at {:.6} s",
+                "the rows are not evenly spaced: row {} is at {} s, expected at {:.6} s",
                 row + 1,
                 times[row],
                 grid(row)
@@ -50,7 +50,7 @@ impl<'a> Rows<'a> {
         }
         let rate = (1000.0 / step + 0.5).floor() / 1000.0;
         if rate <= 0.0 || !rate.is_finite() {
-            return Err(format!("a distance of {step} s between the rows has no sampling rate"));
+            return Err(format!("rows at a distance of {step} s have no usable sampling rate"));
         }
         Ok(Self { trace, times, step, rate })
     }
@@ -116,12 +116,12 @@ mod tests {
         // A clock that jitters by a third of a step.
         assert_eq!(reason(&[0.0, 0.13, 0.17, 0.3]), "");
         for (times, expected) in [
-            (&[][..], "the recording has no row, at least two are needed"),
-            (&[1.0], "the recording has one row, at least two are needed"),
+            (&[][..], "the recording has no rows; at least two are needed"),
+            (&[1.0], "the recording has one row; at least two are needed"),
             (&[0.0, f64::NAN], "the time of row 2 is not a finite number"),
-            (&[0.0, 0.1, 0.1], "the times do not rise: row 3 is at 0.1 s, the row before at 0.1 s"),
-            (&[0.0, 0.1, 0.2, 1.0], "the rows are not evenly spaced: row 2 is at 0.1 s, but would be at 0.333333 s"),
-            (&[0.0, 1e4], "a distance of 10000 s between the rows has no sampling rate"),
+            (&[0.0, 0.1, 0.1], "the times must increase: row 3 is at 0.1 s, the previous row at 0.1 s"),
+            (&[0.0, 0.1, 0.2, 1.0], "the rows are not evenly spaced: row 2 is at 0.1 s, expected at 0.333333 s"),
+            (&[0.0, 1e4], "rows at a distance of 10000 s have no usable sampling rate"),
         ] {
             assert_eq!(reason(times), expected);
         }

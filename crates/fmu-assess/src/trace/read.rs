@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// Longest gap that is bridged, s.
 const LONGEST_GAP: f64 = 0.5;
 /// Remedy for a longer gap.
-const NOT_BRIDGED: &str = "a gap of more than 0.5 s is not bridged: cut the file before or after it";
+const NOT_BRIDGED: &str = "gaps of more than 0.5 s are not bridged: cut the file before or after the gap";
 /// Rows farther apart than this many median distances have a gap between them.
 const GAP: f64 = 1.9;
 /// A row may be this share of the step away from its place in an even grid, as in `Rows`.
@@ -101,7 +101,7 @@ impl Trace<'static> {
                 table.columns().iter().map(|other| other.name.as_str()).filter(|other| read(other).is_none()).collect();
             let near = if column.is_needed { similar(column.name, others) } else { suggestion(column.name, others) };
             if let Some(near) = near {
-                notes.push(format!("the file has no column `{}`; {near} (`--vehicle` names columns)", column.name));
+                notes.push(format!("the file has no column `{}`; {near} (map columns with `--vehicle`)", column.name));
             }
         }
         let times = match reading.resample {
@@ -157,8 +157,8 @@ fn interpolated(
         if is_switch && length > GAP * usual {
             let what = if values[0] == 0.0 { "begins" } else { "ends" };
             notes.push(format!(
-                "`{name}` {what} in the gap from {} s to {} s: when is known to {length:.3} s only, and so is what is \
-                 measured from there",
+                "`{name}` {what} in the gap from {} s to {} s: this time, and everything measured from it, is \
+                 uncertain by {length:.3} s",
                 times[0], times[1]
             ));
         }
@@ -203,18 +203,18 @@ fn check_spacing(file: &str, times: &[f64], notes: &mut Vec<String>) -> Result<(
     let shares = times.iter().enumerate().map(|(row, time)| ((time - first) / step - row as f64).abs());
     let (row, share) = shares.enumerate().fold((0, 0.0), |most, one| if one.1 > most.1 { one } else { most });
     let message = if gap[1] - gap[0] > GAP * median {
-        format!("the rows have a gap from {} s to {} s, where their median distance is {median:.9} s", gap[0], gap[1])
+        format!("the rows have a gap from {} s to {} s; their median distance is {median:.9} s", gap[0], gap[1])
     } else if share > UNEVENNESS {
         let time = times[row];
         format!(
-            "the rows are not evenly spaced: that at {time} s is off by more than half of their mean distance, {step:.9} s"
+            "the rows are not evenly spaced: the row at {time} s is off by more than half of the mean distance, {step:.9} s"
         )
     } else {
         if share > JITTER {
             let (time, percent) = (times[row], 100.0 * share);
             notes.push(format!(
-                "the row at {time} s is off by {percent:.0} % of the mean distance, {step:.9} s; the rows are taken as \
-                 evenly spaced, and `--resample` interpolates between them"
+                "the row at {time} s is off by {percent:.0} % of the mean distance, {step:.9} s; the rows are treated as \
+                 evenly spaced; `--resample` interpolates between them"
             ));
         }
         return Ok(());
@@ -243,7 +243,7 @@ fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) 
     ));
     let rows = ((last - first) / step * (1.0 + 1e-12)).floor();
     if rows > 1e7 {
-        let help = Some("choose a longer distance of the rows".to_owned());
+        let help = Some("choose a longer step".to_owned());
         return Err(DataError::new(file, format!("{rows:.0} rows of {step} s are too many"), help));
     }
     let nearest = |time: f64| {
@@ -295,10 +295,9 @@ mod tests {
     #[test]
     fn columns_of_similar_names_are_named() {
         let notes = |header: &str| read(format!("{header}\n0,1,2\n1,1,2\n").as_bytes(), &Reading::default()).unwrap().1;
-        let needed =
-            "the file has no column `vehicle.yaw_rate`; similar names: `Yaw Rate filtered` (`--vehicle` names columns)";
+        let needed = "the file has no column `vehicle.yaw_rate`; similar names: `Yaw Rate filtered` (map columns with `--vehicle`)";
         assert_eq!(notes("time,Yaw Rate filtered,a"), [needed]);
-        let slip = "the file has no column `path.finished`; did you mean `path.finish`? (`--vehicle` names columns)";
+        let slip = "the file has no column `path.finished`; did you mean `path.finish`? (map columns with `--vehicle`)";
         assert_eq!(notes("time,vehicle.yaw_rate,path.finish"), [slip]);
         assert_eq!(notes("time,vehicle.yaw_rate,a"), [""; 0]);
     }
@@ -343,7 +342,7 @@ mod tests {
         let error = read(text.as_bytes(), &Reading::default()).unwrap_err();
         assert_eq!(
             error,
-            "a.csv: the rows have a gap from 0.29 s to 0.42 s, where their median distance is 0.010000000 s; \
+            "a.csv: the rows have a gap from 0.29 s to 0.42 s; their median distance is 0.010000000 s; \
              `--resample` interpolates between the rows"
         );
         for resample in [Resample::Median, Resample::Step(0.005)] {
@@ -371,16 +370,14 @@ mod tests {
         // The time of the rise is unknown where rows are missing.
         let (_, notes) = read(switch(&mut (0..300).filter(|k| !(90..120).contains(k))).as_bytes(), &reading).unwrap();
         assert!(
-            notes[1].starts_with("`vehicle.yaw_rate` begins in the gap from 0.89 s to 1.2 s: when is known to 0.31"),
+            notes[1]
+                .starts_with("`vehicle.yaw_rate` begins in the gap from 0.89 s to 1.2 s: this time, and everything"),
             "{notes:?}"
         );
         let long = "time,vehicle.yaw_rate\n0,1\n0.1,1\n0.9,1\n";
         let reading = Reading { resample: Some(Resample::Median), ..Reading::default() };
         let error = read(long.as_bytes(), &reading).unwrap_err();
-        assert!(
-            error.starts_with("a.csv: the file has a gap from 0.1 s to 0.9 s; a gap of more than 0.5 s"),
-            "{error}"
-        );
+        assert!(error.starts_with("a.csv: the file has a gap from 0.1 s to 0.9 s; gaps of more than 0.5 s"), "{error}");
         // A clock that jitters by a third of a step.
         let (_, notes) = read(b"time,vehicle.yaw_rate\n0,1\n0.13,1\n0.17,1\n0.3,1\n", &Reading::default()).unwrap();
         assert_eq!(notes.len(), 1);
