@@ -1,11 +1,11 @@
-//! Limits of the front axle of a three-axle vehicle: it follows the driver up to an angle, to the angle of the largest
-//! lateral acceleration in a steady turn, and at a limited rate.
+//! Limits for the front axle of a three-axle vehicle. The axle follows the driver within three limits: the largest
+//! angle, the angle at which a steady turn has the largest lateral acceleration, and the largest rate.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | u | speed |
 //! | df | angle of the front axle |
-//! | a, -b, -c | positions of the axles in front of the center of mass |
+//! | a, -b, -c | positions of the axles relative to the center of mass, positive forward |
 //! | C_F, C_M, C_R | cornering stiffness of the axles (two tires each), positive |
 //! | W_F | load of the front axle at rest |
 //! | T | sample time |
@@ -32,21 +32,21 @@ pub struct Vehicle {
     pub m: f64,
     /// Gravity, m/s2.
     pub g: f64,
-    /// Position of the front axle in front of the center of mass, m.
+    /// Distance of the front axle in front of the center of mass, m.
     pub a: f64,
-    /// Position of the middle axle behind the center of mass, m.
+    /// Distance of the middle axle behind the center of mass, m.
     pub b: f64,
-    /// Position of the rear axle behind the center of mass, m.
+    /// Distance of the rear axle behind the center of mass, m.
     pub c: f64,
-    /// Cornering stiffness of the axles, N/rad.
+    /// Cornering stiffness of each axle, N/rad.
     pub c_axle: [f64; 3],
     /// Load of the front axle at rest, N.
     pub w_f: f64,
 }
 
 impl Vehicle {
-    /// The vehicle of a mass `m`, the distances of its front axle to the center of mass and from axle to axle, and the
-    /// cornering stiffness of one tire of each axle.
+    /// Creates a vehicle with the mass `m` and the gravity `g`. The distances are from the center of mass to the front
+    /// axle, then from axle to axle; `c_tire` is the cornering stiffness of one tire of each axle.
     ///
     /// # Errors
     /// The static load of the front axle is not positive.
@@ -62,7 +62,7 @@ impl Vehicle {
         Ok(Self { m, g, a, b, c, c_axle: c_tire.map(|tire| 2.0 * tire), w_f })
     }
 
-    /// Yaw rate of a steady turn per angle of the front axle (with zero sideslip: per its tangent), 1/s.
+    /// Yaw rate in a steady turn, divided by the front-axle angle (with zero sideslip: by its tangent), 1/s.
     pub fn yaw_rate_gain(&self, model: ReferenceModel, u: f64) -> f64 {
         let Self { a, b, c, c_axle: [c_f, c_m, c_r], .. } = *self;
         match model {
@@ -71,7 +71,7 @@ impl Vehicle {
                 let a1 = c_f + c_m + c_r;
                 let a2 = a * c_f - b * c_m - c * c_r;
                 let a3 = a * a * c_f + b * b * c_m + c * c * c_r;
-                // An oversteering vehicle has a critical speed; the gain stays finite beyond it.
+                // An oversteering vehicle has a critical speed. The lower limit keeps the gain finite there and above.
                 let den = (a1 * a3 - a2 * a2 - a2 * self.m * u * u).max(0.05 * a1 * a3);
                 c_f * (a * a1 - a2) * u / den
             }
@@ -79,10 +79,10 @@ impl Vehicle {
     }
 }
 
-/// Limits of the front axle.
+/// Limits for the front axle.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Steady turn of the lateral acceleration limit.
+    /// Model of the steady turn to which the lateral acceleration limit applies.
     pub model: ReferenceModel,
     /// Largest lateral acceleration, m/s2.
     pub ay_limit: f64,
@@ -92,10 +92,10 @@ pub struct Limits {
     pub rate: f64,
 }
 
-/// One sample of the front axle.
+/// Result of one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
-    /// Yaw rate of a steady turn per angle of the front axle, see [`Vehicle::yaw_rate_gain`].
+    /// Yaw rate gain, see [`Vehicle::yaw_rate_gain`].
     pub gain: f64,
     /// Yaw rate at the largest lateral acceleration, rad/s.
     pub r_max: f64,
@@ -104,7 +104,8 @@ pub struct Sample {
 }
 
 impl Limits {
-    /// Largest angle of the front axle: its own limit, or the angle whose steady turn has the yaw rate `r_max`, rad.
+    /// Largest angle of the front axle, rad: the angle limit, or the angle at which a steady turn has the yaw rate
+    /// `r_max`.
     pub fn angle_at(&self, gain: f64, r_max: f64) -> f64 {
         let f_lim = match self.model {
             ReferenceModel::ZeroSideslip => fmu::math::atan(r_max / gain),
@@ -113,7 +114,7 @@ impl Limits {
         f_lim.min(self.angle)
     }
 
-    /// The front axle for the demanded angle `steer`, at the speed `u` > 0, one sample time `t` after the angle `last`.
+    /// Limits the demanded angle `steer` at the speed `u` > 0; `last` is the angle one sample time `t` earlier.
     pub fn sample(&self, vehicle: &Vehicle, steer: f64, u: f64, last: f64, t: f64) -> Sample {
         let gain = vehicle.yaw_rate_gain(self.model, u);
         let r_max = self.ay_limit / u;
@@ -141,7 +142,7 @@ mod tests {
 
     #[test]
     fn yaw_rate_gains_and_front_limits_have_the_check_numbers() {
-        // Computed by an independent implementation: 6 decimals of the gains in 1/s, 4 of the limits in degrees.
+        // Computed by an independent implementation: gains in 1/s to 6 decimals, limits in degrees to 4.
         let expected = [
             (5.0, 0.543544, 0.321808, 32.0),
             (15.0, 1.454898, 0.965424, 31.6931),
@@ -162,7 +163,7 @@ mod tests {
 
     #[test]
     fn the_ordinary_gain_is_that_of_a_single_track_model() {
-        // Neutral vehicle: u a/(a^2 + b^2 + c^2) (closed form of eqs. 14, 15 with A2 = 0); roundings.
+        // Neutral vehicle: u a/(a^2 + b^2 + c^2) (closed form of eqs. 14, 15 with A2 = 0). Tolerance: rounding.
         let neutral = rescue_vehicle();
         let Vehicle { a, b, c, .. } = neutral;
         let u = 35.0 * KM_H;
@@ -189,7 +190,7 @@ mod tests {
             "'geometry.cg_to_front_axle' = 6 m puts the center of mass too far from the front axle: the load of the \
              front axle at rest would be -167313 N"
         );
-        // m g/3 (closed form for equal loads); roundings.
+        // m g/3 (closed form for equal loads). Tolerance: rounding.
         assert_abs_diff_eq!(rescue_vehicle().w_f, 117_720.0, epsilon = 1e-9);
     }
 }

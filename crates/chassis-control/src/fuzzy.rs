@@ -1,12 +1,12 @@
-//! Mamdani fuzzy inference with one or two inputs. Tables are allocated once, an evaluation allocates nothing.
+//! Mamdani fuzzy inference with one or two inputs. Tables are allocated once; an evaluation allocates nothing.
 //!
-//! One evaluation is a chain of four steps, each a value built once and a method called per sample:
+//! One evaluation has four steps. Each is a value that is built once, with a method that is called per sample:
 //!
 //! | step | built once | per sample |
 //! |---|---|---|
-//! | fuzzify an input: grade of every label | [`Partition`] | [`Partition::grades`] |
-//! | fire the rules: activation of every output label | [`RuleTable`] (two inputs), [`LabelMap`] (one input) | [`RuleTable::activation`], [`LabelMap::apply`] |
-//! | give the same rules another consequent (optional) | [`LabelMap`] | [`LabelMap::apply`] |
+//! | fuzzify an input: compute the grade of every label | [`Partition`] | [`Partition::grades`] |
+//! | fire the rules: compute the activation of every output label | [`RuleTable`] (two inputs), [`LabelMap`] (one input) | [`RuleTable::activation`], [`LabelMap::apply`] |
+//! | map the output labels to other labels (optional) | [`LabelMap`] | [`LabelMap::apply`] |
 //! | clip, unite and take the centroid | [`Output`] | [`Output::centroid`] |
 //!
 //! ```text
@@ -16,21 +16,21 @@
 //! crisp output:             sum(y mu(y)) / sum(mu(y)) over an even grid of points y
 //! ```
 //!
-//! As a label counts with the largest strength of its rules, the activation is computed once per
-//! label, and several outputs that share the rules need only one table.
+//! A label has the largest strength of its rules. The activation is therefore computed once per label, and several
+//! outputs that share the rules need only one table.
 //!
 //! # No rule active, NaN
 //!
-//! The centroid of an empty set does not exist: if no label is active at any grid point, the
-//! result is NaN, as it is if any input is NaN. Partitions that cover the whole (clipped) input
-//! range with a rule for every pair of labels never get there.
+//! An empty set has no centroid: if no label is active at any grid point, the result is NaN. It is also NaN if any
+//! input is NaN. The first case cannot occur if the partitions cover the complete (clipped) input range and every pair
+//! of labels has a rule.
 //!
 //! # Example
 //!
 //! ```
 //! use chassis_control::fuzzy::{Conjunction, LabelMap, Membership, Output, Partition, RuleTable};
 //! # fn main() -> Result<(), chassis_control::fuzzy::FuzzyError> {
-//! // Labels low, high of two inputs in 0..=1; labels small, medium, large of the output.
+//! // Two inputs in 0..=1 with the labels low and high; one output with the labels small, medium and large.
 //! let input = Partition::new(Membership::evenly_spaced_triangles::<2>(0.0, 1.0))?;
 //! let rules = RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]], Conjunction::Minimum)?;
 //! let output = Output::<3>::new(Membership::evenly_spaced_triangles(0.0, 1.0), 0.0, 1.0, 101)?;
@@ -68,8 +68,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Coordination of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, Tables 2 and 3):
-    /// inputs steering angle in deg and speed in km/h, output weights of the two suspension laws.
+    /// Coordination of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, Tables 2 and 3): the inputs are the
+    /// steering angle in deg and the speed in km/h, the outputs the weights of the two suspension laws.
     struct Coordination {
         speed: Partition<5>,
         angle: Partition<5>,
@@ -114,8 +114,8 @@ mod tests {
         }
     }
 
-    /// Check values of the model specification of the rescue vehicle (section "coordination"), made
-    /// by an independent implementation; 9 digits printed, hence 1e-9.
+    /// Check values for the coordination of the rescue vehicle, computed by an independent implementation and printed
+    /// to 9 digits. Tolerance: 1e-9.
     #[test]
     fn coordination_matches_the_check_values() {
         let coordination = Coordination::new();
@@ -136,12 +136,12 @@ mod tests {
         }
     }
 
-    /// The first output of a fuzzy PID with 7 x 7 rules, triangles as output sets and 121 points,
-    /// and a system with one input (k1 from k2): check values of the model specification of the heavy
-    /// vehicle, made by an independent implementation; 8 digits printed, hence 1e-8.
+    /// The first output of a fuzzy PID with 7 x 7 rules, triangles as output sets and 121 points, and a system with one
+    /// input (k1 from k2): check values for the heavy vehicle, computed by an independent implementation and printed to
+    /// 8 digits. Tolerance: 1e-8.
     #[test]
     fn other_systems_match_their_check_values() {
-        // NB = 0 occurs in neither table.
+        // NB = 0 is in neither table.
         const NM: usize = 1;
         const NS: usize = 2;
         const ZO: usize = 3;
@@ -190,7 +190,7 @@ mod tests {
     fn grades_of_every_shape() {
         let gaussian = Membership::Gaussian { center: 2.0, width: 0.5 };
         assert_eq!(gaussian.grade(2.0), 1.0);
-        // One standard deviation; the reference is the same function, hence one rounding.
+        // At one standard deviation. Tolerance: one rounding, because the reference is the same function.
         assert!((gaussian.grade(1.5) - (-0.5_f64).exp()).abs() < 1e-15);
         assert_eq!(gaussian.grade(f64::INFINITY), 0.0);
 
@@ -232,11 +232,11 @@ mod tests {
         for sets in
             [Membership::evenly_spaced_gaussians::<5>(0.0, 32.0), Membership::evenly_spaced_triangles::<5>(0.0, 32.0)]
         {
-            // exp(-ln 2) with a few roundings in the width.
+            // exp(-ln 2). Tolerance: a few rounding errors in the width.
             assert!((sets[1].grade(halfway) - 0.5).abs() < 1e-15);
             assert!((sets[2].grade(halfway) - 0.5).abs() < 1e-15);
         }
-        // Width in the specification of the rescue vehicle, cut after 6 digits.
+        // Width for the rescue vehicle, truncated to 6 digits.
         let [Membership::Gaussian { width, .. }, ..] = Membership::evenly_spaced_gaussians::<5>(0.0, 32.0) else {
             panic!("not a Gaussian set");
         };
@@ -260,8 +260,7 @@ mod tests {
         assert_eq!(merge.apply(&[0.2, 0.3, 0.4]), [0.3, 0.4]);
     }
 
-    /// One fully active triangle: the centroid is its peak. Tolerance: rounding of a sum of 101
-    /// terms below 1.
+    /// The centroid of one fully active triangle is its peak. Tolerance: rounding of a sum of 101 terms below 1.
     #[test]
     fn one_active_label_gives_its_center() {
         let output = Output::<5>::new(Membership::evenly_spaced_triangles(0.0, 1.0), 0.0, 1.0, 101).unwrap();
@@ -279,7 +278,7 @@ mod tests {
             assert!(k1.is_nan() && k2.is_nan());
         }
 
-        // An input between the sets fires nothing.
+        // An input between the sets fires no rule.
         let gap = Partition::new([
             Membership::Triangle { left: 0.0, peak: 1.0, right: 2.0 },
             Membership::Triangle { left: 3.0, peak: 4.0, right: 5.0 },
@@ -340,7 +339,7 @@ mod tests {
             assert!(matches!(error, FuzzyError::Membership { index: 1, .. }), "{set:?}: {error}");
             assert!(Output::<2>::new([good, set], 0.0, 1.0, 11).is_err());
         }
-        // One set has no spacing.
+        // A single set has no spacing.
         assert!(Partition::new(Membership::evenly_spaced_gaussians::<1>(0.0, 1.0)).is_err());
 
         let sets = Membership::evenly_spaced_gaussians::<2>(0.0, 1.0);
@@ -354,7 +353,7 @@ mod tests {
         );
     }
 
-    /// The centroid by the definition of the module: every label at every point.
+    /// The centroid by its definition: every label at every point.
     fn centroid_by_definition(sets: &[Membership], low: f64, high: f64, points: usize, activation: &[f64]) -> f64 {
         let (mut moment, mut area) = (0.0, 0.0);
         for i in 0..points {
@@ -367,7 +366,7 @@ mod tests {
         moment / area
     }
 
-    /// A set whose center lies between -3 and 3, wide enough for a grid of 8 points.
+    /// A set with its center between -3 and 3, wide enough for a grid of 8 points.
     fn membership() -> impl Strategy<Value = Membership> {
         let sorted = |mut x: [f64; 4]| {
             x.sort_by(f64::total_cmp);
@@ -387,7 +386,7 @@ mod tests {
         ]
     }
 
-    /// Activations of any size, among them 0 and equal ones.
+    /// Activations of any size, including 0 and equal activations.
     fn activation() -> impl Strategy<Value = f64> {
         prop_oneof![Just(0.0), Just(0.5), 0.0..1.0, (0.0..200.0).prop_map(|digits: f64| 10.0_f64.powf(-digits))]
     }
@@ -395,9 +394,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// Whatever the sets, the labels that are left out make no difference. Tolerance: the same terms in
-        /// another order. A sum of n terms has a relative error of n 1.1e-16, so two centroids differ by at most
-        /// 4 n 1.1e-16 of the greatest point: 2.7e-13 with 200 points up to 3.
+        /// The labels that `centroid` skips never change its result. Tolerance: the order of the terms differs. A sum
+        /// of n terms has a relative error of n 1.1e-16, so two centroids differ by at most 4 n 1.1e-16 times the
+        /// largest point: 2.7e-13 with 200 points up to 3.
         #[test]
         fn the_centroid_follows_its_definition(
             sets in prop::array::uniform5(membership()), activation in prop::array::uniform5(activation()),
@@ -413,7 +412,7 @@ mod tests {
             }
         }
 
-        /// The output sets of the controllers: 7 labels, on 101, 121 and 201 points. Tolerance as above.
+        /// The output sets of the controllers, with 7 labels and 101, 121 or 201 points. Tolerance as above.
         #[test]
         fn evenly_spaced_sets_follow_the_definition(
             activation in prop::array::uniform7(activation()), points in prop::sample::select(vec![101_usize, 121, 201]),
@@ -434,7 +433,7 @@ mod tests {
     }
 
     proptest! {
-        /// Weights stay inside the output range and depend on the size of the angle only.
+        /// Weights stay within the output range and depend only on the magnitude of the angle.
         #[test]
         fn coordination_is_bounded_and_even(degrees in -60.0..60.0f64, speed in -10.0..80.0f64) {
             let coordination = Coordination::new();
@@ -445,7 +444,7 @@ mod tests {
             prop_assert_eq!(weights, coordination.weights(-degrees, speed));
         }
 
-        /// Mirrored rules give a mirrored output. Tolerance: the two sums run in opposite order.
+        /// Mirrored rules give a mirrored output. Tolerance: the two sums are in opposite order.
         #[test]
         fn mirrored_rules_are_odd(x in -4.0..4.0f64, y in -4.0..4.0f64, product: bool) {
             let input = Partition::new(Membership::evenly_spaced_triangles::<3>(-4.0, 4.0)).unwrap();

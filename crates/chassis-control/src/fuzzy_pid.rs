@@ -3,18 +3,19 @@
 //! One sample with the error `e` and its rate `ec`, sample time `T` ([`FuzzyPid::sample`]):
 //!
 //! ```text
-//! E, EC  = 3 e / error_range, 3 ec / rate_range within -3..=3
+//! E, EC  = 3 e / error_range, 3 ec / rate_range, limited to -3..=3
 //! dK     = fuzzy rules on E and EC, one table for each of the three gains       FuzzyPid::increments
 //! K      = max(0, k + scale dK)
-//! I_new  = I exp(-leak T) + K_i e T within -integral_limit..=integral_limit
+//! I_new  = I exp(-leak T) + K_i e T, limited to -integral_limit..=integral_limit
 //! v      = K_p e + I_new + K_d ec
-//! output = v within output_minimum..=output_maximum
+//! output = v, limited to output_minimum..=output_maximum
 //! I      = I_new, unless v is beyond a limit and e drives it further (anti-windup)
 //! ```
 //!
-//! Seven Gaussian sets NB, NM, NS, ZO, PS, PM, PB are centered at -3, -2, ... 3 of either input, neighbors crossing at 1/2.
-//! The strength of a rule is the smaller of its two grades, that of a label the largest of its rules. The labels of the output
-//! are triangles at the same places; their united area, cut at the ends, is evaluated at 121 points.
+//! Each input has seven Gaussian sets NB, NM, NS, ZO, PS, PM, PB, centered at -3, -2, ... 3; neighbors cross at 1/2.
+//! The strength of a rule is the smaller of its two grades; a label has the largest strength of its rules. The labels
+//! of the output are triangles at the same positions; the centroid of their union is computed from 121 points between
+//! -3 and 3.
 //!
 //! If the rate is not measured, [`filtered_rate`] computes it from the error.
 //!
@@ -29,7 +30,7 @@ use crate::fuzzy::{Conjunction, FuzzyError, Membership, Output, Partition, RuleT
 
 /// Number of labels.
 const LABELS: usize = 7;
-/// The inputs and outputs of the rules lie within -`DOMAIN`..=`DOMAIN`.
+/// The inputs and outputs of the rules are within -`DOMAIN`..=`DOMAIN`.
 const DOMAIN: f64 = 3.0;
 
 /// Labels, negative big to positive big.
@@ -46,18 +47,20 @@ type Table = [[usize; LABELS]; LABELS];
 /// Proportional, integral and derivative gain, or one value for each of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gains {
-    /// Of the error; output per error.
+    /// Gain of the error: output per error.
     pub proportional: f64,
-    /// Of the integral of the error; output per error and s.
+    /// Gain of the integral of the error: output per error and s.
     pub integral: f64,
-    /// Of the rate of the error; output per rate.
+    /// Gain of the rate of the error: output per rate.
     pub derivative: f64,
 }
 
-/// Rules that change the gains; a parameter of the FMUs that use them. Rows: error NB to PB; columns: its rate NB to PB.
+/// Rules that change the gains; a parameter of the FMUs that use them. Rows are the error, columns its rate, both from
+/// NB to PB.
 ///
-/// The tables in most publications are for steps in one direction: the changes of the proportional and the integral gain
-/// change their sign with the error. With the mirrored tables, which share the rows of a negative error, the law is odd.
+/// The tables in most publications are for steps in one direction: the sign of the error determines whether they
+/// increase or decrease the proportional and integral gains. The mirrored tables, which have the same rows for negative
+/// errors, make the law odd.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rules {
     /// point symmetric: an error and its opposite change the gains alike
@@ -66,18 +69,18 @@ pub enum Rules {
     Standard = 1,
 }
 
-/// The rows of a negative error, common to both sets of rules: proportional, integral, derivative.
+/// The rows for negative errors, common to both sets of rules: proportional, integral, derivative.
 const NEGATIVE: [[[usize; LABELS]; 3]; 3] = [
     [[PB, PB, PM, PM, PS, ZO, ZO], [PB, PB, PM, PS, PS, ZO, NS], [PM, PM, PM, PS, ZO, NS, NS]],
     [[NB, NB, NM, NM, NS, ZO, ZO], [NB, NB, NM, NS, NS, ZO, ZO], [NB, NM, NS, NS, ZO, PS, PS]],
     [[PS, NS, NB, NB, NB, NM, PS], [PS, NS, NB, NM, NM, NS, ZO], [ZO, NS, NM, NM, NS, NS, ZO]],
 ];
 
-/// The row without error of the mirrored rules; each is even.
+/// The mirrored rules' row for zero error, for each gain. Each row is symmetric.
 const MIDDLE: [[usize; LABELS]; 3] =
     [[PM, PM, PS, ZO, PS, PM, PM], [NM, NM, NS, ZO, NS, NM, NM], [ZO, NS, NS, NS, NS, NS, ZO]];
 
-/// The other rows of the standard rules.
+/// The standard rules' rows for zero and positive errors.
 const STANDARD: [[[usize; LABELS]; 4]; 3] = [
     [
         [PM, PM, PS, ZO, NS, NM, NM],
@@ -119,7 +122,7 @@ impl Rules {
 /// Parameters of the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Gains where the rules change nothing, >= 0.
+    /// Gains before the correction by the rules, >= 0.
     pub gains: Gains,
     /// Change of a gain per unit of the rules' output (which stays within -3..=3), in the unit of the gain.
     pub scales: Gains,
@@ -127,11 +130,11 @@ pub struct Settings {
     pub error_range: f64,
     /// Rate of the error at the edge of the rules' domain, > 0.
     pub rate_range: f64,
-    /// Least output.
+    /// Smallest output.
     pub output_minimum: f64,
-    /// Greatest output, at least `output_minimum`.
+    /// Largest output, at least `output_minimum`.
     pub output_maximum: f64,
-    /// Greatest magnitude of the integral part of the output, >= 0.
+    /// Largest magnitude of the integral part of the output, >= 0.
     pub integral_limit: f64,
     /// Rate at which the integral decays, 1/s, >= 0.
     pub leak_rate: f64,
@@ -150,7 +153,7 @@ impl FuzzyPid {
     ///
     /// # Errors
     ///
-    /// None for the existing rules; otherwise the [`FuzzyError`] of a part.
+    /// The rules are invalid, which does not occur with the existing ones.
     pub fn new(rules: Rules) -> Result<Self, FuzzyError> {
         let table = |gain| RuleTable::new(rules.table(gain), Conjunction::Minimum);
         Ok(Self {
@@ -160,8 +163,8 @@ impl FuzzyPid {
         })
     }
 
-    /// Output of the rules at the error `e` and the rate `ec`, both in units of the domain and clipped to -3..=3: a number
-    /// within -3..=3 for each gain. NaN gives NaN.
+    /// Output of the rules for the error `e` and the rate `ec`, both scaled and clipped to -3..=3: a number within
+    /// -3..=3 for each gain. NaN gives NaN.
     pub fn increments(&self, e: f64, ec: f64) -> Gains {
         let grades = |x: f64| self.input.grades(x.clamp(-DOMAIN, DOMAIN));
         let (rows, columns) = (grades(e), grades(ec));
@@ -173,7 +176,7 @@ impl FuzzyPid {
     /// Computes one sample: the output, and the gains used for it.
     ///
     /// * `e`: error; `ec`: its rate.
-    /// * `integral`: I, integral part of the output, 0 at the start; becomes that of the next sample.
+    /// * `integral`: I, integral part of the output, 0 at the start; updated for the next sample.
     /// * `sample_time`: T in s, > 0.
     ///
     /// NaN in any argument gives NaN.
@@ -201,7 +204,7 @@ fn at_least_zero(value: f64) -> f64 {
     if value < 0.0 { 0.0 } else { value }
 }
 
-/// `value` within `low..=high`; unlike f64::clamp it never panics.
+/// Limits `value` to `low..=high`; unlike f64::clamp, it never panics.
 fn within(value: f64, low: f64, high: f64) -> f64 {
     if value > high {
         high
@@ -218,7 +221,7 @@ fn within(value: f64, low: f64, high: f64) -> f64 {
 /// d <- a d + (1 - a) (e - e_previous) / T,   a = exp(-T / T_f)
 /// ```
 ///
-/// * `rate`: d of the last sample, 0 at the start.
+/// * `rate`: d at the last sample, 0 at the start.
 /// * `e`, `previous`: the error now and at the last sample; at the first sample both are the same.
 /// * `time_constant`: T_f in s; <= 0 for no lag. `sample_time`: T in s, > 0.
 ///
@@ -240,7 +243,7 @@ mod tests {
         FuzzyPid::new(rules).unwrap()
     }
 
-    /// A plain PID: the rules change nothing.
+    /// A plain PID: with scales of 0, the rules have no effect.
     const PLAIN: Settings = Settings {
         gains: Gains { proportional: 2.0, integral: 8.0, derivative: 0.5 },
         scales: Gains { proportional: 0.0, integral: 0.0, derivative: 0.0 },
@@ -252,8 +255,8 @@ mod tests {
         leak_rate: 0.0,
     };
 
-    /// Check values of the model specification of the heavy vehicle (fuzzy PID core), made by an independent
-    /// implementation; 8 digits printed, hence 1e-8.
+    /// Check values for the heavy vehicle, computed by an independent implementation and printed to 8 digits.
+    /// Tolerance: 1e-8.
     #[test]
     fn increments_match_the_check_values() {
         let mirrored = [
@@ -262,7 +265,7 @@ mod tests {
             (1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
             (-1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
             (2.2, 0.3, gains(1.27839916, -1.27839916, -2.02324844)),
-            // Beyond the domain: its edge.
+            // Beyond the domain, the values at its edge.
             (-30.0, -4.0, gains(2.68329967, -2.68323694, 0.78467085)),
         ];
         let standard = [
@@ -287,7 +290,7 @@ mod tests {
         }
     }
 
-    /// The increment of one gain by the definition of the module: every rule of its table, every label at every point.
+    /// The increment of one gain by its definition: every rule of its table, every label at every point.
     fn increment_by_definition(table: &Table, e: f64, ec: f64) -> f64 {
         let place = |label: usize| label as f64 - 3.0;
         // Neighbors cross at 1/2.
@@ -311,9 +314,9 @@ mod tests {
         moment / area
     }
 
-    /// The whole domain. Tolerance: a grade has an exponent of at most 100 and with it a relative error of about
-    /// 1e-14, but only grades above 1e-6 (errors 2e-15) have an effect of this size; a sum of 121 terms adds 121
-    /// roundings, so that two centroids within -3..=3 differ by at most 2e-13.
+    /// Checks the complete domain. Tolerance: the exponent of a grade is at most 100, so its relative error is about
+    /// 1e-14, but only grades above 1e-6 (errors of 2e-15) affect the result at this level. A sum of 121 terms adds 121
+    /// rounding errors, so two centroids within -3..=3 differ by at most 2e-13.
     #[test]
     fn increments_follow_their_definition() {
         for set in [Rules::Mirrored, Rules::Standard] {
@@ -341,14 +344,14 @@ mod tests {
             assert_eq!(mirrored[..3], standard[..3]);
             assert_ne!(mirrored, standard);
         }
-        // The standard proportional rules are odd about the origin of error and rate.
+        // The standard proportional rules change sign when error and rate do.
         let standard = Rules::Standard.table(0);
         assert_eq!((standard[0][0], standard[6][6]), (PB, NB));
     }
 
     #[test]
     fn without_rules_it_is_a_pid() {
-        // K_p e + K_i e T + K_d ec by hand; powers of 2 are exact.
+        // K_p e + K_i e T + K_d ec, exact with powers of 2.
         let fuzzy = rules(Rules::Mirrored);
         let mut integral = 0.0;
         let (output, used) = fuzzy.sample(&PLAIN, &mut integral, 0.5, 0.25, 0.125);
@@ -378,8 +381,8 @@ mod tests {
         fuzzy.sample(&leaking, &mut integral, 0.0, 0.0, 0.125);
         assert_eq!(integral, 0.25 * (-0.25_f64).exp());
 
-        // Beyond the output limit with an error that drives further: the integral stays, without leak; with an error of
-        // the other sign it moves.
+        // If the output is beyond a limit and the error drives it further, the integral is held, without leak. If the
+        // error has the other sign, the integral changes.
         let tight = Settings { output_minimum: -0.5, output_maximum: 0.5, leak_rate: 2.0, ..PLAIN };
         let mut integral = 0.25;
         assert_eq!(fuzzy.sample(&tight, &mut integral, 1.0, 0.0, 0.125).0, 0.5);
@@ -401,7 +404,8 @@ mod tests {
 
     #[test]
     fn the_rate_of_a_ramp_is_its_slope() {
-        // Closed form of the lag on a constant slope: slope (1 - a^n); roundings of a difference of numbers of order 1.
+        // Closed form of the lag with a constant slope: slope (1 - a^n). Tolerance: rounding in the difference of
+        // numbers of order 1.
         let (a, ramp) = ((-0.05_f64).exp(), |n: i32| 0.7 + 0.003 * f64::from(n));
         let mut rate = 0.0;
         for n in 1..100 {
@@ -416,8 +420,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(128))]
 
-        /// Mirrored rules make an odd law. Tolerance: the sums of the centroid run in the same order over mirrored
-        /// activations, so that the same numbers add up to the bit.
+        /// Mirrored rules make an odd law. The comparison is exact, because the sums of the centroid add the same
+        /// numbers in the same order.
         #[test]
         fn mirrored_rules_make_an_odd_law(e in -2.0..2.0_f64, ec in -2.0..2.0_f64, i in -0.1..0.1_f64) {
             let fuzzy = rules(Rules::Mirrored);
@@ -428,7 +432,7 @@ mod tests {
             prop_assert_eq!((there, right, used), (-mirror, -left, used_in_mirror));
         }
 
-        /// For any input, outputs, integral and increments stay within their limits.
+        /// For any input, outputs, integral and gains stay within their limits.
         #[test]
         fn everything_stays_within_its_limits(
             errors in prop::collection::vec((-5.0..5.0_f64, -5.0..5.0_f64), 1..20), standard: bool,

@@ -1,27 +1,26 @@
-//! Control laws: those without a vehicle, and the parts that several controllers share.
+//! Control laws that do not depend on a vehicle, and parts that several controllers share.
 //!
-//! Everything here is a pure function of `f64` values (or a small value built once from them):
-//! no state is hidden, no FMI type appears, and nothing that runs once per sample allocates.
-//! A controller keeps its own state and calls these functions in the order of its equations.
-//!
-//! | module | what it gives | when it runs |
+//! Everything here is a pure function of `f64` values, or a small value built once from them. There is no hidden state
+//! and no FMI type, and functions called once per sample do not allocate. A controller keeps its own state and calls
+//! these functions in the order of its equations.
+//! | module | contents | runs |
 //! |---|---|---|
 //! | [`riccati`] | linear quadratic regulators: algebraic Riccati equation with cross term | once, at initialization |
 //! | [`fuzzy`] | Mamdani inference with one or two inputs | every sample |
-//! | [`fuzzy_pid`] | PID controller with gains by fuzzy rules | every sample |
+//! | [`fuzzy_pid`] | PID controller whose gains follow fuzzy rules | every sample |
 //! | [`sliding_mode`] | integral sliding surface, reaching law, boundary layer | every sample |
-//! | [`limit`] | limits of magnitude and rate, exact step of a first-order lag | every sample |
+//! | [`limit`] | limits on magnitude and rate, exact step of a first-order lag | every sample |
 //! | [`switch`] | hysteresis | every sample |
 //! | [`pid`] | increments of a PID law | every sample |
 //! | [`semi_active`] | the part of a force that an adjustable damper can produce | every sample |
-//! | [`front_steering`] | limits of the front axle of a three-axle vehicle | every sample |
-//! | [`lqr_suspension`] | linear quadratic design of the suspension of a three-axle vehicle | once, at initialization |
+//! | [`front_steering`] | limits for the front axle of a three-axle vehicle | every sample |
+//! | [`lqr_suspension`] | linear quadratic design for the suspension of a three-axle vehicle | once, at initialization |
 //!
 //! # Numbers that are not finite
 //!
-//! The functions that run every sample never panic. Where an argument is NaN the result is NaN:
-//! an invalid value is passed to the output, where the caller finds it, and is not turned into a
-//! plausible one. Functions that build something return a [`Result`] with the reason of an error.
+//! The functions that run every sample never panic. If an argument is NaN, the result is NaN: an invalid value reaches
+//! the output, where the caller finds it, instead of becoming a plausible one. Functions that build a value return a
+//! [`Result`] with the cause of an error.
 
 pub mod front_steering;
 pub mod fuzzy;

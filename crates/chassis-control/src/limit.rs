@@ -1,7 +1,7 @@
-//! Limits of magnitude and rate, and the exact step of a first-order lag.
+//! Limits on magnitude and rate, and the exact step of a first-order lag.
 //!
-//! The unit of a value is the caller's; all values of one call share it, times are in s.
-//! NaN in any argument gives NaN.
+//! The caller chooses the unit; all values of one call have the same unit. Times are in s. NaN in any argument gives
+//! NaN.
 
 /// Keeps `value` within `-limit..=limit`.
 ///
@@ -9,8 +9,8 @@
 /// y = min(max(value, -limit), limit)
 /// ```
 ///
-/// * `limit`: largest magnitude, in the unit of `value`; a negative limit counts as 0. For a
-///   parameter whose value 0 stands for "no limit", pass it through [`positive_or_none`] first.
+/// * `limit`: largest magnitude, in the unit of `value`; a negative limit is treated as 0. If 0 means "no limit", call
+///   [`positive_or_none`] first.
 ///
 /// ```
 /// use chassis_control::limit::{magnitude, positive_or_none};
@@ -19,7 +19,7 @@
 /// assert_eq!(magnitude(3.0, positive_or_none(0.0)), 3.0);
 /// ```
 pub fn magnitude(value: f64, limit: f64) -> f64 {
-    // f64::clamp panics on a NaN bound, f64::max would drop it.
+    // f64::clamp panics on a NaN limit, and f64::max would drop it.
     if limit.is_nan() {
         return limit;
     }
@@ -27,8 +27,7 @@ pub fn magnitude(value: f64, limit: f64) -> f64 {
     value.clamp(-limit, limit)
 }
 
-/// A limit of which values <= 0 mean "none": returns `limit` if it is positive, otherwise
-/// positive infinity.
+/// Returns `limit` if it is positive, otherwise positive infinity. For limits where values <= 0 mean "none".
 pub fn positive_or_none(limit: f64) -> f64 {
     if limit <= 0.0 { f64::INFINITY } else { limit }
 }
@@ -39,7 +38,7 @@ pub fn positive_or_none(limit: f64) -> f64 {
 /// y = previous + min(max(target - previous, -rate dt), rate dt)
 /// ```
 ///
-/// A target within reach is returned itself, free of rounding.
+/// A target within reach is returned exactly.
 ///
 /// * `rate`: largest speed of change in units of `target` per s; `rate` <= 0 means no limit.
 /// * `dt`: time since `previous` in s, not negative.
@@ -68,7 +67,7 @@ pub fn rate(target: f64, previous: f64, rate: f64, dt: f64) -> f64 {
 /// ```
 ///
 /// * `value`: x(t).
-/// * `time_constant`: in s; <= 0 means no lag, the result is `target`.
+/// * `time_constant`: in s; <= 0 means no lag: the result is `target`.
 /// * `dt`: step in s, not negative.
 ///
 /// ```
@@ -107,9 +106,8 @@ mod tests {
         assert!(positive_or_none(f64::NAN).is_nan());
     }
 
-    /// Front axle of the rescue vehicle from rest: 10 deg/s at 1 ms gives 0.000174532925 rad per
-    /// sample (Chen et al., Mathematics 2022, 10, 3562: model specification, check numbers of the
-    /// steering controller; 9 digits printed).
+    /// Front axle of the rescue vehicle from rest: 10 deg/s times 1 ms is 0.000174532925 rad per sample (check numbers
+    /// for the steering controller, printed to 9 digits).
     #[test]
     fn rate_steps_like_the_check_numbers() {
         let mut steer = 0.0;
@@ -160,14 +158,14 @@ mod tests {
             target in -10.0..10.0f64, previous in -10.0..10.0f64, speed in 1e-3..10.0f64, dt in 1e-4..1.0f64,
         ) {
             let y = rate(target, previous, speed, dt);
-            // A few roundings of numbers up to 10.
+            // Tolerance: a few rounding errors of numbers up to 10.
             prop_assert!((y - previous).abs() <= speed * dt + 1e-14);
             prop_assert!((y - previous) * (target - y) >= 0.0);
             prop_assert_eq!(y, -rate(-target, -previous, speed, dt));
         }
 
-        /// Two half steps equal one whole step, as the step is exact. Tolerance: a few roundings
-        /// of numbers up to 20.
+        /// Two half steps equal one full step, because the step is exact. Tolerance: a few rounding errors of numbers
+        /// up to 20.
         #[test]
         fn lag_composes(value in -10.0..10.0f64, target in -10.0..10.0f64, tau in 0.01..10.0f64, dt in 0.0..1.0f64) {
             let whole = lag(value, target, tau, dt);

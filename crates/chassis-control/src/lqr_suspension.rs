@@ -1,9 +1,8 @@
-//! Linear quadratic design of the active suspension of a three-axle vehicle, shared by the controllers
+//! Linear quadratic design for the active suspension of a three-axle vehicle, shared by the controllers
 //! `IntegratedLqrSuspension` and `RollLqrSuspension`.
 //!
-//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 9-13 and 32-39, Appendix A. The springs, dampers and
-//! tire springs are part of the design model; the paper leaves them outside, which makes the pair (A, B) not
-//! stabilizable.
+//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 9-13 and 32-39, Appendix A. Springs, dampers and tire
+//! springs are part of the design model. The paper leaves them out, so its pair (A, B) is not stabilizable.
 
 mod model;
 #[cfg(test)]
@@ -17,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 
 pub use model::{LATERAL_STATES, STATES, output_rows, state_space};
 
-/// Copies of the plant's parameters; a parameter set by name feeds both.
+/// Copies of the plant's parameters, with the same names, so a parameter set can be applied to both.
 #[derive(Parameters, Clone, Debug)]
 #[expect(missing_docs, reason = "the plant's documentation explains the symbols")]
 pub struct VehicleParameters {
@@ -65,7 +64,7 @@ pub struct VehicleParameters {
 }
 
 impl VehicleParameters {
-    /// Positions of the wheels in front and to the left of the center of mass, m.
+    /// Wheel positions relative to the center of mass, m: x forward, y to the left.
     fn positions(&self) -> ([f64; 6], [f64; 6]) {
         let x = [self.a, self.a - self.l12, self.a - self.l12 - self.l23];
         (std::array::from_fn(|i| x[axle_of(i)]), std::array::from_fn(|i| self.b_t / 2.0 * left_is_positive(i)))
@@ -99,7 +98,7 @@ pub struct Feedback {
     r: f64,
 }
 
-/// The gain matrix K of U = -K X, by column: force of the wheel per unit of the state.
+/// The gain matrix K in U = -K X, by column: force at each wheel per unit of the state.
 #[derive(Derived, Clone, Debug)]
 pub struct Gains {
     /// Force per heave
@@ -134,7 +133,7 @@ pub struct Gains {
     r: SixWheels<f64>,
 }
 
-/// An output of the design model with its largest accepted value (Bryson's rule: weight 1/value^2).
+/// A weighted output of the design model. By Bryson's rule, its weight is 1/value^2.
 #[derive(Clone, Copy, Debug)]
 pub struct Accepted {
     /// Weighted quantity.
@@ -143,7 +142,7 @@ pub struct Accepted {
     pub value: f64,
 }
 
-/// Quantities that a cost may weigh; those of the wheels count for each of the six.
+/// Quantities that a cost can weight; deflections are weighted at each of the six wheels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighted {
     /// Heave acceleration, m/s2.
@@ -175,7 +174,8 @@ impl Weighted {
 }
 
 impl Gains {
-    /// Solves the regulator problem: the cost weighs `outputs` and the forces, of which `force` N are accepted.
+    /// Solves the regulator problem. The cost weights `outputs` and the forces, whose largest accepted value is
+    /// `force`, N.
     ///
     /// # Errors
     /// An accepted value is out of range, the mass matrix is not positive definite, or the Riccati equation has no stabilizing

@@ -1,7 +1,7 @@
 //! Incremental PID.
 
-/// Gains of [`increment`], in the unit of the result per unit of the error; they act per sample, the sample time is part
-/// of them.
+/// Gains of [`increment`], in the unit of the result per unit of the error. They act per sample, so they include the
+/// sample time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     /// K_p.
@@ -18,9 +18,9 @@ pub struct Gains {
 /// du(k) = K_p (e(k) - e(k-1)) + K_i e(k) + K_d (e(k) - 2 e(k-1) + e(k-2))
 /// ```
 ///
-/// `errors`: e(k), e(k-1), e(k-2). The sum of the increments is u(k) = K_p e(k) + K_i sum e + K_d (e(k) - e(k-1)) if all
-/// errors before the first sample are 0. The caller adds them up and may limit the sum or let it leak, so that it does not
-/// wind up.
+/// `errors`: e(k), e(k-1), e(k-2). If all errors before the first sample are 0, the sum of the increments is u(k) = K_p
+/// e(k) + K_i sum e + K_d (e(k) - e(k-1)). The caller adds up the increments and can limit the sum, or let it leak, to
+/// prevent windup.
 ///
 /// ```
 /// use chassis_control::pid::{Gains, increment};
@@ -38,7 +38,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The sum of the increments is the positional PID law. A few roundings of sums up to 1e3.
+        /// The sum of the increments is the positional PID law. Tolerance: a few rounding errors of sums up to 1e3.
         #[test]
         fn increments_add_up_to_the_positional_law(
             gains in prop::array::uniform3(-5.0..5.0f64), errors in prop::collection::vec(-3.0..3.0f64, 1..30),

@@ -13,32 +13,30 @@
 //! K = R^-1 (B'P + N')
 //! ```
 //!
-//! [`care`] solves this, [`lqr_output_weighted`] does so for a cost on outputs. Both allocate and
-//! take about a millisecond for 20 states: they belong to initialization, not to a sample.
+//! [`care`] solves this equation, [`lqr_output_weighted`] solves it for a cost on outputs. Both allocate and take about
+//! a millisecond for 20 states: call them at initialization, not in a sample.
 //!
 //! # Method
 //!
-//! 1. Inputs are scaled to a unit diagonal of R; its Cholesky factor removes R and N:
+//! 1. Inputs are scaled so that R has a unit diagonal; its Cholesky factor removes R and N:
 //!    `A <- A - B R^-1 N'`, `Q <- Q - N R^-1 N'`, `G = B R^-1 B'`.
 //! 2. States are scaled by powers of 2 so that the rows and columns of the Hamiltonian matrix
 //!    `[A, -G; -Q, -A']` have similar norms. The result then hardly depends on the units of the
 //!    states and inputs.
-//! 3. Structure-preserving doubling (Chu, Fan and Lin) after a Cayley transform with a shift near
-//!    the geometric mean of the extreme moduli of the Hamiltonian's eigenvalues; every iterate is
-//!    kept symmetric. It converges quadratically, usually within 10 steps.
-//! 4. One step of Newton's method (Kleinman) removes the rounding errors left by the doubling.
-//! 5. The residual and the closed-loop poles are computed and checked, never assumed.
+//! 3. Structure-preserving doubling (Chu, Fan and Lin) starts from a Cayley transform. Its shift is near the geometric
+//!    mean of the smallest and largest modulus of the Hamiltonian's eigenvalues. Every iterate is kept symmetric. The
+//!    iteration converges quadratically, usually within 10 steps.
+//! 4. One step of Newton's method (Kleinman) removes the rounding errors of the doubling.
+//! 5. The residual and the closed-loop poles are computed and checked.
+//! # Solvable problems
 //!
-//! # What can be solved
+//! A solution is found if R is positive definite, (A, B) is stabilizable, the Hamiltonian matrix has no eigenvalue on
+//! the imaginary axis, and the cost depends on every unstable mode of `A - B R^-1 N'`. If the cost ignores an unstable
+//! mode, a solution exists, but doubling does not find it: add a weight for that mode. In the other cases, there is no
+//! stabilizing solution. All of them end in the error "no convergence".
 //!
-//! A solution is found if R is positive definite, (A, B) is stabilizable, the Hamiltonian matrix has
-//! no eigenvalue on the imaginary axis, and every mode of `A - B R^-1 N'` that is not stable is seen
-//! by the cost. The last point excludes designs in which an unstable mode costs nothing by itself:
-//! they have a solution, but not one that doubling finds; weight that mode. All other designs have
-//! no stabilizing solution. Both end in the error "no convergence".
-//!
-//! Badly conditioned problems (many unstable modes on one input, long chains of integrators) end in an error about the
-//! residual or the poles, rather than in a wrong gain.
+//! Badly conditioned problems (many unstable modes with one input, long chains of integrators) end in an error about
+//! the residual or the poles, not in a wrong gain.
 //!
 //! # References
 //!
@@ -54,49 +52,48 @@ use fmu::math;
 pub use fmu_math::eigenvalues;
 use nalgebra::{Complex, DMatrix, DVector};
 
-/// Largest relative residual of the Riccati equation that is accepted.
+/// Largest accepted relative residual of the Riccati equation.
 pub const MAX_RESIDUAL: f64 = 1e-10;
 
-/// Most doubling steps. Without an eigenvalue on the imaginary axis the error is squared in every
-/// step: 26 steps reach rounding level even if a pole is a million times nearer to the axis than the
-/// shift. With one the error is halved in every step, and the rounding errors, which move such an
-/// eigenvalue off the axis by the root of their size, have not yet hidden it.
+/// Largest number of doubling steps. Without an eigenvalue on the imaginary axis, every step squares the error: 26
+/// steps reach rounding level even if a pole is a million times nearer to the axis than the shift. With such an
+/// eigenvalue, every step only halves the error. Rounding errors move the eigenvalue off the axis by the root of their
+/// size; 26 steps end before this makes the iteration converge.
 const MAX_DOUBLINGS: usize = 26;
 
 const NOT_POSITIVE_DEFINITE: &str = "Riccati design: the weight R of the inputs is not positive definite";
 const NO_CONVERGENCE: &str = "Riccati design: no convergence; (A, B) is not stabilizable, the Hamiltonian matrix has \
-                              eigenvalues on the imaginary axis, or an unstable mode is not seen by the cost";
+                              eigenvalues on the imaginary axis, or the cost ignores an unstable mode";
 
 /// A linear quadratic regulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulator {
-    /// P, the symmetric solution of the Riccati equation; `x'P x` is the cost from the state x on
-    /// (n x n).
+    /// P, the symmetric solution of the Riccati equation; `x'P x` is the cost that starts at the state x (n x n).
     pub p: DMatrix<f64>,
-    /// K of the feedback `u = -K x`, units of u over units of x (m x n).
+    /// K in the feedback `u = -K x`, in units of u per units of x (m x n).
     pub gain: DMatrix<f64>,
-    /// Frobenius norm of the equation's left side over the sum of the norms of its terms, in scaled
-    /// coordinates; at most [`MAX_RESIDUAL`].
+    /// Frobenius norm of the equation's left side, divided by the sum of the norms of its terms, in scaled coordinates;
+    /// at most [`MAX_RESIDUAL`].
     pub residual: f64,
     /// Eigenvalues of `A - B K` in 1/s, all with negative real part, slowest (largest real part)
     /// first.
     pub poles: Vec<Complex<f64>>,
 }
 
-/// Solves the Riccati equation of the [module](self) for its stabilizing solution.
+/// Finds the stabilizing solution of the Riccati equation in the [module](self).
 ///
 /// * `a`: A, n x n, n >= 1, in 1/s times the units of the states.
 /// * `b`: B, n x m, m >= 1.
-/// * `q`: Q, n x n; only its symmetric part counts.
-/// * `r`: R, m x m, positive definite; only its symmetric part counts.
+/// * `q`: Q, n x n; only its symmetric part is used.
+/// * `r`: R, m x m, positive definite; only its symmetric part is used.
 /// * `n`: N, n x m, the cross term; zero if the cost has none.
 ///
 /// Q need not be positive semidefinite, as long as the equation has a stabilizing solution.
 ///
 /// # Errors
 ///
-/// The sizes do not fit each other, an element is infinite or NaN, R is not positive definite to rounding, no stabilizing
-/// solution exists (see the [module](self)), or the result fails its checks.
+/// The sizes do not match, an element is infinite or NaN, R is not positive definite (up to rounding), no solution is
+/// found (see the [module](self)), or the result fails its checks.
 ///
 /// # Example
 ///
@@ -129,7 +126,7 @@ pub fn care(
     check("R", r, inputs, inputs)?;
     check("N", n, states, inputs)?;
 
-    // S R S has a unit diagonal to a factor of 2; u = S u_scaled.
+    // The diagonal of S R S is 1 up to a factor of 2; u = S u_scaled.
     let diagonal = r.diagonal();
     if diagonal.iter().any(|&x| x <= 0.0) {
         return Err(NOT_POSITIVE_DEFINITE.to_owned());
@@ -143,7 +140,7 @@ pub fn care(
         .filter(|l| l.diagonal().min().powi(2) > inputs as f64 * f64::EPSILON)
         .ok_or(NOT_POSITIVE_DEFINITE)?;
 
-    // With R = L L': columns of B L^-T and N L^-T, as rows.
+    // With R = L L': the transposes of B L^-T and N L^-T.
     let whitened = |m: &DMatrix<f64>| {
         let scaled = DMatrix::from_diagonal(&input_scale) * m.transpose();
         factor.solve_lower_triangular(&scaled)
@@ -183,17 +180,17 @@ pub fn care(
 /// Q = D'Q0 D,   N = D'Q0 E,   R = E'Q0 E + R0
 /// ```
 ///
-/// With Bryson's rule Q0 and R0 are diagonal with `1 / (largest accepted value)^2`.
+/// With Bryson's rule, Q0 and R0 are diagonal with the elements `1 / (largest accepted value)^2`.
 ///
 /// * `a`, `b`: A (n x n) and B (n x m) of the plant.
 /// * `d`, `e`: D (p x n) and E (p x m) of the outputs.
-/// * `q0`: weight of the outputs, p x p; only its symmetric part counts.
-/// * `r0`: weight of the inputs, m x m; only its symmetric part counts. It may be zero if
-///   `E'Q0 E` alone is positive definite.
+/// * `q0`: weight of the outputs, p x p; only its symmetric part is used.
+/// * `r0`: weight of the inputs, m x m; only its symmetric part is used. It can be zero if `E'Q0 E` alone is positive
+///   definite.
 ///
 /// # Errors
 ///
-/// As [`care`]; sizes are reported with the names D, E, Q0, R0.
+/// As in [`care`], with the names D, E, Q0, R0 for wrong sizes.
 pub fn lqr_output_weighted(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -223,15 +220,15 @@ struct Equation {
 }
 
 impl Equation {
-    /// Scales the states, x = D x_scaled, by powers of 2 so that row i of [A, G] and column i of
-    /// [A; Q] have norms within a factor of 2 of each other. Returns the diagonal of D.
+    /// Scales the states, x = D x_scaled, by powers of 2 so that the norms of row i of [A, G] and column i of [A; Q]
+    /// differ by at most a factor of 2. Returns the diagonal of D.
     ///
     /// This is the balancing of Parlett and Reinsch for the Hamiltonian matrix, restricted to
     /// scalings that keep it Hamiltonian.
     fn balance(&mut self) -> DVector<f64> {
         let states = self.a.nrows();
         let mut scale = DVector::from_element(states, 1.0);
-        // Usually 3 to 5 sweeps; the bound only guards against going around in circles.
+        // Usually 3 to 5 sweeps; the bound only prevents an endless loop.
         for _ in 0..50 {
             let mut changed = false;
             for i in 0..states {
@@ -285,9 +282,9 @@ impl Equation {
             g = symmetric(g + &a * w_g * a.transpose());
             h += &step;
             a = &a * w_a;
-            // A is the transition matrix of the closed loop over 2^k steps. If it vanishes, so does
-            // the next change of H, which is of second order in A; a small change of H alone could
-            // also mean that the cost does not see an unstable mode.
+            // A is the transition matrix of the closed loop over 2^k steps. If A vanishes, so does the next change to
+            // H, which is of second order in A. A small change to H alone could also mean that the cost ignores an
+            // unstable mode.
             let rounding = 10.0 * states as f64 * f64::EPSILON;
             if step.norm() <= rounding * h.norm() && a.norm() <= f64::EPSILON.sqrt() {
                 return Some(h);
@@ -299,21 +296,21 @@ impl Equation {
         None
     }
 
-    /// Start of the doubling: the discrete-time equation that has the same solution, from a Cayley
-    /// transform. Returns A, G, H.
+    /// Start of the doubling: a Cayley transform gives the discrete-time equation with the same solution. Returns its
+    /// A, G, H.
     fn cayley(&self) -> Option<(DMatrix<f64>, DMatrix<f64>, DMatrix<f64>)> {
         let n = self.a.nrows();
         let hamiltonian = self.hamiltonian();
         let moduli = eigenvalues(&hamiltonian)?.into_iter().map(|z| math::hypot(z.re, z.im));
         let (slowest, fastest) = moduli.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
-        // An eigenvalue 0 must not make the shift 0. The equation then has no solution, which the
+        // An eigenvalue 0 must not make the shift 0. With such an eigenvalue, the equation has no solution, which the
         // doubling detects.
         let shift = (slowest.max(1e-12 * fastest) * fastest).sqrt();
         let shift = if shift > 0.0 { shift } else { 1.0 };
 
-        // M = [A - s I, G; -Q, A' - s I], from the Hamiltonian by a change of sign below and right.
-        // M^-1 holds all three matrices. It does not exist if s happens to be a special value:
-        // of three shifts the one farthest from that is taken.
+        // M = [A - s I, G; -Q, A' - s I] is the Hamiltonian matrix with the sign of its right half changed, minus s I.
+        // M^-1 contains all three matrices. M is singular for some values of s, so the best conditioned of three shifts
+        // is used.
         let inverse = [1.0, 1.25, 0.8]
             .into_iter()
             .filter_map(|factor| {
@@ -351,7 +348,7 @@ impl Equation {
     }
 }
 
-/// Final check of a design; `poles` is sorted, slowest first. NaN is rejected.
+/// Final check of a design. `poles` are sorted, slowest first. NaN is rejected.
 fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), String> {
     let slowest = poles.first().map_or(f64::NAN, |pole| pole.re);
     if slowest.is_nan() || slowest >= 0.0 {
@@ -365,9 +362,10 @@ fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), String> {
     Ok(())
 }
 
-/// The power of 2 next to a positive number on a logarithmic scale; multiplying by it is exact.
+/// The power of 2 nearest to a positive number on a logarithmic scale. Multiplication by it is exact.
 fn power_of_two(x: f64) -> f64 {
-    // Half a power in the logarithm is a factor of sqrt(2). Not log2 and exp2, whose last digits depend on the platform.
+    // The factor sqrt(2) rounds to the nearest power. log2 and exp2 are not used, because their last digits depend on
+    // the platform.
     f64::from_bits((x * std::f64::consts::SQRT_2).to_bits() & !((1 << 52) - 1))
 }
 
@@ -398,13 +396,13 @@ mod tests {
     use nalgebra::dmatrix;
     use proptest::prelude::*;
 
-    /// Vertical model of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, appendix A as
-    /// corrected in the model specification): states heave, pitch, roll, six wheel heights (fl fr ml mr
-    /// rl rr) and their rates, inputs the six suspension forces.
+    /// Vertical model of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, appendix A, corrected as
+    /// described in the README of `IntegratedLqrSuspension`). States: heave, pitch, roll, six wheel heights (fl fr ml
+    /// mr rl rr), and their rates. Inputs: the six suspension forces.
     struct RescueVehicle {
         a: DMatrix<f64>,
         b: DMatrix<f64>,
-        /// Rows that give the six suspension deflections from the states.
+        /// Rows that map the states to the six suspension deflections.
         deflection: DMatrix<f64>,
     }
 
@@ -429,7 +427,7 @@ mod tests {
             a[(10, 1)] = m_s * g * h_s / i_y;
             a[(11, 2)] = m_s * g * h_s / i_x;
             for i in 0..6 {
-                // Deflection and effect of an upward force on the body share their lever arms.
+                // The deflection and the effect of an upward force on the body have the same lever arms.
                 let arms = [1.0, -x[i], y[i]];
                 for (j, arm) in arms.into_iter().enumerate() {
                     deflection[(i, j)] = arm;
@@ -449,8 +447,7 @@ mod tests {
             Self { a, b, deflection }
         }
 
-        /// Regulator for the outputs that the rows of `first` pick (states, or rates as the rows of
-        /// A and B), then the six deflections, then the six wheel heights.
+        /// Regulator for these outputs: those listed in `first`, the six deflections, and the six wheel heights.
         fn regulator(&self, first: &[First], weights: &[f64]) -> Regulator {
             let outputs = first.len() + 12;
             let mut d = DMatrix::zeros(outputs, 18);
@@ -483,8 +480,8 @@ mod tests {
         Acceleration(usize),
     }
 
-    /// All six rows of a gain matrix from the rows of the left wheels: the right row is the left row
-    /// with the wheels of each axle exchanged and the signs of roll and roll rate turned.
+    /// All six rows of a gain matrix, from the rows of the left wheels. The row of a right wheel is the row of the left
+    /// wheel with the wheels of each axle exchanged and the signs of roll and roll rate reversed.
     fn mirrored(left: [[f64; 18]; 3]) -> DMatrix<f64> {
         DMatrix::from_fn(6, 18, |row, column| {
             let values = left[row / 2];
@@ -505,8 +502,8 @@ mod tests {
         })
     }
 
-    /// Poles of the model without control, from the model specification (invariants): checks the
-    /// model of this test and the eigenvalues. 5 decimals printed.
+    /// Check numbers for the poles of the model without control, printed to 5 decimals. They check the model in this
+    /// test and the eigenvalues.
     #[test]
     fn rescue_vehicle_has_the_printed_open_loop_poles() {
         let poles = eigenvalues(&RescueVehicle::new().a).unwrap();
@@ -527,9 +524,8 @@ mod tests {
         }
     }
 
-    /// Gains of the two regulators from the model specification (section "LQR suspension
-    /// controllers"), solved there with LAPACK; 8 digits printed, compared to 1e-6 of the largest
-    /// element as the specification asks. Slowest real parts: 4 decimals printed.
+    /// Check numbers for the gains of the two regulators, computed with LAPACK and printed to 8 digits. Tolerance: 1e-6
+    /// of the largest element. Largest real parts: printed to 4 decimals.
     #[test]
     fn rescue_vehicle_gains_match_the_reference() {
         let vehicle = RescueVehicle::new();
@@ -558,8 +554,7 @@ mod tests {
         }
     }
 
-    /// The Riccati equation itself, written as in the crate's documentation, with an explicit
-    /// inverse of R: norm of the left side over the sum of the norms of its terms.
+    /// Relative residual of the Riccati equation as written in the documentation, with an explicit inverse of R.
     fn residual_as_documented([a, b, q, r, n]: [&DMatrix<f64>; 5], regulator: &Regulator) -> f64 {
         let p = &regulator.p;
         let quadratic = (p * b + n) * r.clone().try_inverse().unwrap() * (b.transpose() * p + n.transpose());
@@ -579,7 +574,7 @@ mod tests {
         care(&scalar(a), &scalar(b), &scalar(q), &scalar(r), &scalar(n))
     }
 
-    /// Chain of n integrators driven at its end, with a weight on all states or on the first only.
+    /// Chain of n integrators with the input at its end and a weight on all states or only on the first.
     fn integrator_chain(n: usize, all: bool) -> Result<Regulator, String> {
         let a = DMatrix::from_fn(n, n, |i, j| f64::from(j == i + 1));
         let b = DMatrix::from_fn(n, 1, |i, _| f64::from(i + 1 == n));
@@ -587,9 +582,9 @@ mod tests {
         care(&a, &b, &q, &scalar(1.0), &DMatrix::zeros(n, 1))
     }
 
-    /// Weight 1 on the first state of a chain of n integrators gives the Butterworth polynomial of
-    /// order n: poles on the left half of the unit circle, evenly spaced. Tolerance: with 8 states
-    /// the poles are conditioned to about 1e3 times rounding.
+    /// With weight 1 on the first state of a chain of n integrators, the poles are those of the Butterworth polynomial
+    /// of order n, evenly spaced on the left half of the unit circle. Tolerance: with 8 states, the condition number of
+    /// the poles is about 1e3.
     #[test]
     fn integrator_chain_gives_butterworth_poles() {
         let n = 8;
@@ -612,7 +607,7 @@ mod tests {
         let q0 = dmatrix![2.0, 0.1, 0.0; 0.3, 4.0, 0.0; 0.0, 0.0, 1.0];
         let r0 = scalar(0.7);
         let by_outputs = lqr_output_weighted(&a, &b, &d, &e, &q0, &r0).unwrap();
-        // Only the symmetric part of Q0 has a meaning.
+        // Only the symmetric part of Q0 is used.
         let q0 = 0.5 * (&q0 + q0.transpose());
         let q = d.transpose() * &q0 * &d;
         let n = d.transpose() * &q0 * &e;
@@ -667,7 +662,7 @@ mod tests {
             error.starts_with("Riccati design: relative residual ") && error.ends_with(" at most 1e-10"),
             "{error}"
         );
-        // Between 23 and 39 states rounding makes the closed loop unstable; 30 is far from both ends.
+        // With 23 to 39 states, rounding makes the closed loop unstable; 30 is far from both ends.
         let error = integrator_chain(30, false).unwrap_err();
         let real_part = error.strip_prefix("Riccati design: the closed loop has a pole with real part ");
         let real_part = real_part.and_then(|rest| rest.split(' ').next());
@@ -681,7 +676,7 @@ mod tests {
 
     #[test]
     fn solvable_designs_at_the_edge_are_solved() {
-        // Nothing to do: stable and without weight.
+        // Stable and without weight, so no control is needed.
         let idle = scalar_care(-1.0, 1.0, 0.0, 1.0, 0.0).unwrap();
         assert_eq!((idle.p[(0, 0)], idle.gain[(0, 0)]), (0.0, 0.0));
         // Stable without input: P = q / (2 |a|), the Lyapunov equation.
@@ -762,7 +757,7 @@ mod tests {
             let result = care(&two, &two, &two, &r, &DMatrix::zeros(2, 2));
             assert_eq!(result.unwrap_err(), NOT_POSITIVE_DEFINITE, "{r}");
         }
-        // Very different units of the inputs are no obstacle.
+        // Inputs with very different units are accepted.
         let r = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-12, 1e12]));
         assert!(care(&two, &two, &two, &r, &DMatrix::zeros(2, 2)).is_ok());
     }
@@ -778,8 +773,8 @@ mod tests {
         [d.tr_mul(d) + 0.01 * state, e.tr_mul(e) + 0.1 * input, d.tr_mul(e)]
     }
 
-    /// Any plant and cost: A, B, Q, R, N. Some are very badly conditioned: an unstable mode may be
-    /// next to uncontrollable.
+    /// Any plant and cost: A, B, Q, R, N. Some are very badly conditioned: an unstable mode can be almost
+    /// uncontrollable.
     fn any_design() -> impl Strategy<Value = [DMatrix<f64>; 5]> {
         (1usize..6, 1usize..4).prop_flat_map(|(states, inputs)| {
             (
@@ -795,8 +790,8 @@ mod tests {
         })
     }
 
-    /// A mechanical system, stable or not, with an actuator for every degree of freedom, which keeps
-    /// the design well conditioned: A, B, Q, R, N with states (positions, speeds).
+    /// A mechanical system, stable or not: A, B, Q, R, N with states (positions, speeds). An actuator for every degree
+    /// of freedom keeps the design well conditioned.
     fn mechanical_design() -> impl Strategy<Value = [DMatrix<f64>; 5]> {
         (1usize..5).prop_flat_map(|freedoms| {
             (
@@ -820,9 +815,8 @@ mod tests {
     }
 
     proptest! {
-        /// Cross term not 0: the equation holds, the loop is stable, P is symmetric and positive
-        /// semidefinite (the cost cannot be negative). Residual and eigenvalue: rounding times the
-        /// conditioning of these designs, with a reserve.
+        /// With a cross term, the equation holds, the loop is stable, and P is symmetric and positive semidefinite (the
+        /// cost cannot be negative). Tolerances: rounding times the condition number of these designs, with a reserve.
         #[test]
         fn mechanical_designs_are_solved([a, b, q, r, n] in mechanical_design()) {
             let regulator = care(&a, &b, &q, &r, &n).unwrap();
@@ -834,8 +828,8 @@ mod tests {
             prop_assert!(smallest >= -1e-12 * regulator.p.norm());
         }
 
-        /// A returned regulator solves the equation, however ill-conditioned the problem. Residual: the
-        /// accepted bound, ten times as much for the other coordinates and the explicit inverse of R.
+        /// A returned regulator solves the equation, however ill-conditioned the problem. Tolerance: ten times the
+        /// accepted residual, because of the unscaled coordinates and the explicit inverse of R.
         #[test]
         fn any_returned_regulator_solves_the_equation([a, b, q, r, n] in any_design()) {
             if let Ok(regulator) = care(&a, &b, &q, &r, &n) {
@@ -844,9 +838,9 @@ mod tests {
             }
         }
 
-        /// Other units of states and inputs, factors from 1e-6 to 1e6, change the gain by just these
-        /// units and leave the poles unchanged. Tolerance: rounding times the conditioning of the
-        /// designs; the root of that for poles close to a double one.
+        /// Changing the units of states and inputs by factors from 1e-6 to 1e6 scales the gain by these factors and
+        /// leaves the poles unchanged. Tolerance: rounding times the condition number of the designs, or its root for
+        /// poles close to a double pole.
         #[test]
         fn units_do_not_matter(
             [a, b, q, r, n] in mechanical_design(),
@@ -872,9 +866,8 @@ mod tests {
             prop_assert!((scaled.poles[0].re - plain.poles[0].re).abs() <= 1e-5 * math::hypot(plain.poles[0].re, plain.poles[0].im));
         }
 
-        /// One state: with d = sqrt((a - b n / r)^2 + b^2 / r (q - n^2 / r)) the pole is -d and
-        /// K = (a + d) / b (the quadratic equation for P). Tolerance: a few roundings, amplified by
-        /// cancellation in a + d.
+        /// With one state and d = sqrt((a - b n / r)^2 + b^2 / r (q - n^2 / r)), the pole is -d and K = (a + d) / b
+        /// (from the quadratic equation for P). Tolerance: a few rounding errors, amplified by cancellation in a + d.
         #[test]
         fn one_state_matches_the_closed_form(
             a in -5.0..5.0f64, b in 0.1..5.0f64, root_q in 0.1..3.0f64, r in 0.1..5.0f64, share in -0.9..0.9f64,
@@ -888,8 +881,8 @@ mod tests {
             prop_assert!((regulator.gain[(0, 0)] * b - (a + d)).abs() < 1e-12 * (a.abs() + d));
         }
 
-        /// Double integrator: K = [sqrt(q1 / r), sqrt(q2 / r + 2 sqrt(q1 / r))] (Anderson and Moore;
-        /// by comparing coefficients), weights over 12 decades.
+        /// Double integrator with weights over 12 decades: K = [sqrt(q1 / r), sqrt(q2 / r + 2 sqrt(q1 / r))] (Anderson
+        /// and Moore; by comparing coefficients).
         #[test]
         fn double_integrator_matches_the_closed_form(
             position in -6.0..6.0f64, rate in -6.0..6.0f64, input in -6.0..6.0f64,

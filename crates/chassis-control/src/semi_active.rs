@@ -1,13 +1,13 @@
-//! Feasible part of the demanded force of a semi-active actuator: an adjustable damper can only dissipate.
+//! Feasible part of the force demanded from a semi-active actuator: an adjustable damper can only dissipate.
 
-/// The part of `force` that a damper can produce: it is opposed to the velocity and not greater than `limit`.
+/// The part of `force` that a damper can produce: it opposes the velocity and does not exceed `limit`.
 ///
 /// ```text
 /// v > 0: f = min(max(force, -limit), 0)      v < 0: f = max(min(force, limit), 0)      v = 0: f = 0
 /// ```
 ///
-/// `force`: wanted, N, positive lengthens the damper; `velocity`: rate of its length, m/s; `limit`: greatest force in N,
-/// e.g. the greatest damping times |v|; a negative one counts as 0. NaN gives NaN.
+/// `force`: demanded force, N; a positive force lengthens the damper. `velocity`: rate of the damper's length, m/s.
+/// `limit`: largest force, N, such as the largest damping times |v|; a negative limit is treated as 0. NaN gives NaN.
 ///
 /// ```
 /// use chassis_control::semi_active::dissipative;

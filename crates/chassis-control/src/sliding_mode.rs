@@ -1,7 +1,7 @@
-//! Sliding mode control of one error: integral surface, reaching law, boundary layer.
+//! Sliding mode control for one error: integral surface, reaching law, boundary layer.
 //!
-//! The error `e` is driven to zero in two stages. First a *reaching law* brings the sliding surface
-//! `S` to zero, then the surface itself makes `e` decay:
+//! The error `e` is driven to zero in two stages. First, a *reaching law* brings the sliding variable `S` to zero; then
+//! `e` decays on the surface `S = 0`:
 //!
 //! ```text
 //! S     = e + zeta I,        dI/dt = e                       integral_surface
@@ -12,9 +12,8 @@
 //! A controller demands `de/dt = reaching_law(..) - zeta e` and solves its model for the actuator
 //! that yields this rate.
 //!
-//! Reaching time with a pure sign function (`width` = 0): `ln(1 + K |S(0)| / eps) / K`. A
-//! disturbance `w` of `dS/dt` is overcome as long as `|w| < eps`; inside the boundary layer it
-//! leaves `|S| <= |w| / (K + eps / width)`.
+//! Reaching time with a sign function (`width` = 0): `ln(1 + K |S(0)| / eps) / K`. A disturbance `w` of `dS/dt` is
+//! rejected if `|w| < eps`; inside the boundary layer, an error `|S| <= |w| / (K + eps / width)` remains.
 //!
 //! NaN in any argument gives NaN.
 //!
@@ -25,7 +24,7 @@
 //! * J.-J. E. Slotine, W. Li, *Applied Nonlinear Control*, Prentice Hall, 1991,
 //!   ISBN 0-13-040890-5, chapter 7 (boundary layer, integral surface).
 
-/// Saturation that stands for the sign of `s` outside a boundary layer and is linear inside it.
+/// Saturation: the sign of `s` outside a boundary layer, linear inside it.
 ///
 /// ```text
 /// sat(s) = min(max(s / width, -1), 1)       width > 0
@@ -33,10 +32,10 @@
 /// ```
 ///
 /// * `s`: value of the sliding surface.
-/// * `width`: half the thickness of the boundary layer, in the unit of `s`. The sign function of
-///   `width` <= 0 chatters at the sample rate.
+/// * `width`: half the thickness of the boundary layer, in the unit of `s`. With `width` <= 0, the sign function
+///   chatters at the sample rate.
 ///
-/// Returns a number within -1..=1 without a unit.
+/// Returns a dimensionless number within -1..=1.
 ///
 /// ```
 /// use chassis_control::sliding_mode::saturation;
@@ -60,8 +59,7 @@ pub fn saturation(s: f64, width: f64) -> f64 {
 /// Integral sliding surface `S = e + zeta I`.
 ///
 /// * `error`: e, actual value minus reference.
-/// * `integral`: I, the integral of e over time (unit of e times s), kept by the caller, who also
-///   decides when it is frozen or reset.
+/// * `integral`: I, the integral of e over time (unit of e times s). The caller updates, holds or resets it.
 /// * `integral_gain`: zeta in 1/s, positive; on S = 0 the error decays as exp(-zeta t).
 ///
 /// Returns S in the unit of e.
@@ -69,13 +67,12 @@ pub fn integral_surface(error: f64, integral: f64, integral_gain: f64) -> f64 {
     error + integral_gain * integral
 }
 
-/// Rate `dS/dt = -K S - eps sat(S / width)` at which the surface is to be reached (constant plus
-/// proportional rate).
+/// Demanded rate `dS/dt = -K S - eps sat(S / width)` toward the surface (constant plus proportional rate).
 ///
 /// * `s`: S, value of the sliding surface.
-/// * `reaching_rate`: K in 1/s, not negative; exponential part.
-/// * `switching_gain`: eps in units of S per s, not negative; reaches S = 0 in finite time and must
-///   exceed the disturbances and model errors of dS/dt.
+/// * `reaching_rate`: K in 1/s, not negative, for exponential convergence.
+/// * `switching_gain`: eps in units of S per s, not negative. It brings S to 0 in finite time if it exceeds the
+///   disturbances and model errors of dS/dt.
 /// * `width`: boundary layer in the unit of S, see [`saturation`].
 ///
 /// Returns the demanded dS/dt in units of S per s; its sign is opposite to that of S.
@@ -100,7 +97,7 @@ mod tests {
         assert_eq!(saturation(-1e-300, -1.0), -1.0);
         assert_eq!(saturation(f64::INFINITY, 0.1), 1.0);
         assert_eq!(saturation(f64::NEG_INFINITY, 0.0), -1.0);
-        // The quotient overflows, the result does not.
+        // The quotient overflows, but the result does not.
         assert_eq!(saturation(1e300, 1e-300), 1.0);
         for (s, width) in [(f64::NAN, 0.1), (f64::NAN, 0.0), (0.1, f64::NAN), (0.0, f64::NAN)] {
             assert!(saturation(s, width).is_nan());
@@ -108,9 +105,8 @@ mod tests {
         }
     }
 
-    /// The surface is reached in finite time, ln(1 + K |S0| / eps) / K (integral of the reaching
-    /// law with a pure sign function; Gao and Hung 1993). Euler steps of 1e-5 s hit it to a few
-    /// steps.
+    /// The surface is reached in finite time, ln(1 + K |S0| / eps) / K (integral of the reaching law with a sign
+    /// function; Gao and Hung 1993). Tolerance: a few Euler steps of 1e-5 s.
     #[test]
     fn surface_is_reached_at_the_predicted_time() {
         let (rate, gain, start, dt) = (4.0, 0.05, 0.3, 1e-5);
@@ -124,8 +120,8 @@ mod tests {
         assert!((time - expected).abs() < 10.0 * dt);
     }
 
-    /// With S(0) = 0 the error stays on the surface and decays as exp(-zeta t). Tolerance: Euler
-    /// steps of 1e-5 s, error of first order.
+    /// With S(0) = 0, the error stays on the surface and decays as exp(-zeta t). Tolerance: first-order error of Euler
+    /// steps of 1e-5 s.
     #[test]
     fn error_decays_on_the_surface() {
         let (zeta, dt, steps) = (1.5, 1e-5, 100_000);

@@ -1,9 +1,9 @@
 //! Switching between two laws with hysteresis.
 
-/// Returns true if a law is on: it switches on when `x` exceeds `threshold` and off when `x` has fallen to
-/// `threshold - width` or below.
+/// Returns true if a law is on. It switches on when `x` exceeds `threshold`, and off when `x` has fallen to `threshold
+/// - width`.
 ///
-/// * `was_on`: the result for the sample before.
+/// * `was_on`: the result for the previous sample.
 /// * `width`: hysteresis in the unit of `x`, not negative; 0 switches back at once.
 ///
 /// A NaN switches the law off.
@@ -40,7 +40,7 @@ mod tests {
     }
 
     proptest! {
-        /// Outside the band the result depends on `x` only, inside it on `was_on` only.
+        /// Outside the band, the result depends only on `x`; inside, only on `was_on`.
         #[test]
         fn only_the_band_remembers(x in -2.0..2.0f64, threshold in -1.0..1.0f64, width in 0.0..1.0f64, was_on: bool) {
             let is_on = hysteresis(was_on, x, threshold, width);

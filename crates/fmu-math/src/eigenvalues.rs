@@ -1,11 +1,11 @@
-//! Eigenvalues of a matrix, by the QR iteration of nalgebra.
+//! Eigenvalues of a matrix by nalgebra's QR iteration.
 
 use nalgebra::{Complex, DMatrix, Schur};
 
-/// Eigenvalues of a square matrix, sorted by falling real part, then by falling imaginary part; None
-/// if the QR iteration does not converge or an element is not finite.
+/// Eigenvalues of a square matrix, sorted by descending real part, then by descending imaginary part; None if the QR
+/// iteration does not converge or an element is not finite.
 ///
-/// nalgebra's own `complex_eigenvalues` has no limit of iterations and may never return.
+/// nalgebra's `complex_eigenvalues` has no iteration limit and may never return.
 ///
 /// # Panics
 ///
@@ -18,9 +18,8 @@ pub fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let schur = |m| Schur::try_new(m, f64::EPSILON, 100 * n).map(|schur| schur.unpack().1);
     let direct = schur(m.clone()).map(|t| quasi_diagonal(&t));
     let mut values = direct.or_else(|| {
-        // nalgebra's iteration has no exceptional shifts and sometimes stalls, above all with eigenvalues in pairs +-x,
-        // such as those of a Hamiltonian matrix. The inverse of M - s I has the eigenvalues 1 / (x - s), for which it
-        // converges.
+        // nalgebra's iteration has no exceptional shifts and sometimes stalls, especially if eigenvalues come in pairs
+        // +-x, as in a Hamiltonian matrix. It converges for the inverse of M - s I, whose eigenvalues are 1 / (x - s).
         [1.5, -2.5].into_iter().find_map(|factor| {
             let s = factor * m.norm();
             let inverse = (m - DMatrix::identity(n, n) * s).try_inverse()?;
@@ -32,7 +31,7 @@ pub fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(values)
 }
 
-/// Eigenvalues of an upper triangular matrix with blocks of up to 2 x 2 on the diagonal.
+/// Eigenvalues of a block upper triangular matrix with blocks of up to 2 x 2 on the diagonal.
 fn quasi_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
     let n = t.nrows();
     let mut values = Vec::with_capacity(n);
@@ -42,7 +41,7 @@ fn quasi_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
             values.push(Complex::new(t[(i, i)], 0.0));
             continue;
         }
-        // A block of 2 x 2: mean +- sqrt(discriminant).
+        // A 2 x 2 block: mean +- sqrt(discriminant).
         let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
         let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
         let square: f64 = half * half + t[(i, i + 1)] * t[(i + 1, i)];
@@ -58,9 +57,8 @@ mod tests {
     use super::*;
     use crate::{hypot, sin_cos};
 
-    /// A cyclic permutation has the n-th roots of 1 as eigenvalues and stops the iteration of
-    /// nalgebra (its issues 611 and 1528). Tolerance: rounding of a matrix of norm sqrt(12), twice
-    /// for the way over the inverse.
+    /// A cyclic permutation has the n-th roots of 1 as eigenvalues, and nalgebra's iteration does not converge for it
+    /// (its issues 611 and 1528). Tolerance: rounding for a matrix of norm sqrt(12), twice because of the inverse.
     #[test]
     fn eigenvalues_of_a_cyclic_matrix() {
         let n = 12;

@@ -8,11 +8,11 @@ use std::fmt;
 pub enum FuzzyError {
     /// A fuzzy set has invalid parameters.
     Membership {
-        /// Number of the label, from 0.
+        /// Index of the label.
         index: usize,
         /// The set.
         set: Membership,
-        /// Rule that the set breaks.
+        /// The requirement that the set violates.
         requirement: &'static str,
     },
     /// A rule table or label map names a label that does not exist.
@@ -26,7 +26,7 @@ pub enum FuzzyError {
         /// Number of labels.
         labels: usize,
     },
-    /// The grid of the output is empty or not finite.
+    /// The output grid is empty or not finite.
     Grid {
         /// First point.
         low: f64,
@@ -37,7 +37,7 @@ pub enum FuzzyError {
     },
     /// An output label has grade 0 at every grid point.
     NoSupport {
-        /// Number of the label, from 0.
+        /// Index of the label.
         label: usize,
     },
 }

@@ -1,9 +1,9 @@
 //! Fuzzy sets.
 
-/// A fuzzy set on the real line: the grade (0..=1) to which a number belongs to a label.
+/// A fuzzy set of real numbers: the grade (0..=1) to which a number belongs to a label.
 ///
-/// The parameters have the unit of the number. [`Partition::new`](super::Partition::new) and [`Output::new`](super::Output::new) check them;
-/// [`Membership::grade`] alone does not.
+/// The parameters have the unit of the number. [`Partition::new`](super::Partition::new) and
+/// [`Output::new`](super::Output::new) check them; [`Membership::grade`] does not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Membership {
     /// `exp(-(x - center)^2 / (2 width^2))`.
@@ -13,8 +13,8 @@ pub enum Membership {
         /// Standard deviation; positive and finite.
         width: f64,
     },
-    /// 0 at the feet, 1 at the peak, linear in between. An infinite foot makes a shoulder: the
-    /// grade is 1 from the peak on to that side. A foot at the peak makes a vertical edge.
+    /// 0 at the feet, 1 at the peak, linear in between. With an infinite foot, the grade is 1 from the peak on in that
+    /// direction (a shoulder). A foot at the peak gives a vertical edge.
     Triangle {
         /// Left foot, at most `peak`; minus infinity for a left shoulder.
         left: f64,
@@ -23,14 +23,14 @@ pub enum Membership {
         /// Right foot, at least `peak`, greater than `left`; plus infinity for a right shoulder.
         right: f64,
     },
-    /// 1 between the shoulders, 0 outside the feet, linear in between. An infinite foot makes the
-    /// grade 1 from its shoulder on to that side.
+    /// 1 between the shoulders, 0 outside the feet, linear in between. With an infinite foot, the grade is 1 from its
+    /// shoulder on in that direction.
     Trapezoid {
         /// Left foot, at most `left_shoulder`.
         left_foot: f64,
-        /// Left end of grade 1, at most `right_shoulder`; below plus infinity.
+        /// Left end of grade 1, at most `right_shoulder`; not plus infinity.
         left_shoulder: f64,
-        /// Right end of grade 1; above minus infinity.
+        /// Right end of grade 1; not minus infinity.
         right_shoulder: f64,
         /// Right foot, at least `right_shoulder`, greater than `left_foot`.
         right_foot: f64,
@@ -71,9 +71,8 @@ impl Membership {
         grid(first, last).map(|center| Self::Gaussian { center, width })
     }
 
-    /// `N` triangles with evenly spaced peaks from `first` to `last`, each reaching to the peaks of
-    /// its neighbors, so that they cross at grade 1/2; the outer two reach beyond `first` and
-    /// `last` by the same distance.
+    /// `N` triangles with evenly spaced peaks from `first` to `last`. Each reaches to the peaks of its neighbors, so
+    /// neighbors cross at grade 1/2; the outer two extend beyond `first` and `last` by the same distance.
     ///
     /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`](super::Partition::new) rejects the sets.
     pub fn evenly_spaced_triangles<const N: usize>(first: f64, last: f64) -> [Self; N] {
@@ -81,7 +80,7 @@ impl Membership {
         grid(first, last).map(|peak| Self::Triangle { left: peak - spacing, peak, right: peak + spacing })
     }
 
-    /// The rule this set breaks, if any.
+    /// The requirement that this set violates, if any.
     pub(super) fn broken_rule(&self) -> Option<&'static str> {
         // Written so that NaN fails every comparison.
         match *self {
@@ -113,7 +112,7 @@ impl Membership {
                         "left_foot <= left_shoulder <= right_shoulder <= right_foot and left_foot < right_foot must hold",
                     )
                 } else if !(left_shoulder < f64::INFINITY && right_shoulder > f64::NEG_INFINITY) {
-                    Some("left_shoulder must be below and right_shoulder above infinity")
+                    Some("left_shoulder must not be plus infinity and right_shoulder must not be minus infinity")
                 } else {
                     None
                 }
@@ -145,18 +144,18 @@ fn edge(x: f64, foot: f64, shoulder: f64) -> f64 {
     }
 }
 
-/// Distance of `n` even points from `first` to `last`.
+/// Distance between `n` evenly spaced points from `first` to `last`.
 fn spacing(n: usize, first: f64, last: f64) -> f64 {
     (last - first) / (n as f64 - 1.0)
 }
 
-/// Point `i` of `n` even points from `first` to `last`; exactly symmetric if `first == -last`.
+/// Point `i` of `n` evenly spaced points from `first` to `last`; exactly symmetric if `first == -last`.
 pub(super) fn point(i: usize, n: usize, first: f64, last: f64) -> f64 {
     let end = n as f64 - 1.0;
     (first * (end - i as f64) + last * i as f64) / end
 }
 
-/// `N` even points from `first` to `last`.
+/// `N` evenly spaced points from `first` to `last`.
 fn grid<const N: usize>(first: f64, last: f64) -> [f64; N] {
     std::array::from_fn(|i| point(i, N, first, last))
 }

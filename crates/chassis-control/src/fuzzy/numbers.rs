@@ -14,6 +14,6 @@ pub(super) fn greatest(a: f64, b: f64) -> f64 {
 
 #[inline]
 pub(super) fn contains_nan<const N: usize>(values: &[f64; N]) -> bool {
-    // All of them, without a branch for each.
+    // Checks all values, without a branch for each.
     values.iter().fold(false, |any, x| any | x.is_nan())
 }

@@ -1,4 +1,4 @@
-//! The output: from the activation of labels to a number.
+//! The output of a system: from the activation of labels to a number.
 
 use super::error::FuzzyError;
 use super::membership::{Membership, point};
@@ -11,26 +11,26 @@ const LANES: usize = 4;
 /// Numbers at neighboring grid points; zeros beyond the end of the grid.
 type Block = [f64; LANES];
 
-/// The output of the inference: its labels as fuzzy sets, tabulated on a grid of even points.
+/// The output of the inference: its labels as fuzzy sets, tabulated on an evenly spaced grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output<const LABELS: usize> {
-    /// Cover the grid in order.
+    /// Consecutive parts of the grid.
     stretches: Vec<Stretch>,
 }
 
-/// Neighboring grid points that have the same two main labels, those with the greatest grades.
+/// Neighboring grid points with the same two main labels: the labels with the largest grades.
 ///
-/// Another label counts only where it can exceed these, which is rare if one of them is active.
+/// Other labels are evaluated only if they can exceed the main labels, which is rare if a main label is active.
 #[derive(Clone, Debug, PartialEq)]
 struct Stretch {
     main: [usize; 2],
-    /// Smallest grade of the main labels.
+    /// Smallest grade of each main label.
     least: [f64; 2],
-    /// Greatest grade of the other labels.
+    /// Largest grade of the other labels.
     greatest: f64,
     /// Points, and the grades of the main labels.
     blocks: Vec<[Block; 3]>,
-    /// The other labels that have a grade.
+    /// The other labels with a grade above 0.
     others: Vec<Other>,
 }
 
@@ -38,13 +38,13 @@ struct Stretch {
 #[derive(Clone, Debug, PartialEq)]
 struct Other {
     label: usize,
-    /// Greatest grade in the stretch.
+    /// Largest grade in the stretch.
     greatest: f64,
     /// Grades in the stretch.
     grades: Vec<Block>,
 }
 
-/// Sums over grid points, one per lane, so that additions do not wait for each other.
+/// Sums over grid points, one per lane, so that additions do not depend on each other.
 #[derive(Default)]
 struct Sums {
     moment: Block,
@@ -101,7 +101,7 @@ impl Stretch {
     #[inline]
     fn add_to<const LABELS: usize>(&self, sums: &mut Sums, activation: &[f64; LABELS]) {
         let [a, b] = self.main.map(|label| activation[label]);
-        // The main labels alone reach this at every point.
+        // The main labels alone reach this grade at every point.
         let floor = greatest(least(a, self.least[0]), least(b, self.least[1]));
         if self.greatest <= floor {
             for [points, of_a, of_b] in &self.blocks {
@@ -112,7 +112,7 @@ impl Stretch {
         }
     }
 
-    /// The same if labels other than the main ones can exceed `floor`.
+    /// As `add_to`, if labels other than the main ones can exceed `floor`.
     #[inline(never)]
     fn add_all_to<const LABELS: usize>(&self, sums: &mut Sums, activation: &[f64; LABELS], floor: f64) {
         let [a, b] = self.main.map(|label| activation[label]);
@@ -134,25 +134,24 @@ impl Stretch {
 }
 
 impl<const LABELS: usize> Output<LABELS> {
-    /// Tabulates the sets of the labels on `points` even points from `low` to `high` (in the unit of
-    /// the output, both ends included). Parts of a set outside the grid are cut off.
+    /// Tabulates the sets of the labels at `points` evenly spaced points from `low` to `high` (in the unit of the
+    /// output, both ends included). Parts of a set outside the grid are cut off.
     ///
     /// # Errors
     ///
     /// * [`FuzzyError::Membership`] if a set breaks the rules stated at its fields;
     /// * [`FuzzyError::Grid`] unless `low < high`, both are finite and `points` is at least 2;
-    /// * [`FuzzyError::NoSupport`] if a label has grade 0 at every point, so that it could never
-    ///   have an effect.
+    /// * [`FuzzyError::NoSupport`] if a label has grade 0 at every point and could never have an effect.
     pub fn new(sets: [Membership; LABELS], low: f64, high: f64, points: usize) -> Result<Self, FuzzyError> {
         Ok(Self { stretches: tabulate(&sets, low, high, points)? })
     }
 
-    /// Crisp output: the centroid of the united sets, each clipped at the activation of its label,
-    /// in the unit of the output. It lies within the grid to rounding.
+    /// Crisp output: the centroid of the united sets, each clipped at the activation of its label, in the unit of the
+    /// output. Up to rounding, it is within the grid.
     ///
     /// NaN if an activation is NaN or if no label is active (see the [module](super)).
     ///
-    /// * `activation`: w_l of every label, 0..=1.
+    /// * `activation`: activation of every label, 0..=1.
     pub fn centroid(&self, activation: &[f64; LABELS]) -> f64 {
         if contains_nan(activation) {
             return f64::NAN;
@@ -191,7 +190,7 @@ fn tabulate(sets: &[Membership], low: f64, high: f64, points: usize) -> Result<V
     Ok(stretches)
 }
 
-/// The two labels with the greatest grades at `points`, in order of their numbers; twice the same if there is only one.
+/// The two labels with the largest grades at `points`, in ascending order; twice the same if there is only one.
 fn main_labels(sets: &[Membership], points: &[f64]) -> [usize; 2] {
     let sum = |label: usize| points.iter().map(|&y| sets[label].grade(y)).sum::<f64>();
     let (mut first, mut second) = (0, 0);

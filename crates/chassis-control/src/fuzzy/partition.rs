@@ -11,7 +11,7 @@ pub struct Partition<const N: usize> {
     gaussians: Option<Gaussians>,
 }
 
-/// Greatest number of Gaussian sets whose grades are evaluated together.
+/// Largest number of Gaussian sets whose grades are evaluated together.
 const GAUSSIANS: usize = 8;
 
 /// Up to `GAUSSIANS` Gaussian sets. The last one is repeated to fill the arrays.
@@ -60,7 +60,7 @@ impl<const N: usize> Partition<N> {
     /// and is not clipped here.
     pub fn grades(&self, x: f64) -> [f64; N] {
         match &self.gaussians {
-            // The same bits as one by one.
+            // Bit-identical to evaluating the sets one by one.
             Some(gaussians) if N <= 6 => first(gaussians.grades::<6>(x)),
             Some(gaussians) => first(gaussians.grades::<GAUSSIANS>(x)),
             None => self.sets.map(|set| set.grade(x)),

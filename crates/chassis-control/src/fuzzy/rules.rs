@@ -3,7 +3,7 @@
 use super::error::FuzzyError;
 use super::numbers::{contains_nan, greatest, least};
 
-/// Combination of the grades of the two inputs of a rule to its strength ("and").
+/// Combines the grades of the two inputs of a rule into its strength ("and").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conjunction {
     /// The smaller grade.
@@ -16,9 +16,9 @@ pub enum Conjunction {
 /// then the output is label `table[i][j]`".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RuleTable<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> {
-    /// Numbers of the rules (rows one after the other), sorted by label.
+    /// Indices of the rules in the flattened table, sorted by label.
     rules: [[usize; COLUMNS]; ROWS],
-    /// End index in `rules` of the rules of each label.
+    /// Where the rules of each label end in `rules`.
     ends: [usize; LABELS],
     conjunction: Conjunction,
 }
@@ -46,7 +46,7 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
     /// Activation (0..=1) of every output label: the largest strength among the rules that
     /// conclude it, 0 if there is none. All NaN if a grade is NaN.
     ///
-    /// * `rows`, `columns`: grades of the first and the second input in their labels.
+    /// * `rows`, `columns`: grades of the labels of the first and the second input.
     #[inline(never)] // one copy in an FMU
     pub fn activation(&self, rows: &[f64; ROWS], columns: &[f64; COLUMNS]) -> [f64; LABELS] {
         // f64::min and f64::max would drop a NaN.
@@ -66,8 +66,8 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
     }
 }
 
-/// Fills `rules` with the numbers of the rules, sorted by their labels, and `ends` with the ends of the labels.
-#[inline(never)] // not unrolled for the size of a table
+/// Fills `rules` with the indices of the rules, sorted by label, and `ends` with the end of each label in `rules`.
+#[inline(never)] // otherwise unrolled for each table size
 const fn sort_by_label(labels: &[usize], rules: &mut [usize], ends: &mut [usize]) {
     let (mut label, mut count) = (0, 0);
     while label < ends.len() {
@@ -84,9 +84,8 @@ const fn sort_by_label(labels: &[usize], rules: &mut [usize], ends: &mut [usize]
     }
 }
 
-/// A map from `FROM` labels to `TO` labels. It gives the rules of a [`RuleTable`] another
-/// consequent, or is itself the rule list of a system with one input ("if the input is label i,
-/// then the output is label `map[i]`").
+/// A map from `FROM` labels to `TO` labels. It replaces the output labels of a [`RuleTable`], or contains the rules of
+/// a system with one input ("if the input is label i, then the output is label `map[i]`").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LabelMap<const FROM: usize, const TO: usize> {
     map: [usize; FROM],

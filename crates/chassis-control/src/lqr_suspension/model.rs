@@ -1,5 +1,5 @@
-//! The design model: M Xd = N X + R U + Q W with the laws W = S X of springs, dampers and tires (Appendix A of the
-//! paper, rederived from the equations of motion).
+//! The design model, M Xd = N X + R U + Q W, where W = S X are the forces of springs, dampers and tires (Appendix A of
+//! the paper, rederived from the equations of motion).
 //!
 //! X = [Z, theta, phi, z_w (6), their rates (9), beta, r]; W = [F_s (6), F_t (6), F_y (6)].
 
@@ -18,15 +18,15 @@ const Z: usize = 0;
 const THETA: usize = 1;
 const PHI: usize = 2;
 const Z_W: usize = 3;
-/// Offset from a position to its rate.
+/// Index offset from a position to its rate.
 const RATE: usize = 9;
 const BETA: usize = 18;
 const R: usize = 19;
 
-/// A and B of Xd = A X + B U; with sideslip and yaw rate if a `speed` in m/s is given.
+/// A and B in Xd = A X + B U; with sideslip and yaw rate if a `speed` in m/s is given.
 ///
 /// # Errors
-/// The mass matrix is not positive definite; the message names the parameter and the rule it breaks.
+/// The mass matrix is not positive definite; the message names the parameter and its required range.
 pub fn state_space(p: &VehicleParameters, speed: Option<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), String> {
     let size = if speed.is_some() { LATERAL_STATES } else { STATES };
     let unsprung = 6.0 * p.m_w;
@@ -35,8 +35,7 @@ pub fn state_space(p: &VehicleParameters, speed: Option<f64>) -> Result<(DMatrix
     }
     let m_s = p.m - unsprung;
     let least = (m_s * p.h_s).powi(2) / p.m + p.i_xz.powi(2) / p.i_z;
-    // Also checked without lateral motion in the model: these are the data of the vehicle, and the plant has the same
-    // check.
+    // Also checked without lateral motion in the model, because the plant has the same check.
     if p.i_x <= least {
         return Err(format!(
             "'body.roll_axis_inertia' must be more than {least:.0} kg.m2, got {} kg.m2: mass, \
@@ -68,7 +67,7 @@ pub fn state_space(p: &VehicleParameters, speed: Option<f64>) -> Result<(DMatrix
     n[(PHI + RATE, R)] = m_s * p.h_s * u;
     n[(BETA, R)] = -p.m * u;
 
-    // Columns of R: the actuator pushes the body up and the wheel down.
+    // The actuator pushes the body up and the wheel down.
     let mut r = DMatrix::zeros(LATERAL_STATES, 6);
     // Columns of Q: F_s, F_t, F_y.
     let mut q = DMatrix::zeros(LATERAL_STATES, 18);
@@ -107,7 +106,7 @@ pub fn state_space(p: &VehicleParameters, speed: Option<f64>) -> Result<(DMatrix
     Ok((solve(forces.columns(0, size).into_owned())?, solve(r)?))
 }
 
-/// D and E of Y = D X + E U and the weight of each row, for the quantities of a cost.
+/// D and E in Y = D X + E U, and the weight of each row, for the weighted quantities.
 pub fn output_rows(
     p: &VehicleParameters,
     a: &DMatrix<f64>,
@@ -116,7 +115,7 @@ pub fn output_rows(
 ) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {
     let states = a.nrows();
     let (x, y) = p.positions();
-    // Every row as coefficients of X and of U.
+    // Each row: coefficients of X, coefficients of U, weight.
     let mut rows: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
     for &Accepted { quantity, value } in outputs {
         let weight = 1.0 / (value * value);

@@ -1,7 +1,7 @@
-//! Check numbers and closed forms of the design model and of loops that need both laws.
+//! Check numbers and closed forms for the design model, and for closed loops with one or both laws.
 //!
 //! "Check numbers" were computed by an independent implementation and are compared to their last printed digit. The
-//! gain matrices themselves are compared in the two controllers, with their own start values.
+//! tests of the two controllers compare the gain matrices.
 
 use crate::riccati::eigenvalues;
 use approx::assert_abs_diff_eq;
@@ -15,7 +15,7 @@ fn accepted<const N: usize>(outputs: [(Weighted, f64); N]) -> [Accepted; N] {
     outputs.map(|(quantity, value)| Accepted { quantity, value })
 }
 
-/// The cost of `IntegratedLqrSuspension` as it starts.
+/// The cost of `IntegratedLqrSuspension` with its start values.
 fn integrated() -> [Accepted; 5] {
     accepted([
         (Weighted::HeaveAcceleration, 1.0),
@@ -26,7 +26,7 @@ fn integrated() -> [Accepted; 5] {
     ])
 }
 
-/// The cost of `RollLqrSuspension` as it starts.
+/// The cost of `RollLqrSuspension` with its start values.
 fn roll() -> [Accepted; 4] {
     accepted([
         (Weighted::Roll, 1_f64.to_radians()),
@@ -45,7 +45,7 @@ fn gain(outputs: &[Accepted]) -> DMatrix<f64> {
     regulator(&VehicleParameters::default(), outputs, FORCE).unwrap().gain
 }
 
-/// Largest real part of the poles with K1 of the integrated and K2 of the roll law.
+/// Largest real part of the poles, with the share `k1` of the integrated and `k2` of the roll law.
 fn slowest(k1: f64, k2: f64) -> f64 {
     let (a, b) = model();
     let closed = a - b * (k1 * gain(&integrated()) + k2 * gain(&roll()));
@@ -59,9 +59,9 @@ fn series(p: &VehicleParameters) -> f64 {
 
 #[test]
 fn frequencies_with_massless_wheels_are_the_closed_forms() {
-    // Wheels without mass are where their forces balance, which leaves A_bb - A_bw A_ww^-1 A_wb of the accelerations
-    // per position. Closed forms of one degree of freedom: omega^2 = k/m with struts and tires in series, less the
-    // moment of the weight (body: the wheels' forces on it). 1e-12: the condensation.
+    // Massless wheels are always in equilibrium, which reduces the acceleration per position to A_bb - A_bw A_ww^-1
+    // A_wb. Closed forms for one degree of freedom: omega^2 = k/m with struts and tires in series, minus the moment of
+    // the weight. Tolerance: rounding in this reduction.
     let p = VehicleParameters::default();
     let (a, _) = model();
     let body = a.view((9, 0), (3, 3)) - {
@@ -78,12 +78,12 @@ fn frequencies_with_massless_wheels_are_the_closed_forms() {
     for (i, printed) in [0.96859, 0.79844, 0.83028].into_iter().enumerate() {
         assert_abs_diff_eq!(-body[(i, i)] / closed[i], 1.0, epsilon = 1e-12);
         assert_abs_diff_eq!(hertz(closed[i]), printed, epsilon = 1e-5); // check numbers
-        // The center of mass is the mean of the axle positions: no coupling.
+        // No coupling, because the center of mass is at the mean of the axle positions.
         for j in (0..3).filter(|&j| j != i) {
             assert_abs_diff_eq!(body[(i, j)], 0.0, epsilon = 1e-12 * closed[i]);
         }
     }
-    // Wheel hop between strut and tire, the body at rest.
+    // Wheel hop between strut and tire, with the body at rest.
     assert_abs_diff_eq!(-a[(12, 3)], (p.k_s + p.k_t) / p.m_w, epsilon = 1e-9);
     assert_abs_diff_eq!(hertz(-a[(12, 3)]), 7.2644, epsilon = 1e-4); // check number
 }
@@ -111,8 +111,8 @@ fn poles_of_the_design_model_are_the_check_numbers() {
 
 #[test]
 fn static_roll_per_lateral_acceleration() {
-    // Equilibrium of the body under m_s h_s a_y about the roll axis: 0 = (A - B K) X + b a_y. The passive one is the
-    // closed form m_s h_s/(K_phi - m_s g h_s), K_phi = 6 (B/2)^2 k_s k_t/(k_s + k_t).
+    // Equilibrium of the body under the moment m_s h_s a_y about the roll axis: 0 = (A - B K) X + b a_y. Closed form
+    // without control: m_s h_s/(K_phi - m_s g h_s), K_phi = 6 (B/2)^2 k_s k_t/(k_s + k_t).
     let p = VehicleParameters::default();
     let (a, b) = model();
     let m_s = p.m - 6.0 * p.m_w;
@@ -123,7 +123,7 @@ fn static_roll_per_lateral_acceleration() {
     let passive = roll_angle(DMatrix::zeros(6, STATES));
     let k_phi = series(&p) * p.positions().1.iter().map(|y| y * y).sum::<f64>();
     let closed = m_s * p.h_s / (k_phi - m_s * p.g * p.h_s);
-    assert_abs_diff_eq!(passive / closed, 1.0, epsilon = 1e-12); // the linear solution
+    assert_abs_diff_eq!(passive / closed, 1.0, epsilon = 1e-12); // tolerance: the linear solver
     assert_abs_diff_eq!(passive, 0.01984193, epsilon = 1e-8); // check number
     assert_abs_diff_eq!(roll_angle(gain(&integrated())), 0.019399, epsilon = 1e-6); // check number
     assert_abs_diff_eq!(roll_angle(gain(&roll())), 0.016622, epsilon = 1e-6); // check number
@@ -147,7 +147,7 @@ fn both_laws_fully_on_are_unstable() {
 
 #[test]
 fn lateral_states_leave_the_vertical_model_as_it_is() {
-    // Sideslip and yaw rate reach the vertical motion through roll only.
+    // Sideslip and yaw rate affect the vertical motion only through roll.
     let p = VehicleParameters::default();
     let (a, b) = model();
     let (a20, b20) = state_space(&p, Some(data::SPEED)).unwrap();
@@ -164,14 +164,14 @@ fn lateral_states_leave_the_vertical_model_as_it_is() {
 
 #[test]
 fn lateral_states_are_fed_back_on_demand() {
-    // "About -1.9e5 N/rad" on sideslip for the integrated law, and a loop that is stable by itself (check numbers).
+    // About -1.9e5 N/rad for sideslip in the integrated law, and a stable closed loop (check numbers).
     let p = VehicleParameters { lateral_states: true, ..VehicleParameters::default() };
     let with = regulator(&p, &integrated(), FORCE).unwrap();
     assert_eq!(with.gain.shape(), (6, LATERAL_STATES));
     assert!(with.poles.iter().all(|pole| pole.re < 0.0));
     let gains = Gains::derived(&p, &integrated(), FORCE).unwrap();
     for (i, beta) in gains.beta.iter().enumerate() {
-        // The right side pushes up where the left one pulls down.
+        // The right side pushes up when the left side pulls down.
         assert_abs_diff_eq!(*beta * left_is_positive(i), -1.9e5, epsilon = 0.05e5);
     }
     let without = Gains::derived(&VehicleParameters::default(), &integrated(), FORCE).unwrap();
@@ -200,7 +200,7 @@ fn designs_without_solution_say_what_was_expected() {
             assert!(message.contains("'body.product_of_inertia' need it"), "{message}");
         }
     }
-    // An oversteering vehicle above its critical speed, whose lateral motion no suspension force reaches.
+    // An oversteering vehicle above its critical speed. No suspension force affects its lateral motion.
     let unstable = VehicleParameters {
         lateral_states: true,
         h_s: 0.0,
@@ -212,8 +212,7 @@ fn designs_without_solution_say_what_was_expected() {
     assert_eq!(
         rejected(unstable, &integrated(), FORCE),
         "no suspension gains for these vehicle data and these values of 'accepted': Riccati design: no convergence; \
-         (A, B) is not stabilizable, the Hamiltonian matrix has eigenvalues on the imaginary axis, or an unstable mode \
-         is not seen by the cost"
+         (A, B) is not stabilizable, the Hamiltonian matrix has eigenvalues on the imaginary axis, or the cost ignores an unstable mode"
     );
 }
 
@@ -243,8 +242,8 @@ fn accepted_values_whose_weight_is_no_number_are_rejected() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
-    /// Mirroring the state mirrors the forces. The gains are symmetric to about 1e-12 of the largest: the Riccati
-    /// solution is iterated, its rounding is not symmetric.
+    /// Mirroring the state mirrors the forces. The gains are symmetric only to about 1e-12 of the largest, because the
+    /// iteration of the Riccati solution rounds asymmetrically.
     #[test]
     fn the_forces_are_symmetric(values in prop::collection::vec(-1.0..1.0_f64, 20), lateral_states: bool) {
         let p = VehicleParameters { lateral_states, ..VehicleParameters::default() };
