@@ -1,4 +1,4 @@
-//! Runs an assessment: all maneuvers of both systems, each in its own thread, which waits for its runs.
+//! Runs an assessment: all maneuvers of both systems, each in a thread that waits for its runs.
 
 use crate::Trace;
 use crate::bench::{Bench, Described, Execute, drive};
@@ -31,21 +31,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Options of an assessment.
 #[derive(Debug)]
 pub struct Options {
-    /// Groups of maneuvers; none means all.
+    /// Groups of maneuvers; empty for all.
     pub suites: Vec<Suite>,
-    /// Speed of handling maneuvers and ride instead of the usual one, m/s.
+    /// Speed for handling maneuvers and ride instead of the usual speed, m/s.
     pub speed: Option<f64>,
     /// Ends the series of sine with dwell after the first unstable runs.
     pub is_quick: bool,
-    /// Gives the driver model each system's understeer gradient, instead of only that of the system without controllers.
+    /// Gives the driver model the understeer gradient of each system. Otherwise, both systems get the gradient of the
+    /// system without controllers.
     pub adapts: bool,
-    /// Limits of the caller: name of a metric and limit, a minimum or maximum by the metric's direction.
+    /// Limits set by the caller: name of a metric, and a minimum or maximum, depending on the metric's direction.
     pub required: Vec<(String, f64)>,
     /// Number of processes.
     pub jobs: NonZeroUsize,
 }
 
-/// Progress of an assessment: finished maneuvers, all maneuvers, and finished runs.
+/// Callback for progress: number of finished maneuvers, of all maneuvers, and of finished runs.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, usize) + Sync);
 
 /// Signals of runs for figures: system, run, trace.
@@ -54,7 +55,7 @@ pub type Shown = Vec<(&'static str, String, Trace<'static>)>;
 /// Assesses a plant.
 ///
 /// # Errors
-/// An FMU is missing or cannot be driven, or a value or a requirement does not fit. A failure in a run is not an error.
+/// An FMU is missing or cannot be driven, or a value or requirement is invalid. A failed run is not an error.
 pub fn assess(
     subject: &Subject,
     source: &dyn Descriptions,
@@ -86,7 +87,7 @@ pub fn assess(
             let mass = place.bench(0, &vehicle, &[]).weighed();
             vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, mass);
         }
-        // Braking and ride need its results only for a vehicle whose understeer gradient is unknown.
+        // Braking and ride need the results of the slowly increasing steer only if the understeer gradient is unknown.
         let is_known = vehicle.understeer_gradient.is_some() && steering.is_none();
         let steered = if is_known { 0 } else { systems.systems.len() };
         let increasing = in_threads((0..steered).collect(), |index| {
@@ -100,8 +101,8 @@ pub fn assess(
             let source = "slowly increasing steer".to_owned();
             vehicle.understeer_gradient = measured.map(|value| Datum { value, source });
         }
-        // Both systems have the same amplitude, so that the difference comes from the controllers. They also have the same understeer
-        // gradient of the driver, unless it adapts.
+        // Both systems are steered with the same amplitude, so any difference comes from the controllers. The driver
+        // also has the same understeer gradient, unless it adapts.
         let known: Vec<Increasing> = increasing.iter().map(|(_, known)| *known).collect();
         let tasks: Vec<(usize, &Maneuver)> = (0..systems.systems.len())
             .flat_map(|index| chosen.iter().map(move |maneuver| (index, *maneuver)))
@@ -111,7 +112,8 @@ pub fn assess(
             add(&finished);
             result
         });
-        // Metrics at different entry speeds are not comparable: the faster system is also driven at the speed of the other one.
+        // Metrics at different entry speeds are not comparable, so the faster system is also driven at the entry speed
+        // of the slower one.
         for part in Part::ALL {
             let of = |system: usize| {
                 let name = systems.systems.get(system)?.name;
@@ -146,7 +148,7 @@ impl Options {
         self.suites.is_empty() || self.suites.contains(&suite)
     }
 
-    /// The suite that reports the numbers of the slowly increasing steer: the first that takes its amplitude from them.
+    /// The suite that reports the slowly increasing steer: the first selected suite that needs its amplitude.
     fn steering(&self) -> Option<Suite> {
         [Suite::Handling, Suite::Stability, Suite::Rollover].into_iter().find(|suite| self.wants(*suite))
     }
@@ -162,7 +164,7 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// `known` are the results of the slowly increasing steer of all systems, once they are there.
+    /// `known` are the results of the slowly increasing steer for all systems, if available.
     fn bench(&self, index: usize, vehicle: &'a Vehicle, known: &[Increasing]) -> Bench<'a> {
         let given = vehicle.understeer_gradient.as_ref().map(|datum| datum.value);
         let own = known.get(index).filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
@@ -183,7 +185,7 @@ impl<'a> Place<'a> {
 }
 
 impl Bench<'_> {
-    /// Mass from the tire loads of the first row, kg.
+    /// Mass from the tire loads in the first row, kg.
     fn weighed(&self) -> Option<f64> {
         let spec = RunSpec::new("weighing", Driving::OpenLoop, self.speed(), STEP);
         let run = drive(self, vec![spec]).pop()?;
@@ -193,7 +195,7 @@ impl Bench<'_> {
     }
 }
 
-/// Calls `work` for each item in its own thread; the results have the order of the items.
+/// Calls `work` for each item in a separate thread. The results are in the order of the items.
 fn in_threads<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
     std::thread::scope(|scope| {
         let work = &work;
@@ -262,7 +264,8 @@ fn assembled(
     })
 }
 
-/// Puts the metrics of both systems side by side; those of only the system with controllers follow their predecessor there.
+/// Puts the metrics of both systems side by side. A metric that exists only with controllers follows the same metric as
+/// in the system with controllers.
 fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
     let Some(with) = with else { return without.iter().map(|metric| row(Some(metric), None, false)).collect() };
     let of = |metrics: &[&'_ Measured], id: &str| metrics.iter().position(|metric| metric.id == id);
@@ -282,7 +285,7 @@ fn weighting() -> [Vec<f64>; 2] {
     [frequencies, gains]
 }
 
-/// Sets a limit of the caller.
+/// Sets a limit given by the caller.
 fn require(found: &mut [Results], name: &str, limit: f64) -> Result<(), SetupError> {
     let mut is_found = false;
     for metric in found.iter_mut().flat_map(|results| &mut results.metrics).filter(|metric| metric.id == name) {

@@ -1,4 +1,4 @@
-//! One of the two systems on the bench. It makes runs from the specifications of maneuvers.
+//! A system on the bench: turns the specifications of maneuvers into runs.
 
 use crate::plant::Plant;
 use crate::run_result::{RunResult, cut};
@@ -12,7 +12,7 @@ use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
 use std::collections::BTreeMap;
 
-/// Executes runs; returns their outcomes in the same order.
+/// Executes runs and returns their outcomes in the same order.
 pub(crate) type Execute<'a> = dyn Fn(Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> + Sync + 'a;
 
 /// Descriptions of FMUs, by their paths in a plan.
@@ -27,11 +27,11 @@ pub(crate) struct Bench<'a> {
     pub(crate) vehicle: &'a Vehicle,
     /// Understeer gradient that the driver model gets, rad/(m/s2).
     pub(crate) understeer_gradient: f64,
-    /// A of the slowly increasing steer, deg at the steering wheel; `None` until it is known.
+    /// A from the slowly increasing steer, deg at the steering wheel; `None` until it is known.
     pub(crate) amplitude: Option<f64>,
     /// True if the paths of the driver are mirrored.
     pub(crate) is_mirrored: bool,
-    /// Speed of handling maneuvers instead of the usual one, m/s.
+    /// Speed for handling maneuvers instead of the usual speed, m/s.
     pub(crate) other_speed: Option<f64>,
     /// Ends the series of sine with dwell after the first unstable runs.
     pub(crate) is_quick: bool,
@@ -40,7 +40,7 @@ pub(crate) struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Steering wheel angle over angle of the front wheels.
+    /// Ratio of steering wheel angle to front wheel angle.
     pub(crate) fn ratio(&self) -> f64 {
         self.vehicle.steer_ratio.value
     }
@@ -49,7 +49,7 @@ impl Bench<'_> {
         self.vehicle.class == Class::Car
     }
 
-    /// Returns true if its speed is held by pedals.
+    /// Returns true if the driver controls the speed with pedals.
     pub(crate) fn has_pedals(&self) -> bool {
         self.system.speed == Speed::Pedals
     }
@@ -66,15 +66,15 @@ impl Bench<'_> {
         }
     }
 
-    /// Speed of maneuvers that have no other, m/s.
+    /// Speed for maneuvers that do not prescribe one, m/s.
     pub(crate) fn speed(&self) -> f64 {
         self.other_speed.unwrap_or(if self.is_car() { 80.0 } else { 60.0 } / 3.6)
     }
 
-    /// The run of a specification, up to a time.
+    /// Makes the run for a specification, up to the time `stop`.
     ///
     /// # Errors
-    /// A value does not fit.
+    /// A value is invalid.
     pub(crate) fn run(&self, spec: &RunSpec, stop: f64) -> Result<(Simulation, Run), String> {
         let plan = self.system.plan(spec.driving).ok_or("the plant cannot follow a path: it has no position")?;
         let steps = (stop / STEP).round();
@@ -111,7 +111,7 @@ impl Bench<'_> {
         set("plant", "vehicle.initial_speed", &number(spec.speed), true)?;
         set("driver", "speed.initial", &number(spec.speed), false)?;
         if spec.driving != Driving::OpenLoop {
-            // Without one no path is followed, and the driver does not need it.
+            // If the wheelbase is unknown, no path is followed and the driver does not need it.
             if let Some(wheelbase) = &self.vehicle.wheelbase {
                 set("driver", "geometry.wheelbase", &number(wheelbase.value), false)?;
             }
@@ -130,8 +130,8 @@ impl Bench<'_> {
         Ok((simulation, run))
     }
 
-    /// Makes a constant prescribed speed a constant of the plant. The driver of paths writes it only from its first sample on, so the plant
-    /// would be initialized at a standstill.
+    /// Makes a constant prescribed speed a constant of the plant. Otherwise, the plant would be initialized at
+    /// standstill, because `PathDriver` writes the speed only from its first sample on.
     fn start_at_speed(&self, run: &mut Run, speed: f64) {
         let name = self.plant.variable("driver.speed");
         let Some(variable) = self.plant.found.description.variable(name) else { return };
@@ -152,7 +152,7 @@ impl Bench<'_> {
     }
 }
 
-/// Executes runs of a system. For a failed run, the rows before the failure count.
+/// Executes runs of a system. A failed run keeps the rows before the failure.
 pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
     let requests = specs.iter().map(|spec| bench.run(spec, spec.stop)).collect::<Vec<_>>();
     let wanted = requests.iter().flatten().cloned().collect();
@@ -165,7 +165,7 @@ pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
             Ok(_) => match outcomes.next() {
                 Some(Ok(recording)) => result(bench, spec, &recording, None),
                 Some(Err(failure)) => match &failure.recorded {
-                    // The rows before the failure, if there are any after the start.
+                    // Keeps the rows before the failure, if there are any after the start.
                     Some(recording) if recording.time.len() > 1 => {
                         result(bench, spec, recording, Some(failure.to_string()))
                     }

@@ -1,4 +1,4 @@
-//! Components of a system: FMUs that were found, with the names that the bench has for their signals.
+//! Components of a system: FMUs, with the bench's names for their signals.
 
 use crate::signals::{self, conversion};
 use fmu_import::description::{Causality, ModelDescription, Variable};
@@ -7,14 +7,14 @@ use fmu_system::resolve::{Descriptions, Found};
 use heck::ToSnakeCase as _;
 use std::collections::BTreeMap;
 
-/// Name of the times of a recording in the file of a vehicle.
+/// Name in a vehicle file for the time column of a recording.
 pub(crate) const TIME: &str = "time";
 
-/// FMUs, values, options or recordings that cannot be used.
+/// An FMU, a value, an option or a recording cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct SetupError {
-    /// Message, with the place.
+    /// Message, including the location.
     pub message: String,
     /// Remedy.
     pub help: Option<String>,
@@ -30,17 +30,17 @@ impl SetupError {
     }
 }
 
-/// A component of a system: an FMU that was found.
+/// A component of a system.
 #[derive(Debug, Clone)]
 pub(crate) struct Component {
-    /// Name of the component: `antilock_braking` of `AntilockBraking`.
+    /// Name of the component: `antilock_braking` for `AntilockBraking`.
     pub(crate) name: String,
     /// Name of the FMU.
     pub(crate) fmu: String,
     pub(crate) found: Found,
-    /// Name of the FMU's variable -> name of the bench's signal, where they differ.
+    /// Name of the FMU's variable -> the bench's name of the signal, if they differ.
     renamed: BTreeMap<String, String>,
-    /// Units of signals of the bench that the caller has given.
+    /// Units given by the caller, by the bench's names of the signals.
     pub(crate) given: BTreeMap<String, String>,
 }
 
@@ -53,12 +53,12 @@ impl Component {
         self.description().variables.iter().filter(move |variable| variable.causality == causality)
     }
 
-    /// Inputs or outputs, by the names of the bench.
+    /// Inputs or outputs, by the bench's names.
     pub(crate) fn signals(&self, causality: Causality) -> impl Iterator<Item = &str> {
         self.variables(causality).map(|variable| self.signal(&variable.name))
     }
 
-    /// True if it has an input or output of this name of the bench.
+    /// True if the component has this signal, by the bench's name, as input or output.
     pub(crate) fn has(&self, causality: Causality, signal: &str) -> bool {
         self.signals(causality).any(|name| name == signal)
     }
@@ -73,10 +73,10 @@ impl Component {
         self.renamed.iter().find(|(_, of)| *of == signal).map_or(signal, |(variable, _)| variable)
     }
 
-    /// A value that the bench gives to a variable, in the unit of the variable.
+    /// Converts a value that the bench sets to the unit of the variable.
     ///
     /// # Errors
-    /// The unit of the variable is another quantity.
+    /// The unit of the variable cannot be converted.
     pub(crate) fn of_si(&self, signal: &str, variable: &Variable, value: f64) -> Result<f64, String> {
         let Some(needed) = signals::unit(signal) else { return Ok(value) };
         let found = conversion(needed, self.description(), variable, self.given.get(signal).map(String::as_str));
@@ -85,7 +85,7 @@ impl Component {
     }
 }
 
-/// Finds an FMU. `names` has the FMU's names of signals, where they differ from those of the bench.
+/// Finds an FMU. `names` are the FMU's names of signals that differ from the bench's.
 pub(crate) fn find(
     source: &dyn Descriptions,
     fmu: &str,

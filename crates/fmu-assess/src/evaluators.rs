@@ -1,6 +1,6 @@
 //! Evaluators: each computes the metrics of one kind of maneuver from a recording.
 //!
-//! [`EVALUATORS`] lists them with the columns they need, their options, and the definitions of their metrics.
+//! [`EVALUATORS`] lists them with their columns, their options, and the definitions of their metrics.
 
 mod brake_in_turn;
 mod braking;
@@ -52,7 +52,7 @@ pub struct Evaluator {
     pub name: &'static str,
     /// Title.
     pub title: &'static str,
-    /// The procedure it follows.
+    /// The test procedure that it follows.
     pub source: &'static str,
     /// The columns that it reads.
     pub columns: &'static [Column],
@@ -72,7 +72,7 @@ pub struct Evaluation {
     pub notes: Vec<String>,
 }
 
-/// The evaluator of a name.
+/// Finds an evaluator by its name.
 pub fn find(name: &str) -> Option<&'static Evaluator> {
     EVALUATORS.iter().find(|evaluator| evaluator.name == name)
 }
@@ -93,20 +93,20 @@ impl Evaluator {
 }
 
 impl Evaluation {
-    /// Value of a metric by its name.
+    /// Value of a metric, by its name.
     pub fn value(&self, name: &str) -> Option<&Value> {
         self.metrics.iter().find(|metric| metric.name == name).map(|metric| &metric.value)
     }
 
-    /// The metrics as an object of JSON: keys sorted, numbers with 9 significant digits, null for what cannot be computed. A dot in a
-    /// name makes a group: `yaw_rate.gain` is `{"yaw_rate": {"gain": …}}`.
+    /// The metrics as a JSON object: keys sorted, numbers with 9 significant digits, null if a value cannot be
+    /// computed. A dot in a name separates a group: `yaw_rate.gain` is `{"yaw_rate": {"gain": …}}`.
     pub fn to_json(&self) -> String {
-        // Maps of strings, numbers that are finite and Booleans can always be written.
+        // Maps of strings, finite numbers and Booleans can always be written.
         serde_json::to_string_pretty(&json::document(&self.metrics)).unwrap_or_default()
     }
 }
 
-/// A metric that is the largest magnitude of a signal.
+/// Defines a metric that is the largest magnitude of a signal.
 const fn peak_of_run(name: &'static str, title: &'static str, unit: &'static str) -> Definition {
     Definition::new(name, title, unit, "Largest magnitude in the run.")
 }
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// Options of all evaluators, of which this one gets those that it accepts.
+    /// The options that this evaluator accepts.
     fn options(evaluator: &Evaluator) -> serde_json::Value {
         let all = json!({
             "steer.ratio": 16.0, "geometry.wheelbase": 2.7, "maneuver": 2, "vehicle.width": 1.75,
@@ -152,7 +152,7 @@ mod tests {
         evaluator.evaluate(trace, &options(evaluator)).unwrap()
     }
 
-    /// Each definition has a metric, in the order of the table.
+    /// Asserts that each definition has a metric, in the order of the table.
     #[track_caller]
     fn assert_complete(evaluator: &Evaluator, evaluation: &Evaluation) {
         let mut names: Vec<&str> = evaluation.metrics.iter().map(|metric| metric.definition.name).collect();
@@ -180,7 +180,7 @@ mod tests {
                 let evaluation = evaluated(evaluator, &trace(evaluator, times, |_, _| value));
                 assert_complete(evaluator, &evaluation);
                 for metric in evaluation.metrics {
-                    // Known without any signal.
+                    // Does not depend on a signal.
                     if metric.name == "frequency" {
                         continue;
                     }
@@ -211,8 +211,8 @@ mod tests {
         }
     }
 
-    /// Constant, noisy and huge signals, also at an extreme sampling rate: no panic, and either a number or a reason. The noise is a linear congruential generator with
-    /// the multiplier of Knuth's MMIX.
+    /// Constant, noisy and huge signals, also at extreme sampling rates, cause no panic and give either a number or a
+    /// reason. The noise comes from a linear congruential generator with the multiplier of Knuth's MMIX.
     #[test]
     fn any_signal_is_evaluated() {
         let noise = |index: usize, row: usize| {

@@ -1,4 +1,4 @@
-//! Executes runs in worker processes, for several callers at once. The results of a caller depend on its runs alone.
+//! Executes runs in worker processes, for several callers at once. The results for a caller depend only on its runs.
 
 use crate::bench::Execute;
 use fmu_import::worker::Settings;
@@ -19,7 +19,8 @@ struct Work {
     reply: Sender<(usize, Result<Recording, Failure>)>,
 }
 
-/// Starts `jobs` workers, and ends them after `body`, which may execute runs from any thread. `done` is called after each run.
+/// Starts `jobs` workers, and ends them after `body`, which can execute runs from any thread. Calls `done` after each
+/// run.
 pub(crate) fn with_workers<T>(
     settings: &Settings,
     jobs: NonZeroUsize,
@@ -37,7 +38,7 @@ pub(crate) fn with_workers<T>(
                 work(receiver, &pool, done);
             });
         }
-        // The workers end when no sender is left.
+        // The workers end when all senders are dropped.
         body(&move |runs| execute(&queue, runs))
     })
 }

@@ -3,8 +3,7 @@
 use crate::metric::Metric;
 use serde_json::{Map, Value, json};
 
-/// Metrics as an object of JSON: keys sorted, numbers with 9 significant digits. A dot in a name makes a group, `yaw_rate.gain` is
-/// `{"yaw_rate": {"gain": …}}`. What cannot be computed is null.
+/// Metrics as a JSON object, as described at `Evaluation::to_json`.
 pub(crate) fn document(metrics: &[Metric]) -> Value {
     let mut document = Map::new();
     for metric in metrics {
@@ -24,7 +23,7 @@ fn insert(group: &mut Map<String, Value>, name: &str, value: Value) {
     }
 }
 
-/// All numbers with nine significant digits.
+/// Rounds all numbers to nine significant digits.
 pub(crate) fn all_rounded(value: &Value) -> Value {
     match value {
         Value::Number(number) if number.is_f64() => json!(number.as_f64().and_then(rounded)),
@@ -34,7 +33,7 @@ pub(crate) fn all_rounded(value: &Value) -> Value {
     }
 }
 
-/// The double nearest to a number of 9 significant digits. `None`: it is not finite. Zero has no sign.
+/// Rounds a number to 9 significant digits; `None` if it is not finite. Zero has no sign.
 fn rounded(number: f64) -> Option<f64> {
     let rounded: f64 = format!("{number:.8e}").parse().ok()?;
     rounded.is_finite().then_some(rounded + 0.0)

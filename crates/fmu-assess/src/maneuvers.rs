@@ -26,12 +26,12 @@ use serde_json::Value;
 
 /// A maneuver of the bench.
 pub(crate) struct Maneuver {
-    /// Id, also the first part of the ids of its metrics.
+    /// Id, also the prefix of the ids of its metrics.
     pub(crate) id: &'static str,
     pub(crate) suite: Suite,
-    /// Outputs that the plant needs for it.
+    /// Outputs that the plant needs. A name that ends with a dot is a prefix.
     pub(crate) outputs: &'static [&'static str],
-    /// Returns the reason that a plant with these outputs cannot be driven like this; `None` if it can.
+    /// Returns the reason that a plant with these outputs cannot drive the maneuver; `None` if it can.
     pub(crate) not_applicable: fn(&Bench<'_>) -> Option<NotApplicable>,
     pub(crate) run: fn(&Bench<'_>, &mut Results),
 }
@@ -39,7 +39,7 @@ pub(crate) struct Maneuver {
 /// Reason that a plant cannot be driven in a maneuver.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct NotApplicable {
-    /// Signals that are missing, if signals are.
+    /// Missing signals, if this is the reason.
     missing: Vec<String>,
     reason: String,
 }
@@ -61,7 +61,7 @@ impl NotApplicable {
         Self { missing: Vec::new(), reason: reason.into() }
     }
 
-    /// The plant has none of these signals.
+    /// The plant lacks these signals.
     fn without(missing: &[&str], reason: &str) -> Self {
         let missing = missing.iter().map(|name| (*name).to_owned()).collect();
         Self { missing, reason: reason.to_owned() }
@@ -70,7 +70,7 @@ impl NotApplicable {
 
 pub(crate) const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
 
-/// All maneuvers but the slowly increasing steer, which the others need.
+/// All maneuvers except the slowly increasing steer, which runs before them.
 pub(crate) const MANEUVERS: [Maneuver; 12] = [
     Maneuver::new("constant_radius", Suite::Handling, POSITION, needs_path, steady_state::constant_radius),
     Maneuver::new("step_steer", Suite::Handling, &[], |_| None, step_steer::run),
@@ -165,7 +165,7 @@ fn needs_footprint(bench: &Bench<'_>) -> Option<NotApplicable> {
     })
 }
 
-/// Runs a maneuver, or reports the reason that it does not apply.
+/// Runs a maneuver, or records the reason that it does not apply.
 pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     let mut results = Results::new(maneuver.id, maneuver.suite, bench.system.name);
     let missing: Vec<String> = (maneuver.outputs.iter())
@@ -189,13 +189,13 @@ pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     results
 }
 
-/// The metrics of an evaluator.
+/// Evaluates a run.
 pub(crate) fn evaluated(name: &str, result: &RunResult, options: &Value) -> Evaluation {
     let evaluator = evaluators::find(name).expect("the bench names an evaluator");
     evaluator.evaluate(&result.trace, options).expect("the bench gives the options of the evaluator")
 }
 
-/// Executes runs, evaluates each and adds it to the results.
+/// Executes and evaluates runs, and adds them to the results.
 fn executed(
     bench: &Bench<'_>,
     specs: impl Into<Vec<RunSpec>>,
@@ -224,21 +224,21 @@ fn shown(
     Some(found)
 }
 
-/// A number of an evaluator.
+/// Value of a numeric metric.
 pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
     if let metric::Value::Number(number) = metrics.value(name)? { Some(*number) } else { None }
 }
 
-/// A Boolean of an evaluator.
+/// Value of a Boolean metric.
 pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
     if let metric::Value::Boolean(value) = metrics.value(name)? { Some(*value) } else { None }
 }
 
-/// Returns the reason that a metric of an evaluator has no value.
+/// The reason that a metric has no value.
 pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
     let found = metrics.metrics.iter().find(|metric| metric.definition.name == name)?;
     if let metric::Value::Null(reason) = &found.value { Some(reason.clone()) } else { None }
 }
 
-/// Both directions of a maneuver: name and sign.
+/// Both directions of a maneuver: name and sign of the steering angle.
 pub(crate) const SIDES: [(&str, f64); 2] = [("left", 1.0), ("right", -1.0)];

@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-/// Definition of a metric. It is in one place, the table of its evaluator.
+/// Definition of a metric.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Definition {
-    /// Name. A dot separates a group from its member: `yaw_rate.gain`.
+    /// Name. A dot separates the group from the metric: `yaw_rate.gain`.
     pub name: &'static str,
     /// Title for tables and plots.
     pub title: &'static str,
@@ -15,12 +15,12 @@ pub struct Definition {
     pub definition: &'static str,
     /// The better direction.
     pub direction: Direction,
-    /// First part of the columns of which each has its own metric: `tire_load` makes `name.fl`, `name.fr` and so on.
+    /// Group of columns for which there is one metric each: `tire_load` gives `name.fl`, `name.fr` and so on.
     pub places: Option<&'static str>,
 }
 
 impl Definition {
-    /// A metric of which no direction is better.
+    /// A metric without a preferred direction.
     pub(crate) const fn new(
         name: &'static str,
         title: &'static str,
@@ -64,9 +64,9 @@ pub enum Direction {
 pub enum Value {
     /// A finite number, in the unit of the definition.
     Number(f64),
-    /// Yes or no.
+    /// True or false.
     Boolean(bool),
-    /// Several numbers. `None` has no value, as the definition describes.
+    /// Several numbers. An element is `None` where the definition gives no value.
     Numbers(Vec<Option<f64>>),
     /// The value cannot be computed.
     #[serde(serialize_with = "null")]
@@ -83,7 +83,7 @@ pub type Reason = String;
 /// A metric of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Metric {
-    /// Name. That of the definition, and the place if there is one metric for each: `dynamic_load_coefficient.fl`.
+    /// Name from the definition, followed by the place if there are several: `dynamic_load_coefficient.fl`.
     pub name: String,
     /// Definition.
     pub definition: &'static Definition,
@@ -143,7 +143,7 @@ impl Results {
         self.insert(name, name.to_owned(), value.into());
     }
 
-    /// Sets the metric of a place.
+    /// Sets a metric for a place, such as a wheel.
     pub(crate) fn set_at(&mut self, name: &str, place: &str, value: impl Into<Value>) {
         self.insert(name, format!("{name}.{place}"), value.into());
     }
@@ -154,7 +154,7 @@ impl Results {
         self.metrics.extend(definition.map(|definition| Metric { name, definition, value }));
     }
 
-    /// All metrics, in the order of the table. Those that were not set have a reason.
+    /// All metrics, in the order of the table. Metrics that were not set get `reason`.
     pub(crate) fn finish(mut self, reason: &Reason) -> Vec<Metric> {
         for definition in self.table {
             if !self.metrics.iter().any(|metric| metric.definition.name == definition.name) {

@@ -14,5 +14,5 @@ pub(crate) use statistics::{
     derivative, first_largest, largest, largest_magnitude, mean, sign, smallest, standard_deviation,
 };
 
-/// Acceleration of gravity that the limits of the maneuvers refer to, m/s2.
+/// Acceleration of gravity in the definitions of the maneuvers, m/s2.
 pub(crate) const GRAVITY: f64 = 9.81;

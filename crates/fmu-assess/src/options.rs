@@ -5,7 +5,7 @@ use serde::Deserialize as _;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
-/// Keys that describe how a recording was made. Every evaluator accepts them and does not use them.
+/// Keys that describe how a recording was made. Every evaluator accepts and ignores them.
 pub(crate) const DESCRIPTIVE: [&str; 6] =
     ["driver_parameters", "parameters", "plant", "plant_parameters", "step", "vehicle.speed"];
 
@@ -33,9 +33,9 @@ pub enum Form {
     NotNegative,
     /// Any finite number.
     Number,
-    /// One of some whole numbers.
+    /// One of these integers.
     Integer(&'static [u8]),
-    /// One of some words.
+    /// One of these words.
     Word(&'static [&'static str]),
     /// Coned sections, each as [x begin, x end, right edge, left edge], m.
     Lanes,
@@ -57,12 +57,12 @@ pub enum Fallback {
 /// A coned section of a track, m: begin, end, right edge, left edge.
 pub(crate) type Lane = [f64; 4];
 
-/// Options that have been checked.
+/// Checked options.
 #[derive(Debug)]
 pub(crate) struct Options(BTreeMap<&'static str, Value>);
 
 impl Options {
-    /// Checks options by the rules of an evaluator.
+    /// Checks options against the rules of an evaluator.
     pub(crate) fn new(
         evaluator: &'static str,
         rules: &'static [OptionRule],

@@ -1,4 +1,4 @@
-//! The plant of a system, whose signals may have other names and units than those of the bench.
+//! The plant of a system, whose signals can have other names and units than the bench's.
 
 use crate::components::{Component, SetupError, TIME};
 use crate::signals::{self, Conversion, conversion};
@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Deref;
 
-/// Outputs of a plant that are recorded if it has them; the last ones are beginnings of names.
+/// Outputs of a plant that are recorded if it has them. A name that ends with a dot is a prefix.
 const RECORDED: [&str; 20] = [
     "vehicle.speed",
     "vehicle.yaw_rate",
@@ -32,37 +32,37 @@ const RECORDED: [&str; 20] = [
     "suspension_deflection.",
 ];
 
-/// Outputs of a plant that the driver of paths reads.
+/// Outputs of a plant that `PathDriver` reads.
 pub(crate) const OF_VEHICLE: [&str; 5] =
     ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.speed", "body.roll_rate"];
 
-/// Returns true if a signal of the plant is recorded.
+/// Returns true if the bench records a signal of the plant.
 pub(crate) fn is_recorded(signal: &str) -> bool {
     RECORDED.iter().any(|wanted| *wanted == signal || (wanted.ends_with('.') && signal.starts_with(wanted)))
 }
 
-/// The plant, whose signals may have other names.
+/// The plant, whose signals can have other names than the bench's.
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
     pub(crate) component: Component,
-    /// Parameters that define its size, SI.
+    /// Parameters that define the size of the plant, SI.
     data: BTreeMap<&'static str, f64>,
-    /// Other Real parameters that the caller has set.
+    /// Real parameters set by the caller.
     set: BTreeMap<String, f64>,
-    /// Conversions of outputs that are not in the unit of the bench.
+    /// Conversions for outputs that are not in the bench's unit.
     conversions: BTreeMap<String, Conversion>,
-    /// Signals that declare no unit, and the unit that they are taken to be in.
+    /// Signals without a declared unit, and the unit that is assumed for them.
     pub(crate) assumed: BTreeMap<String, &'static str>,
 }
 
 impl Plant {
-    /// `set` are parameters of the caller, `units` are units of signals, which take precedence over the declared ones.
+    /// `set` are parameters set by the caller. `units` are units of signals; they take precedence over declared units.
     pub(crate) fn new(
         mut component: Component,
         set: BTreeMap<String, f64>,
         units: &BTreeMap<String, String>,
     ) -> Result<Self, SetupError> {
-        // The time is that of recordings.
+        // The unit of `time` applies to recordings, not to the plant.
         component.given =
             units.iter().filter(|(signal, _)| *signal != TIME).map(|(a, b)| (a.clone(), b.clone())).collect();
         let (conversions, assumed) = (BTreeMap::new(), BTreeMap::new());
@@ -128,12 +128,13 @@ impl Plant {
         self.component.has(Causality::Output, signal)
     }
 
-    /// Returns true if an input begins with `start`.
+    /// Returns true if the name of an input begins with `start`.
     pub(crate) fn has_inputs(&self, start: &str) -> bool {
         self.component.signals(Causality::Input).any(|signal| signal.starts_with(start))
     }
 
-    /// Rejects a controller that reads a signal that the bench converts: a connection does not convert it.
+    /// Rejects a controller that reads a signal that the bench would have to convert, because connections do not
+    /// convert.
     pub(crate) fn check_reader(&self, reader: &Component, all: &[&Component]) -> Result<(), SetupError> {
         let is_raw = |signal: &&str| {
             self.conversions.contains_key(*signal)
@@ -149,12 +150,12 @@ impl Plant {
         Err(wired_unit(&self.component, name, unit, needed, &format!("{} reads it in", reader.fmu)))
     }
 
-    /// Value of a Real parameter, in SI if it defines the size of the plant.
+    /// Value of a Real parameter; in SI if it defines the size of the plant.
     pub(crate) fn parameter(&self, name: &str) -> Option<f64> {
         self.data.get(name).copied().or_else(|| real_parameter(&self.component, &self.set, name))
     }
 
-    /// A recording of signals of the bench in the units of the bench.
+    /// Converts a recording to the bench's units.
     pub(crate) fn converted<'a>(&self, signals: &[String], recording: &'a Recording) -> Cow<'a, Recording> {
         let mut recording = Cow::Borrowed(recording);
         for (index, signal) in signals.iter().enumerate() {
@@ -177,7 +178,7 @@ impl Deref for Plant {
     }
 }
 
-/// Value of a Real parameter in its own unit: that of the caller, or its start value.
+/// Value of a Real parameter in its declared unit: set by the caller, or its start value.
 fn real_parameter(component: &Component, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
     let start = || match component.description().variable(name)?.start {
         Some(Value::Real(value)) => Some(value),
@@ -186,7 +187,7 @@ fn real_parameter(component: &Component, set: &BTreeMap<String, f64>, name: &str
     set.get(name).copied().or_else(start)
 }
 
-/// Returns true for an input that only the bench sets, to a constant.
+/// Returns true for an input that the bench sets to a constant.
 fn of_bench(signal: &str) -> bool {
     ["road_friction.", "target_slip."].iter().any(|start| signal.starts_with(start))
 }
@@ -210,7 +211,7 @@ fn wrong_unit(component: &Component, variable: &Variable, signal: &str, found: &
     )
 }
 
-/// The unit of a signal that a connection would have to convert.
+/// Error for a signal that a connection would have to convert.
 fn wired_unit(component: &Component, name: &str, unit: &str, needed: &str, reader: &str) -> SetupError {
     let fmu = &component.fmu;
     SetupError::with_help(

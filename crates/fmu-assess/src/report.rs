@@ -10,47 +10,47 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Name and version of the layout of the JSON file.
+/// Name and version of the JSON format.
 pub const SCHEMA: &str = "chassis-fmu-assessment/1";
 
 /// Verdict on a metric.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The limit is kept.
+    /// The value is within the limit.
     Pass,
-    /// It is not.
+    /// The value exceeds the limit.
     Fail,
-    /// A number without a limit.
+    /// There is no limit.
     Info,
-    /// There is a limit that does not apply.
+    /// There is a limit, but it does not apply.
     Comparison,
     /// A signal is missing.
     Dropped,
-    /// A run could not be carried out.
+    /// A run failed.
     Error,
 }
 
-/// Change of a metric by the controllers.
+/// Change of a metric with the controllers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Judgment {
-    /// By at least one percent in the good direction.
+    /// Better by at least one percent.
     Better,
-    /// By less than one percent.
+    /// Changed by less than one percent.
     Same,
-    /// By at least one percent in the bad direction.
+    /// Worse by at least one percent.
     Worse,
-    /// A number is missing, a run ended early, or the systems share no condition.
+    /// A value is missing, a run ended early, or there is no common condition.
     NotComparable,
 }
 
-/// Numbers of both systems under the same condition.
+/// Values of both systems under the same condition.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Compared {
-    /// The condition: the highest that both systems can drive.
+    /// The condition: the highest speed or amplitude that both systems can drive.
     pub at: f64,
-    /// Its unit of measure: `km/h`, `mph`, or `A` for multiples of the amplitude A.
+    /// Unit of the condition: `km/h`, `mph`, or `A` for multiples of the amplitude A.
     pub at_unit: &'static str,
     /// Without the controllers.
     pub without: f64,
@@ -58,10 +58,10 @@ pub struct Compared {
     pub with: f64,
 }
 
-/// A metric of both systems.
+/// A metric for both systems.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
-    /// Name: maneuver and metric.
+    /// Id: maneuver and metric.
     pub id: String,
     /// Title.
     pub title: String,
@@ -75,31 +75,32 @@ pub struct Row {
     pub without: Value,
     /// With them; null if there are none.
     pub with: Value,
-    /// Classes of the numbers in a standard, by system.
+    /// Label of the value in a standard, such as a comfort class, by system.
     pub words: BTreeMap<&'static str, &'static str>,
-    /// Bounds of numbers that are missing, such as `< 30`, by system.
+    /// Bounds of missing values, such as `< 30`, by system.
     pub bounds: BTreeMap<&'static str, String>,
-    /// Comparable numbers of two systems whose own numbers come from runs under different conditions.
+    /// Values under the same condition, if the values of the two systems come from different conditions.
     pub compared: Option<Compared>,
     /// Reason that the systems cannot be compared.
     pub incomparable: Option<String>,
-    /// Change of the numbers that can be compared, percent; null if a number is missing or the first one is small.
+    /// Change of the comparable values, percent; null if a value is missing or the first one is close to zero.
     pub change: Value,
-    /// Direction that is better.
+    /// Preferred direction.
     pub direction: Direction,
     /// Judgment of the change.
     pub judgment: Option<Judgment>,
-    /// Verdict on the system with the controllers, or on the only one.
+    /// Verdict on the system with controllers, or on the only system.
     pub verdict: Verdict,
-    /// Verdict on the system without the controllers.
+    /// Verdict on the system without controllers.
     pub verdict_without: Verdict,
     /// Limit, if there is one.
     pub limit: Value,
-    /// Reason for a missing number, or that the limit does not apply.
+    /// Reason that the value is missing or that the limit does not apply.
     pub reason: Option<String>,
-    /// Reason for no number without the controllers.
+    /// Reason that there is no value without controllers.
     pub reason_without: Option<String>,
-    /// True for each system that has the metric. Some metrics exist only after a passed maneuver, others only after a failed one.
+    /// True for each system that has the metric. Some metrics exist only if a maneuver is passed, others only if it
+    /// fails.
     #[serde(skip)]
     present: [bool; 2],
 }
@@ -115,19 +116,19 @@ pub struct Assessment {
     pub base: Vec<Value>,
     /// Controllers.
     pub with: Vec<Value>,
-    /// Values of parameters that the caller set: component, FMU, parameter, value as written, unit and start value.
+    /// Parameters set by the caller: component, FMU, parameter, value as written, unit and start value.
     pub set: Vec<Value>,
-    /// Data of the vehicle and where each comes from.
+    /// Vehicle data and their sources.
     pub vehicle: Vehicle,
     /// Data of the driver model: understeer gradient, rad/(m/s2), and amplitude A, deg.
     pub driver: Value,
     /// Names of the systems.
     pub systems: Vec<&'static str>,
-    /// Inputs of each system that nothing writes, and the values that they get.
+    /// Unconnected inputs of each system, and their values.
     pub unwritten: BTreeMap<&'static str, BTreeMap<String, String>>,
-    /// Components without an effect.
+    /// Components whose outputs nothing reads.
     pub idle: Vec<String>,
-    /// Signals of the plant that declare no unit, and the unit in which the bench takes them.
+    /// Signals of the plant without a declared unit, and the unit that the bench assumes.
     pub assumed: BTreeMap<String, &'static str>,
     /// All runs.
     pub runs: Vec<RunRecord>,
@@ -137,14 +138,15 @@ pub struct Assessment {
     pub dropped: Vec<Skipped>,
     /// Sections of the coned tracks, by maneuver, m: begin, end, right and left edge of each.
     pub tracks: BTreeMap<&'static str, [[f64; 4]; 3]>,
-    /// Frequencies, Hz, and gains of W_k, by which ISO 2631-1 weights vertical vibrations; of the suite `ride`.
+    /// Frequencies, Hz, and gains of W_k, the weighting of vertical vibrations in ISO 2631-1; only with the suite
+    /// `ride`.
     pub weighting: Option<[Vec<f64>; 2]>,
 }
 
-/// Minimum relevant change, percent.
+/// Smallest change that counts as better or worse, percent.
 const COUNTS: f64 = 1.0;
 
-/// A metric of the only system, or of two (`is_pair`), of which one may lack it.
+/// Row for a metric of one system, or of two (`is_pair`), one of which can lack it.
 pub(crate) fn row(without: Option<&Measured>, with: Option<&Measured>, is_pair: bool) -> Row {
     let decisive = with.or(without).expect("a metric is of a system");
     let both = [("without", without), ("with", with)];
@@ -191,7 +193,7 @@ pub(crate) fn row(without: Option<&Measured>, with: Option<&Measured>, is_pair: 
         present: [without.is_some(), with.is_some()],
     };
     if is_pair && with.is_none() {
-        // A metric that the system with the controllers lacks neither keeps nor misses the limit of a regulation.
+        // If the system with controllers lacks a metric, limits from regulations give no verdict.
         let is_required = decisive.limit.is_some_and(|limit| limit.is_required());
         row.verdict = if is_required { Verdict::Fail } else { Verdict::Info };
         row.reason = Some(ONLY_WITHOUT.to_owned());
@@ -199,28 +201,28 @@ pub(crate) fn row(without: Option<&Measured>, with: Option<&Measured>, is_pair: 
     row
 }
 
-/// Reason that a system lacks a number that the other one has.
+/// Reason that only one system has a value.
 const ONLY_WITHOUT: &str = "only the runs without controllers have it";
 const ONLY_WITH: &str = "only the runs with controllers have it";
 
-/// The part of two systems that can be compared.
+/// Values of two systems that can be compared.
 enum Comparison {
-    /// Two numbers, and their condition if it is not that of the metric.
+    /// Two numbers, and their common condition if the metric has another one.
     Numbers(f64, f64, Option<Compared>),
     /// Truth values.
     Booleans(bool, bool),
-    /// A number, and a bound of the other one that it is beyond. True if the number rises.
+    /// One number and a bound for the other one. True if the value increases.
     Rises(bool),
-    /// Nothing, with the reason.
+    /// Not comparable, with the reason.
     None(String),
 }
 
-/// Magnitude below which two numbers are the same: rounding of a simulation, or a negligible difference of a ratio.
+/// Magnitude below which values are treated as equal: rounding in a simulation, or a negligible ratio.
 fn nothing(unit: &str) -> f64 {
     if unit == "1" { 0.005 } else { 1e-6 }
 }
 
-/// Largest change shown as a percentage; above it, the reference value is too small.
+/// Largest change shown, percent. With larger changes, the reference value is too small.
 const TELLS: f64 = 1000.0;
 
 fn comparison(without: &Measured, with: &Measured) -> Comparison {
@@ -266,7 +268,7 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
     }
 }
 
-/// `true` if the number is above every value that the bound allows, `false` if it is below every one.
+/// `true` if the number is above all values that the bound allows, `false` if it is below all of them.
 fn beyond(bound: Option<Bound>, number: &Value) -> Option<bool> {
     let number = number.as_f64()?;
     match bound? {
@@ -282,7 +284,7 @@ fn percent(old: f64, new: f64, unit: &str) -> Option<f64> {
     (old.abs() >= nothing(unit) && change.abs() <= TELLS).then_some(change)
 }
 
-/// Compares a metric with and without the controllers.
+/// Compares a metric with and without controllers.
 fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured) -> Option<Judgment> {
     let is_up = metric.direction == Direction::Up;
     let rate = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
@@ -304,7 +306,7 @@ fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured
 }
 
 fn verdict(metric: &Measured) -> Verdict {
-    // The message for a trace without the column.
+    // Matches the message for a missing column.
     let is_missing = metric.is_dropped || metric.reason.as_ref().is_some_and(|reason| reason.contains("has no column"));
     match &metric.limit {
         Some(limit) if metric.value.is_null() && limit.is_required() => {
@@ -326,7 +328,7 @@ fn verdict(metric: &Measured) -> Verdict {
 }
 
 impl Assessment {
-    /// The JSON file: keys sorted, numbers with nine significant digits; the same inputs give the same bytes.
+    /// The JSON file: keys sorted, numbers with nine significant digits. The same inputs give the same bytes.
     pub fn to_json(&self) -> String {
         let value = serde_json::to_value(self).map_or(Value::Null, |value| all_rounded(&value));
         let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
@@ -334,19 +336,19 @@ impl Assessment {
         text
     }
 
-    /// Returns true if a run was made at all.
+    /// Returns true if at least one run was recorded.
     pub fn has_run(&self) -> bool {
         self.runs.iter().any(|run| run.rows > 0)
     }
 
-    /// Returns true if no metric of the system with the controllers, or of the only one, fails, and none of its runs broke down.
+    /// Returns true if no metric and no run of the system with controllers, or of the only system, fails.
     pub fn is_passed(&self) -> bool {
         let decisive = self.systems.last().copied().unwrap_or("without");
         let is_bad = |row: &Row| matches!(row.verdict, Verdict::Fail | Verdict::Error);
         !self.metrics.iter().any(is_bad) && !self.runs.iter().any(|run| run.system == decisive && run.error.is_some())
     }
 
-    /// The verdicts as JUnit XML: a test suite for each suite and system, a test case for each metric and broken run.
+    /// The verdicts as JUnit XML: a test suite for each suite and system, a test case for each metric and failed run.
     pub fn to_junit(&self) -> String {
         let suites = Suite::ALL.into_iter().flat_map(|suite| self.systems.iter().map(move |system| (suite, *system)));
         let suites = suites.filter_map(|(suite, system)| self.junit_suite(suite, system));
@@ -391,7 +393,7 @@ fn with_unit(value: &Value, unit: &str) -> String {
     }
 }
 
-/// The limit of a row as text that follows its value.
+/// The limit of a row, as text to follow the value.
 fn required(row: &Row) -> String {
     let Some(source) = row.limit["source"].as_str() else { return String::new() };
     let limits = [row.limit["min"].as_f64(), row.limit["max"].as_f64()];
@@ -423,12 +425,12 @@ mod tests {
         assert_eq!(of(5.0, 5.04, Direction::Down), Some(Judgment::Same));
         assert_eq!(of(-5.0, -4.0, Direction::Up), Some(Judgment::Better));
         assert_eq!(of(0.0, 6.0, Direction::Up), Some(Judgment::Better));
-        // The rounding of a simulation.
+        // Rounding in a simulation.
         assert_eq!(of(1e-13, 3e-13, Direction::Down), Some(Judgment::Same));
         assert_eq!(of(5.0, 6.0, Direction::None), None);
     }
 
-    /// A number that is missing cannot be compared, unless a bound of it is known. Booleans are compared, too.
+    /// A missing value can be compared only if its bound is known. Booleans are compared, too.
     #[test]
     fn numbers_that_come_and_go_are_compared_by_their_bounds() {
         let of = |old: Value, new: Value, direction, bound| {
@@ -458,7 +460,7 @@ mod tests {
         assert_eq!(of(json!(true), json!(true), Direction::Up, None), Some(Judgment::Same));
     }
 
-    /// By hand: 20 at 40 km/h and 10 at 30 km/h are not comparable; at 30 km/h both are known.
+    /// 20 at 40 km/h and 10 at 30 km/h are not comparable, but both systems have a value at 30 km/h.
     #[test]
     fn numbers_of_unequal_speeds_are_compared_at_the_highest_that_both_can_drive() {
         let of = |value: f64, values: &[(f64, f64)], is_whole| {
@@ -471,10 +473,10 @@ mod tests {
         assert_eq!((found.without, found.with, found.judgment), (json!(10.0), json!(20.0), Some(Judgment::Better)));
         assert_eq!(found.change, json!(-10.0));
         assert_eq!(found.compared, Some(Compared { at: 30.0, at_unit: "km/h", without: 10.0, with: 9.0 }));
-        // The same speeds: the metrics themselves.
+        // If the speeds are the same, the metrics are compared directly.
         let found = row(Some(&slow), Some(&of(11.0, &[(25.0, 1.0), (30.0, 11.0)], true)), true);
         assert_eq!((found.compared, found.change), (None, json!(10.0)));
-        // A metric that also comes from runs that the vehicle cannot drive.
+        // A metric that includes runs that the vehicle cannot drive.
         let found = row(Some(&slow), Some(&of(50.0, &[(25.0, 1.0), (30.0, 11.0)], false)), true);
         assert_eq!(found.compared.map(|compared| compared.with), Some(11.0));
         let none = row(Some(&slow), Some(&of(1.0, &[], false)), true);
@@ -486,7 +488,7 @@ mod tests {
         assert_eq!(found.judgment, Some(Judgment::NotComparable));
     }
 
-    /// A change relative to a value close to zero has no percentage.
+    /// A change relative to a value close to zero is not shown as a percentage.
     #[test]
     fn a_change_that_tells_nothing_has_no_percentage() {
         assert_eq!(percent(2.0, 3.0, "m"), Some(50.0));
@@ -496,7 +498,7 @@ mod tests {
         assert_eq!(percent(0.004, 0.008, "1"), None);
     }
 
-    /// A metric that only one system has keeps the verdict of that system; the other one has none.
+    /// A metric that only one system has gets a verdict only for this system.
     #[test]
     fn a_metric_of_one_system_has_its_verdict() {
         let failed = measured(json!(false), Direction::Up, Some(Limit::holds("R140")));
@@ -508,7 +510,7 @@ mod tests {
         assert_eq!((&only_without.without, &only_without.with), (&json!(false), &Value::Null));
         assert_eq!(only_without.reason.as_deref(), Some(ONLY_WITHOUT));
         assert_eq!(row(Some(&failed), None, false).verdict, Verdict::Fail);
-        // The caller asked for it.
+        // The caller requires the metric.
         let required = measured(json!(7.0), Direction::Up, Some(Limit::at_least(6.0, REQUIRED)));
         assert_eq!(row(Some(&required), None, true).verdict, Verdict::Fail);
     }
@@ -521,7 +523,7 @@ mod tests {
         assert_eq!(of(json!(70.0), Limit::at_most(70.0, "R13-H")), Verdict::Pass);
         assert_eq!(of(json!(false), Limit::holds("R140")), Verdict::Fail);
         assert_eq!(of(Value::Null, Limit::holds("R140")), Verdict::Error);
-        // A metric that the caller requires must have a number.
+        // A required metric must have a value.
         assert_eq!(of(Value::Null, Limit::at_least(1.0, REQUIRED)), Verdict::Fail);
         let best = Measured {
             is_best_without: true,

@@ -1,4 +1,4 @@
-//! Results of the maneuvers of a system: metrics with their limits, runs, and signals for figures.
+//! Results of a maneuver: metrics with their limits, runs, and signals for figures.
 
 use crate::Trace;
 use crate::evaluators::{self, Evaluation};
@@ -20,18 +20,18 @@ pub enum Suite {
     Stability,
     /// Fishhook and J-turn.
     Rollover,
-    /// Straight, on split friction, in a turn.
+    /// Braking straight ahead, on split friction, and in a turn.
     Braking,
-    /// On rough roads.
+    /// Ride on rough roads.
     Ride,
 }
 
 impl Suite {
-    /// All of them.
+    /// All suites.
     pub const ALL: [Self; 5] = [Self::Handling, Self::Stability, Self::Rollover, Self::Braking, Self::Ride];
 }
 
-/// Results of a maneuver of a system.
+/// Results of a maneuver for one system.
 #[derive(Debug)]
 pub(crate) struct Results {
     pub(crate) maneuver: &'static str,
@@ -54,14 +54,14 @@ impl Results {
         Self { maneuver, suite, system, metrics, runs, skipped: None, shown, track: None, entry_speed: None }
     }
 
-    /// Skips the maneuver. A metric with the name of the maneuver has the verdict.
+    /// Skips the maneuver. A metric with the name of the maneuver reports the reason.
     pub(crate) fn skip(&mut self, missing: Vec<String>, reason: String) {
         let of = Definition::new("", "The maneuver", "", "A skipped maneuver has no metrics.");
         self.maneuver.clone_into(&mut self.metric(&of, Value::Null).set_dropped(&reason).id);
         self.skipped = Some(Skipped { run: self.maneuver.to_owned(), missing, reason });
     }
 
-    /// Adds a run with the metrics of its evaluator.
+    /// Adds a run with its metrics.
     pub(crate) fn note(&mut self, result: &RunResult, metrics: &Evaluation) {
         self.runs.push(RunRecord {
             id: result.spec.id.clone(),
@@ -108,10 +108,10 @@ impl Results {
         self.metrics.last_mut().expect("a metric was added")
     }
 
-    /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
+    /// Adds metrics from an evaluator. If the run was cut short, they cannot be compared.
     pub(crate) fn take(&mut self, run: &RunResult, metrics: &Evaluation, wanted: &[&str]) {
         for found in wanted.iter().filter_map(|name| metrics.metrics.iter().find(|metric| metric.name == *name)) {
-            // A row has one number.
+            // A row of the report has a single number.
             if matches!(found.value, metric::Value::Numbers(_)) {
                 continue;
             }
@@ -123,7 +123,7 @@ impl Results {
         }
     }
 
-    /// Adds metrics of an evaluator that have no number, all for the same reason.
+    /// Adds metrics without a value, all for the same reason.
     pub(crate) fn take_none(&mut self, evaluator: &str, wanted: &[&str], reason: &str) {
         let table = evaluators::find(evaluator).map_or(&[][..], |evaluator| evaluator.metrics);
         for of in wanted.iter().filter_map(|name| table.iter().find(|definition| definition.name == *name)) {
@@ -146,21 +146,21 @@ pub(crate) struct Measured {
     /// Reason for a missing value.
     pub(crate) reason: Option<String>,
     pub(crate) limit: Option<Limit>,
-    /// True if the plant lacks a signal that it needs.
+    /// True if the plant lacks a signal that the metric needs.
     pub(crate) is_dropped: bool,
-    /// True if a missing number is the best result.
+    /// True if a missing value is the best result.
     pub(crate) is_best_without: bool,
-    /// Bound of a number that is missing.
+    /// Bound of a missing value.
     pub(crate) bound: Option<Bound>,
-    /// The values of runs under different conditions, of which the value is the extreme one, or that of the last.
+    /// Values under different conditions; the value of the metric is their extreme or last value.
     pub(crate) series: Option<Series>,
-    /// Reason that the value cannot be compared with that of another system.
+    /// Reason that the value cannot be compared with the other system's.
     pub(crate) incomparable: Option<String>,
-    /// Class of the number in a standard.
+    /// Label of the value in a standard, such as a comfort class.
     pub(crate) label: Option<&'static str>,
 }
 
-/// Bound of a number that the procedure does not reach.
+/// Bound of a value that is outside the range of the procedure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Bound {
     Above(f64),
@@ -176,51 +176,51 @@ impl Bound {
     }
 }
 
-/// Values of a metric by the condition of their runs, such as the speed. A system that gets further has other runs, and values under
-/// different conditions are not comparable.
+/// Values of a metric by the condition of the run, such as the speed. Values under different conditions are not
+/// comparable, and the better system reaches conditions that the other one does not.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
     /// Unit of measure of the condition.
     pub(crate) unit: &'static str,
-    /// Condition and value, of the runs that the vehicle can drive.
+    /// Condition and value of the runs that the vehicle can drive.
     pub(crate) values: Vec<(f64, f64)>,
-    /// True if the metric depends on these runs only.
+    /// True if the metric depends only on these runs.
     pub(crate) is_whole: bool,
 }
 
 impl Measured {
-    /// Sets the limit; `not_applicable` is the reason that it does not apply, if it does not.
+    /// Sets the limit. `not_applicable` is the reason if the limit does not apply.
     pub(crate) fn set_limit(&mut self, limit: Limit, not_applicable: Option<&'static str>) -> &mut Self {
         self.limit = Some(Limit { not_applicable, ..limit });
         self
     }
 
-    /// Sets the reason for no value.
+    /// Sets the reason for a missing value.
     pub(crate) fn set_reason(&mut self, reason: &str) -> &mut Self {
         self.reason = Some(reason.to_owned());
         self
     }
 
-    /// Sets the reason for no value: the plant lacks a signal.
+    /// Sets the reason for a missing value: the plant lacks a signal.
     pub(crate) fn set_dropped(&mut self, reason: &str) -> &mut Self {
         self.is_dropped = true;
         self.set_reason(reason)
     }
 
-    /// Sets the reason for no value, which is the best result.
+    /// Sets the reason for a missing value that is the best result.
     pub(crate) fn set_best(&mut self, reason: &str) -> &mut Self {
         self.is_best_without = true;
         self.set_reason(reason)
     }
 }
 
-/// Source of the limits of the caller.
+/// Source of limits set by the caller.
 pub(crate) const REQUIRED: &str = "--require";
 
-/// A limit of a regulation or of the caller.
+/// A limit from a regulation or from the caller.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub(crate) struct Limit {
-    /// True: the value is a Boolean that must be true.
+    /// `Some(true)` if the value is a Boolean that must be true.
     #[serde(rename = "is", skip_serializing_if = "Option::is_none")]
     holds: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -228,7 +228,7 @@ pub(crate) struct Limit {
     #[serde(skip_serializing_if = "Option::is_none")]
     max: Option<f64>,
     source: &'static str,
-    /// Reason that it does not apply.
+    /// Reason that the limit does not apply.
     #[serde(skip)]
     pub(crate) not_applicable: Option<&'static str>,
 }
@@ -247,7 +247,7 @@ impl Limit {
         Self { max: Some(limit), source, ..Self::default() }
     }
 
-    /// True if the caller has set it. It then gives a verdict even without a number.
+    /// True if the caller has set the limit. It then gives a verdict even for a missing value.
     pub(crate) fn is_required(&self) -> bool {
         self.source == REQUIRED
     }
@@ -258,7 +258,7 @@ impl Limit {
     }
 }
 
-/// A run that was made.
+/// An executed run.
 #[derive(Debug, Clone, Serialize)]
 pub struct RunRecord {
     /// Name.
@@ -277,11 +277,11 @@ pub struct RunRecord {
     pub rows: usize,
     /// Error, if any.
     pub error: Option<String>,
-    /// Numbers of its evaluator.
+    /// Metrics of the evaluator.
     pub metrics: Value,
 }
 
-/// A maneuver that was left out.
+/// A skipped maneuver.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Skipped {
     /// Name of the maneuver.

@@ -1,15 +1,15 @@
-//! A run that was made: its end and its recording.
+//! Result of a run: how it ended, and its recording.
 
 use crate::Trace;
 use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::STEP;
 use fmu_system::master::Recording;
 
-/// Yaw rate beyond which a simulation has diverged, rad/s.
+/// Yaw rate above which a simulation has diverged, rad/s.
 const DIVERGED: f64 = 50.0;
-/// Roll angle from which a vehicle has rolled over, rad.
+/// Roll angle above which a vehicle has rolled over, rad.
 pub(crate) const ROLLED_OVER: f64 = 0.8;
-/// Sideslip angle, rad, at a speed over ground, m/s, that a vehicle has only when it spins.
+/// A vehicle spins if its sideslip angle, rad, and its speed over ground, m/s, exceed these values.
 const SPUN: (f64, f64) = (0.7, 3.0);
 
 /// Result of a run.
@@ -21,7 +21,7 @@ pub(crate) struct RunResult {
     pub(crate) flags: Vec<&'static str>,
     /// Reason for its end.
     pub(crate) stop_reason: String,
-    /// Error, if any: time and signal or call.
+    /// Error, if any, with the time and the signal or call.
     pub(crate) error: Option<String>,
 }
 
@@ -36,7 +36,7 @@ impl RunResult {
         self.flags.contains(&flag)
     }
 
-    /// The reason for an early end of the run, if there is one: its metrics cover a part of the maneuver only.
+    /// The reason if the run ended early, in which case its metrics cover only part of the maneuver.
     pub(crate) fn cut_short(&self) -> Option<String> {
         let time = self.trace.times().last().map_or_else(String::new, |time| format!(" at {} s", shown_time(*time)));
         match &self.error {
@@ -49,7 +49,8 @@ impl RunResult {
     }
 }
 
-/// Cuts a recording, whose columns have these names, where the run ends. `failure` is the failure after its last row, if any.
+/// Cuts a recording where the run ends. `names` are the names of its columns, `failure` is the failure after its last
+/// row, if any.
 pub(crate) fn cut(
     spec: RunSpec,
     names: &[String],
@@ -57,7 +58,7 @@ pub(crate) fn cut(
     ratio: f64,
     failure: Option<String>,
 ) -> RunResult {
-    // No row at the start: the driver signals of a row were held during the step before it.
+    // The row at the start is dropped: the driver signals in a row were held during the step before the row.
     let of = |name: &str| {
         let index = names.iter().position(|column| column == name)?;
         recording.column(index)?.get(1..)
@@ -113,7 +114,7 @@ pub(crate) fn cut(
         };
         if let Some(reason) = reason {
             (rows, stop_reason) = (row + 1, reason.to_owned());
-            // A later failure does not concern this run.
+            // A failure after the end of the run is ignored.
             error = None;
             break;
         }
@@ -144,7 +145,7 @@ fn at_last(column: Option<&[f64]>, rows: usize) -> f64 {
     column.zip(rows.checked_sub(1)).map_or(f64::NAN, |(values, row)| values[row])
 }
 
-/// Speed over ground, also of a car that slides sideways; the first row has that of the second.
+/// Speed over ground, also for a car that slides sideways. The first row has the speed of the second.
 fn ground_speed(x: Option<&[f64]>, y: Option<&[f64]>) -> Option<Vec<f64>> {
     let (x, y) = x.zip(y)?;
     let ways =
@@ -156,7 +157,7 @@ fn ground_speed(x: Option<&[f64]>, y: Option<&[f64]>) -> Option<Vec<f64>> {
     Some(speeds)
 }
 
-/// A time without the rounding of its steps.
+/// Removes the rounding error of accumulated steps from a time.
 fn shown_time(time: f64) -> f64 {
     (time / STEP).round() / (1.0 / STEP).round()
 }
@@ -166,11 +167,10 @@ mod tests {
     use super::*;
     use crate::wiring::Driving;
 
-    /// A signal: its name, its value, and from which row on another value.
+    /// A signal: name, value, and the row at which it changes to another value.
     type Signal = (&'static str, f64, Option<(usize, f64)>);
 
-    /// A recording of 1 s, cut: a signal is constant, or changes its value at a row. Its rows begin at 0 s, those of
-    /// a run one step later.
+    /// Cuts a recording of 1 s. The rows of the recording begin at 0 s, those of the run one step later.
     fn run(spec: RunSpec, signals: &[Signal], failure: Option<&str>) -> RunResult {
         let rows = 1001;
         let column = |before: f64, change: Option<(usize, f64)>| {
@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(result.trace.column("driver.steering_wheel").unwrap()[0], 8.0);
     }
 
-    /// The rows before the first value that is not finite are kept.
+    /// Keeps the rows before the first value that is not finite.
     #[test]
     fn a_value_that_is_not_finite_ends_the_run() {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -210,7 +210,7 @@ mod tests {
             assert_eq!(result.flags, ["diverged"]);
             assert_eq!(result.error.as_deref(), Some("`body.roll` is not finite at 0.5 s"));
         }
-        // From the first row on: nothing is left, and nothing breaks.
+        // If the first value is not finite, no rows remain.
         let result = run(spec(), &[("vehicle.speed", f64::NAN, None)], None);
         assert_eq!((result.trace.times().len(), result.flags), (0, vec!["diverged"]));
     }
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// Keeps the rows before the call that failed. A failure after the end of the run does not concern it.
+    /// Keeps the rows before the failed call. A failure after the end of the run is ignored.
     #[test]
     fn a_call_that_fails_ends_the_run() {
         let message = "plant: fmi2DoStep returned fmi2Error";
@@ -251,7 +251,7 @@ mod tests {
         assert_eq!((result.trace.times().len(), result.flags), (1000, vec!["lost"]));
     }
 
-    /// A spin is a flag; the run continues. Below 3 m/s over ground a large sideslip angle is not a spin.
+    /// A spin sets a flag, and the run continues. Below 3 m/s over ground, a large sideslip angle is not a spin.
     #[test]
     fn a_spin_is_a_flag() {
         let of = |speed: f64, sideslip: f64| {
@@ -263,7 +263,7 @@ mod tests {
         assert_eq!((result.flags, result.error), (vec!["spun"], None));
         assert_eq!(of(20.0, 0.7).flags.len(), 0);
         assert_eq!(of(2.9, 2.0).flags.len(), 0);
-        // Sideways the forward speed is small, that over ground is not.
+        // A car that slides sideways has a small forward speed but a large speed over ground.
         let rows = 1001;
         let x: Vec<f64> = (0..rows).map(|row| 0.02 * f64::from(row)).collect();
         let recording = Recording {

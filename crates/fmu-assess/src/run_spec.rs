@@ -3,7 +3,7 @@
 use crate::wiring::Driving;
 use std::collections::BTreeMap;
 
-/// A value for a variable of any base type.
+/// Value for a variable.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Setting {
     Number(f64),
@@ -13,14 +13,14 @@ pub(crate) enum Setting {
 /// A planned run.
 #[derive(Debug, Clone)]
 pub(crate) struct RunSpec {
-    /// Name, unique in a system.
+    /// Id, unique in a system.
     pub(crate) id: String,
     pub(crate) driving: Driving,
     /// Speed at the start, m/s.
     pub(crate) speed: f64,
     /// Values: component (`driver`, `road`, `plant`), variable, value.
     pub(crate) values: Vec<(&'static str, String, Setting)>,
-    /// Longest time, s.
+    /// Stop time, s, unless the run ends earlier.
     pub(crate) stop: f64,
     pub(crate) ends: Vec<EndAt>,
     /// True if the driver should reach the end of a path.
@@ -35,7 +35,7 @@ impl RunSpec {
         Self { id: id.into(), driving, speed, values: Vec::new(), stop, ends: Vec::new(), has_end: false, shown }
     }
 
-    /// Chooses the maneuver of the driver, by its name.
+    /// Chooses the driver's maneuver, by name.
     pub(crate) fn maneuver(self, name: &str) -> Self {
         self.text("maneuver", name)
     }
@@ -51,13 +51,13 @@ impl RunSpec {
         self
     }
 
-    /// Sets a String of the driver, or an enumeration by the name of its value.
+    /// Sets a String of the driver, or an Enumeration by the name of its value.
     pub(crate) fn text(mut self, name: &str, value: &str) -> Self {
         self.values.push(("driver", name.to_owned(), Setting::Text(value.to_owned())));
         self
     }
 
-    /// Ends the run early.
+    /// Adds a condition that ends the run early.
     pub(crate) fn end(mut self, end: EndAt) -> Self {
         self.ends.push(end);
         self
@@ -76,7 +76,7 @@ impl RunSpec {
     }
 }
 
-/// Condition that ends a run before its longest time. The row in which it holds is the last one.
+/// Condition that ends a run early. The row in which it becomes true is the last one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum EndAt {
     /// Magnitude of the lateral acceleration above this, m/s2.

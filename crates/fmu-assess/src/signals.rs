@@ -1,4 +1,4 @@
-//! Units of the bench's signals, and the conversion of the values of FMUs that declare others.
+//! Units of the bench's signals, and conversion from the units that an FMU declares.
 
 use crate::evaluators::EVALUATORS;
 use fmu_import::description::{BaseUnit, ModelDescription, Variable};
@@ -14,11 +14,11 @@ const OTHERS: [(&str, &str); 6] = [
     ("driver.speed", "m/s"),
 ];
 
-/// Other values that the bench writes to plants.
+/// Other variables of a plant that the bench sets.
 const WRITTEN: [(&str, &str); 4] =
     [("steer.front", "rad"), ("vehicle.initial_speed", "m/s"), ("road_friction.*", "1"), ("target_slip.*", "1")];
 
-/// Parameters of a plant that define its size, in the order in which the bench looks for them.
+/// Parameters that define the size of a plant, in order of precedence.
 pub(crate) const DATA: [(&str, &str); 9] = [
     ("vehicle.mass", "kg"),
     ("geometry.track", "m"),
@@ -57,17 +57,17 @@ impl Conversion {
         (value - self.offset) / self.factor
     }
 
-    /// `None` for values that are SI already.
+    /// `None` if no conversion is needed.
     fn new(factor: f64, offset: f64) -> Option<Self> {
         ((factor, offset) != (1.0, 0.0)).then_some(Self { factor, offset })
     }
 }
 
-/// Converts a variable to the unit in which the bench needs it; `None`: it is in this unit, or in none. `given` is the unit that the
-/// caller has named, which takes precedence over that of the description.
+/// The conversion of a variable to the unit `needed`; `None` if it has this unit or no unit. `given` is a unit set by
+/// the caller, which takes precedence over the declared unit.
 ///
 /// # Errors
-/// The unit is of another quantity, or unknown. The message begins with the unit.
+/// The unit belongs to another quantity or is unknown. The message begins with the unit.
 pub(crate) fn conversion(
     needed: &str,
     description: &ModelDescription,
@@ -78,7 +78,7 @@ pub(crate) fn conversion(
     let Some(name) = given.or(variable.unit.as_deref()) else { return Ok(None) };
     let of_description = if given.is_none() { description.unit(name).and_then(|unit| unit.base) } else { None };
     match (of_description, find(name)) {
-        // A tool that omits the radian still declares the name.
+        // Some tools omit the radian from the base unit, but keep the name.
         (Some(BaseUnit { exponents: declared, factor, offset }), _)
             if declared == exponents || (is_same_without_angle(declared, exponents) && name == needed) =>
         {

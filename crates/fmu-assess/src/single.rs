@@ -1,7 +1,7 @@
-//! One run of a maneuver at chosen values, for programs that make its steps themselves: the lab.
+//! One run of a maneuver with chosen values, for programs that execute the steps themselves: the lab.
 //!
-//! The runs are those of the bench, with the same wiring and evaluators. Results that need a series of runs (limits of
-//! regulations, a largest speed) need the bench.
+//! The runs have the same wiring and evaluators as on the bench. Results that need a series of runs (limits in
+//! regulations, a largest speed) are available only on the bench.
 
 use crate::bench::{self, Bench};
 use crate::components::SetupError;
@@ -22,12 +22,12 @@ use fmu_system::run::{Run, Simulation};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Time that a visitor drives, s.
+/// Duration of free driving, s.
 const FREE: f64 = 600.0;
 /// Steering wheel angle at full lock, rad: one and a quarter turns.
 const LOCK: f64 = 7.85;
 
-/// A number that can be chosen before a run.
+/// A value that the visitor can choose before a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choosable {
     /// Name.
@@ -38,9 +38,9 @@ pub struct Choosable {
     pub unit: &'static str,
     /// Limits.
     pub limits: [f64; 2],
-    /// Value without a choice.
+    /// Default value.
     pub value: f64,
-    /// Unit to show it in, and the factor to it.
+    /// Display unit, and the conversion factor.
     pub display: (&'static str, f64),
 }
 
@@ -67,7 +67,7 @@ const fn wheel(degrees: f64) -> Choosable {
     }
 }
 
-/// A maneuver of which one run can be made.
+/// A maneuver that can be driven as a single run.
 #[derive(Debug)]
 pub struct Maneuver {
     /// Name.
@@ -76,7 +76,7 @@ pub struct Maneuver {
     pub title: &'static str,
     /// True if the visitor drives.
     pub is_free: bool,
-    /// Values to choose.
+    /// Values that the visitor can choose.
     pub values: &'static [Choosable],
     driving: Driving,
     /// Outputs that the plant needs.
@@ -86,7 +86,7 @@ pub struct Maneuver {
     make: fn(&Bench<'_>, &Chosen<'_>) -> Option<(RunSpec, Value)>,
 }
 
-/// A maneuver along a path, to be completed.
+/// Template for a maneuver along a path.
 const PATH: Maneuver = Maneuver {
     id: "",
     title: "",
@@ -98,7 +98,7 @@ const PATH: Maneuver = Maneuver {
     evaluator: "",
     make: |_, _| None,
 };
-/// The same with steering as a function of time.
+/// Template for a maneuver with steering as a function of time.
 const OPEN_LOOP: Maneuver = Maneuver { driving: Driving::OpenLoop, outputs: &[], ..PATH };
 
 /// All maneuvers, and free driving.
@@ -247,7 +247,7 @@ fn double_lane_change(bench: &Bench<'_>, part: Part, chosen: &Chosen<'_>) -> Opt
 struct Chosen<'a> {
     maneuver: &'a Maneuver,
     values: &'a BTreeMap<String, f64>,
-    /// Class of roughness of the road; of no meaning on a flat one.
+    /// Roughness class of the road, from 1 for A; unused on a flat road.
     class: i32,
     seed: i32,
 }
@@ -292,7 +292,7 @@ pub fn not_applicable(
     Ok(None)
 }
 
-/// FMUs that a plant needs in every system.
+/// The FMUs that a plant needs in every system.
 ///
 /// # Errors
 /// The FMU does not exist or is not a plant that can be driven.
@@ -301,14 +301,14 @@ pub fn base(plant: &str, source: &dyn Descriptions) -> Result<Vec<String>, Setup
     Ok(Systems::found(&subject, source)?.base.into_iter().map(|component| component.fmu).collect())
 }
 
-/// A run that was made.
+/// A prepared run.
 #[derive(Debug)]
 pub struct Single {
     /// Times.
     pub simulation: Simulation,
     /// The run.
     pub run: Run,
-    /// The plan it is from.
+    /// The plan that contains the run.
     pub plan: Plan,
     /// Speed at the start, m/s.
     pub speed: f64,
@@ -323,14 +323,14 @@ pub struct Single {
     options: Value,
 }
 
-/// Name of the driver in all these runs.
+/// Name of the driver component in all runs.
 pub const DRIVER: &str = "driver";
-/// Name of the plant in all these runs.
+/// Name of the plant component in all runs.
 pub const PLANT: &str = "plant";
-/// Roll angle from which a vehicle has rolled over, rad: the bench ends a run there.
+/// Roll angle, rad, above which the bench ends a run because the vehicle has rolled over.
 pub const ROLLED_OVER: f64 = crate::run_result::ROLLED_OVER;
 
-/// Road and seed of a run: class of roughness, from 1 for A on; `None` for a flat road.
+/// Road of a run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OnRoad {
     /// Class.
@@ -339,10 +339,10 @@ pub struct OnRoad {
     pub seed: i32,
 }
 
-/// Makes one run of a maneuver.
+/// Prepares one run of a maneuver.
 ///
 /// # Errors
-/// An FMU is missing or cannot be driven, or a value does not fit.
+/// An FMU is missing or cannot be driven, or a value is invalid.
 pub fn single(
     subject: &Subject,
     maneuver: &'static Maneuver,
@@ -382,7 +382,7 @@ pub fn single(
     };
     let cones =
         part.and_then(|part| double_lane_change::cones(part, &bench)).map_or(Vec::new(), |cones| cones.to_vec());
-    // Rows of free driving need no evaluator, only figures.
+    // Free driving is not evaluated, so figures need only every tenth step.
     let every = if maneuver.is_free { 10 } else { simulation.every };
     Ok(Single {
         simulation: Simulation { every, ..simulation },
@@ -399,7 +399,7 @@ pub fn single(
     })
 }
 
-/// The bench of the only system, which executes no runs.
+/// A bench for the only system, which executes no runs.
 fn bench<'a>(systems: &'a Systems, vehicle: &'a Vehicle, descriptions: &'a bench::Described<'a>) -> Bench<'a> {
     Bench {
         execute: &|_| Vec::new(),
@@ -417,7 +417,7 @@ fn bench<'a>(systems: &'a Systems, vehicle: &'a Vehicle, descriptions: &'a bench
 }
 
 impl Single {
-    /// Metrics of the run as far as it was made, up to where the bench would end it; `None` for free driving.
+    /// Metrics of the recorded part of the run, up to where the bench would end it; `None` for free driving.
     pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
         let evaluator = evaluators::find(self.evaluator)?;
         let none = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! The subject of an assessment, as the caller describes it, and the values that may be set.
+//! The subject of an assessment, as the caller describes it, and the values that the caller can set.
 
 use crate::components::{Component, SetupError};
 use crate::plant::Plant;
@@ -6,7 +6,7 @@ use crate::vehicle::VehicleFile;
 use fmu_import::description::Causality;
 use fmu_import::names::suggestion;
 
-/// Base component of plants whose brakes and drives are torques.
+/// Base component for plants with brake and drive torques as inputs.
 pub const ACTUATORS: &str = "BrakeAndDriveActuators";
 
 /// Subject of an assessment.
@@ -18,18 +18,18 @@ pub struct Subject {
     pub base: Vec<String>,
     /// Controllers.
     pub with: Vec<String>,
-    /// Values for parameters: component, parameter, value as written; a number may be followed by a space and a unit.
+    /// Values for parameters: component, parameter, value as written. A number can be followed by a space and a unit.
     pub set: Vec<(String, String, String)>,
-    /// FMUs of `with` and `base` in the caller's order; empty: those of `with` first.
+    /// FMUs of `with` and `base` in the caller's order; if empty, those of `with` come first.
     pub order: Vec<String>,
     /// Vehicle data and names of signals.
     pub vehicle: VehicleFile,
 }
 
-/// FMUs of the drivers: steering as a function of time, and along a path.
+/// FMUs of the drivers: for steering as a function of time, and along a path.
 pub(crate) const DRIVERS: [&str; 2] = ["Driver", "PathDriver"];
 
-/// Parameters of drivers and plants that the bench sets itself, and what to do instead of setting them.
+/// Parameters of drivers and plants that the bench sets, and the alternative for the user.
 const GIVEN: [(&str, &str, &str); 6] = [
     ("driver", "geometry.wheelbase", "Set `wheelbase` in the table [vehicle] of a file for `--vehicle`."),
     (
@@ -43,7 +43,7 @@ const GIVEN: [(&str, &str, &str); 6] = [
     ("plant", "vehicle.initial_speed", "Use --speed."),
 ];
 
-/// Parameters of drivers and road that the procedures of the maneuvers prescribe, separated by white space.
+/// Parameters of drivers and road that the maneuver procedures prescribe, separated by white space.
 const PRESCRIBED: [(&str, &str); 2] = [
     (
         "driver",
@@ -58,7 +58,7 @@ const PRESCRIBED: [(&str, &str); 2] = [
     ),
 ];
 
-/// The values of the caller, by the components of the scenarios.
+/// Checks the caller's values, and names their components as in the scenarios.
 pub(crate) fn settings(
     subject: &Subject,
     plant: &Plant,

@@ -1,4 +1,4 @@
-//! The systems that are compared: a plant with its base components, driven by a driver, without and with controllers.
+//! The compared systems: a plant with its base components and a driver, without and with controllers.
 
 use crate::components::{Component, SetupError, find};
 use crate::plant::Plant;
@@ -10,28 +10,28 @@ use fmu_system::resolve::{Descriptions, Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Control of the speed of a plant.
+/// Control of a plant's speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Speed {
     /// An input prescribes it.
     Prescribed,
-    /// By the driver's pedals; it coasts without.
+    /// The driver's pedals control it; without pedals, the plant coasts.
     Pedals,
-    /// Nothing holds it.
+    /// Nothing controls it.
     Own,
 }
 
-/// A plant with its components, wired for each kind of driving.
+/// A plant with its components, connected for each kind of driving.
 #[derive(Debug)]
 pub(crate) struct System {
     /// `without` or `with`.
     pub(crate) name: &'static str,
     pub(crate) speed: Speed,
-    /// Plans, and their recorded signals: names of the bench, in the order of the columns.
+    /// Plans, and the bench's names of their recorded columns.
     plans: Vec<(Driving, Plan, Vec<String>)>,
-    /// Inputs that nothing writes, and the values that they get instead, of all kinds of driving.
+    /// Unconnected inputs in any kind of driving, and their values.
     pub(crate) unwritten: Vec<(String, String)>,
-    /// Components without an effect.
+    /// Components whose outputs nothing reads.
     pub(crate) idle: Vec<String>,
 }
 
@@ -59,16 +59,16 @@ pub(crate) struct Systems {
     /// Controllers and base components, in the caller's order.
     all: Vec<Component>,
     drivers: Vec<Component>,
-    /// Values of the caller, by the components of the scenarios.
+    /// The caller's values, with component names as in the scenarios.
     set: Vec<(String, String, String)>,
     /// True if the caller mirrors the paths of the driver.
     pub(crate) is_mirrored: bool,
-    /// The one without the controllers, and the one with them if there are any.
+    /// The system without controllers, then the system with controllers, if any.
     pub(crate) systems: Vec<System>,
 }
 
 impl Systems {
-    /// Values of the caller: component, parameter, value.
+    /// The caller's values: component, parameter, value.
     pub(crate) fn given(&self) -> impl Iterator<Item = (&Component, &str, &str)> {
         self.set.iter().filter_map(|(owner, name, value)| {
             let mut components = self.all.iter().chain(&self.drivers);
@@ -82,7 +82,7 @@ impl Systems {
         })
     }
 
-    /// Finds the FMUs and wires them.
+    /// Finds the FMUs and connects them.
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
         let mut found = Self::found(subject, source)?;
@@ -97,7 +97,7 @@ impl Systems {
         Ok(found)
     }
 
-    /// Wires one system, with all its controllers, for one kind of driving.
+    /// Connects one system, with all controllers, for one kind of driving.
     pub(crate) fn only(
         subject: &Subject,
         source: &dyn Descriptions,
@@ -109,7 +109,7 @@ impl Systems {
         Ok(found)
     }
 
-    /// Wires a system for some kinds of driving.
+    /// Connects a system for the given kinds of driving.
     fn system(
         &self,
         name: &'static str,
@@ -149,7 +149,7 @@ impl Systems {
         let mut unwritten: Vec<(String, String)> = Vec::new();
         for &(driving, road) in drivings {
             let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
-            // Each driver has parameters that the other one does not have, and no run has all components.
+            // The two drivers have different parameters, and each run has only one of them.
             let description = drivers.iter().find(|component| component.fmu == driver).map(Component::description);
             let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
                 "driver" => description.is_none_or(|description| description.variable(name).is_some()),
@@ -181,7 +181,7 @@ impl Systems {
             let (number, given) = value.split_once(' ').map_or((value.as_str(), None), |(n, unit)| (n, Some(unit)));
             let Ok(number) = number.parse::<f64>() else { continue };
             let own = component.description().variable(name).and_then(|variable| variable.unit.as_deref());
-            // The vehicle data come from these numbers, too.
+            // Vehicle data are derived from these numbers, so they must be in the declared unit.
             if let Some(given) = given.filter(|given| Some(*given) != own) {
                 let own = own.unwrap_or("1");
                 return Err(SetupError::new(format!("`{name}` of {} is given in {given}; use {own}", component.name)));
@@ -210,7 +210,7 @@ impl Systems {
     }
 }
 
-/// The bench's name of a column. The column has the name of its component in front if a component before it has the signal, too.
+/// The bench's name of a column. If several components have the signal, the column name begins with the component.
 fn signal_of(column: &str, plant: &Plant) -> String {
     let (component, variable) = column.split_once(':').unwrap_or(("", column));
     let is_of_driver = OF_DRIVER.contains(&variable) || OF_PATH.contains(&variable);
@@ -222,7 +222,7 @@ fn signal_of(column: &str, plant: &Plant) -> String {
 
 fn explained(error: &ResolveError) -> String {
     match error {
-        // Places in a generated text would not help.
+        // Locations in a generated file would not help.
         ResolveError::Problems(problems) => {
             let lines = problems.problems.iter().map(ToString::to_string);
             lines.collect::<Vec<_>>().join("\n")
@@ -231,8 +231,8 @@ fn explained(error: &ResolveError) -> String {
     }
 }
 
-/// Components in the order of a step: the writer of a signal comes before its readers. A cycle is broken at its first component in `components`;
-/// ties keep the order.
+/// Components in the order of execution: the writer of a signal comes before its readers. A cycle is broken at its
+/// first component in `components`. Otherwise, the order is kept.
 fn ordered(components: &[Component]) -> Vec<&Component> {
     let writes = |component: &Component, other: &Component| {
         component.name != other.name
@@ -243,7 +243,7 @@ fn ordered(components: &[Component]) -> Vec<&Component> {
     order(&edges).into_iter().map(|index| &components[index]).collect()
 }
 
-/// The order of a graph: `edges[i][j]` is true if i comes before j, unless both are in a cycle that is cut there.
+/// Topological order of a graph: if `edges[i][j]`, i comes before j, unless a cycle is broken there.
 fn order(edges: &[Vec<bool>]) -> Vec<usize> {
     let mut left: Vec<usize> = (0..edges.len()).collect();
     let mut order = Vec::new();
@@ -257,7 +257,7 @@ fn order(edges: &[Vec<bool>]) -> Vec<usize> {
                 }
             }
         }
-        // All that come before it are in its cycle.
+        // All predecessors of the next component are in the same cycle.
         let is_next =
             |component: &usize| left.iter().all(|other| !reaches[*other][*component] || reaches[*component][*other]);
         let next = left.iter().position(is_next).unwrap_or(0);
@@ -270,7 +270,7 @@ fn order(edges: &[Vec<bool>]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// By hand. `"ab"`: a writes what b reads.
+    /// `"ab"` means that a writes a signal that b reads.
     #[test]
     fn writers_come_before_readers_and_cycles_are_cut_where_they_are_named_first() {
         let of = |count: usize, edges: &[&str]| {
@@ -284,14 +284,14 @@ mod tests {
         assert_eq!(of(3, &[]), "abc");
         assert_eq!(of(3, &["ca", "cb"]), "cab");
         assert_eq!(of(4, &["dc", "cb", "ba"]), "dcba");
-        // A cycle of b and c: b was named first.
+        // A cycle of b and c is broken at b, which comes first.
         assert_eq!(of(3, &["bc", "cb"]), "abc");
-        // a waits for the cycle of b and c; it is not a place to cut it.
+        // a depends on the cycle of b and c, so the cycle is not broken at a.
         assert_eq!(of(3, &["ba", "bc", "cb"]), "bac");
         assert_eq!(of(3, &["ca", "bc", "cb"]), "bca");
-        // The cycle of a and b waits for that of c and d.
+        // The cycle of a and b depends on the cycle of c and d.
         assert_eq!(of(4, &["ab", "ba", "cd", "dc", "da"]), "cdab");
-        // All in one cycle a, b, c: after the cut the others keep their direction.
+        // All are in one cycle. After it is broken at a, the other edges apply.
         assert_eq!(of(3, &["ac", "cb", "ba"]), "acb");
     }
 }

@@ -10,11 +10,11 @@ use std::borrow::Cow;
 /// A column that an evaluator reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Column {
-    /// Name. A `*` stands for wheels, axles or sides.
+    /// Name. A `*` matches any wheel, axle or side.
     pub name: &'static str,
     /// Unit of measure.
     pub unit: &'static str,
-    /// Without a needed column the evaluator computes no metric.
+    /// True if no metric can be computed without the column.
     pub is_needed: bool,
 }
 
@@ -30,8 +30,8 @@ impl Column {
 
 /// Recorded signals: a column of times and named columns of the same length.
 ///
-/// Signals have the names and units of the library (`vehicle.yaw_rate` in rad/s), times are in s. Rows are evenly spaced. A trace may
-/// contain anything: an evaluator reports what it cannot use.
+/// Signals have the names and units of the library (`vehicle.yaw_rate` in rad/s). Times are in s and should be evenly
+/// spaced. A trace is not checked: evaluators report what they cannot use.
 #[derive(Debug, Clone, Default)]
 pub struct Trace<'a> {
     times: Cow<'a, [f64]>,
@@ -39,7 +39,7 @@ pub struct Trace<'a> {
 }
 
 impl<'a> Trace<'a> {
-    /// A trace without columns, from its times, s.
+    /// Creates a trace without columns; times are in s.
     pub fn new(times: impl Into<Cow<'a, [f64]>>) -> Self {
         Self { times: times.into(), columns: Vec::new() }
     }
@@ -47,7 +47,7 @@ impl<'a> Trace<'a> {
     /// Adds a column.
     ///
     /// # Errors
-    /// The column has another number of rows than the times, or there is one of the same name.
+    /// The number of rows differs from the number of times, or the name exists.
     pub fn with(
         mut self,
         name: impl Into<Cow<'a, str>>,
@@ -72,7 +72,7 @@ impl<'a> Trace<'a> {
         &self.times
     }
 
-    /// A column by its name.
+    /// Finds a column by its name.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|(known, _)| known == name).map(|(_, values)| &**values)
     }

@@ -1,4 +1,5 @@
-//! Vehicle data that the bench needs: size, class and steering. They come from the parameters of the plant, or from a file.
+//! Vehicle data that the bench needs: size, class and steering. They come from a file or from the parameters of the
+//! plant.
 
 use crate::plant::Plant;
 use fmu_system::schema;
@@ -6,16 +7,16 @@ use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A vehicle file: data that its FMU does not have, and names of signals that differ from the bench's.
+/// A vehicle file: data that the FMU does not contain, and signals whose names differ from the bench's.
 #[derive(Debug, Clone, Default)]
 pub struct VehicleFile {
     /// Data.
     pub vehicle: Given,
-    /// Name of a signal of the bench -> name of the plant's variable.
+    /// The bench's name of a signal -> name of the plant's variable.
     pub signals: BTreeMap<String, String>,
-    /// Name of a signal of the bench -> unit of the plant's variable, which takes precedence over the one that it declares.
+    /// The bench's name of a signal -> unit of the plant's variable, which takes precedence over the declared unit.
     pub units: BTreeMap<String, String>,
-    /// The same of the other FMUs, by their names.
+    /// For each other FMU, by its name: the bench's name of a signal -> name of the FMU's variable.
     pub controllers: BTreeMap<String, BTreeMap<String, String>>,
 }
 
@@ -23,9 +24,10 @@ pub struct VehicleFile {
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct Written {
-    /// Data that the FMU of the plant does not have.
+    /// Data that the FMU of the plant does not contain.
     vehicle: Given,
-    /// Names of the variables of the plant by the signals of the bench; tables of other FMUs by their names.
+    /// Names of the plant's variables, by the bench's names of the signals. For other FMUs, a table with the name of
+    /// the FMU.
     signals: BTreeMap<String, Named>,
 }
 
@@ -44,25 +46,25 @@ enum Named {
     /// Name of a variable.
     Variable(String),
     WithUnit(WithUnit),
-    /// Names of the variables of an FMU by the signals of the bench.
+    /// Names of an FMU's variables, by the bench's names of the signals.
     OfFmu(BTreeMap<String, String>),
 }
 
-/// A variable whose unit is not the one that it declares, or that declares none.
+/// A variable with a unit other than the declared one, or without a declared unit.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WithUnit {
-    /// Name of the variable; that of the signal if absent.
+    /// Name of the variable; by default, the name of the signal.
     variable: Option<String>,
     /// Unit.
     unit: Option<String>,
 }
 
-/// Data of a vehicle as a file gives them; what is absent comes from the plant.
+/// Vehicle data in a file. Missing values are derived from the plant.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Given {
-    /// Class, which decides the limits that apply.
+    /// Class, which determines the limits that apply.
     pub class: Option<Class>,
     /// Mass, kg.
     pub mass: Option<f64>,
@@ -72,36 +74,36 @@ pub struct Given {
     pub front: Option<f64>,
     /// From the reference point to the rear bumper, m.
     pub rear: Option<f64>,
-    /// Wheelbase, of more than two axles the equivalent one, m.
+    /// Wheelbase, m; for more than two axles, the equivalent wheelbase.
     pub wheelbase: Option<f64>,
-    /// Steering wheel angle over angle of the front wheels.
+    /// Ratio of steering wheel angle to front wheel angle.
     pub steer_ratio: Option<f64>,
     /// Understeer gradient for the driver model, rad/(m/s2).
     pub understeer_gradient: Option<f64>,
 }
 
-/// Class of a vehicle.
+/// Vehicle class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
     /// Up to 3,500 kg.
     Car,
-    /// Above.
+    /// Above 3,500 kg.
     Truck,
 }
 
-/// Heaviest car, kg.
+/// Largest mass of a car, kg.
 const HEAVIEST_CAR: f64 = 3500.0;
-/// Width of a vehicle beyond its track, m, and length beyond its axles at each end, m.
+/// Assumed width in addition to the track, m, and assumed length beyond the first and last axle, m.
 const BESIDE: f64 = 0.25;
 const OVERHANG: f64 = 0.85;
-/// Assumed cornering stiffness of the axles behind over that of the front axle, if unknown.
+/// Assumed ratio of the cornering stiffness of the rear axles to that of the front axle, if unknown.
 const STIFFNESS_RATIO: f64 = 3.0;
 
-/// A number and its source.
+/// A value and its source.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Datum {
-    /// The number, SI.
+    /// The value, SI.
     pub value: f64,
     /// Its source.
     pub source: String,
@@ -110,7 +112,7 @@ pub struct Datum {
 /// Data of a vehicle.
 #[derive(Debug, Clone, Serialize)]
 pub struct Vehicle {
-    /// Class, which decides the limits that apply.
+    /// Class, which determines the limits that apply.
     pub class: Class,
     /// Mass, kg; `None` if neither a parameter nor tire loads give it.
     pub mass: Option<Datum>,
@@ -120,18 +122,18 @@ pub struct Vehicle {
     pub front: Option<Datum>,
     /// From the reference point to the rear bumper, m.
     pub rear: Option<Datum>,
-    /// Wheelbase, of more than two axles the equivalent one (Winkler), m.
+    /// Wheelbase, m; for more than two axles, the equivalent wheelbase (Winkler).
     pub wheelbase: Option<Datum>,
-    /// Steering wheel angle over angle of the front wheels.
+    /// Ratio of steering wheel angle to front wheel angle.
     pub steer_ratio: Datum,
     /// Understeer gradient for the driver model, rad/(m/s2); `None` until it is measured.
     pub understeer_gradient: Option<Datum>,
-    /// Places of the axles behind the front axle, m.
+    /// Distances of the other axles behind the front axle, m.
     #[serde(skip)]
     pub axle_offsets: Vec<f64>,
 }
 
-/// Vehicles of the library, by the name of their FMU.
+/// Vehicle files of the library, by the name of the FMU.
 const KNOWN: [(&str, &str); 4] = [
     ("EspCar", include_str!("vehicles/EspCar.toml")),
     ("RescueVehicle", include_str!("vehicles/RescueVehicle.toml")),
@@ -143,7 +145,7 @@ impl VehicleFile {
     /// Reads a vehicle file.
     ///
     /// # Errors
-    /// The text is not a vehicle file; the message contains the place.
+    /// The text is not a vehicle file. The message contains the location.
     pub fn parse(text: &str) -> Result<Self, String> {
         let Written { vehicle, signals } = toml::from_str(text).map_err(|error| error.to_string())?;
         let mut file = Self { vehicle, ..Self::default() };
@@ -173,13 +175,13 @@ impl VehicleFile {
         Ok(file)
     }
 
-    /// Data of a vehicle of the library; empty for any other vehicle.
+    /// Data for a vehicle of the library; empty for any other vehicle.
     pub fn of_library(fmu: &str) -> Self {
         let text = KNOWN.iter().find(|(name, _)| *name == fmu).map(|(_, text)| *text);
         text.map_or_else(Self::default, |text| Self::parse(text).expect("the file is tested"))
     }
 
-    /// Returns these data, with those of the library, which has no signals, where they are absent.
+    /// Fills missing vehicle data from `library`.
     pub fn over(mut self, library: Self) -> Self {
         let (own, rest) = (self.vehicle, library.vehicle);
         self.vehicle = Given {
@@ -197,7 +199,7 @@ impl VehicleFile {
 }
 
 impl Vehicle {
-    /// Combines data of a file and parameters of a plant. `mass` is that of the tire loads.
+    /// Combines data from a file and parameters of a plant. `mass` is the mass from the tire loads.
     pub(crate) fn new(given: &Given, plant: &Plant, mass: Option<f64>) -> Self {
         let datum = |written: Option<f64>, computed: Option<(f64, String)>| {
             let found = written.map(|value| (value, "vehicle data".to_owned())).or(computed);
@@ -234,7 +236,7 @@ impl Vehicle {
     }
 }
 
-/// Places of the axles in front of the reference point, m, from front to rear; empty if unknown.
+/// Positions of the axles relative to the reference point, m, from front to rear, positive forward; empty if unknown.
 fn axles(parameter: &dyn Fn(&str) -> Option<f64>) -> Vec<f64> {
     let Some(front) = parameter("geometry.cg_to_front_axle") else { return Vec::new() };
     let spacing = parameter("geometry.middle_to_rear_axle");
@@ -250,8 +252,9 @@ fn axles(parameter: &dyn Fn(&str) -> Option<f64>) -> Vec<f64> {
     }
 }
 
-/// Wheelbase of two axles; of more the wheelbase of two that turn as well: L (1 + T^2/L^2 (1 + C_r/C_f)), with L from the front
-/// axle to the mean of the others, T their distance from it in the mean of squares, and the cornering stiffness C (Winkler 1998).
+/// Wheelbase. For more than two axles, the wheelbase of an equivalent two-axle vehicle (Winkler 1998): L (1 + T^2/L^2
+/// (1 + C_r/C_f)). L is the distance from the front axle to the mean position of the other axles, T the RMS distance of
+/// these axles from their mean, and C the cornering stiffness.
 fn wheelbase(axles: &[f64], parameter: &dyn Fn(&str) -> Option<f64>) -> Option<(f64, String)> {
     let (front, others) = axles.split_first()?;
     let count = others.len() as f64;
@@ -296,7 +299,7 @@ mod tests {
         assert_eq!(found.signals, BTreeMap::from([("vehicle.yaw_rate".to_owned(), "r".to_owned())]));
         assert_eq!((found.units["vehicle.yaw_rate"].as_str(), found.units["body.roll"].as_str()), ("deg/s", "deg"));
         assert!(found.controllers.is_empty());
-        // A table of one key is a variable or a unit, not the signals of an FMU.
+        // A table with the key `variable` or `unit` describes a signal, not an FMU.
         let named = VehicleFile::parse("[signals]\na = { variable = \"b\" }\nc = { unit = \"deg\" }\n").unwrap();
         assert_eq!((named.signals["a"].as_str(), named.units["c"].as_str()), ("b", "deg"));
         assert!(named.controllers.is_empty());
@@ -315,7 +318,7 @@ mod tests {
         assert!(VehicleFile::parse("[vehicle]\nlength = 1.0").unwrap_err().contains("unknown field `length`"));
     }
 
-    /// Reference: the numbers of the specification's table, to the digits given there.
+    /// Reference: independently computed values, to the digits given here.
     #[test]
     fn vehicles_are_derived_from_their_parameters() {
         let of = |values: &'static [(&str, f64)]| {

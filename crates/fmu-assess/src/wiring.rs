@@ -1,7 +1,7 @@
-//! The scenario of a system.
+//! Writes a system as a scenario.
 //!
-//! All signals are wired by name. A system becomes a scenario, so that all rules and messages of scenarios hold, and each of its
-//! runs can be repeated by `chassis run`.
+//! All signals are connected by name. Because a system is a scenario, the rules and messages of scenarios apply, and
+//! `chassis run` can repeat each run.
 
 use crate::components::{Component, SetupError};
 use crate::plant::{OF_VEHICLE, Plant, is_recorded};
@@ -18,7 +18,7 @@ pub(crate) enum Driving {
     OpenLoop,
     /// A driver that follows a path.
     Path,
-    /// The same on a rough road.
+    /// A driver that follows a path on a rough road.
     Ride,
 }
 
@@ -26,16 +26,16 @@ pub(crate) enum Driving {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Road {
     Flat,
-    /// A component, whose parameters define the roughness.
+    /// The component `Road`, whose parameters define the roughness.
     Rough,
 }
 
-/// Signals of drivers, with the kind of driving that has them.
+/// Signals of all drivers, and signals only of `PathDriver`.
 pub(crate) const OF_DRIVER: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
 pub(crate) const OF_PATH: [&str; 5] =
     ["path.lateral_deviation", "path.heading_error", "path.distance", "path.finished", "path.lost"];
 
-/// A system in the making.
+/// The components of a system, and how it is driven.
 pub(crate) struct Wiring<'a> {
     pub(crate) plant: &'a Plant,
     pub(crate) components: Vec<&'a Component>,
@@ -46,7 +46,7 @@ pub(crate) struct Wiring<'a> {
 }
 
 impl Wiring<'_> {
-    /// The component that writes a signal, other than the plant.
+    /// The component, other than the plant, that writes a signal.
     fn writer(&self, signal: &str) -> Option<(&str, String)> {
         if OF_DRIVER.contains(&signal) || (self.driving != Driving::OpenLoop && OF_PATH.contains(&signal)) {
             return Some(("driver", signal.to_owned()));
@@ -62,7 +62,7 @@ impl Wiring<'_> {
     /// Finds the source of an input: another component, or a constant.
     ///
     /// # Errors
-    /// The constant does not fit the unit of the input.
+    /// The constant cannot be converted to the unit of the input.
     fn source(
         &mut self,
         component: &Component,
@@ -168,7 +168,7 @@ impl Wiring<'_> {
         Ok(text)
     }
 
-    /// Recorded signals, as a scenario names them.
+    /// Recorded signals, named as in a scenario.
     fn recorded(&self) -> Vec<String> {
         let path: &[&str] = if self.driving == Driving::OpenLoop { &[] } else { &OF_PATH };
         let mut signals: Vec<String> = OF_DRIVER.iter().chain(path).map(|signal| format!("driver:{signal}")).collect();
@@ -182,7 +182,7 @@ impl Wiring<'_> {
 enum Source {
     /// Component and output.
     Signal(String, String),
-    /// As TOML writes it.
+    /// A constant, as TOML.
     Constant(String),
 }
 
@@ -195,7 +195,8 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// A value of the command line as TOML: a number, also with a unit after it, or a Boolean as it is, anything else as text.
+/// A value from the command line as TOML: a number, optionally with a unit, or a Boolean; anything else becomes a
+/// string.
 fn literal(value: &str) -> String {
     if let Some((number, unit)) = value.split_once(' ').filter(|(number, _)| number.parse::<f64>().is_ok()) {
         return format!("{{ value = {}, unit = {} }}", literal(number), quoted(unit));

@@ -44,7 +44,7 @@ fn derivative(state: State, steer: f64) -> State {
     ]
 }
 
-/// A step with a steering angle that is held, by Runge-Kutta in four parts.
+/// One step with constant steering angle: four Runge-Kutta substeps.
 fn advance(mut state: State, steer: f64, step: f64) -> State {
     let h = step / 4.0;
     let moved = |state: State, slope: State, h: f64| std::array::from_fn(|i| state[i] + h * slope[i]);
@@ -58,7 +58,7 @@ fn advance(mut state: State, steer: f64, step: f64) -> State {
     state
 }
 
-/// A run as it is recorded: a row after each step, with the steering angle held during it.
+/// A recorded run: a row after each step, with the steering angle held during the step.
 fn run(step: f64, rows: u32, steer: impl Fn(f64) -> f64) -> Trace<'static> {
     let (mut state, mut columns) = ([0.0; 4], vec![Vec::new(); 6]);
     for row in 1..=rows {
@@ -94,8 +94,8 @@ fn numbers(evaluation: &Evaluation, name: &str) -> Vec<f64> {
     }
 }
 
-/// Reference: the check numbers of the test bench for a ramp of 0.1 s to 0.02 rad at 1 s, 5 s long, 1 ms rows. Tolerance: half of their
-/// last digit.
+/// Reference: check numbers for a ramp from 1 s to 1.1 s to 0.02 rad, with rows of 1 ms over 5 s. Tolerance: half of
+/// the last digit.
 #[test]
 fn step_steer() {
     let trace = run(0.001, 5_000, |time| 0.02 * ((time - 1.0) / 0.1).clamp(0.0, 1.0));
@@ -104,7 +104,7 @@ fn step_steer() {
         ("t0", 1.051, 1e-9),
         ("steer", 0.02, 1e-12),
         ("yaw_rate.steady", 0.103_852_3, 5e-8),
-        // Closed form u/(L + K u^2), with what is left of the oscillation in the last second.
+        // Closed form u/(L + K u^2), plus the rest of the oscillation in the last second.
         ("yaw_rate.gain", 5.192_615, 1e-6),
         ("yaw_rate.response_time", 0.191_738_8, 5e-8),
         ("yaw_rate.peak_response_time", 0.397, 1e-9),
@@ -119,7 +119,7 @@ fn step_steer() {
     }
 }
 
-/// Yaw rate and lateral acceleration per steering angle at a frequency, Hz.
+/// Response of yaw rate and lateral acceleration to the steering angle at a frequency, Hz.
 fn closed_form(frequency: f64) -> [Complex<f64>; 2] {
     let s = Complex::new(0.0, TAU * frequency);
     let (a11, a12) = (-(FRONT + REAR) / (MASS * SPEED), -(A * FRONT - B * REAR) / (MASS * SPEED) - SPEED);
@@ -132,7 +132,7 @@ fn closed_form(frequency: f64) -> [Complex<f64>; 2] {
     [r, s * v + r * SPEED]
 }
 
-/// The check numbers of the closed form itself, to their last digit.
+/// Check numbers for the closed form, to the last digit.
 #[test]
 fn closed_form_of_the_yaw_rate() {
     for (frequency, gain, phase) in [
@@ -148,8 +148,8 @@ fn closed_form_of_the_yaw_rate() {
     }
 }
 
-/// Reference: the closed form. Tolerance: that of the test bench for 2 ms rows; lateral acceleration has a direct feedthrough, which the
-/// rows sample after the step.
+/// Reference: the closed form. Tolerance: the error with 2 ms rows. It is larger for the lateral acceleration, which
+/// has a direct feedthrough and is sampled after the step.
 #[test]
 fn frequency_response() {
     let lines = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.3, 2.6, 3.0, 3.5, 4.0];
@@ -175,7 +175,8 @@ fn frequency_response() {
             assert!(difference.abs() < phase_tolerance, "{name}, {frequency} Hz: phase {phase}, {difference}");
         }
     }
-    // The gain is interpolated between 1.6 and 1.8 Hz, where the exact one is 3 dB lower at 1.802 Hz.
+    // Tolerance: the gain is interpolated between the frequencies of the multisine; the exact gain is 3 dB lower at
+    // 1.802 Hz.
     assert!((number(&evaluation, "yaw_rate.bandwidth") - 1.802_095).abs() < 0.02);
     assert!((number(&evaluation, "yaw_rate.reference_gain") / closed_form(0.2)[0].norm() - 1.0).abs() < 2.1e-4);
 }

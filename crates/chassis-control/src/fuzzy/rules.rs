@@ -18,7 +18,7 @@ pub enum Conjunction {
 pub struct RuleTable<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> {
     /// Indices of the rules in the flattened table, sorted by label.
     rules: [[usize; COLUMNS]; ROWS],
-    /// Where the rules of each label end in `rules`.
+    /// End of each label's rules in `rules`.
     ends: [usize; LABELS],
     conjunction: Conjunction,
 }

@@ -1,4 +1,4 @@
-//! Braking in a turn: how far the vehicle leaves the circle.
+//! Braking in a turn: deviation from the circle.
 
 use super::braking::{before_braking, end_of_span};
 use super::{Column, Evaluator};
@@ -7,12 +7,12 @@ use crate::numerics::{Rows, at, largest, mean, sign, smallest};
 use crate::options::Options;
 use fmu_math::{hypot, sin_cos};
 
-/// Span of the initial values, s.
+/// Duration over which initial values are averaged, s.
 const INITIAL: f64 = 0.5;
-/// Time of the values after 1 s, and span of the extreme ones, s.
+/// Time after braking begins for the values "after 1 s", and duration for the extreme values, s.
 const AFTER: f64 = 1.0;
 const SPAN: f64 = 2.0;
-/// Share of the initial speed below which nothing is evaluated.
+/// Fraction of the initial speed below which rows are not evaluated.
 const SLOW: f64 = 0.2;
 const SLOW_AT_ONCE: &str = "the vehicle is below 20 % of its initial speed when braking begins";
 
@@ -130,12 +130,12 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
 /// The circle before braking.
 struct Circle {
     radius: f64,
-    /// 1 for a left turn, -1 for a right one.
+    /// 1 for a left turn, -1 for a right turn.
     direction: f64,
 }
 
 impl Circle {
-    /// Yaw rate over that of the circle at a speed.
+    /// Yaw rate divided by the yaw rate on the circle at the given speed.
     fn ratio(&self, yaw_rate: f64, speed: f64) -> f64 {
         yaw_rate * self.radius / (self.direction * speed)
     }
@@ -164,8 +164,8 @@ mod tests {
     use crate::trace::Trace;
     use serde_json::json;
 
-    /// Closed form: a vehicle that stays on a circle of 100 m at 20 m/s while it brakes with 5 m/s2 from 1 s on. Left and right turn.
-    /// Tolerance: a meter of a position is a chord.
+    /// Closed form: a vehicle that stays on a circle of 100 m radius and brakes from 20 m/s with 5 m/s2 from 1 s on, in
+    /// a left and a right turn.
     #[test]
     fn a_vehicle_on_its_circle() {
         let times: Vec<f64> = (1..=4_000).map(|k| f64::from(k) * 0.001).collect();

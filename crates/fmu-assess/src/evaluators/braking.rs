@@ -1,4 +1,4 @@
-//! Braking straight ahead: deceleration, distance, and what happens to the direction.
+//! Braking straight ahead: deceleration, distance, and deviation from the straight line.
 
 use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
 use super::{Column, Evaluator};
@@ -7,23 +7,23 @@ use crate::numerics::{Rows, at, largest_magnitude};
 use crate::options::Options;
 use fmu_math::{hypot, sin_cos};
 
-/// Shares of the initial speed between which the deceleration is the mean fully developed one.
+/// Fractions of the initial speed between which the mean fully developed deceleration is computed.
 const FROM: f64 = 0.8;
 const TO: f64 = 0.1;
-/// Share of the speed by which that of the positions may differ from it.
+/// Largest relative difference between `vehicle.speed` and the speed from the positions.
 const DISAGREEMENT: f64 = 0.02;
-/// Ratios of two speeds, one of which is in a wrong unit, and what is wrong.
+/// Ratios of two speeds that indicate a wrong unit, and the probable cause.
 const FACTORS: [(f64, &str); 4] = [
     (3.6, "it were in km/h"),
     (2.236_936, "it were in mph"),
     (1000.0, "times were in ms"),
     (0.001, "positions were in mm"),
 ];
-/// Two ratios that are as near as this are the same.
+/// Relative tolerance for these ratios.
 const ALIKE: f64 = 0.05;
-/// Time before braking in which a vehicle keeps its speed to less than [`DISAGREEMENT`], s.
+/// Time before braking in which the speed should change by less than [`DISAGREEMENT`], s.
 const BEFORE: f64 = 0.2;
-/// Speed of a standstill, m/s.
+/// Speed below which the vehicle counts as stopped, m/s.
 const STOP: f64 = 0.2;
 
 pub(super) const EVALUATOR: Evaluator = Evaluator {
@@ -153,7 +153,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     Ok(())
 }
 
-/// The row before the first with a brake pedal above 0.
+/// The last row before the brake pedal rises above 0.
 pub(super) fn before_braking(rows: &Rows<'_>) -> Result<usize, Reason> {
     match rows.column("driver.brake")?.iter().position(|pedal| *pedal > 0.0) {
         None => Err("`driver.brake` is never above 0".to_owned()),
@@ -164,7 +164,7 @@ pub(super) fn before_braking(rows: &Rows<'_>) -> Result<usize, Reason> {
     }
 }
 
-/// The row after the last of a span, s, from a row on. The recording may end before only if nothing happens any more.
+/// The end (exclusive) of a span, s, that starts at a row. The recording can be shorter only if the maneuver `is_over`.
 pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: bool) -> Result<usize, Reason> {
     let limit = rows.times[first] + span;
     let end = rows.times.partition_point(|time| rows.is_until(*time, limit));
@@ -183,10 +183,10 @@ struct Ground {
     speed: Vec<f64>,
 }
 
-/// The point where the speed falls to a level.
+/// The point at which the speed falls to a level.
 #[derive(Clone, Copy)]
 struct Fall {
-    /// The first row at or below it.
+    /// The first row at or below the level.
     row: usize,
     time: f64,
     way: f64,
@@ -206,7 +206,7 @@ impl Ground {
         Ok(Self { way, speed })
     }
 
-    /// Motion by the speed.
+    /// Computes the motion from the speed.
     fn of_speed(rows: &Rows<'_>, speed: &[f64]) -> Self {
         let mut way = vec![0.0; speed.len()];
         for row in 1..speed.len() {
@@ -215,20 +215,20 @@ impl Ground {
         Self { way, speed: speed.to_vec() }
     }
 
-    /// Returns both speeds in a row if they, or the distances up to it, differ by more than [`DISAGREEMENT`].
+    /// Returns both speeds in a row if they, or the distances up to the row, differ by more than [`DISAGREEMENT`].
     fn disagrees(&self, speed: &Self, row: usize) -> Option<[f64; 2]> {
         let differ = |a: f64, b: f64| (a - b).abs() > DISAGREEMENT * b.abs();
         let is_off = differ(self.speed[row], speed.speed[row]) || differ(self.way[row], speed.way[row]);
         is_off.then_some([self.speed[row], speed.speed[row]])
     }
 
-    /// The mean speed in the time before a row; `None` if the recording begins later.
+    /// The mean speed in the time [`BEFORE`] a row; `None` if the recording begins later.
     fn mean_before(&self, rows: &Rows<'_>, row: usize) -> Option<f64> {
         let from = rows.times[..row].iter().rposition(|time| rows.times[row] - time >= BEFORE)?;
         Some((self.way[row] - self.way[from]) / (rows.times[row] - rows.times[from]))
     }
 
-    /// The first fall to a level after a row, interpolated.
+    /// The first point after a row at which the speed falls to a level, interpolated.
     fn falls_to(&self, rows: &Rows<'_>, level: f64, after: usize) -> Option<Fall> {
         let speed = &self.speed;
         let row = (after + 1..speed.len()).find(|row| speed[row - 1] > level && speed[*row] <= level)?;
@@ -247,7 +247,7 @@ mod tests {
 
     const STEP: f64 = 0.001;
 
-    /// A vehicle that decelerates constantly from 0.5 s on, in a direction, rad.
+    /// Evaluates a vehicle that decelerates constantly from 0.5 s on and drives in the direction `course`, rad.
     fn evaluate(speed: f64, deceleration: f64, course: f64) -> super::super::Evaluation {
         let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * STEP).collect();
         let way = |time: f64| {
@@ -256,7 +256,7 @@ mod tests {
         };
         let (sin, cos) = sin_cos(course);
         let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| of(*time)).collect::<Vec<_>>();
-        // The pedal of a row was held during the step before it.
+        // The pedal of a row was held during the step before the row.
         let trace = Trace::new(times.clone()).with("driver.brake", column(&|t| f64::from(t > 0.5005))).unwrap();
         let trace = trace.with("vehicle.position_x", column(&|t| way(t) * cos)).unwrap();
         let trace = trace.with("vehicle.position_y", column(&|t| way(t) * sin)).unwrap();
@@ -271,8 +271,8 @@ mod tests {
         }
     }
 
-    /// Check number of the test bench: 8.00256 for 8 m/s2 from 27.8 m/s, because the speed of a row belongs to the middle of a step; the
-    /// tolerance is half of its last digit.
+    /// Check number: 8.00256 for 8 m/s2 from 27.8 m/s, because the speed of a row is the speed in the middle of a step.
+    /// Tolerance: half of the last digit.
     #[test]
     fn a_constant_deceleration() {
         for course in [0.0, 2.0, -0.7] {
@@ -287,7 +287,8 @@ mod tests {
         }
     }
 
-    /// Reference: closed form of 27.8 m/s and 8 m/s2; noise of 1 cm at 1 kHz adds about 18 m/s to the speed of the positions.
+    /// Reference: closed form for 27.8 m/s and 8 m/s2. Noise of 1 cm at 1 kHz adds about 18 m/s to the speed from the
+    /// positions.
     #[test]
     fn noise_of_positions_does_not_add_to_the_speed() {
         let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * STEP).collect();
@@ -312,10 +313,10 @@ mod tests {
         assert!((distance - (27.8 * 27.8 - 0.04) / 16.0).abs() < 2e-4, "{distance}");
         assert!((number(&evaluation, "mfdd") - 8.0).abs() < 1e-3);
         assert_eq!(evaluation.notes.len(), 1);
-        // Without a speed, the mean speed of some rows shows that the positions give another number.
+        // Without `vehicle.speed`, the mean speed over several rows reveals the noise of the positions.
         let notes = noisy(None).notes;
         assert!(matches!(&notes[..], [note] if note.starts_with("the speed is ")), "{notes:?}");
-        // Noise cannot cause a ratio of 3.6.
+        // A ratio of 3.6 indicates km/h.
         let in_kilometers = evaluated(0.0, Some(&|time| 3.6 * speed(time)));
         let Some(Value::Null(reason)) = in_kilometers.value("mfdd") else { panic!("{:?}", in_kilometers.metrics) };
         assert!(reason.to_string().contains("as if it were in km/h: specify the units of the columns"), "{reason}");

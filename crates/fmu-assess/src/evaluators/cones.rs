@@ -1,4 +1,4 @@
-//! Coned tracks: margins to the edges of the sections.
+//! Coned tracks: distances to the edges of the sections.
 
 use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
 use super::{Column, Evaluator, peak, peak_of_run};
@@ -234,7 +234,7 @@ impl Part {
         }
     }
 
-    /// Value of the evaluator's option `maneuver`.
+    /// Value for the evaluator's option `maneuver`.
     pub(crate) fn option(self) -> u8 {
         match self {
             Self::One => 2,
@@ -243,21 +243,21 @@ impl Part {
     }
 }
 
-/// The sections of a track for a vehicle of a width, m.
+/// The sections of a track for a vehicle of the given width, m.
 pub(crate) fn track(part: Part, start: f64, width: f64, is_mirrored: bool) -> [Lane; 3] {
     let sections = match part {
         Part::One => moderate(width),
         Part::Two => severe(width),
     };
     sections.map(|[begin, end, right, left]| {
-        // Mirrored, the left edge becomes the right one.
+        // Mirroring turns the left edge into the right edge.
         let (right, left) = if is_mirrored { (-left, -right) } else { (right, left) };
         [start + begin, start + end, right, left]
     })
 }
 
-/// ISO 3888-1 for a vehicle of a width, m: begin and end of each section after the start, right and left edge. The right edges of the
-/// first and last section are in one line.
+/// ISO 3888-1 for a vehicle of the given width, m: begin and end of each section relative to the start, right and left
+/// edge. The right edges of the first and last section are in line.
 fn moderate(width: f64) -> [[f64; 4]; 3] {
     let half = 0.5 * (1.1 * width + 0.25);
     [
@@ -267,7 +267,7 @@ fn moderate(width: f64) -> [[f64; 4]; 3] {
     ]
 }
 
-/// ISO 3888-2. The left edges of the first and last section are in one line.
+/// ISO 3888-2. The left edges of the first and last section are in line.
 fn severe(width: f64) -> [[f64; 4]; 3] {
     let half = 0.5 * (1.1 * width + 0.25);
     [
@@ -277,7 +277,7 @@ fn severe(width: f64) -> [[f64; 4]; 3] {
     ]
 }
 
-/// The rectangle of the vehicle on the road, m.
+/// Outline of the vehicle on the road, a rectangle, m.
 struct Footprint {
     half_width: f64,
     front: f64,
@@ -294,7 +294,8 @@ impl Footprint {
     }
 }
 
-/// Smallest distance of the part of a rectangle inside a section from its edges; `None` if no part is inside.
+/// Smallest distance between the part of a rectangle inside a section and the section's edges; `None` if no part is
+/// inside.
 fn margin(corners: &[[f64; 2]; 4], [begin, end, right, left]: &Lane) -> Option<f64> {
     let inside = corners.iter().filter(|[x, _]| (begin..=end).contains(&x)).map(|[_, y]| *y);
     let cut = (0..corners.len()).flat_map(|index| {
@@ -319,7 +320,7 @@ mod tests {
         }
     }
 
-    /// Of a track to the left, the left edge is the right one of the mirror image, and the other way round.
+    /// In the mirror image, left and right edges are exchanged.
     #[test]
     fn a_mirror_swaps_the_edges() {
         for part in [Part::One, Part::Two] {
@@ -330,14 +331,14 @@ mod tests {
         }
     }
 
-    /// Check numbers of the test bench for a width of 1.61 m.
+    /// Check numbers for a width of 1.61 m.
     #[test]
     fn sections_of_both_tracks() {
         assert_edges(moderate(1.61), [[-1.0105, 1.0105], [2.4895, 4.6715], [-1.0105, 1.3325]]);
         assert_edges(severe(1.61), [[-1.0105, 1.0105], [2.0105, 4.6205], [-1.9895, 1.0105]]);
     }
 
-    /// By hand: a rectangle of 4 m by 2 m in a lane 3 m wide.
+    /// A rectangle of 4 m by 2 m in a lane 3 m wide. Distances computed by hand.
     #[test]
     fn margins_of_a_rectangle() {
         let lane = [0.0, 10.0, -1.5, 1.5];
@@ -346,14 +347,14 @@ mod tests {
         assert_eq!(margin(5.0, 0.0, 0.0), Some(0.5));
         assert_eq!(margin(5.0, 0.25, 0.0), Some(0.25));
         assert_eq!(margin(5.0, -0.75, 0.0), Some(-0.25));
-        // Half of it is inside; outside it may be anywhere.
+        // Only the half inside the lane is evaluated.
         assert_eq!(margin(0.0, 0.25, 0.0), Some(0.25));
         assert_eq!(margin(-2.5, 0.0, 0.0), None);
         assert_eq!(margin(12.5, 0.0, 0.0), None);
-        // Across the lane: the front end is half a meter beyond the left edge.
+        // Across the lane, the front end is half a meter beyond the left edge.
         let across = margin(5.0, 0.0, std::f64::consts::FRAC_PI_2).unwrap();
         assert!((across + 0.5).abs() < 1e-15);
-        // Around the whole section.
+        // The rectangle extends beyond both ends of the section.
         let short = [4.9, 5.1, -1.5, 1.5];
         assert_eq!(super::margin(&footprint.corners(5.0, 0.25, 0.0), &short), Some(0.25));
     }

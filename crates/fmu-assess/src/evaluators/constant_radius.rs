@@ -1,4 +1,4 @@
-//! Constant radius: gradients while the speed rises on a circle.
+//! Constant radius: gradients while the speed increases on a circle.
 
 use super::steady_state::{Cornering, WHEELBASE};
 use super::{Column, Evaluator};
@@ -8,7 +8,7 @@ use crate::options::{Fallback, Form, OptionRule, Options};
 
 /// Cutoff frequency of all filtered signals, Hz.
 const CUTOFF: f64 = 2.0;
-/// Lateral acceleration from which the gradients are computed, and up to which for both classes, m/s2.
+/// Range of lateral acceleration for the gradients, m/s2; the upper limit depends on the vehicle class.
 const FROM: f64 = 1.0;
 const TO_CAR: f64 = 3.0;
 const TO_TRUCK: f64 = 1.8;
@@ -125,8 +125,8 @@ mod tests {
     use crate::trace::Trace;
     use serde_json::json;
 
-    /// Closed form: a vehicle whose understeer gradient is 0.002 up to 1.8 m/s2 and 0.005 above, on a circle to the left and to the right.
-    /// Tolerance: the low-pass filter rounds the corner.
+    /// Closed form: a vehicle whose understeer gradient is 0.002 up to 1.8 m/s2 and 0.005 above, in a left and a right
+    /// turn. Tolerance: the low-pass filter smooths the kink.
     #[test]
     fn a_truck_is_evaluated_up_to_less() {
         let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * 0.01).collect();
@@ -149,7 +149,7 @@ mod tests {
             let truck = json!({"geometry.wheelbase": 4.0, "vehicle.class": "truck"});
             assert!((number(truck.clone(), "understeer_gradient") - 0.002).abs() < 1e-5);
             assert!((number(truck, "roll_gradient") - 0.01).abs() < 1e-6);
-            // Least squares of the corner between 1 and 3 m/s2: the slope of max(a - c, 0) is (1 - p)^2 (1 + 2 p), p = 0.4.
+            // The least-squares slope of max(a - 1.8, 0) between 1 and 3 m/s2 is (1 - p)^2 (1 + 2 p) with p = 0.4.
             let car = number(json!({"geometry.wheelbase": 4.0}), "understeer_gradient");
             assert!((car - (0.002 + 0.003 * 0.36 * 1.8)).abs() < 1e-5, "{car}");
         }

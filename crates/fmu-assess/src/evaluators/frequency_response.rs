@@ -1,4 +1,4 @@
-//! Frequency response: gain and phase at the lines of a multisine.
+//! Frequency response: gain and phase at the frequencies of a multisine.
 
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
@@ -8,22 +8,23 @@ use fmu_math::{atan2, exp, hypot, ln, sin_cos};
 use rustfft::num_complex::Complex;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, TAU};
 
-/// Lines of the multisine, Hz.
+/// Frequencies of the multisine, Hz.
 pub(crate) const FREQUENCIES: [f64; 20] =
     [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.3, 2.6, 3.0, 3.5, 4.0];
-/// The lines of the reference gain, 0.2 Hz, and of the delay, 1 Hz.
+/// Indices of the frequencies for the reference gain, 0.2 Hz, and for the delay, 1 Hz.
 const REFERENCE: usize = 1;
 const DELAY: usize = 9;
-/// Span at the end of the recording that is transformed, s: two periods.
+/// Duration at the end of the recording that is transformed, s: two periods.
 const SPAN: f64 = 20.0;
-/// A line of the steering angle needs this share of the sum of its magnitudes. The multisine has a tenth at every line.
+/// Smallest spectral line of the steering angle, relative to the sum of the angle's magnitudes. Each line of the
+/// multisine has about a tenth.
 const MIN_SHARE: f64 = 1e-6;
 
-/// The signals that are evaluated: name of the group of metrics, column.
+/// Evaluated signals: name of the group of metrics, column.
 const RESPONSES: [(&str, &str); 2] =
     [("yaw_rate", "vehicle.yaw_rate"), ("lateral_acceleration", "vehicle.lateral_acceleration")];
 
-/// The table of metrics: the frequencies, and the same eight of each response.
+/// The table of metrics: the frequencies, and eight metrics for each response.
 macro_rules! metrics {
     ($first:expr, [$($group:literal $title:literal $unit:literal)*]) => {
         &[
@@ -102,7 +103,8 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     Ok(())
 }
 
-/// The Fourier sums of the last 20 s of a column at the lines. The steering must contain all of them.
+/// Fourier sums of the last 20 s of a column at the frequencies of the multisine. The steering angle must contain all
+/// frequencies.
 fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let values = rows.column(column)?;
     let Some(begin) = values.len().checked_sub(rows.count(SPAN)) else {
@@ -138,12 +140,12 @@ struct Response {
 }
 
 impl Response {
-    /// From the lines of input and output, with the step of the rows, s.
+    /// Computes the response from the spectral lines of input and output; `step` is the distance of the rows, s.
     fn new(input: &[Complex<f64>; 20], output: &[Complex<f64>; 20], step: f64) -> Self {
         let (mut gain, mut phase) = ([0.0; 20], [0.0; 20]);
         let mut before = 0.0;
         for (line, frequency) in FREQUENCIES.iter().enumerate() {
-            // Spectrum of an input that is held during the step before each row.
+            // Spectrum of an input held during the step before each row.
             let angle = TAU * frequency * step;
             let (sin, cos) = sin_cos(angle);
             let hold = Complex::new(cos - 1.0, sin) / Complex::new(0.0, angle);
@@ -156,7 +158,7 @@ impl Response {
         Self { gain, phase }
     }
 
-    /// The first line of the largest gain.
+    /// Index of the largest gain; the first if there are several.
     fn peak(&self) -> usize {
         (0..self.gain.len())
             .reduce(|best, line| if self.gain[line] > self.gain[best] { line } else { best })
@@ -174,7 +176,8 @@ impl Response {
     }
 }
 
-/// The first frequency above 0.2 Hz where the values of the lines fall below a level. They are linear over the logarithm of the frequency.
+/// The first frequency above 0.2 Hz at which the values fall below a level, interpolated linearly over the logarithm of
+/// the frequency.
 fn falls_below(values: &[f64; 20], level: f64) -> Option<f64> {
     let after = (REFERENCE + 1..values.len()).find(|line| values[line - 1] >= level && values[*line] < level)?;
     let share = (values[after - 1] - level) / (values[after - 1] - values[after]);
@@ -186,7 +189,7 @@ fn falls_below(values: &[f64; 20], level: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// By hand: halfway between 1 and 1.2 Hz in the logarithm is sqrt(1.2) Hz.
+    /// Halfway between 1 and 1.2 Hz on a logarithmic scale is sqrt(1.2) Hz.
     #[test]
     fn values_are_linear_over_the_logarithm() {
         let mut values = [1.0; 20];

@@ -1,11 +1,11 @@
-//! The reference of the evaluators as text.
+//! Reference documentation of the evaluators.
 
 use super::Evaluator;
 use crate::metric::{Definition, Direction};
 use crate::options::{Fallback, OptionRule};
 use std::fmt::Write as _;
 
-/// Columns, options and metrics of evaluators as Markdown, from their tables.
+/// Columns, options and metrics of evaluators as Markdown.
 pub fn reference<'a>(evaluators: impl IntoIterator<Item = &'a Evaluator>) -> String {
     let parts: Vec<String> = evaluators.into_iter().map(one).collect();
     parts.join("\n")

@@ -13,8 +13,8 @@ const VIBRATIONS: [(&str, &str, Weighting, f64); 3] = [
     ("pitch", "body.pitch_acceleration", Weighting::Angular, 0.4),
 ];
 
-/// Comfort classes of ISO 2631-1 for the total vibration, each with the value below which it applies, m/s2. The ranges of the standard
-/// overlap; these values are their lower ends.
+/// Comfort classes of ISO 2631-1, each with the total vibration below which it applies, m/s2. The ranges in the
+/// standard overlap; each value is the lower end of the next class.
 const COMFORT: [(f64, &str); 5] = [
     (0.315, "not uncomfortable"),
     (0.5, "a little uncomfortable"),
@@ -131,7 +131,7 @@ fn each(
 mod tests {
     use super::*;
 
-    /// Reference: the lower ends of the ranges of ISO 2631-1, C.2.3.
+    /// Reference: the lower ends of the ranges in ISO 2631-1, C.2.3.
     #[test]
     fn totals_have_the_words_of_the_standard() {
         for (total, words) in [

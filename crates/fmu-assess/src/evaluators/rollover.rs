@@ -1,13 +1,13 @@
-//! Rollover: peaks, and wheels that lift off.
+//! Rollover: peaks, and wheel lift.
 
 use super::{Column, Evaluator, peak};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, smallest};
 use crate::options::Options;
 
-/// Load up to which a tire is off the road, N.
+/// Largest load of a tire that counts as off the road, N.
 const OFF: f64 = 1.0;
-/// Time that a side is off for a two-wheel lift, s.
+/// Time that one side must be off the road for a two-wheel lift, s.
 const LIFT_TIME: f64 = 0.02;
 
 pub(super) const EVALUATOR: Evaluator = Evaluator {
@@ -71,7 +71,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     Ok(())
 }
 
-/// The tire loads of a side: those of the places that end with its letter.
+/// The tire loads on a side: the columns whose name ends with `side`.
 fn loads<'a>(rows: &Rows<'a>, side: char) -> Result<Vec<&'a [f64]>, Reason> {
     let places = rows.places("tire_load").into_iter().filter(|(place, _)| place.ends_with(side));
     let loads = places.map(|(_, name)| rows.column(name)).collect::<Result<Vec<_>, _>>()?;
@@ -81,11 +81,11 @@ fn loads<'a>(rows: &Rows<'a>, side: char) -> Result<Vec<&'a [f64]>, Reason> {
     Ok(loads)
 }
 
-/// Rows in which a side is off.
+/// Rows in which a side is off the road.
 struct Lift {
     /// The row that completes the first lift.
     completed: Option<usize>,
-    /// The longest time off.
+    /// The largest number of consecutive rows off the road.
     longest: usize,
 }
 
@@ -110,13 +110,13 @@ mod tests {
     use crate::trace::Trace;
     use serde_json::json;
 
-    /// The left side is off for a number of rows of 1 ms, from the row at 0.101 s on; the right side never is.
+    /// The left side is off the road for `rows_off` rows of 1 ms from 0.101 s on; the right side never is.
     fn lifted(rows_off: usize) -> [Value; 3] {
         let times: Vec<f64> = (1..=1_000).map(|k| f64::from(k) * 0.001).collect();
         let load = |row: usize| if (100..100 + rows_off).contains(&row) { 1.0 } else { 1.001 };
         let left: Vec<f64> = (0..1_000).map(load).collect();
         let trace = Trace::new(times).with("tire_load.fl", left).unwrap();
-        // One wheel of the right side alone.
+        // A single unloaded wheel on the right side is not a lift.
         let trace =
             trace.with("tire_load.fr", vec![0.0; 1_000]).unwrap().with("tire_load.rr", vec![2.0; 1_000]).unwrap();
         let evaluation = EVALUATOR.evaluate(&trace, &json!({})).unwrap();
@@ -124,7 +124,7 @@ mod tests {
             .map(|name| evaluation.value(name).unwrap().clone())
     }
 
-    /// By hand, on both sides of 20 rows.
+    /// A lift needs 20 rows; 19 are too few.
     #[test]
     fn a_lift_takes_20_ms() {
         let [lift, time, duration] = lifted(20);

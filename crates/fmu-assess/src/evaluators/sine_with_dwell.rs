@@ -9,24 +9,25 @@ use crate::options::Options;
 /// Cutoff frequencies of steering angle and motion, Hz.
 const STEER_CUTOFF: f64 = 10.0;
 const MOTION_CUTOFF: f64 = 6.0;
-/// Half of the span that the rate of the steering wheel is averaged over, s.
+/// Half of the duration over which the steering wheel rate is averaged, s.
 const RATE_SPAN: f64 = 0.05;
-/// Rate of the steering wheel, deg/s, that has to last for a time, s, when the maneuver begins.
+/// The maneuver begins when the steering wheel rate exceeds `RATE`, deg/s, for `RATE_TIME`, s.
 const RATE: f64 = 75.0;
 const RATE_TIME: f64 = 0.2;
-/// Span of the offsets before that, s.
+/// Duration before that over which offsets are averaged, s.
 const ZEROING: f64 = 1.0;
 /// Steering wheel angle at the beginning of steer, deg.
 const BEGINNING: f64 = 5.0;
-/// Time after half of the second amplitude in which the steering wheel has to come back to 0, s; otherwise its end is at a share of the
-/// second amplitude.
+/// Time in which the steering wheel has to return from half of its second amplitude to 0, s. Otherwise, the steering is
+/// complete at `COMPLETION_SHARE` of the second amplitude.
 const COMPLETION_TIME: f64 = 0.5;
 const COMPLETION_SHARE: f64 = 0.01;
-/// Time of the lateral displacement after the beginning of steer, s.
+/// Time after the beginning of steer at which the lateral displacement is evaluated, s.
 const DISPLACEMENT_TIME: f64 = 1.07;
-/// Times after the completion of steer, s, and the largest magnitudes of the yaw rate ratio then.
+/// Times after the completion of steer, s, and limits for the magnitude of the yaw rate ratio at these times.
 const RATIOS: [(f64, f64); 2] = [(1.0, 0.35), (1.75, 0.20)];
-/// Mass up to which the greater displacement is required, kg, and both displacements, m.
+/// Mass up to which the larger displacement is required, kg, and the displacements required up to and above this mass,
+/// m.
 const LIGHT: f64 = 3500.0;
 const DISPLACEMENTS: [f64; 2] = [1.83, 1.52];
 
@@ -100,7 +101,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     compute,
 };
 
-/// Least lateral displacement, m, of a vehicle of a mass, kg. The limit is for amplitudes of at least five times A.
+/// Required lateral displacement, m, for a vehicle mass, kg. The limit applies to amplitudes of at least 5 A.
 pub(crate) fn least_displacement(mass: f64) -> f64 {
     if mass <= LIGHT { DISPLACEMENTS[0] } else { DISPLACEMENTS[1] }
 }
@@ -155,7 +156,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     Ok(())
 }
 
-/// True if all ratios keep their limits; false if one exceeds its limit, even if others are missing.
+/// True if all ratios are within their limits; false if one exceeds its limit, even if the other is missing.
 fn is_stable(ratios: [(Result<f64, Reason>, f64); 2]) -> Result<bool, Reason> {
     let exceeds = |(ratio, limit): &(Result<f64, Reason>, f64)| ratio.as_ref().is_ok_and(|ratio| ratio.abs() > *limit);
     if ratios.iter().any(exceeds) {
@@ -165,10 +166,10 @@ fn is_stable(ratios: [(Result<f64, Reason>, f64); 2]) -> Result<bool, Reason> {
     Ok(true)
 }
 
-/// Begin of the maneuver, offsets of the rows before it, and direction of the first steering.
+/// Beginning of the maneuver, rows that determine the offsets, and direction of the first steering.
 struct Zeroing {
     row: usize,
-    /// Rows whose mean is the offset.
+    /// Number of rows before the maneuver whose mean is the offset.
     count: usize,
     direction: f64,
 }
@@ -192,7 +193,7 @@ impl Zeroing {
         Ok(Self { row, count: rows.count(ZEROING).min(row), direction: sign(rate[row]) })
     }
 
-    /// Subtracts the offset, and turns the signal so that the first steering is positive.
+    /// Subtracts the offset, and changes the sign if the first steering is to the right.
     fn apply(&self, mut x: Vec<f64>) -> Vec<f64> {
         let offset = mean(&x[self.row - self.count..self.row]).unwrap_or(0.0);
         x.iter_mut().for_each(|x| *x = self.direction * (*x - offset));
@@ -200,7 +201,7 @@ impl Zeroing {
     }
 }
 
-/// Mean over the rows k - half … k + half that exist.
+/// Moving average over the rows k - half … k + half, as far as they exist.
 fn smoothed(x: &[f64], half: usize) -> Vec<f64> {
     let mean = |row: usize| {
         let span = &x[row.saturating_sub(half)..row.saturating_add(half).saturating_add(1).min(x.len())];
@@ -237,7 +238,7 @@ fn completion(rows: &Rows<'_>, angle: &[f64], begin: usize) -> Result<f64, Reaso
     Ok(back.ok_or_else(|| "the steering wheel does not return to 0".to_owned())?.time)
 }
 
-/// The row of the second peak, after the row where the angle has become negative.
+/// The row of the second peak; `negative` is the row in which the steering angle becomes negative.
 fn second_peak(yaw_rate: &[f64], negative: usize) -> Result<usize, Reason> {
     let is_peak =
         |row: &usize| yaw_rate[*row] < 0.0 && yaw_rate[*row] <= yaw_rate[row - 1] && yaw_rate[*row] < yaw_rate[row + 1];
@@ -289,8 +290,7 @@ mod tests {
         100.0 * sin(2.0 * PI * phase)
     }
 
-    /// A vehicle that follows the steering wheel, but keeps a share of the yaw rate after a time, and accelerates to the side by a
-    /// constant from 1 s on.
+    /// Evaluates a vehicle with the given yaw rate and a constant lateral acceleration from 1 s on.
     fn evaluate(sign: f64, yaw_rate: impl Fn(f64) -> f64, acceleration: f64) -> super::super::Evaluation {
         let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * STEP).collect();
         let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| sign * of(*time)).collect::<Vec<_>>();
@@ -310,8 +310,8 @@ mod tests {
         }
     }
 
-    /// The steering ends at 2.929 s. The yaw rate, -1 at the second peak, is then constant around 1 s and 1.75 s later, so that the
-    /// low-pass filter does not change it.
+    /// Yaw rate: -1 at the second peak, then constant around 1 s and 1.75 s after the steering, which ends at 2.929 s.
+    /// The low-pass filter does not change constant values.
     fn yaw_rate(first: f64, second: f64) -> impl Fn(f64) -> f64 {
         move |time| match time {
             t if t < 3.0 => steering(t) / 100.0,
@@ -320,7 +320,8 @@ mod tests {
         }
     }
 
-    /// Both sides of each limit. Tolerance of a ratio: the low-pass filter moves the second peak, a smooth sine, by 1e-3 of it.
+    /// Ratios just below and above each limit. Tolerance: the low-pass filter changes the second peak, a smooth sine,
+    /// by 1e-3.
     #[test]
     fn stability_is_decided_by_both_ratios() {
         for sign in [1.0, -1.0] {
@@ -350,8 +351,8 @@ mod tests {
         assert_eq!(is_stable([(Ok(f64::from_bits(0.35_f64.to_bits() + 1)), 0.35), (Ok(0.0), 0.2)]), Ok(false));
     }
 
-    /// Closed form: a constant lateral acceleration a gives a/2 (1.07 s)^2. Steering reaches 5 deg 0.0114 s after the acceleration has
-    /// begun. Tolerance: the low-pass filter removes part of the step.
+    /// Closed form: a constant lateral acceleration a gives a/2 (1.07 s)^2. The steering angle reaches 5 deg 0.0114 s
+    /// after the acceleration begins. Tolerance: the low-pass filter removes part of the step.
     #[test]
     fn displacements_on_both_sides_of_each_limit() {
         for (limit, mass) in [(1.83, 3500.0), (1.52, 3501.0)] {
@@ -365,8 +366,8 @@ mod tests {
         }
     }
 
-    /// Closed form: the sine reaches 5 deg of 100 at asin(0.05)/(2 pi 0.7 Hz), is 0 again at 1/0.7 Hz + 0.5 s. Tolerance: the filter
-    /// of 10 Hz rounds the corner at the end over a share of its period of 0.1 s.
+    /// Closed form: the sine with an amplitude of 100 deg reaches 5 deg at asin(0.05)/(2 pi 0.7 Hz) and returns to 0 at
+    /// 1/0.7 Hz + 0.5 s. Tolerance: the 10 Hz filter smooths the end of the sine over a fraction of 0.1 s.
     #[test]
     fn beginning_and_completion_of_steer() {
         let evaluation = evaluate(1.0, yaw_rate(0.0, 0.0), 1.0);

@@ -1,4 +1,4 @@
-//! Single lane change: how the vehicle follows the path.
+//! Single lane change: peaks, and deviation from the path.
 
 use super::{Column, Evaluator, peak, peak_of_run};
 use crate::metric::{Definition, Reason, Results};
@@ -72,7 +72,7 @@ mod tests {
     use crate::trace::Trace;
     use serde_json::json;
 
-    /// By hand.
+    /// Largest magnitude overall, and after the path is finished.
     #[test]
     fn the_overshoot_is_after_the_end() {
         let evaluate = |finished: [f64; 4]| {

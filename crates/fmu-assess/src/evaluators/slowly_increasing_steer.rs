@@ -1,4 +1,4 @@
-//! Slowly increasing steer: understeer gradient and the steering angle of 0.3 g.
+//! Slowly increasing steer: understeer gradient and the steering angle at 0.3 g.
 
 use super::steady_state::{Cornering, WHEELBASE};
 use super::steering_wheel::RATIO;
@@ -9,12 +9,12 @@ use crate::options::Options;
 
 /// Cutoff frequencies of steering angle and motion, Hz.
 const CUTOFFS: [f64; 2] = [10.0, 6.0];
-/// Window of the line for A, and where it is evaluated, m/s2.
+/// Lateral accelerations between which the line for A is fitted, and at which it is evaluated, m/s2.
 const ANGLE_WINDOW: [f64; 2] = [0.1 * GRAVITY, 0.375 * GRAVITY];
 const ANGLE_AT: f64 = 0.3 * GRAVITY;
-/// Window of the gradients, m/s2.
+/// Lateral accelerations between which the gradients are computed, m/s2.
 const GRADIENT_WINDOW: [f64; 2] = [1.0, 3.0];
-/// Rows that a window needs.
+/// Smallest number of rows in a window.
 const MIN_ROWS: usize = 10;
 
 pub(super) const EVALUATOR: Evaluator = Evaluator {
@@ -106,7 +106,7 @@ fn angle(cornering: &Cornering<'_>, ratio: f64) -> Result<f64, Reason> {
     Ok(line.at(ANGLE_AT))
 }
 
-/// The rows from the first at or above a limit up to, without, the first later one above another.
+/// The rows from the first at or above `low` to the last before the first above `high`.
 fn window(lateral_acceleration: &[f64], [low, high]: [f64; 2]) -> Result<Vec<usize>, Reason> {
     let begin = lateral_acceleration.iter().position(|value| *value >= low);
     let end = begin.and_then(|begin| lateral_acceleration[begin..].iter().position(|value| *value > high));

@@ -1,4 +1,4 @@
-//! Gradients over lateral acceleration, for both maneuvers of steady-state cornering.
+//! Gradients over lateral acceleration, for both steady-state cornering maneuvers.
 
 use crate::metric::{Reason, Results};
 use crate::numerics::{Line, Rows, lowpass};
@@ -12,7 +12,7 @@ pub(super) const WHEELBASE: OptionRule = OptionRule {
     meaning: "wheelbase; for more than two axles, the equivalent wheelbase",
 };
 
-/// Steady-state cornering in some rows. Signals are positive in the direction of the turn.
+/// Steady-state cornering in the chosen rows. Signals are positive in the direction of the turn.
 pub(super) struct Cornering<'a> {
     rows: &'a Rows<'a>,
     chosen: Vec<usize>,
@@ -25,7 +25,8 @@ pub(super) struct Cornering<'a> {
 }
 
 impl<'a> Cornering<'a> {
-    /// Filters the steering angle with one cutoff frequency, yaw rate and lateral acceleration with another, Hz, over the chosen rows.
+    /// Filters the signals in the chosen rows. `steer` is the cutoff frequency for the steering angle, `motion` for yaw
+    /// rate and lateral acceleration, Hz.
     pub(super) fn new(
         rows: &'a Rows<'a>,
         chosen: Vec<usize>,
@@ -46,7 +47,7 @@ impl<'a> Cornering<'a> {
         })
     }
 
-    /// Sets the gradients over the lateral acceleration in a window, given as indices of the chosen rows.
+    /// Sets the gradients over the lateral acceleration in a window, given as indices into the chosen rows.
     pub(super) fn set_gradients(&self, window: &Result<Vec<usize>, Reason>, wheelbase: f64, results: &mut Results) {
         let gradient = |signal: Result<Vec<f64>, Reason>| {
             let window = window.as_ref().map_err(Clone::clone)?;
@@ -64,7 +65,7 @@ impl<'a> Cornering<'a> {
         results.set("load_transfer_gradient", gradient(unfiltered("vehicle.load_transfer_ratio")));
     }
 
-    /// Steering angle beyond that of Ackermann, rad.
+    /// Steering angle minus the Ackermann angle, rad.
     fn dynamic_steer(&self, wheelbase: f64) -> Result<Vec<f64>, Reason> {
         let speed = self.rows.column("vehicle.speed")?;
         let ackermann =

@@ -1,11 +1,11 @@
-//! The angle at the steering wheel.
+//! Steering wheel angle.
 
 use crate::metric::Reason;
 use crate::numerics::Rows;
 use crate::options::{Fallback, Form, OptionRule, Options};
 use std::borrow::Cow;
 
-/// The option of evaluators that need the angle of the steering wheel.
+/// Option for evaluators that need the steering wheel angle.
 pub(super) const RATIO: OptionRule = OptionRule {
     name: "steer.ratio",
     unit: "1",
@@ -14,14 +14,14 @@ pub(super) const RATIO: OptionRule = OptionRule {
     meaning: "ratio of steering wheel angle to road-wheel angle",
 };
 
-/// The option for recordings without the column.
+/// Option for recordings without a column of the steering wheel angle.
 pub(super) const OPTIONAL_RATIO: OptionRule = OptionRule {
     default: Fallback::Absent,
     meaning: "ratio of steering wheel angle to road-wheel angle, to compute the steering wheel angle from `driver.steer` if the recording has no column `driver.steering_wheel`",
     ..RATIO
 };
 
-/// Angle at the steering wheel, rad: the column, or the road-wheel angle times the ratio if that is given.
+/// Steering wheel angle, rad: the column, or the road-wheel angle times the given ratio.
 pub(super) fn steering_wheel<'a>(rows: &Rows<'a>, options: &Options) -> Result<Cow<'a, [f64]>, Reason> {
     let column = rows.column("driver.steering_wheel");
     match (column, options.given(RATIO.name)) {

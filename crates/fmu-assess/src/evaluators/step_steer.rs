@@ -5,16 +5,16 @@ use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, first_largest, mean, sign, up};
 use crate::options::Options;
 
-/// Span of the steady values at the end of the recording, s.
+/// Duration at the end of the recording over which steady values are averaged, s.
 const STEADY: f64 = 1.0;
-/// Share of the steady value that ends the response time.
+/// Fraction of the steady value that ends the response time.
 const RESPONSE: f64 = 0.9;
 
-/// The signals whose response is evaluated: name of the group of metrics, column.
+/// Evaluated responses: name of the group of metrics, column.
 const RESPONSES: [(&str, &str); 3] =
     [("yaw_rate", "vehicle.yaw_rate"), ("lateral_acceleration", "vehicle.lateral_acceleration"), ("roll", "body.roll")];
 
-/// The table of metrics: those of the maneuver, and the same six of each response.
+/// The table of metrics: those of the maneuver, and six metrics for each response.
 macro_rules! metrics {
     ($first:expr, $second:expr, [$($group:literal $title:literal $unit:literal $gain:literal)*], $($last:expr),*) => {
         &[
@@ -135,7 +135,7 @@ struct Response {
 #[derive(Clone)]
 struct Peak {
     value: f64,
-    /// After the step, s.
+    /// Time after the step, s.
     time: f64,
     overshoot: f64,
 }

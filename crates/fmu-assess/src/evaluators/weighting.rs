@@ -1,13 +1,13 @@
-//! Frequency weighting of vibrations by ISO 2631-1.
+//! Frequency weighting of vibrations according to ISO 2631-1.
 
 use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use std::f64::consts::SQRT_2;
 
-/// A weighting. Its frequencies are those of the standard, Hz.
+/// A frequency weighting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Weighting {
-    /// None: the result is the standard deviation.
+    /// No weighting: the result is the standard deviation.
     None,
     /// W_k: vertical acceleration.
     Vertical,
@@ -18,13 +18,13 @@ pub(crate) enum Weighting {
     Angular,
 }
 
-/// Band limits.
+/// Band limits, Hz.
 const HIGH_PASS: f64 = 0.4;
 const LOW_PASS: f64 = 100.0;
-/// Quality of the transition, and of both halves of the upward step of W_k.
+/// Quality factors of the transition, and of both parts of the upward step of W_k.
 const TRANSITION: f64 = 0.63;
 const STEP: f64 = 0.91;
-/// Frequencies of the upward step.
+/// Frequencies of the upward step, Hz.
 const STEP_LOW: f64 = 2.37;
 const STEP_HIGH: f64 = 3.35;
 
@@ -38,7 +38,7 @@ impl Weighting {
             Self::Horizontal => 2.0,
             Self::Angular => 1.0,
         };
-        // Relative to a corner frequency, s is i f/f_c.
+        // The Laplace variable relative to a corner frequency f_c: i f/f_c.
         let relative = |corner: f64| Complex::new(0.0, frequency / corner);
         let s1 = relative(HIGH_PASS);
         let high = s1 * s1 / (s1 * s1 + s1 * SQRT_2 + 1.0);
@@ -56,8 +56,8 @@ impl Weighting {
         (high * low * falling * step).norm_sqr().sqrt()
     }
 
-    /// Weighted root mean square of a signal with a sampling rate, Hz, about its mean: the sum over the lines of its Fourier transform,
-    /// without a filter and its transient. `None` without values.
+    /// Weighted root mean square of a signal about its mean; `rate` is the sampling rate, Hz. The weights are applied
+    /// to the Fourier transform, which avoids the transient of a filter. `None` without values.
     pub(super) fn rms(self, x: &[f64], rate: f64) -> Option<f64> {
         let mean = crate::numerics::mean(x)?;
         let mut bins: Vec<Complex<f64>> = x.iter().map(|x| Complex::new(x - mean, 0.0)).collect();
@@ -79,7 +79,7 @@ mod tests {
     use fmu_math::sin;
     use std::f64::consts::TAU;
 
-    /// The published table of W_k (ISO 2631-1, table 3), with three digits, and the check numbers of the test bench with four.
+    /// The published table of W_k (ISO 2631-1, table 3), three digits, and check numbers with four.
     #[test]
     fn vertical_weighting() {
         for (frequency, published, check) in [
@@ -101,7 +101,7 @@ mod tests {
         }
     }
 
-    /// W_d from the published table, W_e from the check numbers of the test bench.
+    /// W_d from the published table, W_e from check numbers.
     #[test]
     fn horizontal_and_angular_weighting() {
         for (frequency, expected) in [(1.0, 1.011), (2.0, 0.890), (4.0, 0.512), (8.0, 0.253)] {
@@ -128,7 +128,7 @@ mod tests {
         assert!((odd - 3.116_269).abs() < 5e-7, "{odd}");
     }
 
-    /// Without weighting the sum over the lines is the standard deviation (Parseval), for even and odd numbers of rows.
+    /// Without weighting, the result is the standard deviation (Parseval), for even and odd numbers of rows.
     #[test]
     fn no_weighting_is_the_standard_deviation() {
         for rows in [1, 2, 3, 64, 97, 1000] {

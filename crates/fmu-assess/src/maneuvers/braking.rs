@@ -9,11 +9,11 @@ use crate::wiring::Driving;
 use fmu_import::description::Causality;
 use serde_json::json;
 
-/// Least mean fully developed deceleration of UN R13-H, m/s2.
+/// Smallest mean fully developed deceleration that UN R13-H allows, m/s2.
 const MFDD: f64 = 6.43;
 /// Source of the limits on split friction.
 const ANNEX: &str = "UN R13-H, annex on antilock braking";
-/// Metrics of the evaluator on split friction, of which the larger one of both sides counts, and largest steering wheel angles, deg.
+/// Metrics on split friction, each the larger value of two runs, and limits for the steering wheel angles, deg.
 const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
     (
         Definition::new(
@@ -56,10 +56,10 @@ const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
         None,
     ),
 ];
-/// Friction of the slippery side.
+/// Friction on the slippery side.
 const SLIPPERY: f64 = 0.5;
 
-/// Braking on a straight line from a speed, m/s.
+/// Braking on a straight line from the given speed, m/s.
 pub(crate) fn spec(id: String, speed: f64) -> RunSpec {
     RunSpec::new(id, Driving::Path, speed, 20.0)
         .maneuver("straight")
@@ -107,7 +107,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         results.show(&run);
         held &= !run.has("spun") && run.stop_reason == "stopped";
         cut = cut.or_else(|| run.cut_short());
-        // If the number of one side is missing, the larger one is unknown.
+        // If the value of one run is missing, the larger one is unknown.
         for (worst, (of, _)) in worst.iter_mut().zip(&OF_BOTH_SIDES) {
             let missing = || format!("{}: {}", run.spec.id, reason(&metrics, of.name).unwrap_or_default());
             match (worst.as_mut(), number(&metrics, of.name)) {

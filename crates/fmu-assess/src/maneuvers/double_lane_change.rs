@@ -1,4 +1,4 @@
-//! Double lane changes of ISO 3888-1 and ISO 3888-2: the largest speed at which no cone is touched.
+//! Double lane changes (ISO 3888-1 and ISO 3888-2): the largest speed at which no cone is touched.
 
 use super::{executed, number, truth};
 use crate::bench::Bench;
@@ -11,13 +11,13 @@ use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
-/// Begin of the cones, m.
+/// Position of the first cones, m.
 const START: f64 = 50.0;
-/// Step of the speed, and tolerance of the bisection, km/h.
+/// Speed step, and tolerance of the bisection, km/h.
 const STEP: f64 = 5.0;
 const NEAR: f64 = 0.5;
 
-/// The run at a speed, m/s, and the options of its evaluator.
+/// The run at the speed `v`, m/s, and the options for its evaluator.
 pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<(RunSpec, Value)> {
     let (front, rear) = (bench.vehicle.front.as_ref()?.value, bench.vehicle.rear.as_ref()?.value);
     let width = bench.vehicle.width.as_ref()?.value;
@@ -51,7 +51,7 @@ pub(crate) fn spec(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<
     Some((spec, options))
 }
 
-/// Cones of a track for a vehicle.
+/// Sections of a track for the vehicle.
 pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
     let width = bench.vehicle.width.as_ref()?.value;
     Some(cones::track(part, START, width, bench.is_mirrored))
@@ -113,7 +113,7 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
             metric.set_best(&format!("it passes up to {limit} km/h")).bound = Some(Bound::Above(limit));
         }
     }
-    // The runs are in the order in which they were made; the last one that passed is the fastest of them.
+    // Runs are in the order of execution, so the last one that passed is the fastest.
     if let Some((speed, run, metrics)) = passed.last() {
         results.show(run);
         results.entry_speed = Some(*speed);
@@ -129,10 +129,10 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
     }
 }
 
-/// Metrics of the fastest run that touches no cone.
+/// Metrics taken from the fastest run that touches no cone.
 const OF_FASTEST: [&str; 4] = ["exit_speed", "sideslip_peak", "roll_peak", "load_transfer_peak"];
 
-/// Drives at the largest entry speed, km/h, of the other system, which is slower, so that both can be compared there.
+/// Drives at `speed`, the largest entry speed of the other, slower system, km/h, to make both systems comparable.
 pub(crate) fn compare_at(bench: &Bench<'_>, part: Part, speed: f64, results: &mut Results) {
     let Some((_, metrics, true)) = attempt(bench, part, speed, results) else { return };
     for name in OF_FASTEST {

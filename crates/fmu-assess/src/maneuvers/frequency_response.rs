@@ -1,4 +1,4 @@
-//! Frequency response (random input of ISO 7401) with a sum of sines that repeats after ten seconds.
+//! Frequency response (ISO 7401, random input) with a sum of sines that repeats every ten seconds.
 
 use super::shown;
 use crate::bench::Bench;
@@ -11,12 +11,12 @@ use serde_json::json;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 
-/// Period, s, start of the steering, s, and end of the run, s.
+/// Period, start of the steering, and end of the run, s.
 const PERIOD: f64 = 10.0;
 const START: f64 = 1.0;
 const STOP: f64 = 32.0;
 
-/// The sum of sines with the phases of Schroeder (1970), before it is scaled.
+/// The unscaled sum of sines, with the phases of Schroeder (1970).
 fn sum(time: f64) -> f64 {
     let line = |(index, frequency): (usize, &f64)| {
         let i = (index + 1) as f64;
@@ -25,7 +25,7 @@ fn sum(time: f64) -> f64 {
     FREQUENCIES.iter().enumerate().map(line).sum()
 }
 
-/// The steering as a table for the driver.
+/// The steering angle as a table for the driver.
 fn table(peak: f64) -> String {
     let rows = (PERIOD / STEP).round() as usize;
     let largest = (0..rows).map(|row| sum(row as f64 * STEP).abs()).fold(0.0, f64::max);
@@ -39,7 +39,7 @@ fn table(peak: f64) -> String {
     text
 }
 
-/// Steers with all frequencies; `steer` is that of the step, rad.
+/// Steers with all frequencies. `steer` is the steering angle of the step steer, rad.
 pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) {
     let wanted = [
         "yaw_rate.bandwidth",
@@ -49,7 +49,7 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
         "lateral_acceleration.bandwidth",
         "lateral_acceleration.delay_1hz",
     ];
-    // The step steer has all its metrics.
+    // The step steer has set all its metrics.
     results.maneuver = "frequency_response";
     let Some(steer) = steer else {
         results.take_none("frequency_response", &wanted, "the amplitude comes from the step steer, which found none");
@@ -70,7 +70,7 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
 mod tests {
     use super::*;
 
-    /// Reference: the definition. The table repeats after its period and has the wanted peak.
+    /// The table repeats after its period and has the requested peak.
     #[test]
     fn the_steering_repeats_and_has_its_peak() {
         let text = table(0.02);
@@ -79,7 +79,7 @@ mod tests {
         let period = 10_000;
         let peak = rows[..period].iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
         assert!((peak - 0.02).abs() < 1e-15);
-        // Rounding of the arguments, up to 2 pi 4 Hz 30 s, times their number.
+        // Tolerance: rounding of the arguments, up to 2 pi 4 Hz 30 s, times their number.
         assert!(rows.iter().zip(&rows[period..]).all(|(first, second)| (first - second).abs() < 1e-12));
         assert_eq!(rows.len(), 31_001);
     }

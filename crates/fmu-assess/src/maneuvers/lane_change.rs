@@ -1,4 +1,4 @@
-//! Single lane change (ISO 14791, SAE J2179): one period of a sine of lateral acceleration.
+//! Single lane change (ISO 14791, SAE J2179): the lateral acceleration follows one period of a sine.
 
 use super::shown;
 use crate::bench::Bench;
@@ -8,13 +8,13 @@ use crate::wiring::Driving;
 use serde_json::json;
 
 const START: f64 = 50.0;
-/// Sine of lateral acceleration: frequency, Hz, and the resulting lateral offset, m.
+/// Frequency of the lateral acceleration, Hz, and the resulting lateral offset, m.
 const FREQUENCY: f64 = 0.4;
 const OFFSET: f64 = 1.4637;
 /// Distance after the lane change, m.
 const BEHIND: f64 = 60.0;
 
-/// The run at a speed, m/s.
+/// The run at the given speed, m/s.
 pub(crate) fn spec(bench: &Bench<'_>, speed: f64) -> RunSpec {
     let distance = speed / FREQUENCY;
     let end = START + distance + BEHIND;

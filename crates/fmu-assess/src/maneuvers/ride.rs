@@ -1,4 +1,4 @@
-//! Ride on random roads of ISO 8608, weighted by ISO 2631-1.
+//! Ride on random roads (ISO 8608), evaluated with the weights of ISO 2631-1.
 
 use super::{executed, number, reason};
 use crate::bench::Bench;
@@ -9,14 +9,14 @@ use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
 
-/// Roughness classes, and seeds of each.
+/// Roughness classes, and the seeds for each class.
 const CLASSES: [(&str, f64); 4] = [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)];
 const SEEDS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Start of the evaluation, and end of the run, s.
 pub(crate) const BEGIN: f64 = 2.0;
 const STOP: f64 = 22.0;
 
-/// The run on a road of a class, from 1 for A on.
+/// The run on a road; `roughness` is 1 for class A, 2 for B, and so on.
 pub(crate) fn spec(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> RunSpec {
     let id = format!("ride.{class}.{seed}");
     let spec = RunSpec::new(id, Driving::Ride, bench.speed(), STOP)
@@ -45,7 +45,7 @@ pub(crate) fn on_road(bench: &Bench<'_>, spec: RunSpec, roughness: f64, seed: f6
     spec
 }
 
-/// Metrics of a class: those of the evaluator, the largest one of all wheels or struts, in the mean over the seeds.
+/// Metrics for a roughness class: the largest value of all wheels or struts, averaged over the seeds.
 const METRICS: [Definition; 4] = [
     Definition::new(
         "vibration_total",
@@ -78,7 +78,7 @@ const METRICS: [Definition; 4] = [
     .down(),
 ];
 
-/// Mean of the metric over the seeds, of the place where it is largest.
+/// Mean over the seeds of the metric at the wheel or strut where it is largest.
 fn mean(found: &[Evaluation], name: &str) -> Option<f64> {
     let of_run = |metrics: &Evaluation| {
         let values = metrics.metrics.iter().filter(|metric| metric.definition.name == name);
@@ -97,7 +97,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             results.show(first);
         }
         let broken = runs.iter().find_map(|run| run.cut_short().map(|reason| format!("{}: {reason}", run.spec.id)));
-        // A mean over fewer roads is another number.
+        // A mean over fewer roads is not comparable.
         if broken.is_some() {
             found.clear();
         }

@@ -1,4 +1,4 @@
-//! Fishhook with roll-rate feedback and J-turn (NHTSA): lowest speed at which two wheels lift.
+//! Fishhook with roll-rate feedback, and J-turn (NHTSA): lowest speed at which two wheels lift.
 
 use super::{SIDES, executed, number, truth};
 use crate::bench::Bench;
@@ -12,7 +12,7 @@ use serde_json::json;
 /// One mile per hour, m/s.
 const MPH: f64 = 0.447_04;
 
-/// The run of a maneuver at a speed, m/s, to a side.
+/// Makes the specification of a run: name and sign of the side, speed in mph and in m/s.
 type MakeSpec<'a> = &'a dyn Fn(&str, f64, f64, f64) -> RunSpec;
 
 fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut Results) {
@@ -62,7 +62,7 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
     }
 }
 
-/// Metrics that are the largest of all runs, and the signal of each.
+/// Metrics that are the largest values of all runs, and the signal that each needs.
 const PEAKS: [(Definition, &str); 2] = [
     (
         Definition::new(
@@ -81,7 +81,7 @@ const PEAKS: [(Definition, &str); 2] = [
     ),
 ];
 
-/// The largest peak of all runs, and those of the speeds that the vehicle can drive.
+/// The largest peak of all runs, and the peaks at the speeds that the vehicle can drive.
 struct Peaks {
     name: &'static str,
     largest: Option<f64>,
@@ -93,7 +93,7 @@ impl Peaks {
         Self { name, largest: None, series: Series { unit: "mph", values: Vec::new(), is_whole: true } }
     }
 
-    /// Adds the runs of a speed, to both sides, each with true if it was cut short.
+    /// Adds the runs at a speed, to both sides. The flag of each is true if the run was cut short.
     fn add(&mut self, mph: f64, found: &[(Evaluation, bool)], is_driven: bool) {
         let peaks: Vec<Option<f64>> = found.iter().map(|(metrics, _)| number(metrics, self.name)).collect();
         let largest = peaks.iter().flatten().copied().reduce(f64::max);
@@ -106,7 +106,7 @@ impl Peaks {
     }
 }
 
-/// A fishhook at a speed, m/s, with an angle of the steering wheel, deg.
+/// A fishhook at the given speed (m/s) and steering-wheel angle (deg).
 pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {
     let spec = RunSpec::new(id, Driving::Path, speed, 9.0)
         .maneuver("fishhook")

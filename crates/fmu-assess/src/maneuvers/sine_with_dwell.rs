@@ -1,4 +1,4 @@
-//! Sine with dwell (FMVSS 126, UN R140): a series of rising amplitudes to both sides, coasting.
+//! Sine with dwell (FMVSS 126, UN R140): a series of increasing amplitudes to both sides, while coasting.
 
 use super::{NotApplicable, SIDES, executed, number, reason, truth};
 use crate::bench::Bench;
@@ -12,7 +12,7 @@ use serde_json::json;
 
 /// Speed, m/s.
 pub(crate) const SPEED: f64 = 80.0 / 3.6;
-/// Amplitude from which the displacement counts, in A.
+/// Smallest amplitude for which the displacement is required, in A.
 const COUNTS_FROM: f64 = 5.0;
 
 /// The amplitudes, deg at the steering wheel.
@@ -22,7 +22,7 @@ fn amplitudes(a: f64) -> Vec<f64> {
     steps.take_while(|amplitude| *amplitude < last - 1e-9).chain([last]).collect()
 }
 
-/// The run with an amplitude, rad at the front wheels, coasting from a speed, m/s.
+/// The run with the amplitude `steer`, rad at the front wheels, coasting from the given speed, m/s.
 pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
     RunSpec::new(id, Driving::OpenLoop, speed, 6.0).maneuver("sine_with_dwell").drivers(&[
         ("steer.amplitude", steer),
@@ -32,7 +32,7 @@ pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
     ])
 }
 
-/// Least A, deg: below, the series would have thousands of amplitudes.
+/// Lower limit of A, deg. With a smaller A, the series would have thousands of amplitudes.
 const LEAST: f64 = 0.1;
 
 /// Returns the reason that no series is run, if there is one.
@@ -41,12 +41,12 @@ pub(crate) fn not_applicable(bench: &Bench<'_>) -> Option<NotApplicable> {
     Some(NotApplicable::new(format!("A is {small} deg; the series needs more than {LEAST} deg")))
 }
 
-/// The extreme value of a metric of all runs, and that of each amplitude.
+/// The extreme value of a metric over all runs, and at each amplitude.
 struct Extreme {
     name: &'static str,
     choose: fn(f64, f64) -> f64,
     value: Option<f64>,
-    /// Amplitude, A, and value; none if a run of it has no value.
+    /// Amplitude in A, and value; `None` if a run with this amplitude has no value.
     values: Vec<(f64, Option<f64>)>,
 }
 
@@ -55,7 +55,7 @@ impl Extreme {
         Self { name, choose, value: None, values: Vec::new() }
     }
 
-    /// Adds a run of an amplitude. A run that was cut short cannot be compared with others.
+    /// Adds a run. A run that was cut short (`is_whole` is false) cannot be compared with others.
     fn add(&mut self, amplitude: f64, metrics: &Evaluation, is_whole: bool) {
         // The displacement is positive; the ratios have signs.
         let value = number(metrics, self.name);

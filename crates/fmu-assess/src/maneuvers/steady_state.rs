@@ -9,10 +9,10 @@ use crate::run_spec::{EndAt, RunSpec};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
-/// Largest lateral acceleration of the slowly increasing steer, m/s2.
+/// Lateral acceleration that ends the slowly increasing steer, m/s2.
 const HIGHEST: f64 = 0.55 * GRAVITY;
 
-/// Results of the slowly increasing steer for the other maneuvers.
+/// Results of the slowly increasing steer that other maneuvers need.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Increasing {
     /// A: steering wheel angle at 0.3 g, deg.
@@ -36,7 +36,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
             .end(EndAt::Finished(1.0))
     });
     let runs = drive(bench, specs.into());
-    // Remove an understeer gradient that needs an unknown wheelbase.
+    // The understeer gradient depends on the wheelbase and is removed if the wheelbase is unknown.
     let wheelbase = bench.wheelbase();
     let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": wheelbase.as_ref().unwrap_or(&1.0) });
     let mut found: Vec<_> = runs.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
@@ -74,7 +74,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
     (results, Increasing { amplitude, understeer_gradient: mean("understeer_gradient") })
 }
 
-/// A circle with rising speed, and the options of its evaluator.
+/// A circle with increasing speed, and the options for its evaluator.
 pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
     const RADIUS: f64 = 100.0;
     const BEGIN: f64 = 60.0;
@@ -98,7 +98,7 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
     Some((spec, options))
 }
 
-/// Drives on a circle with rising speed.
+/// Drives on a circle with increasing speed.
 pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     let Some((spec, options)) = circle(bench) else { return };
     let Some((run, metrics)) = shown(bench, spec, "constant_radius", &options, results) else { return };

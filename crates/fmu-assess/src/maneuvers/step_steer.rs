@@ -1,4 +1,4 @@
-//! Step steer (ISO 7401), and the frequency response, which takes half of its steering.
+//! Step steer (ISO 7401), and the frequency response, which uses half of its steering angle.
 
 use super::{evaluated, frequency_response, number, reason};
 use crate::bench::{Bench, drive};
@@ -10,18 +10,19 @@ use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
 
-/// Maximum number of runs to find the steering angle for the lateral acceleration: with proportional steps, and in total with bisection.
+/// Maximum number of runs to find the steering angle for the lateral acceleration: with proportional steps only, and in
+/// total.
 const MOST_RUNS: (usize, usize) = (6, 20);
 /// Relative tolerance of the lateral acceleration.
 const NEAR: f64 = 0.01;
-/// Relative distance of two angles below which the bisection ends.
+/// Relative difference between two angles at which the bisection ends.
 const NEAREST: f64 = 1e-4;
 /// Lateral acceleration at which A is measured, m/s2.
 const OF_AMPLITUDE: f64 = 0.3 * GRAVITY;
-/// Largest range in the last second of a signal that has settled, over its mean.
+/// Largest range of a settled signal in the last second, relative to its mean.
 const SETTLED: f64 = 0.2;
 
-/// The run with a steering angle of the front wheels, rad, at a speed, m/s.
+/// The run with the angle `steer` of the front wheels, rad, at the given speed, m/s.
 pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
     RunSpec::new(id, Driving::OpenLoop, speed, 6.0)
         .maneuver("ramp_step")
@@ -29,7 +30,7 @@ pub(crate) fn spec(id: String, speed: f64, steer: f64) -> RunSpec {
         .show("steer", steer)
 }
 
-/// Returns the reason that a run does not end in a steady state, if it does not.
+/// Returns the reason that a run does not end in a steady state; `None` if it does.
 fn unsteady(run: &RunResult) -> Option<String> {
     if let Some(reason) = run.cut_short() {
         return Some(reason);
@@ -48,7 +49,8 @@ fn unsteady(run: &RunResult) -> Option<String> {
     })
 }
 
-/// The next steering angle: in proportion, then between the largest one that is too small and the smallest one that is too large.
+/// The next steering angle: first scaled in proportion, then by bisection between the largest angle that is too small
+/// and the smallest that is too large.
 fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]: [Option<f64>; 2]) -> Option<f64> {
     let proportional = steady.filter(|steady| *steady > 1e-6).map(|steady| steer * target / steady);
     let is_between = |angle: &f64| low.is_none_or(|low| *angle > low) && high.is_none_or(|high| *angle < high);
@@ -59,7 +61,7 @@ fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]:
     }
     match (low, high) {
         (Some(low), Some(high)) => (high - low > NEAREST * high).then_some(0.5 * (low + high)),
-        // No steady value: half of it may have one.
+        // No steady value so far; try half of the angle.
         (None, Some(high)) => Some(0.5 * high),
         _ => None,
     }
@@ -68,13 +70,13 @@ fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]:
 /// Finds the steering angle, then evaluates the response to it.
 pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let target = if bench.is_car() { 4.0 } else { 2.0 };
-    // Without an amplitude of the slowly increasing steer: that of a neutral vehicle.
+    // If the slowly increasing steer gave no amplitude, start with that of a neutral vehicle.
     let of_amplitude = bench.amplitude.map(|amplitude| amplitude.to_radians() / bench.ratio());
     let neutral = bench.wheelbase().map(|wheelbase| wheelbase * OF_AMPLITUDE / bench.speed().powi(2)).unwrap_or(0.02);
     let mut steer = of_amplitude.unwrap_or(neutral) * target / OF_AMPLITUDE;
     let mut last: Option<(RunResult, Evaluation)> = None;
     let mut is_reached = false;
-    // The largest angle that gives less than the target, and the smallest that gives more.
+    // The largest angle that gives too little lateral acceleration, and the smallest that gives too much.
     let mut between = [None, None];
     let mut nearest: Option<f64> = None;
     let mut why = None;
@@ -139,17 +141,17 @@ mod tests {
     fn angles_are_in_proportion_until_that_leaves_the_bracket() {
         assert_eq!(next(0.125, Some(2.0), 4.0, 1, [None, None]), Some(0.25));
         assert_eq!(next(0.125, Some(2.0), 4.0, 1, [Some(0.125), Some(0.5)]), Some(0.25));
-        // 4 times the angle is known to be too much, and so is any angle after many tries: the middle.
+        // If the proportional angle is outside the bracket, or after too many tries, the middle of the bracket.
         assert_eq!(next(0.125, Some(1.0), 4.0, 1, [Some(0.125), Some(0.375)]), Some(0.25));
         assert_eq!(next(0.125, Some(3.9), 4.0, MOST_RUNS.0, [Some(0.125), Some(0.375)]), Some(0.25));
-        // Without a steady value, half of what is too much; between neighbors, nothing.
+        // Without a steady value, half of the upper bound. If the bracket is narrow enough, the search ends.
         assert_eq!(next(0.5, None, 4.0, 1, [None, Some(0.5)]), Some(0.25));
         assert_eq!(next(0.5, None, 4.0, 1, [Some(0.5 * (1.0 - 0.5 * NEAREST)), Some(0.5)]), None);
         assert_eq!(next(0.5, None, 4.0, 1, [None, None]), None);
     }
 
-    /// Reference: an understeering vehicle of a_y = 8 tanh(10 angle) up to 0.05 rad, which does not settle beyond: 3.6 m/s² is at
-    /// artanh(0.45) / 10 rad.
+    /// Reference: an understeering vehicle with a_y = 8 tanh(10 angle) that does not settle above 0.05 rad. It reaches
+    /// 3.6 m/s² at artanh(0.45) / 10 rad.
     #[test]
     fn a_target_near_the_limit_is_found() {
         let target = 3.6;
@@ -163,7 +165,7 @@ mod tests {
             angle = other;
             assert!(tries < 100, "the search ends");
         }
-        // The bracket is that narrow in the end.
+        // Tolerance: the final width of the bracket.
         assert!((angle - exact).abs() <= 2.0 * NEAREST * exact, "{angle} instead of {exact}");
     }
 }

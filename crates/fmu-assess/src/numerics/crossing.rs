@@ -9,14 +9,14 @@ pub(crate) struct Crossing {
     pub(crate) row: usize,
 }
 
-/// The first row k > `from` with x\[k-1\] < level <= x\[k\].
+/// Finds the first row k > `from` with x\[k-1\] < level <= x\[k\].
 pub(crate) fn up(times: &[f64], x: &[f64], level: f64, from: usize) -> Option<Crossing> {
     let row = (from.saturating_add(1)..x.len()).find(|k| x[k - 1] < level && level <= x[*k])?;
     let share = (level - x[row - 1]) / (x[row] - x[row - 1]);
     Some(Crossing { time: times[row - 1] + share * (times[row] - times[row - 1]), row })
 }
 
-/// Value at a time, linear between rows; `None` outside of them.
+/// Value at a time, interpolated linearly; `None` outside the recorded times.
 pub(crate) fn at(times: &[f64], x: &[f64], time: f64) -> Option<f64> {
     let (first, last) = (*times.first()?, *times.last()?);
     if !(first..=last).contains(&time) {
@@ -37,7 +37,7 @@ mod tests {
     const TIMES: [f64; 4] = [1.0, 2.0, 3.0, 4.0];
     const X: [f64; 4] = [0.0, 2.0, 1.0, 3.0];
 
-    /// By hand.
+    /// Expected values computed by hand.
     #[test]
     fn levels_are_reached_between_rows() {
         assert_eq!(up(&TIMES, &X, 0.5, 0), Some(Crossing { time: 1.25, row: 1 }));

@@ -10,7 +10,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// The line of least squares of y on x; `None` without two different x.
+    /// Least-squares line of y over x; `None` without two different x.
     pub(crate) fn fit(x: &[f64], y: &[f64]) -> Option<Self> {
         let (x_mean, y_mean) = (mean(x)?, mean(y)?);
         let (mut squares, mut products) = (0.0, 0.0);

@@ -1,4 +1,4 @@
-//! The low-pass filter of the test bench.
+//! The low-pass filter of the evaluators.
 
 use crate::metric::Reason;
 use fmu_math::{cos, tan};
@@ -7,11 +7,12 @@ use std::f64::consts::PI;
 /// Pole pairs of the Butterworth filter.
 const SECTIONS: usize = 3;
 
-/// Filters a signal with a sampling rate, Hz, by a Butterworth filter of order 6 with a cutoff frequency, Hz, forwards and backwards:
-/// twelve poles, no phase.
+/// Filters a signal forward and backward with a Butterworth filter of order 6: twelve poles, no phase shift. `cutoff`
+/// and the sampling rate `rate` are in Hz.
 ///
-/// The filter is digital by the bilinear transform with prewarping. Both ends are continued by odd reflection over three periods of the
-/// cutoff frequency, as far as there are rows. Each pass starts in the steady state of its first sample.
+/// The digital filter results from a bilinear transform with prewarping. Both ends are extended by odd reflection over
+/// three periods of the cutoff frequency, or fewer if the signal is shorter. Each pass starts in the steady state for
+/// its first sample.
 pub(crate) fn lowpass(x: &[f64], cutoff: f64, rate: f64) -> Result<Vec<f64>, Reason> {
     if cutoff >= 0.5 * rate {
         return Err(format!("a sampling rate of {rate} Hz is too low for a low-pass filter at {cutoff} Hz"));
@@ -33,7 +34,7 @@ pub(crate) fn lowpass(x: &[f64], cutoff: f64, rate: f64) -> Result<Vec<f64>, Rea
     Ok(extended[added..added + x.len()].to_vec())
 }
 
-/// A section of second order, of gain 1 at frequency 0: y = b0 (x + 2 x' + x'') - a1 y' - a2 y''.
+/// A second-order section with gain 1 at frequency 0: y = b0 (x + 2 x' + x'') - a1 y' - a2 y''.
 struct Section {
     b0: f64,
     a1: f64,
@@ -52,10 +53,10 @@ fn sections(cutoff: f64, rate: f64) -> [Section; SECTIONS] {
 }
 
 impl Section {
-    /// Filters in place, from the steady state of the first sample.
+    /// Filters in place, starting in the steady state for the first sample.
     fn run(&self, x: &mut [f64]) {
         let first = x.first().copied().unwrap_or(0.0);
-        // Transposed direct form II. In the steady state the output is the input.
+        // Transposed direct form II. In the steady state, the output equals the input.
         let mut z1 = (1.0 - self.b0) * first;
         let mut z2 = (self.b0 - self.a2) * first;
         for x in x {
@@ -75,8 +76,8 @@ mod tests {
 
     const RATE: f64 = 1000.0;
 
-    /// Closed form: the gain of both passes is 1/(1 + (tan(pi f/fs)/tan(pi fc/fs))^12), the phase is 0. Tolerance: the effect of the ends
-    /// in the middle of 20 s.
+    /// Closed form: the gain of both passes is 1/(1 + (tan(pi f/fs)/tan(pi fc/fs))^12), and the phase is 0. Tolerance:
+    /// the effect of the ends in the middle of 20 s.
     #[test]
     fn sines_have_the_gain_of_the_closed_form() {
         for frequency in [0.5, 2.0, 5.0, 6.0, 7.0, 12.0] {
@@ -91,7 +92,7 @@ mod tests {
         }
     }
 
-    /// A filter without phase does not move a straight line. Tolerance: the effect of the ends in the middle.
+    /// A filter without phase shift does not change a straight line. Tolerance: the effect of the ends in the middle.
     #[test]
     fn straight_lines_stay() {
         let line: Vec<f64> = (0..6_000).map(|k| 3.0 - 0.01 * f64::from(k)).collect();
@@ -116,7 +117,7 @@ mod tests {
         ] {
             assert!((filtered[row] - expected).abs() < 1e-12, "row {row}: {}", filtered[row]);
         }
-        // With fewer rows than are reflected otherwise.
+        // With fewer rows than the full reflection needs.
         let short = lowpass(&[0.0, 1.0, 0.5, -2.0, 3.0, 1.0, 0.0, 4.0, -1.0, 2.0, 2.0, 2.0], 10.0, 100.0).unwrap();
         assert!((short[0] - 0.00575194625623108).abs() < 1e-12 && (short[11] - 2.02246383493678).abs() < 1e-12);
         let two = lowpass(&[1.0, 2.0], 6.0, RATE).unwrap();

@@ -3,18 +3,18 @@
 use crate::metric::Reason;
 use crate::trace::Trace;
 
-/// Largest deviation of a row from an even grid, as a share of the step. It allows for rounded times and jitter of clocks.
+/// Largest deviation of a row from an even grid, relative to the step. It allows for rounded times and clock jitter.
 const UNEVENNESS: f64 = 0.5;
 
-/// A time may be this share of a step beyond a limit and still count: times are rounded.
+/// Fraction of a step by which a time can exceed a limit, because times are rounded.
 const SLACK: f64 = 1e-6;
 
-/// A trace whose times are finite, rise and are evenly spaced.
+/// A trace whose times are finite, increasing and evenly spaced.
 pub(crate) struct Rows<'a> {
     trace: &'a Trace<'a>,
     /// Times, s.
     pub(crate) times: &'a [f64],
-    /// Mean distance of the rows h, s.
+    /// Mean distance between rows, h, s.
     pub(crate) step: f64,
     /// Sampling rate 1/h, rounded to 0.001 Hz.
     pub(crate) rate: f64,
@@ -70,23 +70,23 @@ impl<'a> Rows<'a> {
         self.trace.column(name).is_some()
     }
 
-    /// The columns `group.*`, as place and name.
+    /// The columns `group.*`: place and full name.
     pub(crate) fn places(&self, group: &str) -> Vec<(&'a str, &'a str)> {
         let place = |name: &'a str| Some((name.strip_prefix(group)?.strip_prefix('.')?, name));
         self.trace.names().filter_map(place).collect()
     }
 
-    /// Rows of a span of time, s: the nearest whole number.
+    /// Number of rows in a span of time, s, rounded.
     pub(crate) fn count(&self, span: f64) -> usize {
         (span * self.rate + 0.5).floor() as usize
     }
 
-    /// True for a time at or before a limit, but for rounding.
+    /// True for a time at or before a limit, with a tolerance for rounding.
     pub(crate) fn is_until(&self, time: f64, limit: f64) -> bool {
         time <= limit + SLACK * self.step
     }
 
-    /// The first row at or after a time, but for rounding; the number of rows if there is none.
+    /// The first row at or after a time, with a tolerance for rounding; the number of rows if there is none.
     pub(crate) fn first_from(&self, begin: f64) -> usize {
         self.times.partition_point(|time| *time < begin - SLACK * self.step)
     }
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn times_that_cannot_be_used_have_a_reason() {
         assert_eq!(reason(&[0.0, 0.1, 0.2]), "");
-        // A clock that jitters by a third of a step.
+        // Clock jitter of a third of a step.
         assert_eq!(reason(&[0.0, 0.13, 0.17, 0.3]), "");
         for (times, expected) in [
             (&[][..], "the recording has no rows; at least two are needed"),

@@ -1,4 +1,4 @@
-//! Numbers of a signal, and its derivative.
+//! Statistics of a signal, and its derivative.
 
 /// Mean; `None` without values.
 pub(crate) fn mean(x: &[f64]) -> Option<f64> {
@@ -26,17 +26,17 @@ pub(crate) fn largest_magnitude(x: &[f64]) -> Option<f64> {
     x.iter().map(|x| x.abs()).reduce(f64::max)
 }
 
-/// The first row of the largest value.
+/// The first row with the largest value.
 pub(crate) fn first_largest(x: &[f64]) -> Option<usize> {
     (0..x.len()).reduce(|best, row| if x[row] > x[best] { row } else { best })
 }
 
-/// 1, -1, or 0 for 0.
+/// Sign: 1, -1, or 0 for 0.
 pub(crate) fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }
 
-/// Derivative of a signal with a sampling rate, Hz: central differences, one-sided at the ends.
+/// Derivative of a signal; `rate` is the sampling rate, Hz. Central differences, one-sided at the ends.
 pub(crate) fn derivative(x: &[f64], rate: f64) -> Vec<f64> {
     let last = x.len().saturating_sub(1);
     let slope = |row: usize| {
@@ -50,7 +50,7 @@ pub(crate) fn derivative(x: &[f64], rate: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// By hand.
+    /// Expected values computed by hand.
     #[test]
     fn numbers_of_a_signal() {
         let x = [1.0, -4.0, 3.0, 3.0, 2.0];
@@ -69,7 +69,8 @@ mod tests {
         assert_eq!(derivative(&[1.0], 10.0), [0.0]);
     }
 
-    /// Central differences are exact for parabolas: the derivative of t^2 is 2 t, at the ends it is that half a step inside.
+    /// Central differences are exact for parabolas: the derivative of t^2 is 2 t. At the ends, the one-sided difference
+    /// is the derivative half a step inside.
     #[test]
     fn derivatives_of_a_parabola() {
         assert_eq!(derivative(&[0.0, 1.0, 4.0, 9.0], 1.0), [1.0, 2.0, 4.0, 5.0]);

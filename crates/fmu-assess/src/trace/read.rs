@@ -6,55 +6,56 @@ use fmu_system::data::unit::{SAME, Target};
 use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};
 use std::collections::BTreeMap;
 
-/// Longest gap that is bridged, s.
+/// Longest gap over which values are interpolated, s.
 const LONGEST_GAP: f64 = 0.5;
 /// Remedy for a longer gap.
 const NOT_BRIDGED: &str = "gaps of more than 0.5 s are not bridged: cut the file before or after the gap";
-/// Rows farther apart than this many median distances have a gap between them.
+/// Distance between rows that counts as a gap, relative to the median distance.
 const GAP: f64 = 1.9;
-/// A row may be this share of the step away from its place in an even grid, as in `Rows`.
+/// Largest deviation of a row from an even grid, relative to the step, as in `Rows`.
 const UNEVENNESS: f64 = 0.5;
-/// A larger share changes speeds and rates by more than 2 % of a row's.
+/// Deviation above which speeds and rates change by more than 2 %, which is noted.
 const JITTER: f64 = 0.02;
-/// Times that differ by less than this share of the distance of the rows are the same instant.
+/// Times that differ by less than this fraction of the step are treated as equal.
 const SAME_TIME: f64 = 1e-6;
 
 /// Options for reading a file as a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reading {
-    /// Names of columns by signal, where they differ; `time` is that of the times.
+    /// Names of columns that differ from the signal, by signal; `time` for the time column.
     pub names: BTreeMap<String, String>,
-    /// Units of columns by signal. They take precedence over those of the file.
+    /// Units of columns by signal. They take precedence over units in the file.
     pub units: BTreeMap<String, String>,
     /// Interpolates between rows that are not evenly spaced.
     pub resample: Option<Resample>,
 }
 
-/// Distance of the rows of a resampled recording.
+/// Distance between the rows of a resampled recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Resample {
-    /// The median distance of the file.
+    /// The median distance in the file.
     Median,
-    /// This, s.
+    /// The given distance, s.
     Step(f64),
 }
 
 impl Reading {
-    /// The signal that a column has.
+    /// The signal in a column.
     fn signal<'a>(&'a self, column: &'a str) -> Option<&'a str> {
         let named = self.names.iter().find(|(signal, name)| *name == column && *signal != "time");
-        // A name that another column has been given is not that of its own column.
+        // If a signal is mapped to another column, a column with the signal's name is ignored.
         named.map(|(signal, _)| signal.as_str()).or_else(|| (!self.names.contains_key(column)).then_some(column))
     }
 }
 
 impl Trace<'static> {
-    /// Reads a CSV file, plain or compressed with gzip; `file` names it in messages. Of its columns, those that are in `columns` become
-    /// signals, in the units that these have. An empty cell is NaN. Returns the trace and notes for the user.
+    /// Reads a CSV file, plain or compressed with gzip; `file` is its name in messages. The columns listed in `columns`
+    /// become signals, converted to the units given there. An empty cell is NaN. Returns the trace and notes for the
+    /// user.
     ///
     /// # Errors
-    /// The file is damaged or not a table, it has no column of times, its rows are not evenly spaced, or a column that is read has a cell
-    /// that is not a number, a unit that cannot be converted, or its name twice.
+    /// The file is damaged or not a table, it has no time column, its rows are not evenly spaced, or a listed column
+    /// has a cell that is not a number, a unit that cannot be converted, or a duplicate name.
     pub fn read(
         file: &str,
         bytes: &[u8],
@@ -77,7 +78,7 @@ impl Trace<'static> {
             })
             .collect();
         if table.found().rows == 0 {
-            // The missing rows are the reason of each metric.
+            // Each metric reports the missing rows.
             let empty = wanted.iter().map(|(_, signal, _)| ((*signal).to_owned().into(), Vec::new().into()));
             return Ok((Self { times: Vec::new().into(), columns: empty.collect() }, Vec::new()));
         }
@@ -133,14 +134,14 @@ impl Trace<'static> {
     }
 }
 
-/// The values of a signal at the rows, NaN where it has none.
+/// The values of a signal at the rows; NaN for missing values.
 fn at_rows(times: &[f64], signal: &Signal) -> Vec<f64> {
     let mut samples = signal.times.iter().zip(&*signal.values).peekable();
     let value = |time: &f64| samples.next_if(|(of, _)| *of == time).map_or(f64::NAN, |(_, value)| *value);
     times.iter().map(value).collect()
 }
 
-/// The values of a signal at other times. Notes where it begins or ends in a gap.
+/// Interpolates a signal. Adds a note if it becomes zero or nonzero in a gap.
 fn interpolated(
     file: &str,
     name: &str,
@@ -184,19 +185,19 @@ fn too_long(file: &str, what: &str, gap: &[f64]) -> DataError {
     DataError::new(file, message, Some(NOT_BRIDGED.to_owned()))
 }
 
-/// Median distance of the rows.
+/// Median distance between rows.
 fn median(times: &[f64]) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The longest distance of two rows.
+/// The two rows with the longest distance.
 fn longest(times: &[f64]) -> Option<&[f64]> {
     times.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
 }
 
-/// Checks that the rows are evenly spaced, but for a clock that jitters, which is noted.
+/// Checks that the rows are evenly spaced. Clock jitter is allowed and noted.
 fn check_spacing(file: &str, times: &[f64], notes: &mut Vec<String>) -> Result<(), DataError> {
     let (Some(gap), [first, .., last]) = (longest(times), times) else { return Ok(()) };
     let (median, step) = (median(times), (last - first) / (times.len() - 1) as f64);
@@ -223,7 +224,7 @@ fn check_spacing(file: &str, times: &[f64], notes: &mut Vec<String>) -> Result<(
     Err(DataError::new(file, message, Some(help.to_owned())))
 }
 
-/// Evenly spaced times within those of the file.
+/// Evenly spaced times within the times of the file.
 fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) -> Result<Vec<f64>, DataError> {
     let (Some(gap), [first, .., last]) = (longest(times), times) else { return Ok(times.to_vec()) };
     let step = match resample {
@@ -249,7 +250,7 @@ fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) 
     let nearest = |time: f64| {
         let next = times.partition_point(|of| *of < time);
         let near = |of: &&f64| (**of - time).abs() <= SAME_TIME * step;
-        // Rounded times of one instant would put a switch into the interval before.
+        // Without this, rounding could move a step in a signal to the previous interval.
         times[next.saturating_sub(1)..(next + 1).min(times.len())].iter().find(near).copied().unwrap_or(time)
     };
     Ok((0..=rows as u64).map(|row| nearest((first + row as f64 * step).min(*last))).collect())
@@ -291,7 +292,7 @@ mod tests {
         assert!(read(b"time,vehicle.yaw_rate\n", &Reading::default()).unwrap().0.times().is_empty());
     }
 
-    /// A typo in any column is reported; for a column that metrics need, so are columns that share words with it.
+    /// A typo in any column name is reported. For a required column, columns with common words are also suggested.
     #[test]
     fn columns_of_similar_names_are_named() {
         let notes = |header: &str| read(format!("{header}\n0,1,2\n1,1,2\n").as_bytes(), &Reading::default()).unwrap().1;
@@ -317,7 +318,7 @@ mod tests {
         assert!((rate[0] - std::f64::consts::PI).abs() < 1e-15, "{rate:?}");
         assert_eq!(trace.column("tire_load.fl"), Some(&[1500.0, 2000.0][..]));
         assert_eq!(notes.len(), 2);
-        // The file does not declare that its times are in ms, and its column of the yaw rate has another name.
+        // The caller declares that times are in ms, and misspells the column of the yaw rate.
         let names = [("time", "Zeit"), ("vehicle.yaw_rate", "gier")];
         let reading = Reading {
             names: names.map(|(signal, column)| (signal.to_owned(), column.to_owned())).into(),
@@ -333,7 +334,7 @@ mod tests {
         assert!((trace.column("vehicle.yaw_rate").unwrap()[0] - std::f64::consts::PI).abs() < 1e-15);
     }
 
-    /// Reference: the straight line 10 t, which linear interpolation keeps.
+    /// Reference: the straight line 10 t, which linear interpolation reproduces.
     #[test]
     fn rows_that_are_not_evenly_spaced_are_resampled_by_option() {
         let times: Vec<f64> = (0..100).filter(|k| !(30..42).contains(k)).map(|k| f64::from(k) * 0.01).collect();
@@ -355,7 +356,8 @@ mod tests {
             }
             assert!(notes[0].ends_with("the longest gap is from 0.29 s to 0.42 s"), "{notes:?}");
         }
-        // A switch stays between the same two rows, in spite of roundings: the median of these distances is 0.010000000000000009.
+        // A step in a signal stays between the same two rows in spite of rounding: the median distance is
+        // 0.010000000000000009.
         let switch = |times: &mut dyn Iterator<Item = i32>| {
             let row = |k| format!("{},{}\n", f64::from(k) * 0.01, i32::from(k >= 100));
             times.fold("time,vehicle.yaw_rate\n".to_owned(), |text, k| text + &row(k))
@@ -367,7 +369,7 @@ mod tests {
         let (trace, notes) = read(switch(&mut (0..300).filter(|k| *k != 200)).as_bytes(), &reading).unwrap();
         assert_eq!(notes.len(), 1, "{notes:?}");
         assert_eq!(trace.column("vehicle.yaw_rate").unwrap()[99..101], [0.0, 1.0]);
-        // The time of the rise is unknown where rows are missing.
+        // The time of a step is uncertain where rows are missing.
         let (_, notes) = read(switch(&mut (0..300).filter(|k| !(90..120).contains(k))).as_bytes(), &reading).unwrap();
         assert!(
             notes[1]
@@ -378,11 +380,11 @@ mod tests {
         let reading = Reading { resample: Some(Resample::Median), ..Reading::default() };
         let error = read(long.as_bytes(), &reading).unwrap_err();
         assert!(error.starts_with("a.csv: the file has a gap from 0.1 s to 0.9 s; gaps of more than 0.5 s"), "{error}");
-        // A clock that jitters by a third of a step.
+        // Clock jitter of a third of a step.
         let (_, notes) = read(b"time,vehicle.yaw_rate\n0,1\n0.13,1\n0.17,1\n0.3,1\n", &Reading::default()).unwrap();
         assert_eq!(notes.len(), 1);
         assert!(notes[0].starts_with("the row at 0.13 s is off by 30 % of the mean distance"), "{notes:?}");
-        // The digits of the file.
+        // Rounding to the digits in the file is not noted.
         assert_eq!(read(b"time,vehicle.yaw_rate\n0,1\n0.01001,1\n0.02,1\n", &Reading::default()).unwrap().1, [""; 0]);
     }
 
