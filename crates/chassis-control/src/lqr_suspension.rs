@@ -178,8 +178,8 @@ impl Gains {
     /// `force`, N.
     ///
     /// # Errors
-    /// An accepted value is out of range, the mass matrix is not positive definite, or the Riccati equation has no stabilizing
-    /// solution. The message names the parameter or property and the violated rule.
+    /// An accepted value is out of range, the mass matrix is not positive definite, or the Riccati equation has no
+    /// stabilizing solution. The message names the parameter or property and the violated rule.
     pub fn derived(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
         let regulator = regulator(p, outputs, force)?;
         let k = &regulator.gain;

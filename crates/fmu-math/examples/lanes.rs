@@ -1,4 +1,5 @@
-//! The array forms over four lanes, for a look at the instructions the compiler makes of them (tests/instructions.rs).
+//! The array forms with four elements. `tests/instructions.rs` checks the instructions that the compiler generates for
+//! them.
 
 use std::hint::black_box;
 

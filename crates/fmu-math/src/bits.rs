@@ -1,16 +1,16 @@
-//! Operations on the bits of numbers, and sums and products with their rounding errors.
+//! Bit operations on numbers, and sums and products with their rounding errors.
 //!
-//! Conditions are masks: all ones or all zeros. Unlike `if`, a mask cannot become a branch, so the lanes of an array stay
-//! together.
+//! Conditions are masks: all ones or all zeros. Unlike `if`, a mask cannot become a branch, so the compiler can process
+//! the elements of an array in parallel.
 
-/// The bit of the sign.
+/// The sign bit.
 pub(crate) const SIGN: u64 = 1 << 63;
-/// The bits of infinity.
+/// The bit pattern of infinity.
 pub(crate) const INFINITY: u64 = f64::INFINITY.to_bits();
-/// 1.5 * 2^52. Added to a small number it rounds that to an integer, which the lowest bits then hold.
+/// 1.5 * 2^52. The sum with a small number contains this number, rounded to an integer, in its lowest bits.
 pub(crate) const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
-/// The bits of the magnitude.
+/// The bit pattern of the magnitude.
 #[inline(always)]
 pub(crate) fn magnitude(x: f64) -> u64 {
     x.to_bits() & !SIGN
@@ -22,25 +22,26 @@ pub(crate) fn abs(x: f64) -> f64 {
     f64::from_bits(magnitude(x))
 }
 
-/// The bit of the sign of `x`.
+/// The sign bit of `x`.
 #[inline(always)]
 pub(crate) fn sign(x: f64) -> u64 {
     x.to_bits() & SIGN
 }
 
-/// `x` with its sign changed if `sign` has that bit.
+/// `x` with the opposite sign if the sign bit of `sign` is set.
 #[inline(always)]
 pub(crate) fn flip(x: f64, sign: u64) -> f64 {
     f64::from_bits(x.to_bits() ^ sign)
 }
 
-/// All ones if the highest bit is set, else zero.
+/// All ones if the highest bit is set, otherwise zero.
 #[inline(always)]
 pub(crate) fn spread(bits: u64) -> u64 {
     0u64.wrapping_sub(bits >> 63)
 }
 
-/// All ones if the condition holds. For a comparison of numbers that is one instruction for two lanes.
+/// All ones if the condition holds, otherwise zero. For a comparison of numbers, this is one instruction for two
+/// elements.
 #[inline(always)]
 pub(crate) fn mask(condition: bool) -> u64 {
     0u64.wrapping_sub(u64::from(condition))
@@ -52,25 +53,25 @@ pub(crate) fn min(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// The greater number; `b` if one of them is NaN.
+/// The larger number; `b` if one of them is NaN.
 #[inline(always)]
 pub(crate) fn max(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// `x` where the mask is set, else 0.
+/// `x` if the mask is set, otherwise 0.
 #[inline(always)]
 pub(crate) fn keep(mask: u64, x: f64) -> f64 {
     f64::from_bits(x.to_bits() & mask)
 }
 
-/// `yes` where the mask is set, else `no`.
+/// `yes` if the mask is set, otherwise `no`.
 #[inline(always)]
 pub(crate) fn choose(mask: u64, yes: f64, no: f64) -> f64 {
     f64::from_bits(no.to_bits() ^ ((no.to_bits() ^ yes.to_bits()) & mask))
 }
 
-/// The sum and its rounding error, if `|a| >= |b|` or `a` is 0.
+/// The sum and its rounding error, for `|a| >= |b|` or `a` = 0.
 #[inline(always)]
 pub(crate) fn fast_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
@@ -91,7 +92,7 @@ pub(crate) fn upper(x: f64) -> f64 {
     f64::from_bits(x.to_bits() & !0x7ff_ffff)
 }
 
-/// The product and its rounding error (Dekker), as long as neither the product nor its error leaves the normal range.
+/// The product and its rounding error (Dekker). Both must be in the range of normal numbers.
 #[inline(always)]
 pub(crate) fn product(a: f64, b: f64) -> (f64, f64) {
     let product = a * b;
@@ -109,7 +110,7 @@ pub(crate) fn sqrt(x: f64) -> f64 {
     return libm::sqrt(x);
 }
 
-/// The NaN with one representation, because platforms make different ones.
+/// Replaces any NaN with `f64::NAN`, because platforms produce different NaNs.
 #[inline(always)]
 pub(crate) fn canonical(x: f64) -> f64 {
     if x.is_nan() { f64::NAN } else { x }

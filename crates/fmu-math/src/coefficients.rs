@@ -127,7 +127,7 @@ pub(crate) const LN: [f64; 7] = [
     0.14799487338447104,
 ];
 
-// The terms of the same beyond z/3, relative to 2 s: 1/5 + z/7 + ... Relative error of the function below 2^-73.24.
+// The terms of this series beyond z/3, relative to 2 s: 1/5 + z/7 + ... Relative error of the function below 2^-73.24.
 #[rustfmt::skip]
 pub(crate) const LN_TAIL: [f64; 8] = [
     0.19999999999999987,

@@ -1,6 +1,6 @@
 //! Dense matrices: LU factors with row exchanges (Golub, Van Loan, "Matrix Computations", section 3.4).
 
-/// Factors a matrix of `n` rows, one after the other, in place. Returns false if it is singular.
+/// Factors a matrix of `n` rows, stored row by row, in place. Returns false if it is singular.
 ///
 /// # Panics
 /// If `matrix` is shorter than n^2 or `pivots` than n.
@@ -28,7 +28,7 @@ pub fn factorize(matrix: &mut [f64], pivots: &mut [usize], n: usize) -> bool {
     true
 }
 
-/// Replaces `b` by the solution of A x = b, for the factors of A by [`factorize`].
+/// Replaces `b` by the solution of A x = b, with the factors of A from [`factorize`].
 ///
 /// # Panics
 /// If a slice is shorter than `n` requires.
@@ -52,7 +52,7 @@ pub fn solve(matrix: &[f64], pivots: &[usize], n: usize, b: &mut [f64]) {
 mod tests {
     use super::*;
 
-    /// By hand: 2 y = 4 and 3 x + y = 5 need an exchange of rows.
+    /// 2 y = 4 and 3 x + y = 5 need a row exchange.
     #[test]
     fn a_zero_on_the_diagonal_is_no_problem() {
         let (mut matrix, mut pivots, mut b) = ([0.0, 2.0, 3.0, 1.0], [0; 2], [4.0, 5.0]);

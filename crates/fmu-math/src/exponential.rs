@@ -1,13 +1,13 @@
 //! Exponential function and hyperbolic functions.
 //!
-//! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions are made of exp(x) and exp(x) - 1 in two parts each, so
-//! that they lose nothing near zero.
+//! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions use exp(x) and exp(x) - 1 in two parts each, which
+//! keeps them accurate near zero.
 
 use crate::bits::{INFINITY, ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitude, min, sign, spread, sum};
 use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO, TANH};
 use crate::lanes::polynomial11;
 
-/// Up to here neither the result nor its reciprocal leaves the normal range.
+/// Up to here, the result and its reciprocal are normal numbers.
 const LIMIT: u64 = 708f64.to_bits();
 
 #[inline(always)]
@@ -15,17 +15,17 @@ fn outside(x: f64) -> u64 {
     LIMIT.wrapping_sub(magnitude(x))
 }
 
-/// n of 2^n in the lowest bits, and r in two parts.
+/// Returns n in the lowest bits, and r in two parts.
 #[inline(always)]
 pub(crate) fn reduce(x: f64, x_low: f64) -> (u64, f64, f64) {
     let shifted = x * INV_LN2 + ROUNDER;
     let n = shifted - ROUNDER;
-    // The product is exact, and so is the difference.
+    // The product and the difference are exact.
     let (high, low) = fast_sum(x - n * LN2_HI, -(n * LN2_LO));
     (shifted.to_bits(), high, low + x_low)
 }
 
-/// 2^n for a normal result; n in the lowest bits.
+/// 2^n, which must be a normal number; n is in the lowest bits.
 #[inline(always)]
 pub(crate) fn power_of_two(n: u64) -> f64 {
     f64::from_bits(n.wrapping_add(1023) << 52)
@@ -36,7 +36,7 @@ pub(crate) const OVERFLOW: f64 = 710.0;
 /// The exponential function is 0 below this.
 pub(crate) const UNDERFLOW: f64 = -746.0;
 
-/// `value` times 2^n; n in the lowest bits. In two steps, because 2^n itself may be out of range.
+/// `value` times 2^n; n is in the lowest bits. In two steps, because 2^n may be out of range.
 #[inline(always)]
 pub(crate) fn scaled(value: f64, n: u64) -> f64 {
     let half = ((n as i64) << 13 >> 13) / 2;
@@ -51,8 +51,8 @@ pub(crate) fn exponential(high: f64, low: f64) -> (f64, f64) {
     (one, error + (tail + low * (one + tail)))
 }
 
-/// n of 2^n in the lowest bits, and exp(r). One number for r is enough here: its error is at most a quarter of a unit in the last
-/// place of the result.
+/// Returns n in the lowest bits, and exp(r). One number for r is enough here: its error changes the result by at most
+/// 1/4 ulp.
 #[inline(always)]
 fn exp_parts(x: f64) -> (u64, f64) {
     let shifted = x * INV_LN2 + ROUNDER;
@@ -67,7 +67,7 @@ fn exp_kernel(x: f64) -> f64 {
     value * power_of_two(n)
 }
 
-/// Up to here, below ln(2)/2, n is 0 and r is the argument.
+/// Up to here (below ln(2)/2), n is 0 and r is the argument.
 const NEAR: u64 = 0.346f64.to_bits();
 
 #[inline(always)]
@@ -107,7 +107,7 @@ pub fn exp(x: f64) -> f64 {
     if outside(x) >> 63 == 0 { exp_kernel(x) } else { canonical(exp_full(x)) }
 }
 
-/// [`exp`] of each element, with the same bits.
+/// [`exp`] of each element, bit-identical.
 #[inline(always)]
 #[must_use]
 pub fn exp_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
@@ -121,7 +121,7 @@ pub fn exp_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
             *x = exp_kernel(*x);
         }
     } else {
-        // A copy: an array that is borrowed here would be in memory before and after it, too.
+        // A copy, because the compiler would keep a borrowed array in memory instead of registers.
         let mut copy: [f64; N] = core::array::from_fn(|i| x[i]);
         singles(&mut copy);
         x = core::array::from_fn::<_, N, _>(|i| copy[i]);
@@ -144,10 +144,10 @@ fn exp_minus_one(x: f64) -> (f64, f64) {
 
 /// Below this the hyperbolic tangent is a polynomial.
 const STRAIGHT: u64 = 0.55f64.to_bits();
-/// From here on the hyperbolic tangent is 1.
+/// From here on, the hyperbolic tangent is 1.
 const FLAT: f64 = 22.0;
 
-/// Highest bit set for NaN.
+/// The highest bit is set for NaN.
 #[inline(always)]
 fn tanh_outside(x: f64) -> u64 {
     INFINITY.wrapping_sub(magnitude(x))
@@ -180,7 +180,7 @@ fn tanh_bent(x: f64) -> f64 {
     let scale = power_of_two(n);
     let (d, d_low) = fast_sum(value * scale, 1.0);
     let quotient = 2.0 / d;
-    // Effect of the rounding of the denominator; 1/d is quotient/2.
+    // Corrects the rounding error of the denominator; 1/d is quotient/2.
     let correction = quotient * (0.5 * quotient * (d_low + value_low * scale));
     let (result, error) = fast_sum(1.0, -quotient);
     flip(result + (error + correction), sign(x))
@@ -236,7 +236,7 @@ pub fn tanh(x: f64) -> f64 {
     }
 }
 
-/// [`tanh`] of each element, with the same bits.
+/// [`tanh`] of each element, bit-identical.
 #[inline(always)]
 #[must_use]
 pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
@@ -253,7 +253,7 @@ pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
         x.iter_mut().for_each(|x| *x = tanh_straight(*x));
         x
     } else if flat >> 63 != 0 {
-        // Friction of wheels that turn, far from the change of its sign.
+        // A frequent case: friction at rotating wheels.
         x.map(|x| flip(1.0, sign(x)))
     } else if bent >> 63 != 0 {
         x.iter_mut().for_each(|x| *x = tanh_bent(*x));
@@ -268,7 +268,7 @@ pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
 mod tests {
     use super::*;
 
-    /// The reference is the general kernel: near zero, up to the end, and between.
+    /// Compares with the general kernel: near zero, at the end of the range, and between.
     #[test]
     fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let end = f64::from_bits(NEAR);

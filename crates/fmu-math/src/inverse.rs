@@ -4,30 +4,31 @@ use crate::bits::{SIGN, abs, choose, fast_sum, flip, keep, magnitude, mask, max,
 use crate::coefficients::{ASIN, ATAN, PIO4_HI, PIO4_LO};
 use crate::lanes::{function_near, function2_near, polynomial13};
 
-/// Greatest magnitude of the arguments of the arctangent of two numbers: their sum must not overflow.
+/// Largest magnitude of the arguments of `atan2`, whose sum must not overflow.
 const LARGE: u64 = 1e300f64.to_bits();
 const ONE: u64 = 1f64.to_bits();
-/// The bits of `1/x` are about this minus the bits of `x`, within 7 % of the number.
+/// This minus the bits of `x` approximates the bits of `1/x`, with a relative error of up to 7 %.
 const RECIPROCAL: u64 = 0x7fde_6238_0000_0000;
 
-/// The angle of a point in the right or, with the mask `back`, the left half plane, from the smaller and the greater magnitude
-/// of its coordinates. The masks: whether y is the greater one, and whether the smaller one is above half of it.
+/// The angle of a point, from the smaller and the larger magnitude of its coordinates. Masks: `steep` if y is the
+/// larger one, `diagonal` if the smaller one is more than half of the larger, `back` if the point is in the left half
+/// plane.
 ///
-/// The quotient of the two, or the tangent of the angle without pi/4, is between -1/3 and 1/2 and goes into a polynomial. A
-/// multiple of pi/4 in two parts is added.
+/// The argument of the polynomial, between -1/3 and 1/2, is the quotient of the two, or (`diagonal`) the tangent of the
+/// angle minus pi/4. A multiple of pi/4 in two parts is added.
 #[inline(always)]
 fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
     let numerator = small - keep(diagonal, great);
     let (denominator, error) = fast_sum(great, keep(diagonal, small));
     let t = numerator / denominator;
-    // Effect of the rounding of the denominator, for which a rough reciprocal is enough.
+    // Corrects the rounding error of the denominator, for which a rough reciprocal is enough.
     let correction = t * (error * f64::from_bits(RECIPROCAL.wrapping_sub(denominator.to_bits())));
     let turn = (steep ^ back) & SIGN;
     let eighths = flip(keep(diagonal, 1.0), turn) + (keep(steep, 2.0) + keep(back & !steep, 4.0));
     let t = flip(t, turn);
     let (angle, error) = fast_sum(eighths * PIO4_HI, t);
     let error = error + (eighths * PIO4_LO - flip(correction, turn));
-    // All but the polynomial is known by now.
+    // Only the polynomial depends on z.
     let z = t * t;
     angle + (error + (t * z) * polynomial13(&ATAN, z))
 }
@@ -36,7 +37,7 @@ fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
 fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
     let (ay, ax) = (abs(y), abs(x));
     let (small, great) = (min(ay, ax), max(ay, ax));
-    // 0/0 is 0 here.
+    // Makes 0/0 equal 0.
     let great = f64::from_bits(great.to_bits() | keep(mask(great == 0.0), 1.0).to_bits());
     let angle = angle(small, great, mask(ax < ay), mask(great < small + small), spread(x.to_bits()));
     (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay.to_bits()) | LARGE.wrapping_sub(ax.to_bits()))
@@ -49,7 +50,7 @@ fn near_angle(t: f64) -> f64 {
     t + (t * z) * polynomial13(&ATAN, z)
 }
 
-/// Highest bit set unless `0 < x`, `2 |y| <= x` and `x <= LARGE`.
+/// The highest bit is set unless `0 < x`, `2 |y| <= x` and `x <= LARGE`.
 #[inline(always)]
 fn atan2_far(y: f64, x: f64) -> u64 {
     let (x, twice) = (x.to_bits(), (2.0 * abs(y)).to_bits());
@@ -91,8 +92,8 @@ fn unit_outside(x: f64) -> u64 {
     ONE.wrapping_sub(magnitude(x))
 }
 
-/// For `|x| >= 1/2` the arcsine of `sqrt((1 - |x|)/2)`, twice, from pi/2. Returns the mask of that case, the argument of the
-/// polynomial in two parts, and what the polynomial adds.
+/// For `|x| >= 1/2`, asin(|x|) = pi/2 - 2 asin(sqrt((1 - |x|)/2)). Returns the mask for this case, the argument of the
+/// polynomial in two parts, and the polynomial's contribution.
 #[inline(always)]
 fn half_angle(x: f64) -> (u64, f64, f64, f64) {
     let ax = abs(x);
@@ -100,7 +101,7 @@ fn half_angle(x: f64) -> (u64, f64, f64, f64) {
     let z = choose(wide, (1.0 - ax) * 0.5, ax * ax);
     let s = choose(wide, sqrt(z), ax);
     let tail = s * (z * polynomial13(&ASIN, z));
-    // The square of the upper half is exact. The small number is for x = 1.
+    // The square of the upper half is exact. The small number prevents a division by zero for x = 1.
     let high = choose(wide, upper(s), s);
     let low = keep(wide, (z - high * high) / (s + high + 1e-300));
     (wide, high, low, tail)
@@ -120,7 +121,7 @@ fn acos_kernel(x: f64) -> f64 {
     let negative = spread(x.to_bits());
     let eighths = choose(wide, keep(negative, 4.0), 2.0);
     let scale = choose(wide, 2.0, 1.0);
-    // Subtracted from the multiple of pi/4: the angle itself, for 1/2 <= x its negative.
+    // Subtracts the angle from the multiple of pi/4; for 1/2 <= x, adds it.
     let side = sign(x) ^ (wide & SIGN);
     let (angle, error) = fast_sum(eighths * PIO4_HI, -flip(high * scale, side));
     angle + (error + (eighths * PIO4_LO - flip((low + tail) * scale, side)))
@@ -131,17 +132,18 @@ function_near!(
     atan, atan_each, atan_far, atan_near, atan_outside, atan_kernel, libm::atan
 );
 function2_near!(
-    /// The angle of the point (`x`, `y`), in [-pi, pi], within 1.5 ulp. Zeros and infinities as in C: `atan2(0.0, 0.0)` is 0.
+    /// Angle of the point (`x`, `y`), in [-pi, pi], within 1.5 ulp. Zeros and infinities are treated as in C:
+    /// `atan2(0.0, 0.0)` is 0.
     atan2, atan2_each, y, x, atan2_far, atan2_near, atan2_kernel, libm::atan2
 );
-/// Arcsine, in [-pi/2, pi/2], within 0.8 ulp; NaN outside of [-1, 1].
+/// Arcsine, in [-pi/2, pi/2], within 0.8 ulp; NaN outside [-1, 1].
 #[inline(never)]
 #[must_use]
 pub fn asin(x: f64) -> f64 {
     if unit_outside(x) >> 63 == 0 { asin_kernel(x) } else { f64::NAN }
 }
 
-/// Arccosine, in [0, pi], within 0.8 ulp; NaN outside of [-1, 1].
+/// Arccosine, in [0, pi], within 0.8 ulp; NaN outside [-1, 1].
 #[inline(never)]
 #[must_use]
 pub fn acos(x: f64) -> f64 {
@@ -152,7 +154,7 @@ pub fn acos(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The reference is the general kernel: near zero, up to the end, and between.
+    /// Compares with the general kernel: near zero, at the end of the range, and between.
     #[test]
     fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];

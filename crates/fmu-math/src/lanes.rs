@@ -1,13 +1,13 @@
-//! From a kernel to a function of a number and a function of an array.
+//! Macros that define a function of a number and its array form from kernels, and polynomials.
 
 /// Defines a function of one number and its array form.
 ///
-/// `outside` has its highest bit set for arguments that the kernel does not cover; `full` computes those. `far` has its highest
-/// bit set for arguments that need this general path; `near` is a fast path for the others. Both paths are bit-identical. The
-/// array form is inlined, because a call would pass arguments and results through memory.
+/// `near` is a fast path, except for arguments for which the highest bit of `far` is set. These need the general path:
+/// `full` if the highest bit of `outside` is set, otherwise `kernel`. `near` and `kernel` are bit-identical. The array
+/// form is inlined, because a call would pass arguments and results through memory.
 macro_rules! function_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $far:expr, $near:expr, $outside:expr, $kernel:expr, $full:expr) => {
-        /// The general path. Not inlined, to keep the libraries small.
+        /// The general path, not inlined to keep libraries small.
         mod $each {
             use super::*;
 
@@ -40,7 +40,7 @@ macro_rules! function_near {
             if $far(x) >> 63 == 0 { $near(x) } else { $each::single(x) }
         }
 
-        #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
+        #[doc = concat!("[`", stringify!($name), "`] of each element, bit-identical.")]
         #[inline(always)]
         #[must_use]
         pub fn $each<const N: usize>(x: [f64; N]) -> [f64; N] {
@@ -51,7 +51,7 @@ macro_rules! function_near {
             if any >> 63 == 0 {
                 x.map($near)
             } else {
-                // A copy: an array that is borrowed here would be in memory before and after it, too.
+                // A copy, because the compiler would keep a borrowed array in memory instead of registers.
                 let mut copy: [f64; N] = core::array::from_fn(|i| x[i]);
                 $each::far(&mut copy);
                 core::array::from_fn::<_, N, _>(|i| copy[i])
@@ -60,8 +60,8 @@ macro_rules! function_near {
     };
 }
 
-/// Defines a function of two numbers and its array form, as [`function_near`]. The kernel returns its result and what `outside` is
-/// above.
+/// Defines a function of two numbers and its array form, like [`function_near`]. The kernel returns its result and the
+/// value of `outside`.
 macro_rules! function2_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $far:expr, $near:expr, $kernel:expr, $full:expr) => {
         mod $each {
@@ -73,7 +73,7 @@ macro_rules! function2_near {
                 if outside >> 63 == 0 { value } else { crate::bits::canonical($full(a, b)) }
             }
 
-            /// `a` becomes the result.
+            /// Replaces `a` by the result.
             #[inline(never)]
             pub(super) fn far(a: &mut [f64], b: &[f64]) {
                 a.iter_mut().zip(b).for_each(|(a, b)| *a = single(*a, *b));
@@ -87,7 +87,7 @@ macro_rules! function2_near {
             if $far($a, $b) >> 63 == 0 { $near($a, $b) } else { $each::single($a, $b) }
         }
 
-        #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
+        #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, bit-identical.")]
         #[inline(always)]
         #[must_use]
         pub fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
@@ -98,7 +98,7 @@ macro_rules! function2_near {
             if any >> 63 == 0 {
                 core::array::from_fn(|i| $near($a[i], $b[i]))
             } else {
-                // Copies, as above.
+                // Copies for the same reason as in [`function_near`].
                 let mut result: [f64; N] = core::array::from_fn(|i| $a[i]);
                 $each::far(&mut result, &core::array::from_fn::<_, N, _>(|i| $b[i]));
                 core::array::from_fn::<_, N, _>(|i| result[i])
@@ -109,7 +109,7 @@ macro_rules! function2_near {
 
 pub(crate) use {function_near, function2_near};
 
-/// A polynomial of degree 5 in `z`, evaluated in pairs so that the additions do not wait for each other.
+/// A polynomial of degree 5 in `z`, evaluated in pairs so that additions do not depend on each other.
 #[inline(always)]
 pub(crate) fn polynomial6(c: &[f64; 6], z: f64) -> f64 {
     let z2 = z * z;

@@ -1,7 +1,7 @@
 //! Natural logarithm.
 //!
-//! x = 2^k m with m from sqrt(1/2) to sqrt(2). With f = m - 1 and s = f/(2 + f), ln(m) = f - f^2/2 + s (f^2/2 + R(s^2)), the
-//! form of fdlibm, which is accurate near 1; the polynomial is our own.
+//! x = 2^k m with m from sqrt(1/2) to sqrt(2). With f = m - 1 and s = f/(2 + f), ln(m) = f - f^2/2 + s (f^2/2 +
+//! R(s^2)), as in fdlibm. This form is accurate near 1. The polynomial R is fitted by `tools/coefficients.py`.
 
 use crate::bits::{INFINITY, SIGN, canonical};
 use crate::coefficients::{LN, LN2_HI, LN2_LO};
@@ -11,17 +11,17 @@ const NORMAL: u64 = f64::MIN_POSITIVE.to_bits();
 /// The bits of sqrt(1/2).
 const SQRT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
 
-/// Not a positive normal number.
+/// The highest bit is set unless `x` is a positive normal number.
 #[inline(always)]
 pub(crate) fn outside(x: f64) -> u64 {
     let bits = x.to_bits();
     bits | bits.wrapping_sub(NORMAL) | (INFINITY - 1).wrapping_sub(bits)
 }
 
-/// k and m of a positive normal number.
+/// Returns k and m for a positive normal number.
 #[inline(always)]
 pub(crate) fn split(x: f64) -> (f64, f64) {
-    // 1024 is added to the exponent so that it is positive. Numbers above 2^52 hold integers in their lowest bits.
+    // 1024 is added to make the exponent positive. Numbers from 2^52 to 2^53 contain an integer in their lowest bits.
     const BIAS: f64 = 4_503_599_627_370_496.0;
     let shifted = x.to_bits().wrapping_sub(SQRT_HALF).wrapping_add(1024 << 52);
     let exponent = shifted >> 52;
@@ -54,7 +54,7 @@ fn ln_full(x: f64) -> f64 {
     }
 }
 
-/// Natural logarithm, within 0.9 ulp; minus infinity at ±0, NaN below.
+/// Natural logarithm, within 0.9 ulp; minus infinity for ±0, NaN for negative numbers.
 #[inline(never)]
 #[must_use]
 pub fn ln(x: f64) -> f64 {

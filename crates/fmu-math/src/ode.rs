@@ -1,23 +1,23 @@
-//! Solvers of ordinary differential equations x' = f(t, x), one step at a time.
+//! Solvers for ordinary differential equations x' = f(t, x), one step at a time.
 //!
-//! All functions work on slices of the caller, allocate nothing and need no `std`. `f` writes the derivatives at a time and a
-//! state; an error that it returns ends the step. Every element is computed by the same operations in the same order, so
-//! results have the same bits on every platform.
+//! All functions work on the caller's slices, allocate nothing and need no `std`. `f` writes the derivatives for a time
+//! and a state; if it returns an error, the step ends. Operations have a fixed order, so results are bit-identical on
+//! every platform.
 
-/// Numbers of working memory that [`runge_kutta`] needs for each state.
+/// Length of `work` per state for [`runge_kutta`].
 pub const RUNGE_KUTTA_WORK: usize = 4;
-/// Numbers of working memory that [`dormand_prince`] needs for each state.
+/// Length of `work` per state for [`dormand_prince`].
 pub const DORMAND_PRINCE_WORK: usize = 7;
-/// Numbers of working memory that [`rodas`] needs for each state.
+/// Length of `work` per state for [`rodas`].
 pub const RODAS_WORK: usize = 5;
 
-/// The first lists of `n` numbers each.
+/// Splits off the first `K` slices of `n` numbers.
 #[inline]
 fn split<const K: usize>(mut work: &mut [f64], n: usize) -> [&mut [f64]; K] {
     core::array::from_fn(|_| work.split_off_mut(..n).expect("`work` is long enough"))
 }
 
-/// to = x + (h a) k, element by element.
+/// to = x + factor k, element by element.
 #[inline]
 fn along(to: &mut [f64], x: &[f64], factor: f64, k: &[f64]) {
     for ((to, x), k) in to.iter_mut().zip(x).zip(k) {
@@ -46,7 +46,7 @@ fn sum(to: &mut [f64], x: &[f64], h: f64, parts: &[(f64, &[f64])]) {
 /// The first error of `f`.
 ///
 /// # Panics
-/// If the slices are shorter than the state `x`, `work` than [`RUNGE_KUTTA_WORK`] times that.
+/// If a slice is shorter than the state `x`, or `work` shorter than [`RUNGE_KUTTA_WORK`] times the length of `x`.
 #[inline]
 pub fn runge_kutta<E>(
     mut f: impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), E>,
@@ -72,14 +72,14 @@ pub fn runge_kutta<E>(
     Ok(())
 }
 
-/// One step of length `h` with the pair of orders 5 and 4 of Dormand and Prince 1980 (RK5(4)7M), from `x` to `end`. `error`
-/// becomes the estimate of the error, see [`error_norm`].
+/// One step of length `h` with the Dormand-Prince pair of orders 5 and 4 (1980, RK5(4)7M), from `x` to `end`. Writes
+/// the error estimate to `error`, see [`error_norm`].
 ///
 /// # Errors
 /// The first error of `f`.
 ///
 /// # Panics
-/// If the slices are shorter than the state `x`, `work` than [`DORMAND_PRINCE_WORK`] times that.
+/// If a slice is shorter than the state `x`, or `work` shorter than [`DORMAND_PRINCE_WORK`] times the length of `x`.
 #[inline]
 pub fn dormand_prince<E>(
     mut f: impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), E>,
@@ -133,18 +133,18 @@ pub fn rodas_diagonal(h: f64) -> f64 {
     1.0 / (h * 0.25)
 }
 
-/// One step of length `h` with the stiffly stable method RODAS of order 4 (Hairer, Wanner, "Solving Ordinary Differential
-/// Equations II", 1996, section IV.7, with the coefficients of their program), from `x` to `end`. `error` becomes the estimate
-/// of the error, see [`error_norm`].
+/// One step of length `h` with the stiffly stable method RODAS of order 4 (Hairer, Wanner, "Solving Ordinary
+/// Differential Equations II", 1996, section IV.7, with the coefficients from their program), from `x` to `end`. Writes
+/// the error estimate to `error`, see [`error_norm`].
 ///
-/// `solve` replaces b by the solution u of ([`rodas_diagonal`] I - J) u = b, where J is the Jacobian of `f` at `time` and `x`;
-/// `slope` is the derivative of `f` with respect to the time there.
+/// `solve` replaces b by the solution u of ([`rodas_diagonal`] I - J) u = b, where J is the Jacobian of `f` at `time`
+/// and `x`; `slope` is the partial derivative of `f` with respect to time at this point.
 ///
 /// # Errors
 /// The first error of `f`.
 ///
 /// # Panics
-/// If the slices are shorter than the state `x`, `work` than [`RODAS_WORK`] times that.
+/// If a slice is shorter than the state `x`, or `work` shorter than [`RODAS_WORK`] times the length of `x`.
 #[expect(clippy::too_many_arguments, reason = "the problem, its linearization, the step and three results")]
 #[inline]
 pub fn rodas<E>(
@@ -179,7 +179,7 @@ pub fn rodas<E>(
             -6.058_818_238_834_054,
         ],
     ];
-    /// Times of the stages, and their coefficients of the derivative with respect to time.
+    /// Relative times of the stages, and their coefficients for the time derivative.
     const TIMES: [f64; 6] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
     const D: [f64; 6] = [0.25, -0.1043, 0.1035, -0.036_200_000_000_000_23, 0.0, 0.0];
 
@@ -189,7 +189,7 @@ pub fn rodas<E>(
         let (known, rest) = work.split_at_mut(stage * n);
         let known = |j: usize| &known[j * n..][..n];
         let u = if stage < 5 { &mut rest[..n] } else { &mut error[..n] };
-        // The argument of the last stage is that of the one before and its increment.
+        // The argument of the last stage is the previous argument plus the previous increment.
         match A.get(stage) {
             Some(coefficients) => {
                 end.copy_from_slice(x);
@@ -206,9 +206,9 @@ pub fn rodas<E>(
     Ok(())
 }
 
-/// Weighted root mean square of the error of a step from `x` to `end`: at most 1 if the step keeps the tolerance (Hairer,
-/// Norsett, Wanner, "Solving Ordinary Differential Equations I", eq. II.4.11). Each error is relative to the nominal value of
-/// its state plus the magnitude of the state. 0 without states.
+/// Weighted root mean square of the error in a step from `x` to `end`; at most 1 if the step meets the tolerance
+/// (Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", eq. II.4.11). Each error is divided by the
+/// nominal value plus the magnitude of the state. 0 without states.
 #[must_use]
 #[inline]
 pub fn error_norm(x: &[f64], end: &[f64], error: &[f64], nominals: &[f64], tolerance: f64) -> f64 {
@@ -223,7 +223,7 @@ pub fn error_norm(x: &[f64], end: &[f64], error: &[f64], nominals: &[f64], toler
     crate::bits::sqrt(sum / x.len() as f64)
 }
 
-/// The factor from the length of a step with the error `norm` to that of the next one, 0.2 to 5, for methods whose error
+/// Ratio of the next step length to that of a step with the error `norm`, between 0.2 and 5, for methods whose error
 /// estimate has order 4.
 #[must_use]
 pub fn step_factor(norm: f64) -> f64 {
@@ -240,7 +240,7 @@ mod tests {
         Ok(())
     }
 
-    /// Error of `steps` equal steps to 2.
+    /// Error at 2 after `steps` equal steps.
     fn error_of(step: impl Fn(f64, f64, f64) -> f64, steps: u32) -> f64 {
         let h = 2.0 / f64::from(steps);
         let end = (0..steps).fold(1.0, |x, k| step(f64::from(k) * h, x, h));
@@ -272,7 +272,7 @@ mod tests {
             let errors = all.map(|errors| errors[method]);
             for pair in errors.windows(2) {
                 let ratio = pair[0] / pair[1];
-                // A step half as long divides the error by 2^order; 30 % for the terms of higher order.
+                // Half the step length divides the error by 2^order. Tolerance: 30 % for terms of higher order.
                 assert!((ratio / 2.0_f64.powi(order) - 1.0).abs() < 0.3, "order {order}: {ratio} of {errors:?}");
             }
         }
@@ -290,7 +290,8 @@ mod tests {
         assert_eq!(calls, 3);
     }
 
-    /// Errors 3 and 4 relative to tolerance times (nominal + magnitude) = 0.1 (1 + 9): the root mean square of 3 and 4.
+    /// The weights are 1: tolerance times (nominal + magnitude) = 0.1 (1 + 9). The result is the root mean square of 3
+    /// and 4.
     #[test]
     fn the_norm_is_the_weighted_root_mean_square() {
         let norm = error_norm(&[9.0, -5.0], &[2.0, 9.0], &[3.0, -4.0], &[1.0, 1.0], 0.1);

@@ -6,9 +6,10 @@ use crate::exponential::{OVERFLOW, UNDERFLOW, exponential, power_of_two, reduce,
 use crate::lanes::polynomial8;
 use crate::logarithm;
 
-/// ln(2^k m) in two parts, to 2^-64 of its value.
+/// ln(2^k m) in two parts, with a relative error of 2^-64.
 ///
-/// As in `logarithm`, but ln(m) = 2s (1 + s^2/3 + s^4 (1/5 + ...)), with all but the bracket in two parts.
+/// As in `logarithm`, but with ln(m) = 2s (1 + s^2/3 + s^4 (1/5 + ...)). All terms are in two parts, except the inner
+/// parentheses.
 #[inline(always)]
 fn combine(k: f64, m: f64) -> (f64, f64) {
     let f = m - 1.0;
@@ -33,7 +34,7 @@ fn combine(k: f64, m: f64) -> (f64, f64) {
     fast_sum(sum, sum_low + (value_low + k * LN2_LO))
 }
 
-/// The power, and a number whose highest bit is set where it does not hold.
+/// The power, and a number whose highest bit is set if the result is invalid.
 #[inline(always)]
 fn pow_kernel(x: f64, y: f64) -> (f64, u64) {
     const EXPONENT: u64 = 1e100f64.to_bits();
@@ -48,11 +49,11 @@ fn pow_kernel(x: f64, y: f64) -> (f64, u64) {
     ((one + rest) * power_of_two(n), outside)
 }
 
-/// Special values, bases that are negative or subnormal, and results near overflow and underflow.
+/// Special values, negative and subnormal bases, and results near overflow and underflow.
 #[cold]
 fn pow_full(x: f64, y: f64) -> f64 {
     let base = abs(x);
-    // Their powers need no logarithm.
+    // These powers need no logarithm.
     if base == 0.0 || base == 1.0 || y == 0.0 || !base.is_finite() || !y.is_finite() {
         return libm::pow(x, y);
     }
@@ -61,7 +62,7 @@ fn pow_full(x: f64, y: f64) -> f64 {
         parity => x < 0.0 && matches!(parity, Parity::Odd),
     };
     let power = if abs(y) > 1e100 {
-        // The logarithm of a number beside 1 is at least 1e-16.
+        // The magnitude of the logarithm of a number next to 1 is at least 1e-16.
         if (base > 1.0) == (y > 0.0) { f64::INFINITY } else { 0.0 }
     } else {
         let is_subnormal = base < f64::MIN_POSITIVE;
@@ -88,7 +89,7 @@ enum Parity {
     NotInteger,
 }
 
-/// The parity of a finite number. From 2^53 on all are even integers.
+/// The parity of a finite number. From 2^53 on, all are even integers.
 fn parity(y: f64) -> Parity {
     let y = abs(y);
     if y >= 9_007_199_254_740_992.0 {
@@ -102,8 +103,8 @@ fn parity(y: f64) -> Parity {
     }
 }
 
-/// `x` to the power `y`, within 1.2 ulp. Special values as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1, a negative `x` has
-/// powers for integers `y` only.
+/// `x` to the power `y`, within 1.2 ulp. Special values are treated as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1; for
+/// negative `x`, the result is NaN unless `y` is an integer.
 #[inline(never)]
 #[must_use]
 pub fn pow(x: f64, y: f64) -> f64 {
@@ -111,7 +112,7 @@ pub fn pow(x: f64, y: f64) -> f64 {
     if outside >> 63 == 0 { power } else { canonical(pow_full(x, y)) }
 }
 
-/// `x` to an integer power by repeated squaring. Each of the about 2 log2(n) multiplications rounds.
+/// `x` to an integer power by repeated squaring. Each of up to 2 log2(n) multiplications rounds.
 #[inline]
 #[must_use]
 pub fn powi(x: f64, n: i32) -> f64 {
@@ -130,7 +131,8 @@ pub fn powi(x: f64, n: i32) -> f64 {
     if n < 0 { 1.0 / power } else { power }
 }
 
-/// The length, and a number whose highest bit is set where the squares or their sum overflow or lose significant digits.
+/// The length, and a number whose highest bit is set if the squares or their sum may overflow or lose significant
+/// digits.
 #[inline(always)]
 fn hypot_kernel(x: f64, y: f64) -> (f64, u64) {
     const LARGE: u64 = 1e150f64.to_bits();
@@ -150,14 +152,14 @@ fn hypot_full(x: f64, y: f64) -> f64 {
     } else if x.is_nan() || y.is_nan() {
         f64::NAN
     } else {
-        // Powers of two: the scaling is exact, or of no weight beside the other number.
+        // Scaling by a power of two is exact, or the scaled number is negligible.
         let exponent: i64 = if x > 1.0 || y > 1.0 { -600 } else { 600 };
         let scale = power_of_two(exponent as u64);
         hypot_kernel(x * scale, y * scale).0 / scale
     }
 }
 
-/// Length of the vector (`x`, `y`), within 1.3 ulp; infinite if one of them is.
+/// Length of the vector (`x`, `y`), within 1.3 ulp; infinite if `x` or `y` is.
 #[inline(never)]
 #[must_use]
 pub fn hypot(x: f64, y: f64) -> f64 {

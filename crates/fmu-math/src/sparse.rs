@@ -1,6 +1,7 @@
-//! Sparse matrices: groups of columns for derivatives, and LU factors.
+//! Sparse matrices: LU factors, and groups of columns for computing Jacobians.
 //!
-//! Everything is deterministic: orders follow from the structure of a matrix, ties go to the smaller index.
+//! Everything is deterministic: the structure of a matrix determines the order of elimination, and the smaller index
+//! wins ties.
 
 use alloc::collections::BTreeSet;
 use alloc::vec;
@@ -10,11 +11,11 @@ use core::ops::Range;
 /// No index.
 const NONE: u32 = u32::MAX;
 
-/// The smallest part of the largest candidate that a diagonal element may be to become the pivot.
+/// A diagonal element becomes the pivot if it is at least this fraction of the largest candidate.
 const DIAGONAL_PREFERENCE: f64 = 1e-3;
 
-/// The structure of a sparse matrix: for each line the positions of the elements that may differ from zero, ascending. Lines
-/// are rows or columns, as defined by the user.
+/// The structure of a sparse matrix: for each line, the positions of the elements that can differ from zero, in
+/// ascending order. Lines are rows or columns; the user decides.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
     starts: Vec<u32>,
@@ -28,10 +29,10 @@ impl Default for Structure {
 }
 
 impl Structure {
-    /// Appends a line. Its positions may be in any order, and listed twice.
+    /// Appends a line. The positions can be in any order and repeated.
     ///
     /// # Panics
-    /// On 2^32 or more elements.
+    /// If there are 2^32 or more elements.
     pub fn push(&mut self, line: impl IntoIterator<Item = u32>) {
         let first = self.positions.len();
         self.positions.extend(line);
@@ -59,7 +60,7 @@ impl Structure {
         self.positions.len()
     }
 
-    /// The numbers of the elements of a line among all elements.
+    /// The indices of a line's elements among all elements.
     ///
     /// # Panics
     /// If there is no such line.
@@ -77,7 +78,7 @@ impl Structure {
         &self.positions[self.range(line)]
     }
 
-    /// The same matrix by its other lines, of which there are `count`.
+    /// The same matrix, with rows as lines instead of columns or vice versa; `count` is the number of new lines.
     ///
     /// # Panics
     /// If a position is not below `count`.
@@ -101,9 +102,9 @@ impl Structure {
     }
 }
 
-/// Groups the columns of a matrix, given by its rows, so that no row has elements in two columns of a group (Curtis, Powell,
-/// Reid 1974). One derivative along the sum of the columns of a group is then enough for all of them. Each column joins the
-/// first group that it fits in.
+/// Groups the columns of a matrix, given by its rows, so that no row has elements in two columns of a group (Curtis,
+/// Powell, Reid 1974). One directional derivative then gives all columns of a group. Each column joins the first group
+/// into which it fits.
 ///
 /// # Panics
 /// If a position is not below `columns`.
@@ -111,7 +112,7 @@ impl Structure {
 pub fn groups(rows: &Structure, columns: usize) -> Structure {
     let by_column = rows.transposed(columns);
     let mut group_of = vec![NONE; columns];
-    // For each group the column that it was last excluded for.
+    // For each group, the last column that does not fit into it.
     let mut excluded: Vec<u32> = Vec::new();
     let mut members: Vec<Vec<u32>> = Vec::new();
     for column in 0..columns {
@@ -136,9 +137,9 @@ pub fn groups(rows: &Structure, columns: usize) -> Structure {
     groups
 }
 
-/// Order of elimination of a matrix with the structure of A + A^T that keeps its factors sparse: the next one is an unknown
-/// with the fewest neighbors (minimum degree, Rose 1972). Returns the order and the number of elements below the diagonal of
-/// the factor, or `None` if these are more than `limit`.
+/// Order of elimination for a matrix with the structure of A + A^T that keeps the factors sparse: an unknown with the
+/// fewest neighbors is next (minimum degree, Rose 1972). Returns the order and the number of elements below the
+/// diagonal of the factor; `None` if there are more than `limit`.
 fn minimum_degree(by_column: &Structure, limit: usize) -> Option<(Vec<u32>, usize)> {
     let n = by_column.lines();
     let by_row = by_column.transposed(n);
@@ -162,7 +163,7 @@ fn minimum_degree(by_column: &Structure, limit: usize) -> Option<(Vec<u32>, usiz
         }
         let rest = queue.len();
         if degree as usize == rest {
-            // All that are left are neighbors of each other: any order is as good.
+            // All remaining unknowns are neighbors of each other, so their order does not matter.
             order.extend(queue.iter().map(|&(_, node)| node));
             elements += rest * rest.saturating_sub(1) / 2;
             return (elements <= limit).then_some((order, elements));
@@ -181,13 +182,13 @@ fn minimum_degree(by_column: &Structure, limit: usize) -> Option<(Vec<u32>, usiz
     Some((order, elements))
 }
 
-/// A triangular factor by columns, with room for a number of elements.
+/// A triangular factor by columns, with room for a fixed number of elements.
 #[derive(Clone, Debug, Default)]
 struct Factor {
-    /// The most elements; not the capacity of the lists, which a copy does not have.
+    /// Maximum number of elements. The capacity of the lists cannot be used for this, because a clone does not keep it.
     room: usize,
     starts: Vec<u32>,
-    /// Rows of the matrix in L, numbers of pivots in U.
+    /// In L, rows of the matrix; in U, indices of pivots.
     positions: Vec<u32>,
     values: Vec<f64>,
 }
@@ -228,8 +229,8 @@ impl Factor {
     }
 }
 
-/// LU factors of a sparse matrix: columns in the order of the minimum degree, row exchanges only where a diagonal element is too
-/// small (Gilbert, Peierls 1988). All memory is allocated by [`SparseLu::new`].
+/// LU factors of a sparse matrix: columns in minimum degree order, row exchanges only if a diagonal element is too
+/// small (Gilbert, Peierls 1988). [`SparseLu::new`] allocates all memory.
 #[derive(Clone, Debug)]
 pub struct SparseLu {
     order: Vec<u32>,
@@ -239,19 +240,19 @@ pub struct SparseLu {
     /// Row of each pivot, and the pivot of each row.
     pivots: Vec<u32>,
     pivot_of: Vec<u32>,
-    /// A column while it is computed, by rows; zero between columns.
+    /// The current column, by rows; zero between columns.
     column: Vec<f64>,
     /// The column for which a row was last visited.
     visited: Vec<u32>,
-    /// The rows that the column reaches, in topological order from the end of the list.
+    /// The rows with nonzero elements in the current column, in topological order at the end of the list.
     reached: Vec<u32>,
-    /// Rows on the path of the search, and the next element to follow from each.
+    /// Rows on the search path, and the next element to follow from each.
     path: Vec<(u32, u32)>,
 }
 
 impl SparseLu {
-    /// Prepares the factors of square matrices of a structure, which is given by columns. `None` if the factors would have more
-    /// than `limit` elements below the diagonal: a dense matrix is the better choice then.
+    /// Prepares factors for square matrices with a structure given by columns. `None` if the factors would have more
+    /// than `limit` elements below the diagonal; use a dense matrix in this case.
     ///
     /// # Panics
     /// If a position is not below the number of columns.
@@ -259,7 +260,7 @@ impl SparseLu {
     pub fn new(by_column: &Structure, limit: usize) -> Option<Self> {
         let n = by_column.lines();
         let (order, elements) = minimum_degree(by_column, limit)?;
-        // Row exchanges need more than the order promises.
+        // Row exchanges need more elements than the elimination order predicts.
         let room = 3 * elements + 8 * n;
         Some(Self {
             order,
@@ -275,8 +276,8 @@ impl SparseLu {
         })
     }
 
-    /// Factors a matrix of the structure that [`SparseLu::new`] got, with a value for each of its elements. Returns false if the
-    /// matrix is singular or not finite, or if its row exchanges need more memory than there is.
+    /// Factors a matrix with the structure given to [`SparseLu::new`] and a value for each element. Returns false if
+    /// the matrix is singular or not finite, or if row exchanges need more than the allocated memory.
     #[must_use]
     pub fn factorize(&mut self, by_column: &Structure, values: &[f64]) -> bool {
         self.lower.clear();
@@ -345,8 +346,8 @@ impl SparseLu {
         is_whole
     }
 
-    /// Adds the rows that `row` reaches through the columns of L to the front of the list, which begins at `first`. Returns
-    /// where it begins then.
+    /// Adds the rows that can be reached from `row` through the columns of L to the front of the list, which begins at
+    /// `first`. Returns the new beginning.
     fn search(&mut self, row: u32, stamp: u32, mut first: usize) -> usize {
         let children = |row: u32, pivot_of: &[u32], lower: &Factor| match pivot_of[row as usize] {
             NONE => 0..0,
@@ -375,7 +376,7 @@ impl SparseLu {
         first
     }
 
-    /// Replaces `b` by the solution of A x = b, for the matrix A of the last [`SparseLu::factorize`] that returned true.
+    /// Replaces `b` by the solution of A x = b, where A is the matrix of the last successful [`SparseLu::factorize`].
     ///
     /// # Panics
     /// If `b` is shorter than the matrix.
@@ -404,7 +405,7 @@ impl SparseLu {
 mod tests {
     use super::*;
 
-    /// A matrix by columns from its elements (row, column, value).
+    /// Makes a matrix by columns from elements (row, column, value).
     fn matrix(n: usize, elements: &[(usize, usize, f64)]) -> (Structure, Vec<f64>) {
         let (mut structure, mut values) = (Structure::default(), Vec::new());
         for column in 0..n {
@@ -416,7 +417,7 @@ mod tests {
         (structure, values)
     }
 
-    /// Largest |A x - b| relative to |b| for x = 1, 2, 3, …, whose b is computed from the matrix.
+    /// Largest |A x - b| relative to |b|, where b is computed from x = 1, 2, 3, …
     fn residual(n: usize, elements: &[(usize, usize, f64)]) -> f64 {
         let (structure, values) = matrix(n, elements);
         let product = |x: &[f64]| {
@@ -427,7 +428,7 @@ mod tests {
         let b = product(&(1..=n).map(|i| i as f64).collect::<Vec<_>>());
         let mut lu = SparseLu::new(&structure, n * n).unwrap();
         let mut worst = 0.0_f64;
-        // The second time with the memory of the first one.
+        // The second time, the memory of the first is reused.
         for _ in 0..2 {
             assert!(lu.factorize(&structure, &values));
             let mut x = b.clone();
@@ -438,7 +439,7 @@ mod tests {
         worst
     }
 
-    /// Numbers in [-1, 1) of a linear congruential generator.
+    /// Numbers in [-1, 1) from a linear congruential generator.
     fn random(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
@@ -450,7 +451,7 @@ mod tests {
             (0..50).flat_map(|i| [(i, i, 2.5), (i, (i + 1) % 50, -1.0), ((i + 1) % 50, i, -1.2)]).collect();
         let arrow: Vec<_> =
             (0..50).map(|i| (i, i, 3.0)).chain((1..50).flat_map(|i| [(0, i, 1.0), (i, 0, -0.5)])).collect();
-        // Rows must be exchanged: the diagonal is zero, or tiny.
+        // Rows must be exchanged, because the diagonal is zero or tiny.
         let exchanged: Vec<_> =
             (0..20).flat_map(|i| [(i, i, if i % 3 == 0 { 1e-14 } else { 0.0 }), (i, (i + 1) % 20, 1.0)]).collect();
         let mut seed = 1;
@@ -463,13 +464,14 @@ mod tests {
         scattered.sort_by_key(|one| (one.0, one.1));
         scattered.dedup_by_key(|one| (one.0, one.1));
         for (n, elements) in [(50, tridiagonal), (50, arrow), (20, exchanged), (60, scattered)] {
-            // Some hundred roundings.
+            // Tolerance: several hundred rounding errors.
             let residual = residual(n, &elements);
             assert!(residual < 1e-12, "{n}: {residual}");
         }
     }
 
-    /// The second matrix has a small diagonal, so that rows are exchanged and the factors need more room than the first ones.
+    /// The second matrix has a small diagonal, so rows are exchanged and the factors need more room than those of the
+    /// first.
     #[test]
     fn a_copy_factors_other_values_as_the_original_does() {
         const N: usize = 60;
@@ -508,7 +510,7 @@ mod tests {
         }
     }
 
-    /// A chain and a star have no new elements when the ends are eliminated first; a full matrix has n (n - 1)/2.
+    /// A chain and a star get no new elements if the ends are eliminated first; a full matrix has n (n - 1)/2.
     #[test]
     fn the_order_keeps_chains_and_stars_sparse() {
         let chain: Vec<_> = (0..99).flat_map(|i| [(i, i + 1, 1.0), (i + 1, i, 1.0)]).collect();
@@ -526,12 +528,12 @@ mod tests {
         let mut rows = Structure::default();
         (0..100_u32).for_each(|i| rows.push([i, i.saturating_sub(1), (i + 1).min(99), i]));
         let chain = groups(&rows, 100);
-        // Three are enough for a chain: columns at a distance of 3.
+        // A chain needs three groups, each with every third column.
         assert_eq!(chain.lines(), 3);
         for group in 0..3 {
             assert!(chain.line(group).iter().all(|column| column % 3 == group as u32));
         }
-        // The row of all columns separates them; columns without elements join the first group.
+        // A row with all columns separates them. Columns without elements join the first group.
         rows.push(0..100);
         assert_eq!(groups(&rows, 102).lines(), 100);
         assert_eq!(groups(&rows, 102).line(0), [0, 100, 101]);

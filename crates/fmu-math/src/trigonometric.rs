@@ -1,17 +1,16 @@
 //! Sine, cosine and tangent.
 //!
-//! A multiple n of pi/2 is subtracted in three parts (Cody and Waite); the products of n and the first two
-//! parts are exact. The rest r
-//! is known to twice the precision, |r| <= pi/4, and goes into two polynomials.
+//! A multiple n of pi/2 is subtracted in three parts (Cody and Waite); the products of n and the first two parts are
+//! exact. The remainder r, |r| <= pi/4, is known to twice the precision and is the argument of two polynomials.
 
 use crate::bits::{ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitude, product, sign, spread};
 use crate::coefficients::{COS, PIO2_1, PIO2_2, PIO2_3, SIN, TWO_OVER_PI};
 use crate::lanes::{function_near, polynomial6};
 
-/// Up to here n has 14 bits.
+/// Up to here, n has 14 bits.
 const LIMIT: u64 = 25_000f64.to_bits();
 
-/// Up to here, below pi/4, n is 0 and r is the argument.
+/// Up to here (below pi/4), n is 0 and r is the argument.
 const NEAR: u64 = 0.785f64.to_bits();
 
 #[inline(always)]
@@ -24,12 +23,12 @@ fn outside(x: f64) -> u64 {
     LIMIT.wrapping_sub(magnitude(x))
 }
 
-/// The number of quarter turns in the lowest two bits, and the rest in two parts.
+/// The number of quarter turns in the lowest two bits, and the remainder in two parts.
 #[inline(always)]
 fn reduce(x: f64) -> (u64, f64, f64) {
     let shifted = x * TWO_OVER_PI + ROUNDER;
     let n = shifted - ROUNDER;
-    // Exact: both are multiples of the last bit of x or of the part, and cancel.
+    // Exact, because both are multiples of the last bit of x or of the part, and cancel.
     let first = x - n * PIO2_1;
     // If `first` is the smaller one, the difference is exact.
     let (rest, error) = fast_sum(first, -(n * PIO2_2));
@@ -37,7 +36,7 @@ fn reduce(x: f64) -> (u64, f64, f64) {
     (shifted.to_bits(), high, low + error)
 }
 
-/// Sine and cosine of the rest: value and correction.
+/// Sine and cosine of the remainder, each as value and correction.
 #[inline(always)]
 fn polynomials(high: f64, low: f64) -> ((f64, f64), (f64, f64)) {
     let z = high * high;
@@ -66,10 +65,10 @@ fn sin_cos_near(x: f64) -> (f64, f64) {
     (flip(s.0 + s.1, sign(x)), c.0 + c.1)
 }
 
-/// The quotient of two numbers in two parts each.
+/// The quotient of two numbers, each in two parts.
 #[inline(always)]
 fn quotient((n, n_low): (f64, f64), (d, d_low): (f64, f64)) -> f64 {
-    // The rounding of the reciprocal is negligible in the correction. The two divisions are independent.
+    // The rounding error of the reciprocal is negligible in the correction. The two divisions are independent.
     let (quotient, reciprocal) = (n / d, 1.0 / d);
     let (back, back_low) = product(quotient, d);
     quotient + (((n - back) - back_low) + (n_low - quotient * d_low)) * reciprocal
@@ -106,7 +105,7 @@ function_near!(
     tan, tan_each, far, tan_near, outside, tan_kernel, libm::tan
 );
 
-/// [`sin`] and [`cos`], with the same bits.
+/// [`sin`] and [`cos`], bit-identical.
 #[inline(never)]
 #[must_use]
 pub fn sin_cos(x: f64) -> (f64, f64) {
@@ -119,7 +118,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     }
 }
 
-/// [`sin_cos`] of each element, with the same bits: the sines, then the cosines.
+/// [`sin_cos`] of each element, bit-identical: the sines, then the cosines.
 #[inline(always)]
 #[must_use]
 pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
@@ -146,7 +145,7 @@ pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
             (*sine, *cosine) = sin_cos_near(*x);
         }
     } else {
-        // Copies: an array that is borrowed here would be in memory before and after it, too.
+        // Copies, because the compiler would keep borrowed arrays in memory instead of registers.
         let copy: [f64; N] = core::array::from_fn(|i| x[i]);
         let (mut s, mut c) = ([0.0; N], [0.0; N]);
         general(&copy, &mut s, &mut c);
@@ -159,7 +158,7 @@ pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
 mod tests {
     use super::*;
 
-    /// The reference is the general kernel: near zero, up to the end, and halfway.
+    /// Compares with the general kernel: near zero, at the end of the range, and between.
     #[test]
     fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let end = f64::from_bits(NEAR);
@@ -174,6 +173,6 @@ mod tests {
         assert_eq!(far(end.next_up()) >> 63, 1);
         assert_eq!(far(f64::NAN) >> 63, 1);
         let shifted = end * TWO_OVER_PI + ROUNDER;
-        assert_eq!(shifted - ROUNDER, 0.0, "no quarter turn is taken off");
+        assert_eq!(shifted - ROUNDER, 0.0, "no quarter turn is subtracted");
     }
 }

@@ -1,7 +1,8 @@
-//! The results against values of mpmath with 1400 bits (`tools/values.py`), in units in the last place of the exact result.
+//! Compares results with values computed by mpmath with 1400 bits (`tools/values.py`), in units in the last place of
+//! the exact result.
 //!
-//! The bounds are those of the documentation. A few hundred rows cannot prove a bound; they find a wrong coefficient, constant
-//! or case, which is wrong by far more.
+//! The bounds are those in the documentation. A few hundred rows cannot prove a bound, but they reveal a wrong
+//! coefficient, constant or case, which causes much larger errors.
 
 use fmu_math as math;
 
@@ -27,10 +28,10 @@ const BOUNDS: [(&str, f64, Function); 15] = [
     ("pow far", 1.2, |x| math::pow(x[0], x[1])),
 ];
 
-/// The distance to `high + low`, where `high` is the exact result rounded.
+/// Error in ulp. The exact result is `high + low`, where `high` is this result rounded.
 fn error(value: f64, high: f64, low: f64) -> f64 {
     let exact_below = if low != 0.0 && low.is_sign_negative() != high.is_sign_negative() { 1 } else { 0 };
-    // At a power of two the exact result may be in the binade below.
+    // At a power of two, the exact result can be in the binade below.
     let binade = (high.abs().to_bits() - exact_below) >> 52;
     let ulp = f64::from_bits(binade.max(53) << 52) / 4_503_599_627_370_496.0;
     ((value - high) / ulp - low / ulp).abs()

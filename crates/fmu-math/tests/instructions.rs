@@ -1,18 +1,18 @@
-//! The compiler packs two elements of the array forms into each instruction. Nothing in the language promises that, so
-//! this looks at its output for `examples/lanes.rs`, which contains the fast paths, and for the library, which contains
-//! the general paths: a new version that no longer packs fails here, not in a benchmark.
+//! The compiler processes two elements of the array forms with each instruction. The language does not guarantee this.
+//! These tests check the assembly of `examples/lanes.rs`, which contains the fast paths, and of the library, which
+//! contains the general paths. They fail if a compiler version no longer packs instructions.
 #![cfg(target_arch = "x86_64")]
 
 use std::path::Path;
 use std::process::Command;
 
-/// A function, and how many additions, subtractions, multiplications and divisions may be of single numbers.
+/// A function, and the maximum number of additions, subtractions, multiplications and divisions of single numbers.
 type Limit = (&'static str, usize);
 
 const FAST_PATHS: [Limit; 4] =
     [("four_arctangents", 0), ("four_exponentials", 0), ("four_hyperbolic_tangents", 0), ("four_sines_and_cosines", 0)];
 
-/// Two elements that need the general path.
+/// General paths for two elements.
 const GENERAL_PATHS: [Limit; 4] =
     [("9atan_each3two", 0), ("8sin_each3two", 0), ("8cos_each3two", 0), ("8tan_each3two", 0)];
 
@@ -41,7 +41,7 @@ fn assembly(artifact: &[&str], folder: &str) -> String {
     std::fs::read_to_string(file).unwrap()
 }
 
-/// Checks that functions compute at least this many packed instructions, and few single ones.
+/// Checks that functions contain at least `least` packed instructions, and few single ones.
 fn are_packed(text: &str, limits: &[Limit], least: usize) {
     for (name, most) in limits {
         let body = text.lines().skip_while(|line| !(line.ends_with(':') && line.contains(name)));

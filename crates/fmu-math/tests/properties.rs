@@ -1,4 +1,4 @@
-//! Special values, symmetry, order, and the same bits on every path.
+//! Special values, symmetry, monotonicity, and bit-identical results on all paths.
 
 use fmu_math as math;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, PI, SQRT_2};
@@ -10,7 +10,7 @@ type Single = fn(f64) -> f64;
 type One = (&'static str, Single, Option<fn([f64; 6]) -> [f64; 6]>);
 type Two = (&'static str, fn(f64, f64) -> f64, Option<fn([f64; 6], [f64; 6]) -> [f64; 6]>);
 
-// Each with its array form, if there is one.
+// Functions with their array forms, if there are any.
 const ONE: [One; 13] = [
     ("sin", math::sin, Some(math::sin_each)),
     ("cos", math::cos, Some(math::cos_each)),
@@ -44,7 +44,7 @@ impl Random {
     fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / 4_503_599_627_370_496.0 - 1.0
     }
-    /// Numbers of the size of each function's domain, and any bits once in `rare` numbers.
+    /// Numbers in the domains of the functions, and one arbitrary bit pattern in `rare` numbers.
     fn number(&mut self, rare: u64) -> f64 {
         let unit = self.unit();
         match self.bits() % 4 {
@@ -151,7 +151,7 @@ fn special_values_are_those_of_c() {
         for &(x, expected) in cases {
             same(name, &[x], f(x), expected);
         }
-        // NaN has one representation, whatever the input.
+        // A NaN result has the same bits for any input.
         same(name, &[NAN], f(f64::from_bits(0xfff8_0000_0000_1234)), NAN);
     };
     let tiny = 5e-324;
@@ -301,7 +301,7 @@ fn special_values_are_those_of_c() {
     );
 }
 
-/// Points where one formula ends and the next begins, and the ends of the domain.
+/// Checks monotonicity at points where the formula changes, and at the ends of the domain.
 #[test]
 fn neighbors_are_in_order_at_the_ends_and_between_the_formulas() {
     let rises: [(&str, Single, &[f64]); 8] = [
@@ -316,7 +316,7 @@ fn neighbors_are_in_order_at_the_ends_and_between_the_formulas() {
     ];
     for (name, f, points) in rises {
         for &point in points {
-            // Steps of 64 doubles, so that the function itself rises by more than the error of a result.
+            // In steps of 64 doubles, the function increases by more than the error of a result.
             let upward = if point < 0.0 { -64 } else { 64 };
             let x = |i: i64| f64::from_bits(point.to_bits().wrapping_add_signed(upward * i));
             for i in -500..500 {
@@ -367,8 +367,9 @@ fn integer_powers_are_products() {
     assert_eq!(math::powi(1.7, 3), 1.7 * (1.7 * 1.7));
 }
 
-/// Reference: x^y = (x^(y/2))^2, where x^(y/2) is within 1.2 ulp (`accuracy`), so that the square is within 3 ulp; below the normal
-/// numbers, each side is within a step of the exact result. Bases beside 1 with exponents to 1e18, and subnormal ones.
+/// Reference: x^y = (x^(y/2))^2, where x^(y/2) is within 1.2 ulp (`accuracy`) and its square within 3 ulp. Subnormal
+/// results are within one step of the exact result on each side. Bases are near 1, with exponents up to 1e18, or
+/// subnormal.
 #[test]
 fn powers_below_the_normal_numbers_are_squares() {
     let mut random = Random(11);
@@ -376,7 +377,8 @@ fn powers_below_the_normal_numbers_are_squares() {
     for k in 0..20_000 {
         let near = 1.0 + random.unit() * 0.5_f64.powi(2 + (random.bits() % 48) as i32);
         let x = if k % 3 == 0 { 1e-310 * (1.0 + random.unit()) } else { near };
-        // The logarithm of the result, from above the smallest normal number (-708.4) to below all numbers (-745.2).
+        // The logarithm of the result ranges from above that of the smallest normal number (-708.4) to below that of
+        // all numbers (-745.2).
         let y = (-727.0 + 20.0 * random.unit()) / math::ln(x);
         if !y.is_finite() {
             continue;
@@ -390,7 +392,7 @@ fn powers_below_the_normal_numbers_are_squares() {
     assert!(subnormal > 10_000 && far > 1_000, "{subnormal} results are subnormal, {far} exponents are above 2^31");
 }
 
-/// The same number on every platform: Linux on any processor, Windows, WebAssembly, ARM.
+/// The hash is the same on every platform: Linux on any processor, Windows, WebAssembly, ARM.
 #[test]
 fn a_million_results_have_the_same_hash_everywhere() {
     let mut random = Random(6);

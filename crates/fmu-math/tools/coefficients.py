@@ -4,10 +4,10 @@
 # ///
 """Writes src/coefficients.rs: the polynomials and the constants of the range reductions.
 
-Each polynomial is a weighted least-squares fit on Chebyshev points, which is close to the best one. Its coefficients
-are rounded to double precision one by one, the lowest first; the others are fitted again after each, so that they make
-up for the rounding. The error in the comment is that of the rounded polynomial, relative to the function, without the
-rounding errors of its evaluation.
+Each polynomial is a weighted least-squares fit on Chebyshev points, which is close to the best polynomial. Its
+coefficients are rounded to double precision one by one, the lowest first. After each, the others are fitted again to
+compensate for the rounding. The error in the comment is the error of the rounded polynomial, relative to the function,
+without rounding errors of its evaluation.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ LINES = [
 
 
 def series(terms: Callable[[int], mpf]) -> Function:
-    """Sum of a power series that converges fast, for arguments at which the closed form cancels."""
+    """Return the sum of a power series, for arguments at which the closed form suffers from cancellation."""
 
     def value(z: mpf) -> mpf:
         total, k = mpf(0), 0
@@ -38,7 +38,7 @@ def series(terms: Callable[[int], mpf]) -> Function:
 
 
 def fitted(target: Function, weight: Function, low: mpf, high: mpf, count: int) -> tuple[list[float], mpf]:
-    """Coefficients in double precision, and the largest error."""
+    """Return coefficients in double precision, and the largest error."""
     points = [(low + high) / 2 - (high - low) / 2 * mp.cos(mp.pi * (2 * k + 1) / (6 * count)) for k in range(3 * count)]
     fixed: list[float] = []
 
@@ -52,7 +52,7 @@ def fitted(target: Function, weight: Function, low: mpf, high: mpf, count: int) 
 
 
 def parts(x: mpf, *bits: int) -> list[float]:
-    """Split into parts with so many significant bits and a last one with all that a double holds."""
+    """Split a number into parts with the given significant bits, and a last part with full double precision."""
     result = []
     for width in bits:
         scale = mpf(2) ** (width - 1 - mp.floor(mp.log(x, 2)))
@@ -82,18 +82,18 @@ def polynomial(
 
 
 def over(function: Function) -> Function:
-    """Weight of the error of (f(t)/t - 1)/z, z = t^2, relative to f."""
+    """Return the weight that makes an error of (f(t)/t - 1)/z, z = t^2, relative to f."""
     return lambda z: z / (function(mp.sqrt(z)) / mp.sqrt(z) if z else mpf(1))
 
 
 def main() -> None:
     """Write the file."""
-    # Angles: the first two parts of pi/2 times a multiple below 2^14 are exact.
+    # Products of the first two parts with multiples below 2^14 are exact.
     constants("pi/2 in three parts.", "PIO2_1 PIO2_2 PIO2_3", parts(mp.pi / 2, 39, 39))
     constants("2/pi", "TWO_OVER_PI", [float(2 / mp.pi)])
-    # Multiples up to 4 of the first part of pi/4 are exact.
+    # Products of the first part with multiples up to 4 are exact.
     constants("pi/4 in two parts.", "PIO4_HI PIO4_LO", parts(mp.pi / 4, 50))
-    # A power of two has an exponent below 2^11.
+    # Products of the first part with exponents of doubles, which are below 2^11, are exact.
     constants("ln 2 in two parts.", "LN2_HI LN2_LO", parts(mp.log(2), 42))
     constants("1 / ln 2", "INV_LN2", [float(1 / mp.log(2))])
     third = float(mpf(1) / 3)
@@ -119,7 +119,7 @@ def main() -> None:
     ratio = ((mp.sqrt(2) - 1) / (mp.sqrt(2) + 1)) ** 2 * mpf("1.001")
     text = "((ln(1 + s) - ln(1 - s))/s - 2)/z, z = s^2, s = (m - 1)/(m + 1), m from sqrt(1/2) to sqrt(2)."
     polynomial("LN", text, 7, ratio, series(lambda k: mpf(2) / (2 * k + 3)), lambda z: z / 2)
-    text = "The terms of the same beyond z/3, relative to 2 s: 1/5 + z/7 + ..."
+    text = "The terms of this series beyond z/3, relative to 2 s: 1/5 + z/7 + ..."
     polynomial("LN_TAIL", text, 8, ratio, series(lambda k: mpf(1) / (2 * k + 5)), lambda z: z * z)
     path = Path(__file__).parent.parent / "src" / "coefficients.rs"
     path.write_text("\n".join(LINES) + "\n", encoding="ascii")

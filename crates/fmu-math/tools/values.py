@@ -2,10 +2,10 @@
 # requires-python = ">=3.10"
 # dependencies = ["mpmath==1.4.1"]
 # ///
-"""Writes tests/values.bin: arguments and results computed by mpmath, which the accuracy test compares with.
+"""Writes tests/values.bin: arguments and results computed by mpmath, for the accuracy test.
 
 For each function: its name (8 bytes), the number of rows (4 bytes), the number of arguments (4 bytes), and rows of
-doubles: the arguments, the result rounded to a double, and the rest of the result.
+doubles: the arguments, the result rounded to a double, and the rounding error of this double.
 """
 
 import math
@@ -24,19 +24,19 @@ chance = random.Random(20261122)
 
 
 def uniform(low: float, high: float) -> Callable[[], float]:
-    """Uniformly distributed numbers."""
+    """Return a source of uniformly distributed numbers."""
     return lambda: chance.uniform(low, high)
 
 
 def wide(low: int, high: int, sign: bool = True) -> Callable[[], float]:
-    """Numbers with uniformly distributed exponents."""
+    """Return a source of numbers with uniformly distributed exponents."""
     return lambda: (
         math.ldexp(chance.uniform(1, 2), chance.randint(low, high - 1)) * (chance.choice([-1, 1]) if sign else 1)
     )
 
 
 def near(*points: float) -> Callable[[], float]:
-    """Points and their neighbors."""
+    """Return a source of the points and their neighbors."""
 
     def pick() -> float:
         x = chance.choice(points)
@@ -48,12 +48,12 @@ def near(*points: float) -> Callable[[], float]:
 
 
 def quarter_turns() -> float:
-    """Doubles beside a multiple of pi/4, where a sine is small or the quadrant changes."""
+    """Return a double next to a multiple of pi/4, where a sine is small or the quadrant changes."""
     return near(chance.choice([-1, 1]) * float(chance.randint(1, 31_000) * mpmath.pi / 4))()
 
 
 def halves_of_ln2() -> float:
-    """Doubles beside an odd multiple of ln(2)/2, where the power of two changes."""
+    """Return a double next to an odd multiple of ln(2)/2, where the power of two changes."""
     return near(float((2 * chance.randint(-1000, 1000) + 1) * mpmath.ln(2) / 2))()
 
 
@@ -77,21 +77,21 @@ ONE: dict[str, tuple[Callable[[mpf], mpf], Sources]] = {
 
 
 def powers() -> tuple[float, float]:
-    """Arguments of a power whose result is a number of any size."""
+    """Return arguments for a power with a result of any size."""
     x = chance.choice([uniform(0.5, 2), uniform(0, 10), wide(-1022, 1024, sign=False), near(1, 0.5**0.5)])()
     bound = min(700 / abs(math.log(x)), 1e99) if x != 1 else 1e99
     return x, chance.choice([uniform(-bound, bound), uniform(-min(3, bound), min(3, bound))])()
 
 
 def far_powers() -> tuple[float, float]:
-    """Arguments whose power is near overflow: bases beside 1 with exponents to 1e18, negative and subnormal ones."""
+    """Return arguments for a power near overflow: bases near 1 with exponents to 1e18, negative and subnormal bases."""
     x = chance.choice([lambda: 1 + wide(-52, -22)(), uniform(0.5, 2), wide(-1074, 1024, sign=False)])()
     y = float(chance.uniform(707.9, 709.75) / mpmath.ln(mpf(x))) if x != 1 else 1.0
     return (-x, float(round(y))) if abs(y) > 1e6 and chance.random() < 0.3 else (x, y)
 
 
 def points() -> tuple[float, float]:
-    """Arguments of an angle or a length."""
+    """Return coordinates for an angle or a length."""
     x = chance.choice([uniform(-1, 1), wide(-20, 20), wide(-1022, 1023)])()
     kind = chance.randint(0, 3)
     if kind == 0:
@@ -112,12 +112,12 @@ TWO: dict[str, tuple[Callable[[mpf, mpf], mpf], Callable[[], tuple[float, float]
 
 
 def split(value: mpf) -> tuple[float, float] | None:
-    """Round to a double and the rest; None where the result is no normal number."""
+    """Split into a rounded double and the rounding error; None if the result is not a normal number."""
     return (float(value), float(value - mpf(float(value)))) if 2.3e-308 < abs(value) < 1.7e308 else None
 
 
 def table(function: Callable[..., mpf], arguments: Callable[[int], tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Compute the rows of a function for arguments that are chosen by the number of the row."""
+    """Compute the rows for a function; `arguments` chooses the arguments by row number."""
     rows: list[tuple[float, ...]] = []
     while len(rows) < ROWS:
         x = arguments(len(rows))

@@ -115,7 +115,7 @@ mod tests {
         assert_eq!(Weighting::Vertical.gain(0.0), 0.0);
     }
 
-    /// Check numbers of the test bench: a sine of 3 m/s2 RMS at 5 Hz over whole periods has 3 times the gain at 5 Hz; over 10,001 rows of
+    /// Check numbers: a sine of 3 m/s2 RMS at 5 Hz over whole periods has 3 times the gain at 5 Hz; over 10,001 rows of
     /// 1 ms, which are not whole periods, 3.116269.
     #[test]
     fn a_sine() {
