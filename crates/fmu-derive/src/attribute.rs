@@ -1,4 +1,4 @@
-//! The attribute `#[var(…)]` of a field, doc comments, and the path of the crate `fmu`.
+//! The attribute `#[var(…)]`, doc comments, and the path of the crate `fmu`.
 
 use proc_macro2::{Span, TokenStream};
 use quote::{ToTokens, quote, quote_spanned};
@@ -21,7 +21,7 @@ pub(crate) enum Source {
     Name(LitStr),
 }
 
-/// `#[var(source, key = value, flag, …)]`; without a source the variable is named like its field.
+/// `#[var(source, key = value, flag, …)]`. Without a source, the variable has the name of its field.
 pub(crate) struct Variable {
     pub(crate) source: Source,
     keys: Vec<(Ident, Option<Expr>)>,
@@ -29,14 +29,14 @@ pub(crate) struct Variable {
     pub(crate) is_explicit: bool,
 }
 
-/// Kind of the values of a type, derived from its tokens.
+/// Kind of values in a type, derived from its tokens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Content {
     Real,
     Integer,
     /// Boolean, String.
     Other,
-    /// An enumeration, an alias, or a mistake, which the compiler resolves.
+    /// An enumeration, an alias, or a mistake; only the compiler can resolve it.
     Unknown,
 }
 
@@ -80,7 +80,10 @@ impl Variable {
         let mut found = None;
         for attribute in field.attrs.iter().filter(|attribute| attribute.path().is_ident("var")) {
             if found.is_some() {
-                return Err(Error::new_spanned(attribute, "a field is one variable; this attribute is one too many"));
+                return Err(Error::new_spanned(
+                    attribute,
+                    "a field declares one variable; remove the second attribute",
+                ));
             }
             let parse = |input: ParseStream<'_>| Self::parse(input, field);
             found = Some(match &attribute.meta {
@@ -91,7 +94,7 @@ impl Variable {
         found.map_or_else(|| Ok(Self { source: Source::of(field)?, keys: Vec::new(), is_explicit: false }), Ok)
     }
 
-    /// The value of a key.
+    /// The value of a key; `None` if the key is absent.
     pub(crate) fn value(&self, key: &str) -> Result<Option<&Expr>> {
         match self.keys.iter().find(|(known, _)| known == key) {
             Some((_, Some(value))) => Ok(Some(value)),
@@ -117,7 +120,7 @@ impl Variable {
     pub(crate) fn nested(&self, field: &Field) -> Result<Option<String>> {
         let only = |key: &Ident, others: &[(Ident, Option<Expr>)]| match others.iter().find(|(other, _)| other != key) {
             Some((other, _)) => {
-                Err(Error::new(other.span(), "the fields of a nested struct carry their own attributes"))
+                Err(Error::new(other.span(), "a nested struct takes no other keys; set them on its fields"))
             }
             None => Ok(()),
         };
@@ -151,11 +154,11 @@ impl Variable {
             let message = match text.as_str() {
                 "unit" => "only real variables have a unit".to_owned(),
                 "min" | "max" | "positive" if allowed.contains(&"tunable") => {
-                    format!("`{key}` belongs to numbers: this variable has no limits")
+                    format!("`{key}` requires a number: this variable has no limits")
                 }
-                "min" | "max" | "positive" | "tunable" => format!("`{key}` belongs to parameters"),
-                "local" | "calculated" => format!("`{key}` belongs to continuous states"),
-                "always_finite" => format!("`{key}` belongs to discrete states"),
+                "min" | "max" | "positive" | "tunable" => format!("`{key}` is only allowed on parameters"),
+                "local" | "calculated" => format!("`{key}` is only allowed on continuous states"),
+                "always_finite" => format!("`{key}` is only allowed on discrete states"),
                 _ => format!("`{key}` is not a known key here; {hint}"),
             };
             errors.add(Error::new(key.span(), message));
@@ -163,7 +166,7 @@ impl Variable {
         errors.finish(())
     }
 
-    /// Span for errors about the whole attribute.
+    /// Span for errors about the attribute.
     pub(crate) fn span(&self) -> Span {
         match &self.source {
             Source::Definition(path) => path.span(),
@@ -171,8 +174,8 @@ impl Variable {
         }
     }
 
-    /// The unit of a variable that is not defined elsewhere, and its description: the unit is a key, or it ends the doc
-    /// comment in parentheses, as in `Height of the road (m)`.
+    /// The unit and the description of a variable without a definition. The unit is the value of a key, or it is in
+    /// parentheses at the end of the doc comment, as in `Height of the road (m)`.
     fn unit_and_description<'a>(
         &self,
         root: &TokenStream,
@@ -203,7 +206,7 @@ impl Variable {
             };
         }
         let in_parentheses = doc.strip_suffix(')').and_then(|doc| {
-            // The denominator may have parentheses too.
+            // The denominator can also contain parentheses.
             let open = doc.rfind(" (")?;
             Some((&doc[..open], &doc[open + 2..]))
         });
@@ -214,7 +217,7 @@ impl Variable {
                 })?;
                 Ok((Some(unit.tokens(root)), Some(unit), description))
             }
-            // The description of an Integer may end in a letter that is also a unit: `1 (A) to 8 (H)`.
+            // Not for an Integer, whose description can end in a letter that is also a unit: `1 (A) to 8 (H)`.
             Some((_, unit)) if content == Content::Other && Unit::parse(unit, name.span()).is_ok() => {
                 let message = format!(
                     "only real variables have a unit: the doc comment of this field ends with the unit `({unit})`"
@@ -238,13 +241,13 @@ impl Variable {
         let spec = match &self.source {
             Source::Definition(entry) => {
                 if let Some(key) = self.key("unit") {
-                    errors.add(Error::new(key.span(), "the definition has its unit already"));
+                    errors.add(Error::new(key.span(), "the definition already has a unit; remove `unit`"));
                 }
                 quote!(defined(&#entry))
             }
             Source::Name(name) => {
                 if doc.is_empty() {
-                    let message = "the doc comment is missing: it is the description of the variable";
+                    let message = "the doc comment is missing: it becomes the description of the variable";
                     errors.add(Error::new(name.span(), message));
                 }
                 let parts = errors.keep(self.unit_and_description(root, doc, content, name));
@@ -261,7 +264,7 @@ impl Variable {
         for key in ["min", "max", "nominal"] {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
                 let key = Ident::new(key, value.span());
-                // Limits of an Integer are whole numbers.
+                // `limit` also accepts integers, for Integer variables.
                 set.push(quote_spanned!(value.span()=> #key = ::core::option::Option::Some(#root::limit(#value))));
             }
         }
@@ -273,7 +276,7 @@ impl Variable {
                         set.push(quote!(display = ::core::option::Option::Some(#display)));
                     }
                 }
-                // The unit is a constant: the display unit must be one that it lists.
+                // The unit is a constant, so the display unit must be one that it lists.
                 (display, _) => set.push(quote!(display_name = ::core::option::Option::Some(#display))),
             }
         }
@@ -300,7 +303,7 @@ impl Variable {
         }))
     }
 
-    /// Returns true if the unit is written in place and is not the second.
+    /// Returns true if the attribute or the doc comment declares a unit other than the second.
     pub(crate) fn is_not_in_seconds(&self, doc: &str) -> bool {
         let text = match self.value("unit") {
             Ok(Some(Expr::Lit(ExprLit { lit: Lit::Str(text), .. }))) => text.value(),
@@ -314,13 +317,12 @@ impl Variable {
             && Unit::parse(&text, Span::call_site()).is_ok_and(|unit| !unit.is_second())
     }
 
-    /// Rejects a nominal value that is not above 0 and limits in the wrong order, as far as they are literals.
+    /// Rejects literals that are wrong: a nominal value that is not above 0, and limits in the wrong order.
     fn check_limits(&self) -> Result<()> {
         if let Some(nominal) = self.value("nominal")?
             && literal(nominal).is_some_and(|number| number <= 0.0)
         {
-            let message =
-                "the nominal value is the usual magnitude and must be above 0; leave it out if it is not known";
+            let message = "the nominal value, the usual magnitude, must be above 0; omit it if it is unknown";
             return Err(Error::new(nominal.span(), message));
         }
         if let (Some(min), Some(max)) = (self.value("min")?, self.value("max")?)
@@ -332,7 +334,8 @@ impl Variable {
         Ok(())
     }
 
-    /// Assertions for the checks of [`Self::check_limits`] on constants, which only the compiler can evaluate.
+    /// Assertions for the same checks as [`Self::check_limits`], but on constants, which only the compiler can
+    /// evaluate.
     pub(crate) fn limit_assertions(&self) -> TokenStream {
         let constant = |key| self.value(key).ok().flatten().filter(|value| is_constant(value));
         let is_open = |value: &Expr| literal(value).is_none();
@@ -352,7 +355,7 @@ impl Variable {
         assertions
     }
 
-    /// Rejects a start value outside its limits, as far as both are literals.
+    /// Rejects a start value outside its limits if both are literals.
     pub(crate) fn check_start(&self, start: &Expr) -> Result<()> {
         if let Expr::Array(elements) = start {
             return elements.elems.iter().try_for_each(|element| self.check_start(element));
@@ -360,7 +363,7 @@ impl Variable {
         let Some(number) = literal(start) else { return Ok(()) };
         let min = self.value("min")?.and_then(literal).unwrap_or(f64::NEG_INFINITY);
         let max = self.value("max")?.and_then(literal).unwrap_or(f64::INFINITY);
-        // Limits in the wrong order are reported on their own.
+        // Limits in the wrong order are reported separately.
         if min <= max && (number < min || number > max) {
             return Err(Error::new(start.span(), format!("the start value must be in [{min}, {max}]")));
         }
@@ -379,7 +382,7 @@ fn ungrouped(expression: Expr) -> Expr {
     }
 }
 
-/// Keys are in lower case, definitions in upper case or behind a path.
+/// Keys are in lower case; definitions are in upper case or have a path.
 fn is_key(input: ParseStream<'_>) -> bool {
     let lower = |word: Ident| word.to_string().starts_with(|c: char| c.is_ascii_lowercase());
     !input.peek2(Token![::]) && input.fork().parse::<Ident>().is_ok_and(lower)
@@ -395,15 +398,17 @@ impl Source {
     }
 }
 
-/// Rejects names that FMI does not allow: empty ones, and those with control characters such as line breaks.
+/// Rejects names that FMI does not allow: empty names, and names with control characters such as line breaks.
 fn check_name(name: &LitStr) -> Result<()> {
     let text = name.value();
     if text.is_empty() {
-        return Err(Error::new(name.span(), "the name of a variable is empty; leave it out to take that of the field"));
+        return Err(Error::new(
+            name.span(),
+            "the name of a variable must not be empty; omit it to use the name of the field",
+        ));
     }
     if text.contains(char::is_control) {
-        let message =
-            "the name of a variable has a line break, a tab or another control character, which FMI does not allow";
+        let message = "the name of a variable must not contain line breaks, tabs or other control characters";
         return Err(Error::new(name.span(), message));
     }
     Ok(())
@@ -419,7 +424,7 @@ pub(crate) fn literal(expression: &Expr) -> Option<f64> {
     }
 }
 
-/// Returns true if the compiler can evaluate a number: literals, constants, and expressions of these.
+/// Returns true if the compiler can evaluate an expression: literals, constants, and expressions of these.
 pub(crate) fn is_constant(expression: &Expr) -> bool {
     match expression {
         Expr::Lit(_) | Expr::Path(_) => true,
@@ -430,7 +435,7 @@ pub(crate) fn is_constant(expression: &Expr) -> bool {
     }
 }
 
-/// The doc comment in one line.
+/// The doc comment as one line.
 pub(crate) fn doc(attributes: &[Attribute]) -> String {
     let lines =
         attributes.iter().filter(|attribute| attribute.path().is_ident("doc")).filter_map(|attribute| match &attribute
@@ -445,7 +450,7 @@ pub(crate) fn doc(attributes: &[Attribute]) -> String {
     lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// The fields of a struct with names; none for a unit struct.
+/// The named fields of a struct; none for a unit struct.
 pub(crate) fn fields(input: &DeriveInput) -> Result<Punctuated<Field, Token![,]>> {
     match &input.data {
         syn::Data::Struct(syn::DataStruct { fields: syn::Fields::Named(fields), .. }) => Ok(fields.named.clone()),
@@ -454,7 +459,7 @@ pub(crate) fn fields(input: &DeriveInput) -> Result<Punctuated<Field, Token![,]>
     }
 }
 
-/// The name of a type, or of the elements of an array.
+/// The name of a type, or of the element type of an array.
 pub(crate) fn name_of(ty: &Type) -> Option<String> {
     match (element(ty), ty) {
         (Some(element), _) => name_of(element),
@@ -464,7 +469,7 @@ pub(crate) fn name_of(ty: &Type) -> Option<String> {
     }
 }
 
-/// The type of the elements of an array.
+/// The element type of an array.
 pub(crate) fn element(ty: &Type) -> Option<&Type> {
     match ty {
         Type::Array(array) => Some(&array.elem),
@@ -491,7 +496,7 @@ pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
     }
 }
 
-/// The path of the items for generated code in the crate `fmu`, which `#[fmu(crate = …)]` may name differently.
+/// The path of the items that generated code uses, in the crate `fmu` or as named by `#[fmu(crate = …)]`.
 pub(crate) fn root(attributes: &[Attribute]) -> Result<TokenStream> {
     let Some(attribute) = attributes.iter().find(|attribute| attribute.path().is_ident("fmu")) else {
         return Ok(private(None));
@@ -503,7 +508,7 @@ pub(crate) fn root(attributes: &[Attribute]) -> Result<TokenStream> {
     })
 }
 
-/// The items for generated code of the crate at a path, `::fmu` by default.
+/// The same path for a given crate path, by default `::fmu`.
 pub(crate) fn private(root: Option<&Path>) -> TokenStream {
     root.map_or_else(|| quote!(::fmu::__private), |root| quote!(#root::__private))
 }

@@ -1,5 +1,5 @@
-//! Comparisons in equations. A number of the equations has none, and the compiler would ask for `PartialOrd`; a trait of
-//! this crate reports what to write instead.
+//! Comparisons in equations. The number type of the equations has no comparison operators, so the compiler would ask
+//! for `PartialOrd`. Calls of a trait in `fmu`, which replace the operators, give a helpful message instead.
 
 use proc_macro2::{Span, TokenStream};
 use quote::quote_spanned;
@@ -38,11 +38,11 @@ impl VisitMut for Comparisons<'_> {
             _ => return,
         };
         let (root, left, right) = (self.root, &binary.left, &binary.right);
-        // The borrows of the operator, as the compiler inserts them.
+        // Borrows both operands, as the operator does.
         *expression = Expr::Verbatim(quote_spanned!(operator=> #root::comparison::#function(&(#left), &(#right))));
     }
 
-    // Expressions evaluated at compile time call no trait; a nested item has its own types.
+    // Constant expressions cannot call traits, and nested items have their own types.
     fn visit_item_mut(&mut self, _: &mut Item) {}
     fn visit_type_mut(&mut self, _: &mut Type) {}
     fn visit_pat_mut(&mut self, _: &mut Pat) {}

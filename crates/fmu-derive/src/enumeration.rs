@@ -12,7 +12,7 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
     let name = &input.ident;
     let Data::Enum(data) = &input.data else {
-        return Err(Error::new(name.span(), "an enumeration is an enum without data"));
+        return Err(Error::new(name.span(), "an enumeration must be an enum without data"));
     };
     let mut errors = Errors::default();
     let mut next = Some(0_i32);
@@ -20,22 +20,22 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
     let (mut variants, mut values, mut names, mut descriptions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for variant in &data.variants {
         if !matches!(variant.fields, Fields::Unit) {
-            errors.add(Error::new_spanned(variant, "an enumeration is an enum without data"));
+            errors.add(Error::new_spanned(variant, "an enumeration must be an enum without data"));
         }
         if let Some((_, expression)) = &variant.discriminant {
             match expression {
                 Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => next = errors.keep(number.base10_parse()),
-                other => errors.add(Error::new_spanned(other, "expected an integer, 0 or more")),
+                other => errors.add(Error::new_spanned(other, "expected an integer that is not negative")),
             }
         }
         let value = next.unwrap_or(0);
-        // The compiler reports a number that is given twice.
+        // The compiler reports duplicate values.
         if next.is_none_or(|value| last.is_some_and(|last| last > value) && !values.contains(&value)) {
-            errors.add(Error::new_spanned(variant, "the numbers of the variants must increase"));
+            errors.add(Error::new_spanned(variant, "the values of the variants must increase"));
         }
         let description = doc(&variant.attrs);
         if description.is_empty() {
-            let message = "the doc comment is missing: it is the meaning of the value";
+            let message = "the doc comment is missing: it becomes the description of the value";
             errors.add(Error::new_spanned(variant, message));
         }
         variants.push(&variant.ident);

@@ -1,4 +1,4 @@
-//! Collects all mistakes of a declaration, so that they are reported together.
+//! Collects all mistakes in a declaration to report them together.
 
 use syn::{Error, Result};
 

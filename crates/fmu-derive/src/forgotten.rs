@@ -1,5 +1,6 @@
-//! Mistakes in associated types and functions that the compiler would report in generic terms: types that the functions of a model use and that its
-//! implementation does not declare, types with or without the number type, functions with too few or too many arguments.
+//! Mistakes in associated types and functions for which the compiler's messages would be hard to understand: undeclared
+//! types that functions of the model use, types with or without the number type, functions with too few or too many
+//! arguments.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::{ToTokens, format_ident, quote};
@@ -11,7 +12,8 @@ use syn::{
 
 use crate::errors::Errors;
 
-/// Reports each mistake. Corrects the declarations and empties the functions, so that the compiler reports no follow-up errors.
+/// Reports each mistake. Then corrects the declarations and empties the functions, so that the compiler reports no
+/// follow-up errors.
 pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream, errors: &mut Errors) {
     let mut mistakes = Errors::default();
     let mut added = Vec::new();
@@ -43,7 +45,7 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
                 (_, false) => "X",
             };
             let message = format!(
-                "the model has no `type {name}`, so there is nothing in `{}`; declare it, as in \
+                "the model has no `type {name}`, so `{}` is empty; declare it, as in \
                  `type {name}{parameter} = {example};`",
                 without_blanks(&used)
             );
@@ -72,9 +74,13 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         {
             let name = &function.sig.ident;
             let (count, given) = (expected.sig.inputs.len(), function.sig.inputs.len());
-            let hint = if signature.contains("Self::Derived") { "; without `type Derived` that is `()`" } else { "" };
+            let hint = if signature.contains("Self::Derived") {
+                "; without `type Derived`, `Self::Derived` is `()`"
+            } else {
+                ""
+            };
             let message =
-                format!("`{name}` has {count} arguments, `self` counted, this one {given}: write `{signature}`{hint}");
+                format!("`{name}` has {count} arguments including `self`, found {given}: write `{signature}`{hint}");
             mistakes.add(Error::new_spanned(&function.sig, message));
             *function = expected;
         }
@@ -112,15 +118,15 @@ fn wrong_parameters(declared: &ImplItemType, is_generic: bool) -> Option<String>
             false => ("<T>", format!(", or `= {shown};` if it has no real variables")),
         };
         format!(
-            "`type {name}` of a continuous-time model has the number type of the equations: write \
+            "`type {name}` of a continuous-time model needs the number type of the equations: write \
              `type {name}<T: Scalar> = {shown}{number};`{hint}"
         )
     } else {
-        format!("`type {name}` has plain numbers here and no number type: write `type {name} = {shown};`")
+        format!("`type {name}` takes no number type here: write `type {name} = {shown};`")
     })
 }
 
-/// A function of a model trait, its types with their full path.
+/// A function of a model trait, with full paths of types.
 fn with_paths(signature: &str, root: &TokenStream) -> syn::Result<ImplItemFn> {
     let mut text = signature.replace("&Path", "&::std::path::Path");
     for name in ["Scalar", "At<", "Event<", "Sample<"] {
@@ -129,7 +135,7 @@ fn with_paths(signature: &str, root: &TokenStream) -> syn::Result<ImplItemFn> {
     syn::parse_str(&format!("{text} {{ ::core::unreachable!() }}"))
 }
 
-/// Code as the author writes it: `X<T>`, not `X < T >`.
+/// Code without the spaces between tokens: `X<T>`, not `X < T >`.
 fn without_blanks(code: &impl ToTokens) -> String {
     code.to_token_stream().to_string().replace(' ', "")
 }
@@ -159,7 +165,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// The types that are empty if they are not declared.
+    /// The types that default to `()`.
     pub(crate) const fn types(self) -> &'static [&'static str] {
         match self {
             Self::Continuous => &["State", "Inputs", "Outputs", "Derived", "DiscreteState"],
@@ -198,7 +204,8 @@ impl Kind {
         ];
         const STATEFUL: &[&str] = &[
             "fn start(&self, resources: &Path) -> Result<Self::Simulation, String>",
-            "fn step(&self, simulation: &mut Self::Simulation, inputs: &Self::Inputs, time: f64, step: f64) -> Result<(), String>",
+            "fn step(&self, simulation: &mut Self::Simulation, inputs: &Self::Inputs, time: f64, step: f64) -> \
+                 Result<(), String>",
             "fn outputs(&self, simulation: &Self::Simulation) -> Self::Outputs",
         ];
         let (common, own) = match self {
@@ -211,7 +218,7 @@ impl Kind {
         common.iter().chain(own).find(is_it).copied()
     }
 
-    /// The field of the argument in which a function finds values of the type.
+    /// The field of a function's argument that contains values of the type.
     fn field(self, name: &str) -> Option<&'static str> {
         match (self, name) {
             (Self::Continuous | Self::Discrete, "State") => Some("state"),
@@ -223,13 +230,13 @@ impl Kind {
     }
 }
 
-/// The type in the signature of a function that is `name` by definition.
+/// The type in the signature of a function that must be the associated type `name`.
 fn in_signature(name: &str, kind: Kind, function: &ImplItemFn) -> Option<Type> {
     let returned = || match &function.sig.output {
         ReturnType::Type(_, ty) => Some((**ty).clone()),
         ReturnType::Default => None,
     };
-    // Without `self`, and the type behind the reference.
+    // The referenced type of an argument, `self` not counted.
     let argument = |index: usize| {
         let argument = function.sig.inputs.iter().filter(|argument| matches!(argument, FnArg::Typed(_))).nth(index)?;
         match argument {
@@ -266,7 +273,7 @@ fn pair(ty: Type) -> Option<(Type, Type)> {
     Some((types.next()?, types.next()?))
 }
 
-/// `D` of `Result<D, String>`.
+/// `D` in `Result<D, String>`.
 fn success(ty: &Type) -> Option<Type> {
     let Type::Path(path) = ty else { return None };
     let PathArguments::AngleBracketed(arguments) = &path.path.segments.last()?.arguments else { return None };
@@ -284,7 +291,7 @@ fn number(function: &ImplItemFn) -> Option<&Ident> {
     })
 }
 
-/// The first access of a function to values of the type, such as `at.inputs.speed` or `let U { speed } = at.inputs`.
+/// The first access to values of the type in a function, such as `at.inputs.speed` or `let U { speed } = at.inputs`.
 fn in_body(name: &str, kind: Kind, function: &ImplItemFn) -> Option<Expr> {
     let arguments = function.sig.inputs.iter().filter_map(|argument| match argument {
         FnArg::Typed(argument) => match &*argument.pat {

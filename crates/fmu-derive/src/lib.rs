@@ -1,5 +1,5 @@
-//! The macros of the crate `fmu`. Every mistake is a compile error at the place where it was made, and all mistakes of a
-//! declaration are reported together.
+//! The macros of the crate `fmu`. Every mistake is a compile error at its location, and all mistakes in a declaration
+//! are reported together.
 
 mod attribute;
 mod comparison;
@@ -50,30 +50,31 @@ derives! {
     #[doc = include_str!("attributes.md")]
     State = |input| variables::variables(input, Block::State), |input| stubs::variables(input, Block::State);
     /// Derived parameters: values that follow from the parameters. Fields with `#[var]` are calculated parameters of
-    /// the FMU, the others are not visible.
+    /// the FMU; other fields are not visible.
     #[doc = include_str!("attributes.md")]
     Derived = variables::derived, |input| stubs::empty(input, "Derived");
-    /// Discrete state of a model, kept from one sample or event to the next; not visible outside of the FMU.
+    /// Discrete state of a model, kept from one sample or event to the next. It is not visible outside the FMU.
     #[doc = include_str!("attributes.md")]
     DiscreteState = variables::discrete_state, |input| stubs::empty(input, "DiscreteState");
-    /// Named values: an enum whose variants have a doc comment and may have a number.
+    /// Named values: an enum whose variants have a doc comment and, optionally, a value.
     Enumeration = enumeration::enumeration, stubs::enumeration;
 }
 
 /// Completes `impl Continuous for …`, `impl Discrete for …` or `impl Stateful for …` and exports the model.
 ///
-/// The name of the FMU is that of the type, its description the doc comment. `stop_time` and `step_size` are the default
-/// experiment in s. Author, license, version and homepage come from the manifest of the package. Leave out inputs,
+/// The FMU has the name of the type; the doc comment is its description. `stop_time` and `step_size` define the default
+/// experiment, in s. Author, license, version and homepage come from the manifest of the package. Leave out inputs,
 /// outputs and derived parameters that the model does not have.
 ///
-/// More keys: `name = "…"` names the FMU differently, `solver = …` selects a `fmu::Solver`, `serialize` serializes the
-/// state of a stateful model with serde, `crate = path` names the crate `fmu` if the dependency is renamed.
+/// More keys: `name = "…"` sets another name for the FMU, `solver = …` selects a `fmu::Solver`, `serialize` serializes
+/// the state of a stateful model with serde, and `crate = path` is the path of the crate `fmu` if the dependency is
+/// renamed.
 #[proc_macro_attribute]
 pub fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
     model::model(arguments.into(), item.into()).into()
 }
 
-/// A unit of measure as a constant: `unit!("N.m/rad")`. For constants of type `fmu::Definition`.
+/// A unit of measure as a constant, for use in a `fmu::Definition`: `unit!("N.m/rad")`.
 #[proc_macro]
 pub fn unit(input: TokenStream) -> TokenStream {
     let text = parse_macro_input!(input as LitStr);

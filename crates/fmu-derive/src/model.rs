@@ -19,7 +19,7 @@ use crate::reads;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
 
-/// Prefix of the environment variable in which `cargo fmu pack` requests an export; the name of the crate follows.
+/// Prefix of the environment variable with which `cargo fmu pack` requests an export. The name of the crate follows.
 const EXPORT: &str = "FMU_EXPORT_";
 
 /// The keys of the attribute.
@@ -31,7 +31,7 @@ struct Keys {
     solver: Option<Expr>,
     serialize: Option<Path>,
     root: Option<Path>,
-    /// True if all keys are known: a misspelled key must not be reported as missing too.
+    /// True if all keys are known. Otherwise, missing keys are not reported, because a key may be misspelled.
     is_complete: bool,
 }
 
@@ -74,7 +74,7 @@ impl Keys {
     }
 }
 
-/// Returns the error message for an invalid key, including the correct form.
+/// The error message for an invalid key, with the correct form.
 fn unknown_key(name: &str) -> String {
     const KEYS: [&str; 6] = ["stop_time", "step_size", "name", "solver", "serialize", "crate"];
     if KEYS.contains(&name) {
@@ -90,8 +90,8 @@ fn unknown_key(name: &str) -> String {
     }
 }
 
-/// Returns the completed implementation and the export. After a mistake the export is left out, so that the mistake is
-/// the only message.
+/// Returns the completed implementation and the export. After a mistake, the export is omitted to prevent follow-up
+/// errors.
 pub(crate) fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
     let block = match syn::parse2(item) {
         Ok(block) => block,
@@ -115,7 +115,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         errors.add(Error::new_spanned(second, "the attribute appears twice; remove one of them"));
         block.attrs.retain(|attribute| !is_attribute(attribute));
     }
-    // The derive of the parameters reports type parameters where they are declared.
+    // The derive macro of the parameters reports type parameters.
     if !block.generics.params.is_empty() {
         return TokenStream::new();
     }
@@ -152,7 +152,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         Kind::Continuous => {
             let solver = match (&keys.solver, has("advance")) {
                 (Some(solver), true) => {
-                    let message = "`advance` is the solver of this model; leave one of them out";
+                    let message = "the model has both a solver and the function `advance`; remove one of them";
                     errors.add(Error::new_spanned(solver, message));
                     None
                 }
@@ -186,7 +186,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         Kind::Discrete => {}
         Kind::Stateful => {
             if let Some(key) = &keys.serialize {
-                // Without the feature `serde` the macro reports an error.
+                // Without the feature `serde`, this macro reports an error.
                 let serialize = quote_spanned!(key.span()=> #root::serialize_with_serde!());
                 let option = quote!(::core::option::Option<#root::Serialize<Self::Simulation>>);
                 add("SERIALIZE", quote! { const SERIALIZE: #option = #serialize; });
@@ -207,7 +207,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             add("derived", quote! { fn derived(&self) -> #result { Ok(()) } });
         }
         if let Some(key) = &keys.serialize {
-            let message = "`serialize` belongs to stateful models; the state of this one is always serialized";
+            let message = "`serialize` is only for stateful models; other models always serialize their state";
             errors.add(Error::new_spanned(key, message));
         }
     }
@@ -215,7 +215,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         errors.add(Error::new_spanned(solver, "only a continuous-time model has a solver"));
     }
     if has("INFO") {
-        errors.add(Error::new_spanned(&block.self_ty, "INFO follows from the attribute; leave one of them out"));
+        errors.add(Error::new_spanned(&block.self_ty, "the attribute generates `INFO`; remove one of them"));
     } else {
         let info = info(&keys, &block, &root, errors);
         block.items.push(info);
@@ -246,13 +246,13 @@ fn name(item: &ImplItem) -> Option<String> {
     }
 }
 
-/// Returns the type of the zero crossings, taken from the function. Reports a missing type or function.
+/// Returns the type of the zero crossings from the function's signature. Reports a missing type or function.
 fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
     let declared = associated_type(items, "Crossings");
     let function = functions(items).find(|function| function.sig.ident == "zero_crossings");
     match (declared, function) {
         (Some(declared), None) => {
-            let message = "`zero_crossings` is missing: the function that computes these quantities, as in \
+            let message = "the function `zero_crossings`, which computes these quantities, is missing, as in \
                            `fn zero_crossings(&self, at: At<f64, Self>) -> [f64; 1]`";
             errors.add(Error::new_spanned(declared, message));
         }
@@ -268,7 +268,7 @@ fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
     }
 }
 
-/// Checks the numbers of zero crossings that `on_event` asks for, as far as they are literals.
+/// Checks indices of zero crossings in `on_event` that are literals.
 fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> TokenStream {
     let mut numbers = Vec::new();
     if let Some(handler) = functions(items).find(|function| function.sig.ident == "on_event") {
@@ -276,8 +276,11 @@ fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> Tok
     }
     let checks = numbers.iter().filter_map(|number| {
         let value: usize = number.base10_parse().ok()?;
-        let message = format!("there is no zero crossing {number}: `type Crossings` is shorter and counts from 0");
-        // At the place of the number, but not as code of the author: lints ignore it.
+        let message = format!(
+            "there is no zero crossing {number}: indices start at 0 and must be below the length \
+             of `type Crossings`"
+        );
+        // Located at the number, but resolved at the call site, so that lints ignore it.
         Some(quote_spanned! {number.span().resolved_at(Span::call_site())=>
             const _: () = ::core::assert!(
                 #value < ::core::mem::size_of::<<#model as #root::Continuous>::Crossings>() / 8,
@@ -288,7 +291,7 @@ fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> Tok
     quote!(#(#checks)*)
 }
 
-/// Rejects start values of outputs that are computed before they are read.
+/// Rejects start values for outputs that are always computed before they are read.
 fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> TokenStream {
     match (kind, associated_type(items, "Outputs")) {
         (Kind::Continuous | Kind::Stateful, Some(outputs)) => {
@@ -302,7 +305,7 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
             let (ty, numbers) = (&outputs.ty, outputs.generics.type_params().map(|number| &number.ident));
             quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 const _: () = {
-                    // The constant uses the number type, because outputs without real variables do not.
+                    // Uses the number type, because outputs without real variables do not.
                     #(type #numbers = f64; const _: #numbers = 0.0;)*
                     ::core::assert!(!<#ty as #root::Variables<f64>>::HAS_STARTS, #message)
                 };
@@ -312,7 +315,7 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
     }
 }
 
-/// Rejects a name that two structs of variables have, at the second one.
+/// Rejects a name that occurs in two structs of variables; reported at the second struct.
 fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream {
     let mut earlier = Vec::new();
     let mut tokens = TokenStream::new();
@@ -328,7 +331,7 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
             let (ty, numbers) = (&item.ty, item.generics.type_params().map(|number| &number.ident));
             let of = Ident::new(if name == "Derived" { "NamesOfDerived" } else { "NamesOf" }, Span::call_site());
             let names = quote!({
-                // The constant uses the number type, because a struct without real variables does not.
+                // Uses the number type, because a struct without real variables does not.
                 #(type #numbers = f64; const _: #numbers = 0.0;)*
                 #root::#of::<#ty>::NAMES
             });
@@ -353,7 +356,7 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
     tokens
 }
 
-/// Arguments of `fell` and `rose` that are literals.
+/// Literal arguments of `fell` and `rose`.
 struct CrossingNumbers<'a>(&'a mut Vec<LitInt>);
 
 impl<'ast> Visit<'ast> for CrossingNumbers<'_> {
@@ -367,7 +370,7 @@ impl<'ast> Visit<'ast> for CrossingNumbers<'_> {
     }
 }
 
-/// Adds `derivatives` and `outputs` from `evaluate`, or those of a model without states or outputs.
+/// Adds `derivatives` and `outputs`, which call `evaluate` or, without states or outputs, do nothing.
 fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut(&str, TokenStream)) {
     let at = quote!(#root::At<'_, T, Self>);
     for (function, ty, part) in [("derivatives", "State", 0), ("outputs", "Outputs", 1)] {
@@ -385,7 +388,7 @@ fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut
     }
 }
 
-/// The export of the model: the library contains its C interface only if `cargo fmu pack` requests it.
+/// The export of the model. The library contains the C interface only if `cargo fmu pack` requests it.
 fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: bool) -> TokenStream {
     let name = model.to_token_stream().to_string();
     let test = quote::format_ident!(
@@ -448,7 +451,7 @@ fn description(name: &str, model: &Type, root: &TokenStream) -> TokenStream {
     }
 }
 
-/// Specification of a library that `cargo fmu pack` ships, as in `QuarterCar={0123…} fmi=2 interfaces=cs,me indicators=4`.
+/// Specification of a library for `cargo fmu pack`, as in `QuarterCar={0123…} fmi=2 interfaces=cs,me indicators=4`.
 struct Packed<'a> {
     name: &'a str,
     guid: &'a str,
@@ -476,7 +479,7 @@ impl<'a> Packed<'a> {
         Some(packed)
     }
 
-    /// The C interface, the constants of `Export`, and true if there is model exchange.
+    /// Returns the C interface, the constants of `Export`, and true if there is model exchange.
     fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, bool) {
         let Self { guid, indicators, arrays, .. } = self;
         let has = |interface: &str| self.interfaces.contains(&interface);
@@ -534,7 +537,10 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
         _ => None,
     };
     if of_type.is_none() {
-        errors.add(Error::new_spanned(&block.self_ty, "expected the plain name of a type: that of the FMU"));
+        errors.add(Error::new_spanned(
+            &block.self_ty,
+            "expected the plain name of a type, which becomes the name of the FMU",
+        ));
     }
     let name = match (&keys.name, of_type) {
         (Some(name), _) => {
@@ -553,7 +559,7 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
     };
     let description = doc(&block.attrs);
     if description.is_empty() {
-        let message = "the doc comment is missing: it is the description of the FMU";
+        let message = "the doc comment is missing: it becomes the description of the FMU";
         errors.add(Error::new_spanned(&block.self_ty, message));
     }
     // A packed library does not contain the paths of the machine that built it.
@@ -577,9 +583,12 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
     }
 }
 
-/// Returns the error message for a name that is not a C identifier, which FMI requires.
+/// The error message for a name that is not a C identifier, as FMI requires.
 fn not_an_identifier(name: &str) -> Option<&'static str> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let is_identifier = name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(is_word);
-    (!is_identifier).then_some("the name of an FMU consists of ASCII letters, digits and underscores, a letter first")
+    (!is_identifier).then_some(
+        "the name of an FMU must consist of ASCII letters, digits and underscores and start \
+         with a letter",
+    )
 }

@@ -7,7 +7,8 @@ use syn::ext::IdentExt as _;
 use syn::visit::{self, Visit};
 use syn::{Expr, ExprField, ExprMethodCall, GenericParam, ImplItem, Item, Local, Macro, Member, Pat};
 
-/// The fields of `self` that functions generic over the number type read; `None` if one of them passes on `self`.
+/// The fields of `self` that functions generic over the number type read; `None` if one of these functions passes on
+/// `self`.
 pub(crate) fn of_equations(items: &[ImplItem]) -> Option<BTreeSet<String>> {
     let is_generic = |parameter: &GenericParam| matches!(parameter, GenericParam::Type(_));
     let functions = || {
@@ -25,7 +26,7 @@ pub(crate) fn of_equations(items: &[ImplItem]) -> Option<BTreeSet<String>> {
 }
 
 struct Reads {
-    /// Functions of the equations, whose bodies are visited themselves.
+    /// The generic functions. Calls between them do not count as passing on `self`.
     known: BTreeSet<String>,
     fields: BTreeSet<String>,
     passes_on: bool,
@@ -38,7 +39,7 @@ impl Reads {
         }
     }
 
-    /// The tokens of a macro call: `self.field` is a field, any other `self` passes it on.
+    /// Searches the tokens of a macro call. `self.field` reads a field; any other use of `self` passes it on.
     fn tokens(&mut self, tokens: TokenStream) {
         let mut rest = tokens.into_iter().peekable();
         while let Some(token) = rest.next() {
@@ -112,7 +113,7 @@ impl<'ast> Visit<'ast> for Reads {
         self.tokens(call.tokens.clone());
     }
 
-    // It has a `self` of its own.
+    // A nested item has a different `self`.
     fn visit_item(&mut self, _: &'ast Item) {}
 }
 

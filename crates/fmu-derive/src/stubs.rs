@@ -1,4 +1,5 @@
-//! Empty implementations for declarations with mistakes: the trait bounds hold, so the mistake is the only message.
+//! Empty implementations for declarations with mistakes. They satisfy the trait bounds, so only the mistake is
+//! reported.
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};

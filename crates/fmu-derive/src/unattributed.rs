@@ -1,5 +1,5 @@
-//! Implementations of a model trait that lack `#[fmu::model]`. Without the attribute the compiler lists all items that it would have
-//! added.
+//! Implementations of a model trait that lack `#[fmu::model]`. The compiler would list all items that the attribute
+//! adds.
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
@@ -8,7 +8,7 @@ use syn::{DeriveInput, Error, ImplItem, ItemImpl, Type};
 
 use crate::attribute::root;
 
-/// The error for a model whose implementation in the same file lacks the attribute, as tokens.
+/// The error, as tokens, if the model's implementation is in the same file and lacks the attribute.
 pub(crate) fn error(input: &DeriveInput) -> Option<TokenStream> {
     let file = input.ident.span().unwrap().local_file()?;
     let file = syn::parse_file(&std::fs::read_to_string(file).ok()?).ok()?;
@@ -23,11 +23,11 @@ pub(crate) fn error(input: &DeriveInput) -> Option<TokenStream> {
     let error = Error::new(input.ident.span(), message).into_compile_error();
     let root = root(&input.attrs).ok()?;
     let of = format_ident!("{of}");
-    // With a second implementation, for an error type, the compiler does not report the missing items of the first one.
+    // A second implementation, for an unknown type, keeps the compiler from reporting missing items in the first.
     Some(quote!(#error impl #root::#of for __attribute_is_missing::Model {}))
 }
 
-/// Looks for a plain implementation.
+/// Looks for an implementation without the attribute.
 struct Search {
     model: String,
     found: Option<String>,
@@ -39,7 +39,7 @@ impl<'ast> Visit<'ast> for Search {
         let of = block.trait_.as_ref().and_then(|(path, ..)| path.segments.last()).map(|last| last.ident.to_string());
         let Some(of) = of.filter(|of| ["Continuous", "Discrete", "Stateful"].contains(&of.as_str())) else { return };
         let is_model = matches!(&*block.self_ty, Type::Path(path) if path.path.is_ident(&self.model));
-        // Any other attribute may be the one, under another name or a condition.
+        // Any other attribute could be `model` under another name or condition.
         let plain = ["doc", "allow", "expect"];
         let is_plain = block.attrs.iter().all(|attribute| plain.iter().any(|known| attribute.path().is_ident(known)));
         let is_complete = block.items.iter().any(|item| matches!(item, ImplItem::Const(item) if item.ident == "INFO"));

@@ -1,4 +1,4 @@
-//! Units of measure: parsed while the model compiles.
+//! Units of measure, parsed at compile time.
 //!
 //! A unit is a product of named units with exponents and at most one fraction bar: `kg.m2/s2`, `N.m/(rad.s)`, `1/s`, `kWh`.
 
@@ -11,7 +11,7 @@ type Exponents = [i8; 8];
 
 const DIMENSIONLESS: Exponents = [0; 8];
 
-/// A named unit: `numerator / denominator` coherent SI units per unit, plus an offset.
+/// A named unit: value in SI units = value * `numerator / denominator` + `offset`.
 struct Named {
     name: &'static str,
     exponents: Exponents,
@@ -91,7 +91,7 @@ const NAMED: &[Named] = &[
     scaled("gn", [0, 1, -2, 0, 0, 0, 0, 0], 9.806_65, 1.0),
 ];
 
-/// Prefixes: name, then factor as numerator and denominator.
+/// Prefixes: name, and factor as numerator and denominator.
 const PREFIXES: &[(&str, f64, f64)] = &[
     ("T", 1e12, 1.0),
     ("G", 1e9, 1.0),
@@ -106,7 +106,7 @@ const PREFIXES: &[(&str, f64, f64)] = &[
     ("p", 1.0, 1e12),
 ];
 
-/// Usual display units, which importers may convert values to.
+/// Usual display units, to which importers can convert values.
 const DISPLAY: &[(&str, &[&str])] = &[
     ("1", &["%"]),
     ("kg", &["t"]),
@@ -142,7 +142,7 @@ pub(crate) struct Unit {
 }
 
 impl Unit {
-    /// Parses a unit, for example `m/s`; `1` is dimensionless.
+    /// Parses a unit such as `m/s`; `1` is dimensionless.
     pub(crate) fn parse(text: &str, span: Span) -> Result<Self> {
         let mut unit =
             Self { name: text.to_owned(), exponents: DIMENSIONLESS, numerator: 1.0, denominator: 1.0, offset: 0.0 };
@@ -151,7 +151,7 @@ impl Unit {
             None => (text, None),
         };
         if let Some(better) = in_ascii(text) {
-            return Err(Error::new(span, format!("the unit `{text}` is written `{better}`")));
+            return Err(Error::new(span, format!("write the unit `{text}` as `{better}`")));
         }
         let factors = text.split(['.', '/']).count();
         unit.multiply(above, 1, factors, text, span)?;
@@ -174,7 +174,7 @@ impl Unit {
             if factor.contains(['^', '*']) {
                 let better = text.replace("**", "").replace('^', "").replace('*', ".");
                 let message =
-                    format!("the unit `{text}` is written `{better}`: exponents follow the name, a dot multiplies");
+                    format!("write the unit `{text}` as `{better}`: exponents follow the name, and a dot multiplies");
                 return Err(Error::new(span, message));
             }
             let letters = factor.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -212,7 +212,7 @@ impl Unit {
         Ok(())
     }
 
-    /// A unit in which values of this one may be displayed. `g` is the standard gravity where an acceleration is shown.
+    /// A display unit for values in this unit. For accelerations, `g` is standard gravity.
     pub(crate) fn display(&self, name: &str, span: Span) -> Result<Self> {
         let acceleration = [0, 1, -2, 0, 0, 0, 0, 0];
         let parsed = if name == "g" && self.exponents == acceleration { "gn" } else { name };
@@ -233,7 +233,7 @@ impl Unit {
         self.numerator / self.denominator
     }
 
-    /// The unit of the time derivative, with the name composed: `m` to `m/s`, `m/s` to `m/s2`, `N/rad` to `N/(rad.s)`.
+    /// The unit of the time derivative: `m/s` for `m`, `m/s2` for `m/s`, `N/(rad.s)` for `N/rad`.
     fn rate(&self) -> Self {
         let mut exponents = self.exponents;
         exponents[2] -= 1;
@@ -300,7 +300,7 @@ impl Unit {
     }
 }
 
-/// Replaces the non-ASCII signs in a unit, which names do not allow; `None` if the result is not a unit.
+/// Replaces the non-ASCII characters in a unit, which are not allowed; `None` if the result is not a unit.
 fn in_ascii(text: &str) -> Option<String> {
     if text.is_ascii() {
         return None;
@@ -324,7 +324,7 @@ fn in_ascii(text: &str) -> Option<String> {
     (better.is_ascii() && Unit::parse(&better, Span::call_site()).is_ok()).then_some(better)
 }
 
-/// Finds the named unit for some letters, which may start with a prefix, and the numerator and denominator of its factor.
+/// Finds a named unit, optionally with a prefix, and the numerator and denominator of its factor.
 fn find(letters: &str) -> Option<(&'static Named, f64, f64)> {
     let exact = |name: &str| NAMED.iter().find(|named| named.name == name);
     if let Some(named) = exact(letters) {
@@ -352,7 +352,7 @@ fn unknown(letters: &str, text: &str, span: Span) -> Error {
             .iter()
             .map(|named| named.name.to_owned())
             .chain(prefixed)
-            // Among equally near names, prefer one with the same first letter.
+            // Among equally similar names, prefers one with the same first letter.
             .map(|name| {
                 let distance = strsim::damerau_levenshtein(&name.to_lowercase(), &letters.to_lowercase());
                 let starts_alike = name.starts_with(letters.chars().next().unwrap_or_default());
@@ -439,7 +439,7 @@ mod tests {
             ("N·m", "N.m"),
             ("m·s⁻²", "m.s-2"),
         ] {
-            assert_eq!(error(unit), format!("the unit `{unit}` is written `{better}`"));
+            assert_eq!(error(unit), format!("write the unit `{unit}` as `{better}`"));
         }
         assert_eq!(
             error("furlong"),
@@ -448,10 +448,10 @@ mod tests {
         assert_eq!(error("degC/s"), "`degC` has an offset, so it cannot be part of the unit `degC/s`; use K");
         assert_eq!(error("1/rad.s"), "write parentheses around the denominator of `1/rad.s`, as in `1/(rad.s)`");
         assert_eq!(error("kkg"), "unknown unit `kkg`; did you mean `kg`?");
-        let rule = "exponents follow the name, a dot multiplies";
-        assert_eq!(error("m^3/s"), format!("the unit `m^3/s` is written `m3/s`: {rule}"));
-        assert_eq!(error("N*m"), format!("the unit `N*m` is written `N.m`: {rule}"));
-        assert_eq!(error("kg*m**2"), format!("the unit `kg*m**2` is written `kg.m2`: {rule}"));
+        let rule = "exponents follow the name, and a dot multiplies";
+        assert_eq!(error("m^3/s"), format!("write the unit `m^3/s` as `m3/s`: {rule}"));
+        assert_eq!(error("N*m"), format!("write the unit `N*m` as `N.m`: {rule}"));
+        assert_eq!(error("kg*m**2"), format!("write the unit `kg*m**2` as `kg.m2`: {rule}"));
     }
 
     #[test]

@@ -46,18 +46,18 @@ impl Block {
     }
 }
 
-/// A field, with the code to declare, read and write it.
+/// A field, and the code that declares, reads and writes it.
 struct Part {
     name: Ident,
     ty: syn::Type,
-    /// The trait it is read and written by: `Field` or `Variables`.
+    /// The trait that reads and writes it: `Field` or `Variables`.
     by: TokenStream,
     /// The trait that combines states element by element.
     combine: TokenStream,
     declaration: TokenStream,
     /// Constant expression: true if a variable has an explicit start value.
     has_starts: TokenStream,
-    /// Constant expression of type `fmu::declare::Name` and a comma, or nothing.
+    /// Constant expression of type `fmu::declare::Name`, followed by a comma, or nothing.
     text: TokenStream,
 }
 
@@ -116,8 +116,8 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         [] => None,
         [GenericParam::Type(parameter)] if block != Block::Parameters => Some(parameter.ident.clone()),
         [GenericParam::Const(parameter)] if block == Block::Parameters => {
-            let message = "the number of variables of an FMU is fixed, so a struct of parameters has no parameters of its own; \
-                           write a constant, as in `const N: usize = 10;`";
+            let message = "an FMU has a fixed number of variables, so a struct of parameters cannot have const \
+                 parameters; use a constant, as in `const N: usize = 10;`";
             return Err(Error::new_spanned(&parameter.ident, message));
         }
         [ref other, ..] if block == Block::Parameters => {
@@ -134,7 +134,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     };
     let mut errors = Errors::default();
     let fields = fields(input)?;
-    // Without real variables a struct fits equations of any number type.
+    // A struct without real variables can be used with any number type.
     let is_free = matches!(block, Block::Inputs | Block::Outputs) && fields.iter().all(|field| !may_be_real(field));
     let (number, generics, ty) = match &parameter {
         Some(t) => (quote!(#t), quote!(<#t: #root::Scalar>), quote!(#ident<#t>)),
@@ -149,14 +149,14 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         fields.iter().filter_map(|field| errors.keep(part(field, block, &root, parameter.as_ref(), &number))).collect();
     twice(&fields, &mut errors);
     let names: Vec<_> = parts.iter().map(|part| &part.name).collect();
-    // Not the names of the fields, which may be `values` or `at`.
+    // Not the names of the fields, which could be `values` or `at`.
     let locals: Vec<_> = (0..parts.len()).map(|i| format_ident!("field_{i}")).collect();
     let build = if matches!(&input.data, syn::Data::Struct(data) if matches!(data.fields, syn::Fields::Unit)) {
         quote!(Self)
     } else {
         quote!(Self { #(#names: #locals),* })
     };
-    // All uses of a type at the place of the type: the compiler reports a wrong one once.
+    // All uses of a type have the span of the type, so the compiler reports a wrong type only once.
     let counts: Vec<_> = parts.iter().map(|part| part.counts(&root, &number)).collect();
     let reads = parts.iter().zip(&locals).map(|(part, local)| {
         let Part { ty, by, .. } = part;
@@ -217,24 +217,24 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     errors.finish(tokens)
 }
 
-/// Returns true if a field of a struct without type parameter may hold real variables.
+/// Returns true if a field of a struct without type parameter can contain real variables.
 fn may_be_real(field: &Field) -> bool {
     match content(&field.ty, None) {
         Content::Real => true,
         Content::Integer | Content::Other => false,
-        // An enumeration has no unit; another name of `f64` has one, and a nested struct may have some.
+        // An alias of `f64` has a unit, an enumeration does not, and a nested struct may contain real variables.
         Content::Unknown => Variable::of(field)
             .is_ok_and(|variable| ["unit", "nested", "flatten"].iter().any(|key| variable.key(key).is_some())),
     }
 }
 
-/// A start value, or the start values of an array: one for all elements, or one for each.
+/// A start value, or start values of an array: one for all elements, or one for each.
 fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenStream) -> TokenStream {
     let span = start.span();
     match (element(ty), start) {
         (Some(inner), Expr::Array(starts)) => {
             let each = starts.elems.iter().map(|start| start_value(inner, start, root, number));
-            // Both lengths are explicit: the compiler's message about an inferred one is less clear.
+            // Both lengths are explicit, because the compiler's message about an inferred length is less clear.
             let count = starts.elems.len();
             quote_spanned! {span=>
                 <<#ty as #root::Field<#number>>::Start>::listed::<#count>([#(#each),*])
@@ -251,7 +251,7 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
     }
 }
 
-/// True for a number as the start value of an enumeration or of a type alias.
+/// True for a number as the start value of an enumeration or a type alias.
 fn is_number_of_another_type(ty: &syn::Type, start: &Expr) -> bool {
     literal(start).is_some() && name_of(ty).is_some_and(|name| !["f64", "i32"].contains(&name.as_str()))
 }
@@ -272,15 +272,15 @@ fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
         | ("f64", Lit::Int(_) | Lit::Float(_))
         | ("bool", Lit::Bool(_))
         | ("String", Lit::Str(_)) => None,
-        ("i32", _) => Some("the start value of an `i32` is a whole number, as in `start = 2`"),
-        ("f64", _) => Some("the start value of a real variable is a number, as in `start = 1.0`"),
-        ("bool", _) => Some("the start value of a `bool` is `true` or `false`"),
-        ("String", _) => Some("the start value of a `String` is a text, as in `start = \"file.csv\"`"),
+        ("i32", _) => Some("the start value of an `i32` must be an integer, as in `start = 2`"),
+        ("f64", _) => Some("the start value of a real variable must be a number, as in `start = 1.0`"),
+        ("bool", _) => Some("the start value of a `bool` must be `true` or `false`"),
+        ("String", _) => Some("the start value of a `String` must be a string, as in `start = \"file.csv\"`"),
         _ => None,
     }
 }
 
-/// Returns true if the elements of an array are numbered, not named.
+/// Returns true if the elements of an array have numbers, not names.
 fn is_numbered(ty: &syn::Type, variable: &Variable) -> bool {
     match ty {
         syn::Type::Array(array) => variable.key("elements").is_none() && is_numbered(&array.elem, variable),
@@ -301,7 +301,7 @@ fn twice(fields: &Punctuated<Field, Token![,]>, errors: &mut Errors) {
     }
 }
 
-/// Returns the error message for a type that resembles the type of a variable.
+/// The error message for a type that cannot be the type of a variable.
 fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
     let last = match ty {
         syn::Type::Path(path) => path.path.segments.last()?.ident.to_string(),
@@ -317,14 +317,17 @@ fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
         None => "f64".to_owned(),
     };
     let remedy = match last.as_str() {
-        "usize" | "isize" => "write `i32`, and convert where it is used, as in `self.count as usize`",
+        "usize" | "isize" => "write `i32`, and convert where the value is used, as in `self.count as usize`",
         "Vec" => {
-            "an FMU has a fixed number of variables: write an array, as in `[f64; 4]`; what is computed from parameters belongs \
-             into a field of the derived parameters without `#[var]`"
+            "an FMU has a fixed number of variables: write an array, as in `[f64; 4]`; for values computed from \
+                 parameters, use a field of the derived parameters without `#[var]`"
         }
-        "Option" => "a variable always has a value: write its type, and a `bool` that is true if the value is valid",
+        "Option" => {
+            "a variable always has a value: write the type of the value, and add a `bool` that is true if \
+             the value is valid"
+        }
         "f32" | "i8" | "i16" | "i64" | "u8" | "u16" | "u32" | "u64" | "char" => "",
-        // The elements of an array, perhaps.
+        // Possibly an array.
         _ => return mistaken(element(ty)?, parameter),
     };
     let list = "`i32`, `bool`, `String`, an enum with `#[derive(Enumeration)]`, or an array of these";
@@ -369,13 +372,16 @@ fn part(
         errors.add(Error::new_spanned(&ty, "a continuous state is real: `T`, or an array of it"));
     }
     if block == Block::Parameters && !variable.is_explicit {
-        errors.add(Error::new_spanned(&name, "a parameter needs its start value, as in `#[var(start = 1.0)]`"));
+        errors.add(Error::new_spanned(&name, "a parameter needs a start value, as in `#[var(start = 1.0)]`"));
     }
     let start = errors.keep(variable.value("start")).flatten();
     match start {
         Some(start) => {
             if variable.key("calculated").is_some() {
-                errors.add(Error::new(start.span(), "a calculated start value follows from the parameters"));
+                errors.add(Error::new(
+                    start.span(),
+                    "a calculated start value follows from the parameters; remove `start`",
+                ));
             }
             errors.keep(variable.check_start(start));
             if let Some(message) = mistaken_start(&ty, start) {
@@ -390,7 +396,7 @@ fn part(
     let doc = doc(&field.attrs);
     if block == Block::Parameters && (name == "sample_time" || name == "max_step") {
         if let Some(key) = variable.key("tunable") {
-            errors.add(Error::new(key.span(), format!("`{name}` is fixed, it cannot change between steps")));
+            errors.add(Error::new(key.span(), format!("`{name}` cannot change between steps; remove `tunable`")));
         }
         if variable.is_not_in_seconds(&doc) {
             errors.add(Error::new(variable.span(), format!("`{name}` must be in s")));
@@ -400,7 +406,7 @@ fn part(
     let has_start = start.is_some();
     let is_array = element(&ty).is_some();
     let text = match &variable.source {
-        // Arrays with named elements may share a name and have different elements.
+        // Arrays with named elements can have the same name if their elements differ.
         _ if is_array && !is_numbered(&ty, &variable) => quote!(),
         Source::Name(name) => quote!(#root::Name::of(#name, #is_array),),
         Source::Definition(entry) => quote!(#root::Name::of(#entry.name, #is_array),),
@@ -434,7 +440,7 @@ fn declaration(
         }
         None => quote!(::core::option::Option::None),
     };
-    // An alias of f64 needs a unit too; only the compiler can resolve it.
+    // An alias of f64 also needs a unit, but only the compiler can resolve it.
     let has_unit = variable.key("unit").map(Ident::span);
     let check = if let Some(span) = has_unit.filter(|_| content == Content::Unknown && parameter.is_none()) {
         quote_spanned! {span=>
@@ -468,7 +474,7 @@ fn declaration(
     }
     let limits = variable.limit_assertions();
     let span = field.ty.span();
-    // The parameter of the function, also for a type that comes from a `macro_rules` macro.
+    // Refers to the function's parameter even if the type comes from a `macro_rules` macro.
     let all = Ident::new("all", Span::call_site());
     Ok(quote_spanned! {span=>
         #check
@@ -500,16 +506,16 @@ pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-/// Returns the replacement for a type that cannot be part of a discrete state.
+/// The remedy for a type that cannot be part of a discrete state.
 fn no_state(ty: &syn::Type) -> Option<&'static str> {
     let syn::Type::Path(path) = ty else { return no_state(element(ty)?) };
     match path.path.segments.last()?.ident.to_string().as_str() {
-        "usize" | "isize" => {
-            Some("a saved state is the same on all processors: write `u64` or `i32`, and convert where it is used")
-        }
+        "usize" | "isize" => Some(
+            "a saved state must be the same on all processors: write `u64` or `i32`, and convert where the value is used",
+        ),
         "Vec" | "VecDeque" => Some(
-            "a step does not allocate: write an array, or a box of one if it is large, as in `Box<[f64; 1000]>`; a model with \
-             other state implements `Stateful`",
+            "a step must not allocate: write an array, or a boxed array if it is large, as in `Box<[f64; 1000]>`; \
+                 for other state, implement `Stateful`",
         ),
         "Option" => Some("write the type of the value, and a `bool` that is true if the value is valid"),
         _ => no_state(element(ty)?),
