@@ -28,7 +28,6 @@ use fmu::derive::Enumeration;
 
 use crate::fuzzy::{Conjunction, FuzzyError, Membership, Output, Partition, RuleTable};
 
-/// Number of labels.
 const LABELS: usize = 7;
 /// The inputs and outputs of the rules are within -`DOMAIN`..=`DOMAIN`.
 const DOMAIN: f64 = 3.0;

@@ -145,7 +145,6 @@ impl Bench<'_> {
         }
     }
 
-    /// Wheelbase, m.
     pub(crate) fn wheelbase(&self) -> Result<f64, String> {
         let found = self.vehicle.wheelbase.as_ref().map(|datum| datum.value);
         found.ok_or_else(|| "the wheelbase is unknown; set it in the vehicle data (`--vehicle`)".to_owned())

@@ -30,7 +30,6 @@ impl SetupError {
     }
 }
 
-/// A component of a system.
 #[derive(Debug, Clone)]
 pub(crate) struct Component {
     /// Name of the component: `antilock_braking` for `AntilockBraking`.

@@ -121,7 +121,6 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// The options that this evaluator accepts.
     fn options(evaluator: &Evaluator) -> serde_json::Value {
         let all = json!({
             "steer.ratio": 16.0, "geometry.wheelbase": 2.7, "maneuver": 2, "vehicle.width": 1.75,

@@ -24,7 +24,6 @@ use crate::systems::Speed;
 use fmu_import::description::Causality;
 use serde_json::Value;
 
-/// A maneuver of the bench.
 pub(crate) struct Maneuver {
     /// Id, also the prefix of the ids of its metrics.
     pub(crate) id: &'static str,
@@ -189,7 +188,6 @@ pub(crate) fn run(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
     results
 }
 
-/// Evaluates a run.
 pub(crate) fn evaluated(name: &str, result: &RunResult, options: &Value) -> Evaluation {
     let evaluator = evaluators::find(name).expect("the bench names an evaluator");
     evaluator.evaluate(&result.trace, options).expect("the bench gives the options of the evaluator")
@@ -224,17 +222,14 @@ fn shown(
     Some(found)
 }
 
-/// Value of a numeric metric.
 pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
     if let metric::Value::Number(number) = metrics.value(name)? { Some(*number) } else { None }
 }
 
-/// Value of a Boolean metric.
 pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
     if let metric::Value::Boolean(value) = metrics.value(name)? { Some(*value) } else { None }
 }
 
-/// The reason that a metric has no value.
 pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
     let found = metrics.metrics.iter().find(|metric| metric.definition.name == name)?;
     if let metric::Value::Null(reason) = &found.value { Some(reason.clone()) } else { None }

@@ -138,12 +138,10 @@ impl Results {
         Self { table, metrics: Vec::new(), notes: Vec::new() }
     }
 
-    /// Sets a metric.
     pub(crate) fn set(&mut self, name: &str, value: impl Into<Value>) {
         self.insert(name, name.to_owned(), value.into());
     }
 
-    /// Sets a metric for a place, such as a wheel.
     pub(crate) fn set_at(&mut self, name: &str, place: &str, value: impl Into<Value>) {
         self.insert(name, format!("{name}.{place}"), value.into());
     }

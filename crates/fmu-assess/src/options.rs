@@ -109,7 +109,6 @@ impl Options {
         self.0.get(name).and_then(Value::as_str).unwrap_or_default()
     }
 
-    /// Coned sections.
     pub(crate) fn lanes(&self, name: &str) -> Option<Vec<Lane>> {
         lanes(self.0.get(name)?)
     }

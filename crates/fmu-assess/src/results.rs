@@ -81,7 +81,6 @@ impl Results {
         self.shown.push((result.spec.id.clone(), result.trace.clone()));
     }
 
-    /// Adds a metric of the maneuver.
     pub(crate) fn metric(&mut self, of: &Definition, value: impl Into<Value>) -> &mut Measured {
         self.metrics.push(Measured {
             id: format!("{}.{}", self.maneuver, of.name),
@@ -103,7 +102,6 @@ impl Results {
         self.last()
     }
 
-    /// The last metric.
     pub(crate) fn last(&mut self) -> &mut Measured {
         self.metrics.last_mut().expect("a metric was added")
     }
@@ -143,7 +141,6 @@ pub(crate) struct Measured {
     pub(crate) suite: Suite,
     pub(crate) value: Value,
     pub(crate) direction: Direction,
-    /// Reason for a missing value.
     pub(crate) reason: Option<String>,
     pub(crate) limit: Option<Limit>,
     /// True if the plant lacks a signal that the metric needs.
@@ -180,7 +177,6 @@ impl Bound {
 /// comparable, and the better system reaches conditions that the other one does not.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
-    /// Unit of measure of the condition.
     pub(crate) unit: &'static str,
     /// Condition and value of the runs that the vehicle can drive.
     pub(crate) values: Vec<(f64, f64)>,
@@ -195,7 +191,6 @@ impl Measured {
         self
     }
 
-    /// Sets the reason for a missing value.
     pub(crate) fn set_reason(&mut self, reason: &str) -> &mut Self {
         self.reason = Some(reason.to_owned());
         self

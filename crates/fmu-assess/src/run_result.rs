@@ -12,14 +12,12 @@ pub(crate) const ROLLED_OVER: f64 = 0.8;
 /// A vehicle spins if its sideslip angle, rad, and its speed over ground, m/s, exceed these values.
 const SPUN: (f64, f64) = (0.7, 3.0);
 
-/// Result of a run.
 #[derive(Debug)]
 pub(crate) struct RunResult {
     pub(crate) spec: RunSpec,
     pub(crate) trace: Trace<'static>,
     /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
     pub(crate) flags: Vec<&'static str>,
-    /// Reason for its end.
     pub(crate) stop_reason: String,
     /// Error, if any, with the time and the signal or call.
     pub(crate) error: Option<String>,

@@ -3,7 +3,6 @@
 use crate::wiring::Driving;
 use std::collections::BTreeMap;
 
-/// Value for a variable.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Setting {
     Number(f64),
@@ -16,7 +15,6 @@ pub(crate) struct RunSpec {
     /// Id, unique in a system.
     pub(crate) id: String,
     pub(crate) driving: Driving,
-    /// Speed at the start, m/s.
     pub(crate) speed: f64,
     /// Values: component (`driver`, `road`, `plant`), variable, value.
     pub(crate) values: Vec<(&'static str, String, Setting)>,
@@ -35,7 +33,6 @@ impl RunSpec {
         Self { id: id.into(), driving, speed, values: Vec::new(), stop, ends: Vec::new(), has_end: false, shown }
     }
 
-    /// Chooses the driver's maneuver, by name.
     pub(crate) fn maneuver(self, name: &str) -> Self {
         self.text("maneuver", name)
     }
@@ -45,7 +42,6 @@ impl RunSpec {
         values.iter().fold(self, |spec, (name, value)| spec.value("driver", name, *value))
     }
 
-    /// Sets a variable.
     pub(crate) fn value(mut self, component: &'static str, name: &str, value: f64) -> Self {
         self.values.push((component, name.to_owned(), Setting::Number(value)));
         self
@@ -83,7 +79,6 @@ pub(crate) enum EndAt {
     LateralAcceleration(f64),
     /// Time after the end of the path, s.
     Finished(f64),
-    /// The driver has lost the path.
     Lost,
     /// Position along x beyond this, m.
     Position(f64),

@@ -44,7 +44,6 @@ impl System {
         self.plans.iter().find(|(of, ..)| *of == driving).map_or(&[], |(_, _, columns)| columns)
     }
 
-    /// All its plans.
     pub(crate) fn plans(&self) -> impl Iterator<Item = &Plan> {
         self.plans.iter().map(|(_, plan, _)| plan)
     }
@@ -173,7 +172,6 @@ impl Systems {
         Ok(System { name, speed, plans, unwritten, idle })
     }
 
-    /// Finds the FMUs.
     pub(crate) fn found(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
         let component = find(source, &subject.plant, Some(&subject.vehicle.signals))?;
         let mut set = BTreeMap::new();

@@ -11,7 +11,6 @@ use std::fmt::Write as _;
 /// Communication step of all runs, s.
 pub(crate) const STEP: f64 = 1e-3;
 
-/// Kind of driving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Driving {
     /// Steering as a function of time.
@@ -22,7 +21,6 @@ pub(crate) enum Driving {
     Ride,
 }
 
-/// Surface of the road.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Road {
     Flat,
@@ -116,7 +114,6 @@ impl Wiring<'_> {
         Ok(Source::Constant(value))
     }
 
-    /// The scenario.
     pub(crate) fn scenario(&mut self, set: &[(String, String, String)]) -> Result<String, SetupError> {
         let mut text = String::from("title = \"Assessment\"\n[simulation]\nstop = 1.0\n");
         let _ = writeln!(text, "step = {STEP:?}");
@@ -178,7 +175,6 @@ impl Wiring<'_> {
     }
 }
 
-/// Source of an input.
 enum Source {
     /// Component and output.
     Signal(String, String),

@@ -75,7 +75,6 @@ impl Variable {
         Ok(Self { source, keys, is_explicit: true })
     }
 
-    /// The variable of a field.
     pub(crate) fn of(field: &Field) -> Result<Self> {
         let mut found = None;
         for attribute in field.attrs.iter().filter(|attribute| attribute.path().is_ident("var")) {
@@ -103,7 +102,6 @@ impl Variable {
         }
     }
 
-    /// Returns true if a flag is set.
     pub(crate) fn flag(&self, key: &str) -> Result<bool> {
         match self.keys.iter().find(|(known, _)| known == key) {
             Some((known, Some(_))) => Err(Error::new(known.span(), format!("`{key}` is a flag and takes no value"))),
@@ -389,7 +387,6 @@ fn is_key(input: ParseStream<'_>) -> bool {
 }
 
 impl Source {
-    /// The name of the field.
     fn of(field: &Field) -> Result<Self> {
         let ident = field.ident.as_ref().expect("the fields are named");
         let name = LitStr::new(ident.to_string().trim_start_matches("r#"), ident.span());

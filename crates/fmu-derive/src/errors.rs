@@ -7,7 +7,6 @@ use syn::{Error, Result};
 pub(crate) struct Errors(Option<Error>);
 
 impl Errors {
-    /// Adds a mistake.
     pub(crate) fn add(&mut self, error: Error) {
         match &mut self.0 {
             Some(all) => all.combine(error),
@@ -20,7 +19,6 @@ impl Errors {
         result.map_err(|error| self.add(error)).ok()
     }
 
-    /// Returns true if there was no mistake.
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_none()
     }

@@ -140,7 +140,6 @@ fn without_blanks(code: &impl ToTokens) -> String {
     code.to_token_stream().to_string().replace(' ', "")
 }
 
-/// The associated type of this name.
 pub(crate) fn associated_type<'a>(items: &'a [ImplItem], name: &str) -> Option<&'a ImplItemType> {
     items.iter().find_map(|item| match item {
         ImplItem::Type(item) if item.ident == name => Some(item),
@@ -148,7 +147,6 @@ pub(crate) fn associated_type<'a>(items: &'a [ImplItem], name: &str) -> Option<&
     })
 }
 
-/// The functions.
 pub(crate) fn functions(items: &[ImplItem]) -> impl Iterator<Item = &ImplItemFn> {
     items.iter().filter_map(|item| match item {
         ImplItem::Fn(item) => Some(item),
@@ -156,7 +154,6 @@ pub(crate) fn functions(items: &[ImplItem]) -> impl Iterator<Item = &ImplItemFn>
     })
 }
 
-/// Kind of a model trait.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Continuous,

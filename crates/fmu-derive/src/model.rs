@@ -22,7 +22,6 @@ const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]
 /// Prefix of the environment variable with which `cargo fmu pack` requests an export. The name of the crate follows.
 const EXPORT: &str = "FMU_EXPORT_";
 
-/// The keys of the attribute.
 #[derive(Default)]
 struct Keys {
     stop_time: Option<Expr>,
@@ -231,12 +230,10 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     }
 }
 
-/// Returns true for the path of the attribute `#[fmu::model]`.
 pub(crate) fn is_model(path: &Path) -> bool {
     path.segments.last().is_some_and(|last| last.ident == "model")
 }
 
-/// The name of an associated item.
 fn name(item: &ImplItem) -> Option<String> {
     match item {
         ImplItem::Const(item) => Some(item.ident.to_string()),

@@ -64,7 +64,6 @@ pub(crate) fn empty(input: &DeriveInput, name: &str) -> TokenStream {
     quote!(impl #parameters #root::#name for #ident #arguments #conditions {})
 }
 
-/// `Enumeration`.
 pub(crate) fn enumeration(input: &DeriveInput) -> TokenStream {
     let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let ident = &input.ident;

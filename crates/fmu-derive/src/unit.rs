@@ -131,7 +131,6 @@ const DISPLAY: &[(&str, &[&str])] = &[
     ("J", &["kJ", "kWh"]),
 ];
 
-/// A parsed unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Unit {
     name: String,
@@ -224,7 +223,6 @@ impl Unit {
         Ok(display)
     }
 
-    /// Returns true if the unit is the second.
     pub(crate) fn is_second(&self) -> bool {
         self.exponents == [0, 0, 1, 0, 0, 0, 0, 0] && self.numerator == self.denominator
     }
@@ -276,7 +274,6 @@ impl Unit {
         quote!(#root::DisplayUnit { name: #name, factor: #factor, offset: #offset })
     }
 
-    /// An expression of type `Unit`.
     pub(crate) fn tokens(&self, root: &TokenStream) -> TokenStream {
         let rate = self.rate().tokens_with(root, &quote!(None));
         self.tokens_with(root, &quote!(Some(&#rate)))

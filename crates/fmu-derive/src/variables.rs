@@ -422,7 +422,6 @@ fn part(
     })
 }
 
-/// Statement that declares one field.
 fn declaration(
     field: &Field,
     variable: &Variable,

@@ -3,9 +3,7 @@
 //! Conditions are masks: all ones or all zeros. Unlike `if`, a mask cannot become a branch, so the compiler can process
 //! the elements of an array in parallel.
 
-/// The sign bit.
 pub(crate) const SIGN: u64 = 1 << 63;
-/// The bit pattern of infinity.
 pub(crate) const INFINITY: u64 = f64::INFINITY.to_bits();
 /// 1.5 * 2^52. The sum with a small number contains this number, rounded to an integer, in its lowest bits.
 pub(crate) const ROUNDER: f64 = 6_755_399_441_055_744.0;
@@ -16,7 +14,6 @@ pub(crate) fn magnitude(x: f64) -> u64 {
     x.to_bits() & !SIGN
 }
 
-/// The magnitude.
 #[inline(always)]
 pub(crate) fn abs(x: f64) -> f64 {
     f64::from_bits(magnitude(x))

@@ -43,7 +43,6 @@ pub(crate) fn scaled(value: f64, n: u64) -> f64 {
     value * power_of_two(half as u64) * power_of_two(n.wrapping_sub(half as u64))
 }
 
-/// exp(r) in two parts.
 #[inline(always)]
 pub(crate) fn exponential(high: f64, low: f64) -> (f64, f64) {
     let tail = high * high * polynomial11(&EXPM1, high);

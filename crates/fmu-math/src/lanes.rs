@@ -116,7 +116,6 @@ pub(crate) fn polynomial6(c: &[f64; 6], z: f64) -> f64 {
     ((c[0] + c[1] * z) + z2 * (c[2] + c[3] * z)) + (z2 * z2) * (c[4] + c[5] * z)
 }
 
-/// A polynomial of degree 6.
 #[inline(always)]
 pub(crate) fn polynomial7(c: &[f64; 7], z: f64) -> f64 {
     let z2 = z * z;
@@ -124,7 +123,6 @@ pub(crate) fn polynomial7(c: &[f64; 7], z: f64) -> f64 {
     (c[0] + c[1] * z) + z2 * high
 }
 
-/// A polynomial of degree 7.
 #[inline(always)]
 pub(crate) fn polynomial8(c: &[f64; 8], z: f64) -> f64 {
     let z2 = z * z;
@@ -133,7 +131,6 @@ pub(crate) fn polynomial8(c: &[f64; 8], z: f64) -> f64 {
     low + (z2 * z2) * high
 }
 
-/// A polynomial of degree 10.
 #[inline(always)]
 pub(crate) fn polynomial11(c: &[f64; 11], z: f64) -> f64 {
     let z2 = z * z;
@@ -144,7 +141,6 @@ pub(crate) fn polynomial11(c: &[f64; 11], z: f64) -> f64 {
     low + z4 * (middle + z4 * high)
 }
 
-/// A polynomial of degree 12.
 #[inline(always)]
 pub(crate) fn polynomial13(c: &[f64; 13], z: f64) -> f64 {
     let z2 = z * z;

@@ -8,7 +8,6 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-/// No index.
 const NONE: u32 = u32::MAX;
 
 /// A diagonal element becomes the pivot if it is at least this fraction of the largest candidate.

@@ -14,7 +14,6 @@ type Block = [f64; LANES];
 /// The output of the inference: its labels as fuzzy sets, tabulated on an evenly spaced grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output<const LABELS: usize> {
-    /// Consecutive parts of the grid.
     stretches: Vec<Stretch>,
 }
 
@@ -40,7 +39,6 @@ struct Other {
     label: usize,
     /// Largest grade in the stretch.
     greatest: f64,
-    /// Grades in the stretch.
     grades: Vec<Block>,
 }
 

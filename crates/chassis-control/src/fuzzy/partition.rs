@@ -68,7 +68,6 @@ impl<const N: usize> Partition<N> {
     }
 }
 
-/// The first `N` of `FROM` values.
 fn first<const FROM: usize, const N: usize>(values: [f64; FROM]) -> [f64; N] {
     std::array::from_fn(|i| values[i])
 }

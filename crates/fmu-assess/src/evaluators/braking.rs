@@ -179,7 +179,6 @@ pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: boo
 struct Ground {
     /// Distance traveled, m.
     way: Vec<f64>,
-    /// Speed, m/s.
     speed: Vec<f64>,
 }
 

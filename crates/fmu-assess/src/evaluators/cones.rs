@@ -199,7 +199,6 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     Ok(())
 }
 
-/// The coned sections.
 fn lanes(options: &Options) -> Vec<Lane> {
     if let Some(lanes) = options.lanes("lanes") {
         return lanes;

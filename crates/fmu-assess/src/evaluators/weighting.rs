@@ -4,7 +4,6 @@ use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use std::f64::consts::SQRT_2;
 
-/// A frequency weighting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Weighting {
     /// No weighting: the result is the standard deviation.

@@ -87,7 +87,6 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
     results.take(&run, &metrics, &["lateral_peak", "yaw_peak"]);
 }
 
-/// Braking on split friction.
 pub(crate) fn split_spec(bench: &Bench<'_>, id: String, speed: f64, slippery_left: bool) -> RunSpec {
     let is_left = |name: &str| name.rsplit('.').next().is_some_and(|place| place.ends_with('l'));
     let inputs = bench.plant.signals(Causality::Input).filter(|input| input.starts_with("road_friction."));
@@ -133,7 +132,6 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
     }
 }
 
-/// Braking on a circle.
 pub(crate) fn turn_spec() -> RunSpec {
     const RADIUS: f64 = 100.0;
     let speed = (5.0 * RADIUS).sqrt();

@@ -27,7 +27,6 @@ pub(crate) fn spec(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) ->
     on_road(bench, spec, roughness, seed)
 }
 
-/// Sets the road of a run.
 pub(crate) fn on_road(bench: &Bench<'_>, spec: RunSpec, roughness: f64, seed: f64) -> RunSpec {
     let mut spec = spec
         .value("road", "profile", 1.0)

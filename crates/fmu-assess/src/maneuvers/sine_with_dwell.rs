@@ -10,7 +10,6 @@ use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
 
-/// Speed, m/s.
 pub(crate) const SPEED: f64 = 80.0 / 3.6;
 /// Smallest amplitude for which the displacement is required, in A.
 const COUNTS_FROM: f64 = 5.0;

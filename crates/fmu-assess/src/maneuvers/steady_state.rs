@@ -17,11 +17,9 @@ const HIGHEST: f64 = 0.55 * GRAVITY;
 pub(crate) struct Increasing {
     /// A: steering wheel angle at 0.3 g, deg.
     pub(crate) amplitude: Option<f64>,
-    /// Understeer gradient, rad/(m/s2).
     pub(crate) understeer_gradient: Option<f64>,
 }
 
-/// Steers slowly to both sides.
 pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Results, Increasing) {
     let mut results = Results::new("slowly_increasing_steer", suite, bench.system.name);
     let specs = SIDES.map(|(side, sign)| {
@@ -98,7 +96,6 @@ pub(crate) fn circle(bench: &Bench<'_>) -> Option<(RunSpec, Value)> {
     Some((spec, options))
 }
 
-/// Drives on a circle with increasing speed.
 pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     let Some((spec, options)) = circle(bench) else { return };
     let Some((run, metrics)) = shown(bench, spec, "constant_radius", &options, results) else { return };

@@ -22,7 +22,6 @@ impl Line {
         (squares > 0.0).then_some(Self { slope, intercept: y_mean - slope * x_mean })
     }
 
-    /// y at an x.
     pub(crate) fn at(self, x: f64) -> f64 {
         self.intercept + self.slope * x
     }

@@ -12,7 +12,6 @@ const SLACK: f64 = 1e-6;
 /// A trace whose times are finite, increasing and evenly spaced.
 pub(crate) struct Rows<'a> {
     trace: &'a Trace<'a>,
-    /// Times, s.
     pub(crate) times: &'a [f64],
     /// Mean distance between rows, h, s.
     pub(crate) step: f64,

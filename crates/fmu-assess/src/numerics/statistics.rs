@@ -1,6 +1,5 @@
 //! Statistics of a signal, and its derivative.
 
-/// Mean; `None` without values.
 pub(crate) fn mean(x: &[f64]) -> Option<f64> {
     (!x.is_empty()).then(|| x.iter().sum::<f64>() / x.len() as f64)
 }
@@ -11,17 +10,14 @@ pub(crate) fn standard_deviation(x: &[f64]) -> Option<f64> {
     Some((x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / x.len() as f64).sqrt())
 }
 
-/// The largest value; `None` without values.
 pub(crate) fn largest(x: &[f64]) -> Option<f64> {
     first_largest(x).map(|row| x[row])
 }
 
-/// The smallest value; `None` without values.
 pub(crate) fn smallest(x: &[f64]) -> Option<f64> {
     x.iter().copied().reduce(f64::min)
 }
 
-/// The largest magnitude; `None` without values.
 pub(crate) fn largest_magnitude(x: &[f64]) -> Option<f64> {
     x.iter().map(|x| x.abs()).reduce(f64::max)
 }

@@ -185,7 +185,6 @@ fn too_long(file: &str, what: &str, gap: &[f64]) -> DataError {
     DataError::new(file, message, Some(NOT_BRIDGED.to_owned()))
 }
 
-/// Median distance between rows.
 fn median(times: &[f64]) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
