@@ -21,8 +21,8 @@
 //!
 //! # Reference
 //!
-//! Z.-Y. Zhao, M. Tomizuka, S. Isaka, "Fuzzy gain scheduling of PID controllers", IEEE Transactions on Systems, Man, and
-//! Cybernetics 23(5), 1993, 1392-1398, doi:10.1109/21.260670 (gains by fuzzy rules on error and rate).
+//! Z.-Y. Zhao, M. Tomizuka, S. Isaka, "Fuzzy gain scheduling of PID controllers", IEEE Transactions on Systems, Man,
+//! and Cybernetics 23(5), 1993, 1392-1398, doi:10.1109/21.260670 (gains by fuzzy rules on error and rate).
 
 use fmu::derive::Enumeration;
 

@@ -20,7 +20,7 @@ pub struct OptionRule {
     pub form: Form,
     /// Value if it is not given.
     pub default: Fallback,
-    /// Meaning.
+    /// Meaning of the option, and of its absence.
     pub meaning: &'static str,
 }
 
@@ -46,7 +46,7 @@ pub enum Form {
 pub enum Fallback {
     /// The option is required.
     Required,
-    /// The option may be left out; its meaning describes the consequence.
+    /// The option may be left out; [`OptionRule::meaning`] describes this case.
     Absent,
     /// A number.
     Number(f64),

@@ -36,7 +36,7 @@ macro_rules! derives {
 }
 
 derives! {
-    /// The parameters of a model: the struct that implements the model trait. Also implements `Default` (the start values).
+    /// The parameters of a model: the struct that implements the model trait. Also implements `Default` (start values).
     #[doc = include_str!("attributes.md")]
     Parameters = variables::parameters, |input| stubs::variables(input, Block::Parameters);
     /// The inputs of a model. Also implements `Default` (the start values).

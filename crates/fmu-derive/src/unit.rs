@@ -1,6 +1,6 @@
 //! Units of measure, parsed at compile time.
 //!
-//! A unit is a product of named units with exponents and at most one fraction bar: `kg.m2/s2`, `N.m/(rad.s)`, `1/s`, `kWh`.
+//! A unit is a product of named units with exponents and at most one fraction bar: `kg.m2/s2`, `N.m/(rad.s)`, `1/s`.
 
 use proc_macro2::{Span, TokenStream};
 use quote::quote;
@@ -35,7 +35,8 @@ const fn prefixed(name: &'static str, exponents: Exponents, numerator: f64, deno
 
 const PI: f64 = std::f64::consts::PI;
 
-/// Units with a name. Values: SI brochure (9th edition, 2019), tables 2, 4 and 8; `atm`, `lbf`, `inch`, `ft`, `mi`, `hp`: NIST SP 811.
+/// Units with a name. Values: SI brochure (9th edition, 2019), tables 2, 4 and 8; `atm`, `lbf`, `inch`,
+/// `ft`, `mi`, `hp`: NIST SP 811.
 const NAMED: &[Named] = &[
     base("kg", [1, 0, 0, 0, 0, 0, 0, 0]),
     base("m", [0, 1, 0, 0, 0, 0, 0, 0]),

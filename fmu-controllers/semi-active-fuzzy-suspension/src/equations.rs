@@ -1,5 +1,5 @@
-//! One sample of the law: three fuzzy PIDs demand a force and two moments on the body, which are allocated to the struts
-//! and limited to the feasible forces of a damper.
+//! One sample of the law: three fuzzy PIDs demand a force and two moments on the body, which are allocated to the
+//! struts and limited to the feasible forces of a damper.
 //!
 //! | symbol | meaning |
 //! |---|---|
