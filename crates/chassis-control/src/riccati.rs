@@ -656,7 +656,7 @@ mod tests {
 
     #[test]
     fn badly_conditioned_designs_are_rejected() {
-        // A residual of 1e-10 is accepted.
+        // Residuals of up to 1e-10 are accepted.
         let error = integrator_chain(20, false).unwrap_err();
         assert!(
             error.starts_with("Riccati design: relative residual ") && error.ends_with(" at most 1e-10"),

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// A vehicle file: data that the FMU does not contain, and signals whose names differ from the bench's.
 #[derive(Debug, Clone, Default)]
 pub struct VehicleFile {
-    /// Data.
+    /// Data that the FMU of the plant does not contain.
     pub vehicle: Given,
     /// The bench's name of a signal -> name of the plant's variable.
     pub signals: BTreeMap<String, String>,

@@ -30,7 +30,7 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         let (ty, number) = if let Some((ty, number)) = shown {
             if declared.is_none() {
                 let shown = without_blanks(&ty);
-                let message = format!("`type {name}` is missing, as in `type {name}{parameter} = {shown};`");
+                let message = format!("`type {name}` is missing; add it, as in `type {name}{parameter} = {shown};`");
                 mistakes.add(Error::new_spanned(&ty, message));
             }
             (ty, number)

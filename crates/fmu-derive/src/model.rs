@@ -249,12 +249,12 @@ fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
     let function = functions(items).find(|function| function.sig.ident == "zero_crossings");
     match (declared, function) {
         (Some(declared), None) => {
-            let message = "the function `zero_crossings`, which computes these quantities, is missing, as in \
+            let message = "the function `zero_crossings`, which computes these quantities, is missing; add it, as in \
                            `fn zero_crossings(&self, at: At<f64, Self>) -> [f64; 1]`";
             errors.add(Error::new_spanned(declared, message));
         }
         (None, Some(function)) => {
-            let message = "`type Crossings` is missing, as in `type Crossings = [f64; 1];` for one quantity";
+            let message = "`type Crossings` is missing; add it, as in `type Crossings = [f64; 1];` for one quantity";
             errors.add(Error::new_spanned(&function.sig.ident, message));
         }
         _ => {}
@@ -506,7 +506,7 @@ impl<'a> Packed<'a> {
 fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) -> ImplItem {
     let mut experiment = |value: &Option<Expr>, what: &str| {
         if value.is_none() && keys.is_complete {
-            errors.add(Error::new_spanned(&block.self_ty, format!("{what} is missing, {EXAMPLE}")));
+            errors.add(Error::new_spanned(&block.self_ty, format!("{what} is missing; add it, {EXAMPLE}")));
         }
         if let Some(number) = value.as_ref().filter(|value| literal(value).is_some_and(|number| number <= 0.0)) {
             errors.add(Error::new_spanned(number, "must be above 0 s"));

@@ -389,7 +389,7 @@ fn part(
             }
         }
         None if block == Block::Parameters && variable.is_explicit && are_known && variable.key("start").is_none() => {
-            errors.add(Error::new(variable.span(), "the start value is missing, as in `start = 1.0`"));
+            errors.add(Error::new(variable.span(), "the start value is missing; add it, as in `start = 1.0`"));
         }
         None => {}
     }
@@ -454,7 +454,7 @@ fn declaration(
         quote_spanned! {span=>
             const _: () = ::core::assert!(
                 !<#ty as #root::Field<f64>>::IS_REAL,
-                "the unit of measure is missing, as in `unit = \"rad\"`"
+                "the unit of measure is missing; add it, as in `unit = \"rad\"`"
             );
         }
     } else {
