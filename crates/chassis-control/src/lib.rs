@@ -3,6 +3,7 @@
 //! Everything here is a pure function of `f64` values, or a small value built once from them. There is no hidden state
 //! and no FMI type, and functions called once per sample do not allocate. A controller keeps its own state and calls
 //! these functions in the order of its equations.
+//!
 //! | module | contents | runs |
 //! |---|---|---|
 //! | [`riccati`] | linear quadratic regulators: algebraic Riccati equation with cross term | once, at initialization |

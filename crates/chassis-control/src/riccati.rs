@@ -155,8 +155,7 @@ pub fn care(
 
     let state_scale = equation.balance();
     let mut p = equation.solve().ok_or(NO_CONVERGENCE)?;
-    // Newton's method: the correction solves a Lyapunov equation, which is a Riccati equation
-    // without quadratic term.
+    // Newton's method: the correction solves a Lyapunov equation, a Riccati equation without quadratic term.
     let correction =
         Equation { a: equation.closed_loop(&p), g: DMatrix::zeros(states, states), q: equation.residual(&p) };
     p += correction.solve().ok_or(NO_CONVERGENCE)?;
@@ -223,8 +222,7 @@ impl Equation {
     /// Scales the states, x = D x_scaled, by powers of 2 so that the norms of row i of [A, G] and column i of [A; Q]
     /// differ by at most a factor of 2. Returns the diagonal of D.
     ///
-    /// This is the balancing of Parlett and Reinsch for the Hamiltonian matrix, restricted to
-    /// scalings that keep it Hamiltonian.
+    /// This is the balancing of Parlett and Reinsch, restricted to scalings that keep the matrix Hamiltonian.
     fn balance(&mut self) -> DVector<f64> {
         let states = self.a.nrows();
         let mut scale = DVector::from_element(states, 1.0);
@@ -296,8 +294,7 @@ impl Equation {
         None
     }
 
-    /// Start of the doubling: a Cayley transform gives the discrete-time equation with the same solution. Returns its
-    /// A, G, H.
+    /// Start of the doubling: a Cayley transform gives A, G, H of the discrete-time equation with the same solution.
     fn cayley(&self) -> Option<(DMatrix<f64>, DMatrix<f64>, DMatrix<f64>)> {
         let n = self.a.nrows();
         let hamiltonian = self.hamiltonian();

@@ -72,9 +72,6 @@ impl Bench<'_> {
     }
 
     /// Makes the run for a specification, up to the time `stop`.
-    ///
-    /// # Errors
-    /// A value is invalid.
     pub(crate) fn run(&self, spec: &RunSpec, stop: f64) -> Result<(Simulation, Run), String> {
         let plan = self.system.plan(spec.driving).ok_or("the plant cannot follow a path: it has no position")?;
         let steps = (stop / STEP).round();

@@ -73,9 +73,6 @@ impl Component {
     }
 
     /// Converts a value that the bench sets to the unit of the variable.
-    ///
-    /// # Errors
-    /// The unit of the variable cannot be converted.
     pub(crate) fn of_si(&self, signal: &str, variable: &Variable, value: f64) -> Result<f64, String> {
         let Some(needed) = signals::unit(signal) else { return Ok(value) };
         let found = conversion(needed, self.description(), variable, self.given.get(signal).map(String::as_str));

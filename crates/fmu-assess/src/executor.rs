@@ -19,8 +19,7 @@ struct Work {
     reply: Sender<(usize, Result<Recording, Failure>)>,
 }
 
-/// Starts `jobs` workers, and ends them after `body`, which can execute runs from any thread. Calls `done` after each
-/// run.
+/// Calls `body`, which can execute runs from any thread, with `jobs` workers. Calls `done` after each run.
 pub(crate) fn with_workers<T>(
     settings: &Settings,
     jobs: NonZeroUsize,

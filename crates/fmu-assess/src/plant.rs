@@ -133,8 +133,7 @@ impl Plant {
         self.component.signals(Causality::Input).any(|signal| signal.starts_with(start))
     }
 
-    /// Rejects a controller that reads a signal that the bench would have to convert, because connections do not
-    /// convert.
+    /// Rejects a controller that reads a signal in a unit other than the bench's, because connections do not convert.
     pub(crate) fn check_reader(&self, reader: &Component, all: &[&Component]) -> Result<(), SetupError> {
         let is_raw = |signal: &&str| {
             self.conversions.contains_key(*signal)

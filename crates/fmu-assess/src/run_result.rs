@@ -47,8 +47,7 @@ impl RunResult {
     }
 }
 
-/// Cuts a recording where the run ends. `names` are the names of its columns, `failure` is the failure after its last
-/// row, if any.
+/// Cuts a recording with the columns `names` where the run ends. `failure` is the failure after its last row, if any.
 pub(crate) fn cut(
     spec: RunSpec,
     names: &[String],

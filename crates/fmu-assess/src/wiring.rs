@@ -57,10 +57,7 @@ impl Wiring<'_> {
         (self.road == Road::Rough && of_road).then(|| ("road", signal.to_owned()))
     }
 
-    /// Finds the source of an input: another component, or a constant.
-    ///
-    /// # Errors
-    /// The constant cannot be converted to the unit of the input.
+    /// Finds the source of an input: another component, or a constant in the unit of the input.
     fn source(
         &mut self,
         component: &Component,
@@ -191,8 +188,7 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// A value from the command line as TOML: a number, optionally with a unit, or a Boolean; anything else becomes a
-/// string.
+/// A value from the command line as TOML: a number with or without unit, or a Boolean; otherwise, a string.
 fn literal(value: &str) -> String {
     if let Some((number, unit)) = value.split_once(' ').filter(|(number, _)| number.parse::<f64>().is_ok()) {
         return format!("{{ value = {}, unit = {} }}", literal(number), quoted(unit));

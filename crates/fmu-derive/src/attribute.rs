@@ -332,8 +332,7 @@ impl Variable {
         Ok(())
     }
 
-    /// Assertions for the same checks as [`Self::check_limits`], but on constants, which only the compiler can
-    /// evaluate.
+    /// Assertions for the checks of [`Self::check_limits`] on constants, which only the compiler can evaluate.
     pub(crate) fn limit_assertions(&self) -> TokenStream {
         let constant = |key| self.value(key).ok().flatten().filter(|value| is_constant(value));
         let is_open = |value: &Expr| literal(value).is_none();

@@ -12,8 +12,7 @@ use syn::{
 
 use crate::errors::Errors;
 
-/// Reports each mistake. Then corrects the declarations and empties the functions, so that the compiler reports no
-/// follow-up errors.
+/// Reports each mistake. Then corrects declarations and empties functions to prevent follow-up errors of the compiler.
 pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream, errors: &mut Errors) {
     let mut mistakes = Errors::default();
     let mut added = Vec::new();

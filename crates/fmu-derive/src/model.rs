@@ -89,8 +89,7 @@ fn unknown_key(name: &str) -> String {
     }
 }
 
-/// Returns the completed implementation and the export. After a mistake, the export is omitted to prevent follow-up
-/// errors.
+/// Returns the completed implementation and the export, which is omitted after a mistake to prevent follow-up errors.
 pub(crate) fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
     let block = match syn::parse2(item) {
         Ok(block) => block,

@@ -7,8 +7,7 @@ use syn::ext::IdentExt as _;
 use syn::visit::{self, Visit};
 use syn::{Expr, ExprField, ExprMethodCall, GenericParam, ImplItem, Item, Local, Macro, Member, Pat};
 
-/// The fields of `self` that functions generic over the number type read; `None` if one of these functions passes on
-/// `self`.
+/// The fields of `self` that functions generic over the number type read; `None` if one of them passes on `self`.
 pub(crate) fn of_equations(items: &[ImplItem]) -> Option<BTreeSet<String>> {
     let is_generic = |parameter: &GenericParam| matches!(parameter, GenericParam::Type(_));
     let functions = || {

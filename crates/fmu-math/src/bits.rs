@@ -37,8 +37,7 @@ pub(crate) fn spread(bits: u64) -> u64 {
     0u64.wrapping_sub(bits >> 63)
 }
 
-/// All ones if the condition holds, otherwise zero. For a comparison of numbers, this is one instruction for two
-/// elements.
+/// All ones if the condition holds, otherwise zero. A comparison of two pairs of numbers takes one instruction.
 #[inline(always)]
 pub(crate) fn mask(condition: bool) -> u64 {
     0u64.wrapping_sub(u64::from(condition))

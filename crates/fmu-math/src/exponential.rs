@@ -50,8 +50,7 @@ pub(crate) fn exponential(high: f64, low: f64) -> (f64, f64) {
     (one, error + (tail + low * (one + tail)))
 }
 
-/// Returns n in the lowest bits, and exp(r). One number for r is enough here: its error changes the result by at most
-/// 1/4 ulp.
+/// Returns n in the lowest bits, and exp(r). One number for r is enough: its error changes the result by up to 1/4 ulp.
 #[inline(always)]
 fn exp_parts(x: f64) -> (u64, f64) {
     let shifted = x * INV_LN2 + ROUNDER;

@@ -60,8 +60,7 @@ macro_rules! function_near {
     };
 }
 
-/// Defines a function of two numbers and its array form, like [`function_near`]. The kernel returns its result and the
-/// value of `outside`.
+/// Like [`function_near`], for two numbers. The kernel returns its result and the value of `outside`.
 macro_rules! function2_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $far:expr, $near:expr, $kernel:expr, $full:expr) => {
         mod $each {

@@ -131,8 +131,7 @@ pub fn powi(x: f64, n: i32) -> f64 {
     if n < 0 { 1.0 / power } else { power }
 }
 
-/// The length, and a number whose highest bit is set if the squares or their sum may overflow or lose significant
-/// digits.
+/// The length, and a number whose highest bit is set if the squares or their sum may overflow or lose digits.
 #[inline(always)]
 fn hypot_kernel(x: f64, y: f64) -> (f64, u64) {
     const LARGE: u64 = 1e150f64.to_bits();

@@ -1,9 +1,7 @@
 //! `FuzzyCoordination`: the shares of the suspension laws and the activation of the multi-axle steering, from
 //! steering demand and speed.
 //!
-//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, Tables 2 and 3. The rule table (Table 2) gives the share of
-//! the roll law, and Table 3 derives the share of the integrated law from it. As printed, the two shares are exchanged,
-//! which contradicts the paper's text and results; `rules.as_printed` restores this.
+//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, Tables 2 and 3, with the printed outputs exchanged (see README).
 
 mod equations;
 #[cfg(test)]

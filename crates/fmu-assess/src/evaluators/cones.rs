@@ -293,8 +293,7 @@ impl Footprint {
     }
 }
 
-/// Smallest distance between the part of a rectangle inside a section and the section's edges; `None` if no part is
-/// inside.
+/// Smallest distance between a rectangle's part inside a section and the section's edges; `None` without such a part.
 fn margin(corners: &[[f64; 2]; 4], [begin, end, right, left]: &Lane) -> Option<f64> {
     let inside = corners.iter().filter(|[x, _]| (begin..=end).contains(&x)).map(|[_, y]| *y);
     let cut = (0..corners.len()).flat_map(|index| {

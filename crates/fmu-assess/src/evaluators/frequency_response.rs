@@ -103,8 +103,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     Ok(())
 }
 
-/// Fourier sums of the last 20 s of a column at the frequencies of the multisine. The steering angle must contain all
-/// frequencies.
+/// Fourier sums of the last 20 s of a column at the frequencies of the multisine. The steering angle must contain all.
 fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let values = rows.column(column)?;
     let Some(begin) = values.len().checked_sub(rows.count(SPAN)) else {
@@ -176,8 +175,7 @@ impl Response {
     }
 }
 
-/// The first frequency above 0.2 Hz at which the values fall below a level, interpolated linearly over the logarithm of
-/// the frequency.
+/// The first frequency above 0.2 Hz at which the values fall below a level, interpolated over its logarithm.
 fn falls_below(values: &[f64; 20], level: f64) -> Option<f64> {
     let after = (REFERENCE + 1..values.len()).find(|line| values[line - 1] >= level && values[*line] < level)?;
     let share = (values[after - 1] - level) / (values[after - 1] - values[after]);

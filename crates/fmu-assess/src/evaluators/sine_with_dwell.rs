@@ -26,8 +26,7 @@ const COMPLETION_SHARE: f64 = 0.01;
 const DISPLACEMENT_TIME: f64 = 1.07;
 /// Times after the completion of steer, s, and limits for the magnitude of the yaw rate ratio at these times.
 const RATIOS: [(f64, f64); 2] = [(1.0, 0.35), (1.75, 0.20)];
-/// Mass up to which the larger displacement is required, kg, and the displacements required up to and above this mass,
-/// m.
+/// Mass up to which the larger displacement is required, kg, and the displacements up to and above this mass, m.
 const LIGHT: f64 = 3500.0;
 const DISPLACEMENTS: [f64; 2] = [1.83, 1.52];
 

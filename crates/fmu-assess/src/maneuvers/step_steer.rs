@@ -10,8 +10,7 @@ use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
 
-/// Maximum number of runs to find the steering angle for the lateral acceleration: with proportional steps only, and in
-/// total.
+/// Maximum number of runs to find the steering angle: with proportional steps only, and in total.
 const MOST_RUNS: (usize, usize) = (6, 20);
 /// Relative tolerance of the lateral acceleration.
 const NEAR: f64 = 0.01;
