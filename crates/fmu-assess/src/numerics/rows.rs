@@ -4,7 +4,7 @@ use crate::metric::Reason;
 use crate::trace::Trace;
 
 /// Largest deviation of a row from an even grid, relative to the step. It allows for rounded times and clock jitter.
-const UNEVENNESS: f64 = 0.5;
+pub(crate) const UNEVENNESS: f64 = 0.5;
 
 /// Fraction of a step by which a time can exceed a limit, because times are rounded.
 const SLACK: f64 = 1e-6;

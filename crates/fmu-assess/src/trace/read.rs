@@ -1,6 +1,7 @@
 //! Traces from CSV files.
 
 use super::{Column, Trace};
+use crate::numerics::UNEVENNESS;
 use fmu_import::names::{similar, suggestion};
 use fmu_system::data::unit::{SAME, Target};
 use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};
@@ -12,8 +13,6 @@ const LONGEST_GAP: f64 = 0.5;
 const NOT_BRIDGED: &str = "gaps of more than 0.5 s are not bridged: cut the file before or after the gap";
 /// Distance between rows that counts as a gap, relative to the median distance.
 const GAP: f64 = 1.9;
-/// Largest deviation of a row from an even grid, relative to the step, as in `Rows`.
-const UNEVENNESS: f64 = 0.5;
 /// Deviation above which speeds and rates change by more than 2 %, which is noted.
 const JITTER: f64 = 0.02;
 /// Times that differ by less than this fraction of the step are treated as equal.
