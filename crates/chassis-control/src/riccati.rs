@@ -28,6 +28,7 @@
 //!    iteration converges quadratically, usually within 10 steps.
 //! 4. One step of Newton's method (Kleinman) removes the rounding errors of the doubling.
 //! 5. The residual and the closed-loop poles are computed and checked.
+//!
 //! # Solvable problems
 //!
 //! A solution is found if R is positive definite, (A, B) is stabilizable, the Hamiltonian matrix has no eigenvalue on

@@ -1,7 +1,7 @@
 //! Switching between two laws with hysteresis.
 
-/// Returns true if a law is on. It switches on when `x` exceeds `threshold`, and off when `x` has fallen to `threshold
-/// - width`.
+/// Returns true if a law is on. It switches on when `x` exceeds `threshold`, and off when `x` has fallen to
+/// `threshold - width`.
 ///
 /// * `was_on`: the result for the previous sample.
 /// * `width`: hysteresis in the unit of `x`, not negative; 0 switches back at once.
