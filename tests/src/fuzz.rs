@@ -421,7 +421,7 @@ impl<'a> Fuzzer<'a> {
         let expected = match (status, next) {
             (OK, Next::To(mode)) => Some(mode),
             (OK, Next::Any) => None,
-            (ERROR, _) if function == "fmi2DoStep" && message.contains("cannot step on") => Some(FAILED),
+            (ERROR, _) if function == "fmi2DoStep" && message.contains("cannot continue") => Some(FAILED),
             _ => Some(slot.mode),
         };
         let found = self.mode(at)?;

@@ -1,5 +1,5 @@
-//! The C interface. All unsafe code of an FMU is in this module: the part common to the versions of the standard is here,
-//! the functions of each version are in [`fmi2`] and [`fmi3`].
+//! The C interface. All unsafe code of an FMU is in this module: code for both FMI versions here, the functions of each
+//! version in [`fmi2`] and [`fmi3`].
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
 //! [`Instance`]. An error is logged through the caller's logger and becomes a status; a
@@ -9,7 +9,7 @@
 //! As in C: a component must come from an instantiating function and not have been freed, arrays must have the length that is
 //! passed with them, strings must end with a zero, and one instance must not be used by two threads at a time.
 #![allow(unsafe_code)]
-#![expect(clippy::missing_safety_doc, reason = "the module's documentation says it for all functions")]
+#![expect(clippy::missing_safety_doc, reason = "documented once, for the whole module")]
 
 use std::any::Any;
 use std::collections::HashSet;
@@ -33,7 +33,7 @@ pub mod fmi2;
 pub mod fmi3;
 mod values;
 
-/// fmi2Status and fmi3Status, as far as FMUs of this exporter return it.
+/// The values of fmi2Status and fmi3Status that the FMUs return.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub enum Status {
@@ -50,20 +50,20 @@ pub type Component = *mut c_void;
 /// fmi2FMUstate, fmi3FMUState.
 pub type FmuState = *mut c_void;
 
-/// A model with its description; [`model`](macro@crate::model) implements it.
+/// A model and its description. [`model`](macro@crate::model) implements this trait.
 pub trait Export: 'static {
     /// Runner of the model.
     type Model: Model;
-    /// The GUID, if the packer has built it in. Such a library does not generate its description to compute the GUID,
-    /// and does not contain the code for it.
+    /// The GUID, if the packer built it in. The library then does not contain the code that generates the description.
     const GUID: Option<&'static str> = None;
-    /// The number of event indicators of model exchange, if the packer has built in the GUID.
+    /// The number of event indicators in model exchange, if the packer built in the GUID.
     const EVENT_INDICATORS: usize = 0;
     /// Format of the packed FMU.
     const FORMAT: Format = Format::FMI2;
-    /// Returns the data that the library keeps while it is loaded.
+    /// Returns the library's data.
     fn library() -> &'static Library;
-    /// Computed on first use, then the same for all instances. Panics as [`Description::of`].
+    /// Returns the description, which is computed on first use and shared by all instances. Panics like
+    /// [`Description::of`].
     fn description() -> Arc<Description> {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {
@@ -71,9 +71,9 @@ pub trait Export: 'static {
                 Some(guid) => Description::packed::<Self::Model>(Self::FORMAT, guid, Self::EVENT_INDICATORS),
                 None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::Model::INFO.resources)),
             });
-            // On Linux the library lists the function itself, see `export!`.
-            // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
-            // ends. If it cannot be registered, only the description is leaked at the end.
+            // On Linux, `unloading!` registers the function. SAFETY: the function belongs to this library and is called
+            // when the library is unloaded or the process ends. If the registration fails, only the description is
+            // leaked.
             #[cfg(not(any(target_os = "linux", target_family = "wasm")))]
             unsafe {
                 libc::atexit(forget::<Self>)
@@ -91,7 +91,7 @@ pub struct Library(Mutex<Kept>);
 #[derive(Debug, Default)]
 struct Kept {
     description: Option<Arc<Description>>,
-    /// The description as the packer reads it.
+    /// The text that the packer read last, see [`model_description`].
     text: Option<CString>,
 }
 
@@ -102,18 +102,18 @@ impl Library {
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
-        // A panic during its computation has left it empty.
+        // If a thread panicked while it computed the description, the description is still missing.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Frees what the library keeps: a master that repeatedly loads and unloads it must not leak memory. Remaining
-/// instances hold their own reference.
+/// Frees the library's data: a master that repeatedly loads and unloads the library must not leak memory. Remaining
+/// instances hold references to the description.
 pub extern "C" fn forget<E: Export + ?Sized>() {
     let _ = catch_unwind(|| std::mem::take(&mut *E::library().lock()));
 }
 
-/// The logger of the importer, with what is passed back to it.
+/// The importer's logger, with the environment pointer that it expects back.
 enum Logger {
     Fmi2(fmi2::Logger, *mut c_void),
     Fmi3(fmi3::Logger, *mut c_void),
@@ -122,7 +122,7 @@ enum Logger {
 struct Log {
     logger: Option<Logger>,
     name: CString,
-    /// Flags of the [`LOG_CATEGORIES`] that are wanted besides errors.
+    /// For each of the [`LOG_CATEGORIES`], true if its messages are logged. Errors always are.
     wanted: [bool; LOG_CATEGORIES.len()],
 }
 
@@ -155,11 +155,11 @@ impl Log {
 struct Handle<E: Export> {
     instance: Instance<E::Model>,
     log: Log,
-    /// Snapshots that were handed out: only these pointers are accepted back.
+    /// Snapshots that the importer has: other pointers are rejected.
     snapshots: HashSet<*mut Snapshot<E::Model>, BuildHasherDefault<DefaultHasher>>,
-    /// True if a step of co-simulation ends at the first event (FMI 3.0).
+    /// True if a co-simulation step ends at the first event (FMI 3.0).
     returns_early: bool,
-    /// Value references of the elements of native arrays in a call (FMI 3.0).
+    /// Value references of the array elements in the present call (FMI 3.0 with native arrays).
     elements: Vec<fmi3::ValueReference>,
 }
 
@@ -187,7 +187,7 @@ fn words(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
 
-/// A call of a function: reads its arguments and names it in errors.
+/// A call to a function: reads the arguments, and adds the function's name to errors.
 struct Call<E>(Function, PhantomData<E>);
 
 impl<E: Export> Call<E> {
@@ -198,7 +198,9 @@ impl<E: Export> Call<E> {
     fn snapshot(&self, h: &Handle<E>, state: FmuState) -> Result<*mut Snapshot<E::Model>, CallError> {
         let known = state.cast();
         h.snapshots.contains(&known).then_some(known).ok_or_else(|| {
-            self.error("FMUstate is not a state of this instance (never saved, already freed, or of another one)")
+            self.error(
+                "FMUstate is not a state of this instance (never saved, already freed, or from another instance)",
+            )
         })
     }
 
@@ -215,7 +217,7 @@ impl<E: Export> Call<E> {
         self.error(if is_null {
             format!("{name} must be an array of length {length}, got a null pointer")
         } else {
-            format!("{name} of length {length} is not a possible array")
+            format!("{name} is not a valid array: its pointer is misaligned, or its length, {length}, is too large")
         })
     }
 
@@ -258,7 +260,7 @@ unsafe fn call<E: Export>(
 ) -> Status {
     let handle = component.cast::<Handle<E>>();
     if handle.is_null() || !handle.is_aligned() {
-        return Status::Error; // there is no logger to tell
+        return Status::Error; // no logger to report to
     }
     // SAFETY: the caller passes a component of `instantiate` that was not freed.
     let handle = unsafe { &mut *handle };
@@ -288,8 +290,9 @@ unsafe fn call<E: Export>(
 /// Defines functions of the C interface for a model `E` from their entries in the table of calls. The body gets the [`Handle`] of the
 /// component and the [`Call`].
 ///
-/// Safety: the bodies are unsafe. What they read and write through pointers is what the standard lets the caller pass: a component of this
-/// library, arrays of the stated lengths, strings that end with zero, states of this component.
+/// Safety: the bodies are unsafe. They read and write through pointers that the caller must pass according to the
+/// standard: a component of this library, arrays of the given lengths, strings that end with a zero, states of this
+/// component.
 macro_rules! functions {
     ($($(#[$attribute:meta])* fn $name:ident[$function:ident]($h:pat, $call:pat
         $(, $argument:ident: $type:ty)* $(,)?) $body:block)*) => {$(
@@ -311,10 +314,10 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
     unsafe { CStr::from_ptr(pointer) }.to_str().map_err(|_| "not UTF-8")
 }
 
-/// Returns a pointer to the model description, for the packer, or to an exclamation mark and the error in the declarations. The text
-/// lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation), 2 (model
-/// exchange), 4 (native arrays), 8 (terminalsAndIcons.xml instead of the model description) and 16 (notes instead of it), as in
-/// `fmu_import::loader::description_options`.
+/// Returns the model description for the packer; if the declarations contain an error, an exclamation mark followed by
+/// the error. The text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a
+/// sum of 1 (co-simulation), 2 (model exchange), 4 (native arrays), 8 (return terminalsAndIcons.xml instead) and 16
+/// (return the notes instead), as in `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
         let has = |bit: c_int| options & bit != 0;
@@ -325,7 +328,7 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
         };
         let text = match Description::try_of::<E::Model>(format, Path::new(E::Model::INFO.resources)) {
             Ok(description) if has(8) => description.terminals(format),
-            // Not empty, because that would be a failure.
+            // The line break keeps the text from being empty, which would mean a failure.
             Ok(description) if has(16) => format!("\n{}", description.notes.join("\n")),
             Ok(description) => description.xml,
             Err(problem) => format!("!{problem}"),
@@ -336,7 +339,7 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
     catch_unwind(text).unwrap_or(std::ptr::null())
 }
 
-/// Functions of the C interface that call a function for the model, some for an entry of the table of calls.
+/// Defines functions of the C interface. Each calls `target` for the model; some pass an entry in the table of calls.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_functions {
@@ -350,13 +353,13 @@ macro_rules! c_functions {
     )*};
 }
 
-/// Content of every library that the packer builds, whatever its interfaces.
+/// Frees the library's data when the library is unloaded; part of every library, regardless of its interfaces.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! unloading {
     ($model:ty) => {
-        // Called when the library is unloaded, or when the process ends. `atexit` does not work: the start-up code of
-        // zig does not associate it with the library, so the function would be called after the library is unloaded.
+        // Called when the library is unloaded or the process ends. `atexit` does not work: the start-up code of zig
+        // does not associate the function with the library and would call it after the library is unloaded.
         #[cfg(target_os = "linux")]
         #[used]
         #[unsafe(link_section = ".fini_array")]

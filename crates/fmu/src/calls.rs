@@ -9,7 +9,7 @@ pub enum Version {
     Fmi3,
 }
 
-/// Interface that an instance is used by.
+/// Interface through which an instance is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interface {
     /// The FMU contains its solver.
@@ -38,9 +38,9 @@ pub struct Interfaces {
 }
 
 impl Interfaces {
-    /// None of them.
+    /// No interface.
     pub const NONE: Self = Self { co_simulation: false, model_exchange: false };
-    /// Both.
+    /// Both interfaces.
     pub const ALL: Self = Self { co_simulation: true, model_exchange: true };
 
     /// Returns true if an interface is provided.
@@ -62,13 +62,13 @@ pub struct Protocol {
 }
 
 impl Protocol {
-    /// Co-simulation of FMI 2.0.
+    /// FMI 2.0, co-simulation.
     pub const CS2: Self = Self { version: Version::Fmi2, interface: Interface::CoSimulation };
-    /// Model exchange of FMI 2.0.
+    /// FMI 2.0, model exchange.
     pub const ME2: Self = Self { version: Version::Fmi2, interface: Interface::ModelExchange };
-    /// Co-simulation of FMI 3.0.
+    /// FMI 3.0, co-simulation.
     pub const CS3: Self = Self { version: Version::Fmi3, interface: Interface::CoSimulation };
-    /// Model exchange of FMI 3.0.
+    /// FMI 3.0, model exchange.
     pub const ME3: Self = Self { version: Version::Fmi3, interface: Interface::ModelExchange };
     /// All columns of the table.
     pub const ALL: [Self; 4] = [Self::CS2, Self::ME2, Self::CS3, Self::ME3];
@@ -97,7 +97,7 @@ pub enum Mode {
     Initialization,
     /// Co-simulation: ready for a communication step.
     Step,
-    /// Co-simulation: after a step that failed; the values are those before it.
+    /// Co-simulation: after a step that failed. The values from before the step are restored.
     StepFailed,
     /// After the end of the simulation.
     Terminated,
@@ -110,7 +110,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// All modes, in the order of their numbers.
+    /// All modes, ordered by their discriminants.
     pub const ALL: [Mode; 8] = [
         Self::Instantiated,
         Self::Initialization,
@@ -136,7 +136,7 @@ impl Mode {
         }
     }
 
-    /// Returns true if instances of this interface can be in the mode.
+    /// Returns true if an instance with this protocol can be in the mode.
     pub const fn belongs_to(self, protocol: Protocol) -> bool {
         match (self, protocol.interface) {
             (Self::Step | Self::StepFailed, interface) => matches!(interface, Interface::CoSimulation),
@@ -240,7 +240,7 @@ calls! {
     GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO;
     GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO;
     GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO;
-    // FMI 3.0: not provided by any FMU of this exporter. The functions exist and return errors.
+    // FMI 3.0, capabilities that the exporter does not support. The functions exist and return errors.
     GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
@@ -280,7 +280,7 @@ impl Function {
         self.modes()[protocol.column()] & mode.bit() != 0
     }
 
-    /// Returns the error message for a call out of order: "called in X, allowed in Y".
+    /// Returns the error message for a function that the mode does not allow: "called in X, allowed in Y".
     #[cold]
     pub fn out_of_order(self, protocol: Protocol, mode: Mode) -> String {
         let name = self.name(protocol.version);
@@ -292,8 +292,8 @@ impl Function {
     }
 }
 
-/// The table of calls by column and mode: a bit for each function that may be called. An instance keeps the bits of its mode, so that a
-/// call tests one of them.
+/// The table of calls by column and mode, with a bit for each allowed function. An instance keeps the bits of its mode;
+/// a call tests only one bit.
 pub(crate) static ALLOWED: [[u128; Mode::ALL.len()]; Protocol::ALL.len()] = {
     let mut table = [[0; Mode::ALL.len()]; Protocol::ALL.len()];
     let mut place = 0;
@@ -347,7 +347,8 @@ mod tests {
         }
     }
 
-    /// A mode that an interface does not have allows nothing, and a function without a name in a version is in no mode of it.
+    /// A mode that an interface does not have allows no function. A function that a version does not have is allowed in
+    /// no mode.
     #[test]
     fn functions_and_modes_belong_to_their_versions_and_interfaces() {
         for protocol in Protocol::ALL {

@@ -1,12 +1,12 @@
-//! The time of an instance: tolerance of the master's times, and samples that are due.
+//! The time of an instance: comparison with the master's times, and samples that are due.
 
 use crate::calls::Interface;
 
-/// Part of a step or sample time by which two times may differ and still be the same instant.
+/// Two times are the same instant if they differ by at most this fraction of a step or sample time.
 const SLACK: f64 = 1e-6;
 
-/// Rounding errors, in units in the last place of the time, that count as the same instant. A master's t0 + k h is
-/// rounded twice, the end of the step once more, and the instant of a sample once.
+/// Two times are also the same instant if they differ by at most this many units in the last place. A master's t0 + k h
+/// is rounded twice, the end of the step once more, and the instant of a sample once.
 const ROUNDINGS: f64 = 4.0;
 
 /// Number of samples above which a counter is no longer exact as a real number.
@@ -17,7 +17,7 @@ const MOST_SAMPLES: u64 = 1 << 53;
 pub struct Clock {
     /// Start of the experiment in s.
     pub start: f64,
-    /// Its end in s, if it is defined.
+    /// End of the experiment in s, if it is defined.
     pub stop: Option<f64>,
     /// Present time in s.
     pub time: f64,
@@ -29,7 +29,7 @@ pub struct Clock {
 #[inline]
 fn ulp(time: f64) -> f64 {
     let magnitude = time.abs().min(f64::MAX.next_down());
-    // As `next_up`, without its branches: the bits of positive numbers, 0 included, are in their order.
+    // Like `next_up`, but without branches: the bits of non-negative numbers have the order of the numbers.
     f64::from_bits(magnitude.to_bits() + 1) - magnitude
 }
 
@@ -40,27 +40,27 @@ pub(crate) fn is_within_tolerance(difference: f64, time: f64, step: f64) -> bool
     difference <= SLACK * step || difference <= ROUNDINGS * ulp(time)
 }
 
-/// The least whole number that is not below `x`. [`f64::ceil`] is a call of 20 instructions on x86-64 without SSE4.1.
+/// Like [`f64::ceil`], which on x86-64 without SSE4.1 is a call of 20 instructions.
 #[inline]
 pub(crate) fn ceil(x: f64) -> f64 {
     let truncated = x as i64 as f64;
     if x.abs() < (1_i64 << 52) as f64 {
         truncated + f64::from(u8::from(truncated < x))
     } else {
-        x // whole already, or not a number
+        x // already an integer, or NaN
     }
 }
 
-/// Returns the tolerance of the time `t` for rounding errors: a millionth of a `part` (a step, a sample time) and four
-/// units in the last place of `t`; all in s.
+/// Returns the tolerance for rounding errors of the time `t`: a millionth of a `part` (a step or sample time) plus four
+/// units in the last place of `t`. All are in s.
 #[inline]
 #[must_use]
 pub fn slack(part: f64, t: f64) -> f64 {
     SLACK * part + ROUNDINGS * ulp(t)
 }
 
-/// Number of samples due before `end`, the end of a step of `step` s; sample n is due `n sample_time` after `start`. A
-/// sample due at `end` does not count, in spite of rounding errors.
+/// Number of samples due before `end`, the end of a step of `step` s. Sample n is due at `start + n sample_time`. A
+/// sample due at `end`, within the tolerance, is not counted.
 #[inline]
 pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) -> f64 {
     let part = if sample_time < step { sample_time } else { step };
@@ -68,11 +68,11 @@ pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) 
     if samples > 0.0 { samples } else { 0.0 }
 }
 
-/// Number of samples due before `end`, starting with number `sample`: [`samples_before`] minus `sample`. Fast path: no division
-/// if none or one sample is due by a clear margin.
+/// Number of samples due before `end` from number `sample` on: [`samples_before`] minus `sample`. Fast path: no
+/// division if it is clear that no sample or one sample is due.
 #[inline]
 pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sample: u64) -> f64 {
-    let sample = sample as i64 as f64; // quicker than from u64, and at most MOST_SAMPLES
+    let sample = sample as i64 as f64; // faster than from u64; fits, being at most MOST_SAMPLES
     let next = start + sample * sample_time;
     let slack = slack(if sample_time < step { sample_time } else { step }, end);
     let (early, late) = (end - 2.0 * slack, end - 0.5 * slack);
@@ -89,7 +89,7 @@ pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sam
 impl Clock {
     pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 
-    /// Checks a clock read from the bytes of a state. Fails if no sequence of steps leads to it.
+    /// Checks a clock from a deserialized state. Fails if no sequence of steps leads to it.
     pub(crate) fn check(
         &self,
         interface: Interface,
@@ -102,20 +102,21 @@ impl Clock {
             return Err(format!("start = {start} s and time = {time} s must be finite numbers"));
         }
         if let Some(stop) = stop.filter(|stop| stop.is_nan() || *stop < start) {
-            return Err(format!("stop time = {stop} s does not agree with the start at {start} s"));
+            return Err(format!("stop time = {stop} s is before the start at {start} s"));
         }
         if time < start || (!has_stepped && time > start) {
             return Err(format!("time = {time} s does not agree with the start at {start} s"));
         }
-        // A solver of model exchange may evaluate the equations after the end.
+        // In model exchange, a solver may evaluate the equations after the end.
         if let Some(stop) = stop.filter(|_| !is_exchange)
             && !is_within_tolerance(time - stop, time, time - start)
         {
             return Err(format!("time = {time} s is past the stop time, {stop} s"));
         }
-        // A short step leaves less slack to the samples at its end than a long one; the last step may have been either.
+        // Whether a sample at the present time has been taken depends on the tolerance, which depends on the unknown
+        // length of the last step. Both counts are possible.
         let (least, most) = match sample_time {
-            // A solver may look ahead and back, and the sample that is due at this time may have been taken.
+            // A solver can go back in time, and the sample that is due at this time may have been taken.
             Some(_) if is_exchange => (0.0, MOST_SAMPLES as f64),
             Some(sample_time) if time > start => {
                 (samples_before(time, start, sample_time, sample_time), ((time - start) / sample_time).ceil())
@@ -147,7 +148,6 @@ mod tests {
         assert!(!is_within_tolerance(f64::INFINITY, f64::MAX, 1e-3));
     }
 
-    /// The standard library is the reference.
     #[test]
     fn whole_numbers_and_neighbors_are_those_of_the_standard_library() {
         let special =
@@ -164,8 +164,8 @@ mod tests {
         assert_eq!([ceil(f64::INFINITY), ceil(f64::NEG_INFINITY)], [f64::INFINITY, f64::NEG_INFINITY]);
     }
 
-    /// In whole numbers there are ceil(k h / sample_time) samples before the end of step k. Times are rounded as a
-    /// master rounds them: t0 + k h, then the sum with the step.
+    /// In exact arithmetic there are ceil(k h / sample_time) samples before the end of step k. The times contain the
+    /// rounding errors of a master, which computes t0 + k h and adds the step.
     #[test]
     fn samples_are_counted_as_in_whole_numbers() {
         // Step and sample time in units of 0.1 ms.
@@ -185,7 +185,7 @@ mod tests {
         }
     }
 
-    /// Reference: the general formula, at sample instants, within and around their tolerance, and between them.
+    /// Compared with the general formula: at sample instants, inside and outside the tolerance, and between samples.
     #[test]
     fn samples_that_are_due_are_those_of_the_general_formula() {
         for (step, sample_time) in
@@ -217,7 +217,7 @@ mod tests {
         for start in [0.0, 1e7, 1.7e9] {
             assert_eq!(check(clock(start, start, 0)), Ok(()));
             assert_eq!(check(clock(start, start + 0.095, 10)), Ok(()));
-            // At the instant of a sample: not yet taken.
+            // The sample at this instant is not taken yet.
             assert_eq!(check(clock(start, start + 0.1, 10)), Ok(()));
             for sample in [0, 9, 12, u64::MAX] {
                 let message = check(clock(start, start + 0.1, sample)).unwrap_err();
@@ -225,7 +225,7 @@ mod tests {
             }
             assert!(check(clock(start, start, 1)).is_err());
         }
-        // 2^64 samples of 0.01 s: a time that a counter of 2^64 - 1 would agree with.
+        // At 2^64 sample times of 0.01 s, a counter of 2^64 - 1 would be correct, but is too large to be exact.
         assert!(check(clock(0.0, 2.0_f64.powi(64) * 0.01, u64::MAX)).is_err());
         // Without samples, as in a continuous-time model.
         assert_eq!(clock(0.0, 1.0, 0).check(Interface::CoSimulation, true, None), Ok(()));

@@ -1,14 +1,15 @@
 //! Combinations of the values of several variables.
 
-/// The most values of a variable that are tried.
+/// Integers with more values than this are not tried.
 pub(crate) const MOST_VALUES: usize = 64;
 
-/// The most combinations that are tried.
+/// If there are more combinations than this, [`combinations`] changes only one variable at a time.
 pub(crate) const MOST_COMBINATIONS: usize = 4096;
 
-/// For variables with so many values each, the numbers of the values to try together; `None` leaves a variable unchanged. First all
-/// unchanged, then all combinations, in which the first variable changes fastest. If these are more than [`MOST_COMBINATIONS`], each value
-/// of each variable alone.
+/// Returns combinations of values to try. `sizes` contains the number of values of each variable. A combination
+/// contains the index of each variable's value, or `None` for an unchanged variable. In the first combination all
+/// variables are unchanged. All others follow, the first variable changing fastest. If these are more than
+/// [`MOST_COMBINATIONS`], only those follow in which one variable has a value and the others are unchanged.
 pub(crate) fn combinations(sizes: &[usize]) -> Vec<Vec<Option<usize>>> {
     let mut tried = vec![vec![None; sizes.len()]];
     if are_few(sizes) {

@@ -1,12 +1,13 @@
-//! Comparisons in equations, as [`model`](macro@crate::model) writes them: those of `PartialOrd` and `PartialEq`, with a
-//! message of their own for the numbers of the equations.
+//! Comparisons in equations. [`model`](macro@crate::model) replaces the operators with these functions. They do the
+//! same as `PartialOrd` and `PartialEq`, but give a specific error message for the generic number type of the
+//! equations.
 
 /// Operands of `<`, `<=`, `>` and `>=`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` has no comparison, use `if_greater`, `min`, `max`, `clamp` or `sign`",
-    label = "a number of the equations",
-    note = "a branch on a number of the equations would hide the dependencies of its other side",
-    note = "as in `x.if_greater(T::from(limit), then, otherwise)`; `x.value()` is a plain number to compare"
+    label = "a number in the equations",
+    note = "an `if` on a number in the equations would hide the dependencies of the branch not taken",
+    note = "for example `x.if_greater(T::from(limit), then, otherwise)`; `x.value()` is a plain number that can be compared"
 )]
 pub trait Ordered<Rhs: ?Sized> {
     /// `self > other`.
@@ -22,9 +23,9 @@ pub trait Ordered<Rhs: ?Sized> {
 /// Operands of `==` and `!=`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` has no comparison, use `if_greater`, `min`, `max`, `clamp` or `sign`",
-    label = "a number of the equations",
-    note = "a branch on a number of the equations would hide the dependencies of its other side",
-    note = "`x.value()` is a plain number to compare; other types derive `PartialEq`"
+    label = "a number in the equations",
+    note = "an `if` on a number in the equations would hide the dependencies of the branch not taken",
+    note = "`x.value()` is a plain number that can be compared; other types derive `PartialEq`"
 )]
 pub trait Equal<Rhs: ?Sized> {
     /// `self == other`.

@@ -1,4 +1,4 @@
-//! Functions that the derives call to declare variables; not needed in a model file.
+//! Functions that the derives call to declare variables; model files do not need them.
 
 use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
@@ -10,7 +10,7 @@ use crate::variable::{ArrayElement, Declaration, Kind, Real};
 pub struct Element {
     /// Part of the name of the variable after the dot, for example `fl`.
     pub name: &'static str,
-    /// The element in words, for example `front left wheel`.
+    /// Text for descriptions, for example `front left wheel`.
     pub description: &'static str,
 }
 
@@ -25,9 +25,9 @@ pub struct Spec {
     pub(crate) words: String,
     /// Unit of measure, or one per element.
     pub units: Units,
-    /// Unit to display in.
+    /// Display unit.
     pub display: Option<DisplayUnit>,
-    /// Unit to display in, by its name among those of the unit.
+    /// Name of one of the unit's display units.
     pub display_name: Option<&'static str>,
     /// Least value.
     pub min: Option<f64>,
@@ -67,11 +67,11 @@ impl<const N: usize> From<[Unit; N]> for Units {
 }
 
 impl Spec {
-    /// A variable with a name of its own.
+    /// A variable with this name.
     pub fn named(name: &str) -> Self {
         Self { name: name.to_owned(), ..Self::default() }
     }
-    /// A variable of a definition.
+    /// A variable with the name and attributes of a definition.
     pub fn defined(definition: &Definition) -> Self {
         let mut spec = Self {
             description: definition.description,
@@ -88,17 +88,17 @@ impl Spec {
         }
         spec
     }
-    /// Above zero. A greater least value stays.
+    /// Requires values above zero. A greater minimum is kept.
     pub fn make_positive(&mut self) {
         self.min = Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE)));
     }
 
-    /// The element of an array with named elements.
+    /// An element of an array with named elements.
     pub fn element(&self, index: usize, element: &Element) -> Self {
         self.part(index, &format!(".{}", element.name), element.description, element.name)
     }
 
-    /// The element of an array `[T; N]`, which is counted from 1 in the name: `x[1]`, `x[1,2]`.
+    /// An element of an array `[T; N]`. In names, indices start at 1: `x[1]`, `x[1,2]`.
     pub fn indexed(&self, index: usize) -> Self {
         if let Some(name) = self.elements.get(index) {
             return self.part(index, &format!(".{name}"), name, name);
@@ -248,7 +248,7 @@ pub fn number<S>(start: impl NumberFor<S>) -> S {
     start.start_value()
 }
 
-/// A limit as it is written; those of an Integer are whole numbers.
+/// A limit as it is written; for an Integer, a whole number.
 pub fn limit(limit: impl Into<f64>) -> f64 {
     limit.into()
 }
@@ -267,12 +267,13 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
     }
 }
 
-/// The name of a field, to find names that two structs share while the model compiles.
+/// The name of a field, used at compile time to find names that occur in two structs.
 #[derive(Clone, Copy, Debug)]
 pub struct Name {
     text: &'static str,
-    /// Polynomial in the bytes of the text, modulo 2^64, and the power of its base that prepends another text.
+    /// Polynomial hash of the bytes of the text, modulo 2^64.
     hash: u64,
+    /// [`Self::BASE`] to the power of the length. A prefix's hash times this, plus `hash`, is the hash of both texts.
     power: u64,
     is_array: bool,
     /// Names of a nested struct.
@@ -293,12 +294,12 @@ impl Name {
         Self { text, hash, power, is_array, fields: None }
     }
 
-    /// A nested struct; no text if its names have no prefix.
+    /// A nested struct; the prefix may be empty.
     pub const fn nested(prefix: &'static str, fields: &'static [Self]) -> Self {
         Self { fields: Some(fields), ..Self::of(prefix, false) }
     }
 
-    /// The hash of the text after a prefix.
+    /// The hash of a prefix followed by the text.
     const fn behind(&self, prefix: u64) -> u64 {
         prefix.wrapping_mul(self.power).wrapping_add(self.hash)
     }
@@ -337,13 +338,13 @@ impl Text {
     pub const fn as_str(&self) -> &str {
         match std::str::from_utf8(self.bytes.split_at(self.length).0) {
             Ok(text) => text,
-            // Too long, and cut within a letter.
+            // The text was too long and was cut within a character.
             Err(_) => "two variables have the same name",
         }
     }
 }
 
-/// The error if a name of a struct occurs twice, or also in a struct before it.
+/// Returns an error if a name occurs twice in a struct, or also in an earlier struct.
 pub const fn shared_name(earlier: &[&[Name]], names: &[Name]) -> Option<Text> {
     shared(earlier, names, names, 0, &[])
 }
@@ -354,7 +355,7 @@ const fn shared(earlier: &[&[Name]], whole: &[Name], names: &[Name], prefix: u64
         let name = &names[i];
         match name.fields {
             Some(fields) => {
-                // Deeper structs are named by their last prefix only.
+                // In nested structs, the message contains only the last prefix.
                 let found = shared(earlier, whole, fields, name.prefix(prefix), &[name.text]);
                 if found.is_some() {
                     return found;

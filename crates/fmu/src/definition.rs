@@ -1,17 +1,17 @@
-//! Definitions that several models share: an entry of a catalogue of signals or parameters.
+//! Definitions of variables that several models share, as in a catalog of signals or parameters.
 
 use crate::unit::Unit;
 
-/// A variable that means the same in every model that has it.
+/// A variable that has the same meaning in every model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Definition {
     /// Name in the model description; an array appends the names of its elements.
     pub name: &'static str,
     /// Unit of measure.
     pub unit: Unit,
-    /// Unit to display values in, one of [`Unit::display`].
+    /// Name of the display unit, one of [`Unit::display`].
     pub display: Option<&'static str>,
-    /// Usual magnitude in the unit, to an order of magnitude.
+    /// Order of magnitude, in the unit.
     pub nominal: Option<f64>,
     /// Valid values.
     pub range: Range,
@@ -19,8 +19,8 @@ pub struct Definition {
     pub description: &'static str,
 }
 
-/// Least value of a parameter that must be above zero, in its unit: FMI has no exclusive limits, and smaller numbers
-/// overflow where a model divides by a power of them.
+/// Minimum of a parameter that must be above zero, in its unit. FMI has no exclusive limits, and dividing by a power of
+/// a smaller number can overflow.
 pub const LEAST_POSITIVE: f64 = 1e-6;
 
 /// The values a parameter may have.
@@ -32,11 +32,12 @@ pub enum Range {
     NonNegative,
     /// At least [`LEAST_POSITIVE`].
     Positive,
-    /// This number or more.
+    /// At least this number.
     AtLeast(f64),
 }
 
-/// Least integration step and sample time in s: a communication step of 1 s has 10^6 of them, the most there may be.
+/// Minimum of the integration step and the sample time in s: a communication step of 1 s then has 10^6 parts, which is
+/// the limit.
 const LEAST_STEP: f64 = 1e-6;
 
 /// Time from one sample of a discrete-time model to the next.

@@ -20,7 +20,7 @@ use crate::variable::{Kind, Layout};
 pub const LOG_ERROR: &str = "logStatusError";
 /// Category of messages about information that does not exist.
 pub const LOG_DISCARD: &str = "logStatusDiscard";
-/// Category of messages about the life of the instance.
+/// Category of messages about initialization, termination, reset and restored states.
 pub const LOG_EVENTS: &str = "logEvents";
 
 /// The log categories with their descriptions.
@@ -35,7 +35,7 @@ pub const LOG_CATEGORIES: [(&str, &str); 3] = [
 pub struct Format {
     /// Version of the standard.
     pub version: Version,
-    /// Interfaces, as far as the model has them.
+    /// Requested interfaces; a model may not have all of them.
     pub interfaces: Interfaces,
     /// True if arrays of the model are variables with dimensions (FMI 3.0) instead of one variable for each element.
     pub arrays: bool,
@@ -48,7 +48,7 @@ impl Format {
     pub const FMI3: Self = Self { version: Version::Fmi3, ..Self::FMI2 };
 }
 
-/// Data of a model that need no instance.
+/// Data of a model that do not depend on an instance.
 #[derive(Debug)]
 pub struct Description {
     /// All variables.
@@ -59,19 +59,20 @@ pub struct Description {
     pub xml: String,
     /// Reasons why the model structure lists too much, each with the remedy; empty in a packed library.
     pub notes: Vec<String>,
-    /// With native arrays, the number of values of the variable of each value reference; otherwise empty.
+    /// With native arrays, the number of values for each value reference; otherwise empty.
     pub(crate) lengths: Vec<u32>,
 }
 
 impl Description {
-    /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads. Panics if the declarations contradict
-    /// each other (two variables of one name, a start value outside its limits), or a model has no derived parameters for any value of
-    /// its Booleans and enumerations. The test that [`model`](macro@crate::model) adds to the package finds that.
+    /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads. Panics if the
+    /// declarations are inconsistent (two variables with one name, a start value outside its limits), or if the derived
+    /// parameters cannot be computed for any combination of Booleans and enumerations. The test that
+    /// [`model`](macro@crate::model) adds to the package detects these errors.
     pub fn of<M: Model>(format: Format, resources: &Path) -> Self {
         Self::try_of::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
-    /// As [`Self::of`]. An error is the contradiction in the declarations.
+    /// Like [`Self::of`], but returns an error instead of panicking.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
         let mut layout = M::layout();
         let Format { version, interfaces, .. } = format;
@@ -93,7 +94,8 @@ impl Description {
         };
         let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
         let xml = with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"));
-        // The GUID is the hash of the description with an empty one. It is in the first element, so the first match is replaced.
+        // The GUID is the hash of the description with an empty GUID. It is in the first element, so the first match is
+        // replaced.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
         let name = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
@@ -101,15 +103,16 @@ impl Description {
         Ok(Self { lengths: lengths(&layout, format), layout, guid, xml, notes: structure.notes })
     }
 
-    /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common, such as a
-    /// wheel or an axle; empty if there is none. Native arrays have no terminals, because a terminal groups whole variables.
+    /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common,
+    /// such as a wheel or an axle. Empty if there is none. Native arrays have no terminals, because a terminal cannot
+    /// contain a part of a variable.
     pub fn terminals(&self, format: Format) -> String {
         let xml = fmi3::terminals(&self.layout, format).expect("writing to memory does not fail");
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))
     }
 
-    /// Creates the data that an instance needs, if the GUID and the number of event indicators are known: see
-    /// [`crate::abi::Export::GUID`].
+    /// Creates only the data that an instance needs, from the GUID and the number of event indicators that the packer
+    /// built in: see [`crate::abi::Export::GUID`].
     pub fn packed<M: Model>(format: Format, guid: &str, indicators: usize) -> Self {
         let mut layout = M::layout();
         layout.indicators.relations = indicators.saturating_sub(layout.indicators.declared);
@@ -117,7 +120,7 @@ impl Description {
     }
 }
 
-/// Number of values of the variable of each value reference if arrays are native: an array has the reference of its first element.
+/// With native arrays, the number of values for each value reference. An array has the reference of its first element.
 fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
     if !format.arrays {
         return Vec::new();
@@ -127,11 +130,11 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
     lengths.iter().map(|&length| length.max(1)).collect()
 }
 
-/// Returns the contradiction in the declarations, if any.
+/// Returns the first inconsistency in the declarations, if any.
 fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     if !info.name.starts_with(|c: char| c.is_ascii_alphabetic()) || !info.name.chars().all(is_word) {
-        return Some("the name must be an identifier of C: it is the modelIdentifier".to_owned());
+        return Some("the name is used as the modelIdentifier and must be a C identifier".to_owned());
     }
     for (what, value) in [("stop_time", info.stop_time), ("step_size", info.step_size)] {
         if !(value.is_finite() && value > 0.0) {
@@ -167,7 +170,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                 let definition = |unit: Unit| (unit.exponents, unit.factor, unit.offset);
                 let known = units.entry(real.unit.name).or_insert(real.unit);
                 if definition(*known) != definition(real.unit) {
-                    return Some(format!("'{name}': there is another unit of the name {}", real.unit.name));
+                    return Some(format!("'{name}': another variable has a different unit named {}", real.unit.name));
                 }
                 if [real.min, real.max, real.nominal].into_iter().flatten().any(|value| !value.is_finite()) {
                     return Some(format!("'{name}': a limit or the nominal value is not a finite number"));
@@ -195,7 +198,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                     ));
                 }
                 if !items.is_empty() && *types.entry(key).or_insert(*items) != *items {
-                    return Some(format!("'{name}': there is another enumeration of the name {type_name}"));
+                    return Some(format!("'{name}': another variable has a different enumeration named {type_name}"));
                 }
             }
             Kind::String { start } if !is_text(start) => {
@@ -207,10 +210,10 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
     if format.version == Version::Fmi2 {
         return None;
     }
-    // In FMI 3.0 the time and the event indicators are variables, too: `fmi3` writes them under these names.
+    // In FMI 3.0 the time and the event indicators are variables. `fmi3` writes them with these names.
     const TIME: [&str; 3] = ["time", "simulation_time", "independent_variable"];
     if TIME.iter().all(|name| names.contains(&(*name).to_owned())) {
-        return Some(format!("'{}' are all taken, and FMI 3.0 needs one of them for the time", TIME.join("', '")));
+        return Some(format!("rename one of '{}': FMI 3.0 needs one of these names for the time", TIME.join("', '")));
     }
     let is_index = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let is_indicator = |name: &&&String| {
@@ -218,7 +221,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
         format.interfaces.model_exchange && index.is_some_and(is_index)
     };
     names.iter().find(is_indicator).map(|name| {
-        format!("'{name}' is the name of an event indicator in FMI 3.0; choose another one for the variable")
+        format!("'{name}' is the name of an event indicator in FMI 3.0; choose another name for the variable")
     })
 }
 
@@ -295,14 +298,14 @@ mod tests {
         assert_eq!(problem(real(Spec { nominal: Some(0.0), ..x() }, 0.0)), "'x': the nominal value is not above 0");
         assert_eq!(
             problem([real(x(), 0.0), real(named("y", Unit { name: "m", ..Unit::S }), 0.0)].concat()),
-            "'y': there is another unit of the name m"
+            "'y': another variable has a different unit named m"
         );
         let mut other_mode = plain(enumeration("Law", ITEMS));
         other_mode[0].name = "y".to_owned();
         const OTHERS: &[Item] = &[Item { value: 0, name: "on", description: "On" }];
         assert_eq!(
             problem([other_mode, plain(enumeration("Law", OTHERS))].concat()),
-            "'x': there is another enumeration of the name Law"
+            "'x': another variable has a different enumeration named Law"
         );
         let number = Kind::Integer { start: 3, min: 0, max: 2, type_name: "", items: &[], is_enumeration: false };
         assert_eq!(problem(plain(number)), "start of 'x' = 3 is not within [0, 2]");
@@ -325,7 +328,7 @@ mod tests {
         }
     }
 
-    /// FMI 2.0 has no such variables, and without model exchange there are no indicators.
+    /// The names are valid in FMI 2.0; without model exchange, so are those of event indicators.
     #[test]
     fn names_that_fmi_3_needs_are_rejected() {
         let all = |names: &[&'static str]| -> Vec<Declaration> {
@@ -335,13 +338,13 @@ mod tests {
         assert_eq!(problem_in(Format::FMI3, all(&taken[..2])), "");
         assert_eq!(
             problem_in(Format::FMI3, all(&taken)),
-            "'time', 'simulation_time', 'independent_variable' are all taken, and FMI 3.0 needs one of them for the time"
+            "rename one of 'time', 'simulation_time', 'independent_variable': FMI 3.0 needs one of these names for the time"
         );
         assert_eq!(problem_in(Format::FMI2, all(&taken)), "");
         let indicator = || all(&["event_indicator[12]"]);
         assert_eq!(
             problem_in(Format::FMI3, indicator()),
-            "'event_indicator[12]' is the name of an event indicator in FMI 3.0; choose another one for the variable"
+            "'event_indicator[12]' is the name of an event indicator in FMI 3.0; choose another name for the variable"
         );
         assert_eq!(problem_in(Format::FMI2, indicator()), "");
         let co_simulation = Interfaces { model_exchange: false, ..Interfaces::ALL };

@@ -1,6 +1,6 @@
 //! The discrete state of a model, kept from one sample or event to the next.
 
-/// The discrete state of a model. Derive [`DiscreteState`](crate::derive::DiscreteState) beside `Clone` and `Default`.
+/// The discrete state of a model. Derive [`DiscreteState`](crate::derive::DiscreteState), `Clone` and `Default`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a discrete state",
     note = "add `#[derive(DiscreteState, Clone, Default)]`"
@@ -40,7 +40,7 @@ pub enum Word<'a> {
 }
 
 impl Word<'_> {
-    /// Appends the value to the bytes of a state: a mark of its type, and the value.
+    /// Appends the value to the bytes of a state: a byte for its type, then the value.
     pub(crate) fn write(self, bytes: &mut Vec<u8>) {
         let (mark, number) = match self {
             Self::Real(value) => (0, value.to_bits()),
@@ -55,7 +55,7 @@ impl Word<'_> {
     }
 }
 
-/// The bytes of a state from the next value on.
+/// The bytes of a state that have not been read.
 pub struct Words<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Words<'a> {
@@ -82,34 +82,34 @@ impl<'a> Words<'a> {
             [kind] => Err(format!("unknown kind of value {kind}")),
         }
     }
-    /// The next value, a real number.
+    /// Reads a real number.
     ///
     /// # Errors
-    /// It is missing or of another type.
+    /// The next value is missing or has another type.
     pub fn real(&mut self, name: &str) -> Result<f64, String> {
         match self.next()? {
             Word::Real(value) => Ok(value),
             other => Err(format!("'{name}' must be a real number, got {other:?}")),
         }
     }
-    /// The next value, a whole number.
+    /// Reads a whole number.
     ///
     /// # Errors
-    /// As [`Self::real`].
+    /// As for [`Self::real`].
     pub fn whole(&mut self, name: &str) -> Result<u64, String> {
         match self.next()? {
             Word::Whole(value) => Ok(value),
             other => Err(format!("'{name}' must be a whole number, got {other:?}")),
         }
     }
-    /// The next value, bytes.
+    /// Reads bytes.
     ///
     /// # Errors
-    /// As [`Self::real`].
+    /// As for [`Self::real`].
     pub fn bytes(&mut self, name: &str) -> Result<&'a [u8], String> {
         match self.next()? {
             Word::Bytes(value) => Ok(value),
-            other => Err(format!("'{name}' must be a text, got {other:?}")),
+            other => Err(format!("'{name}' must be a String or bytes, got {other:?}")),
         }
     }
 }
@@ -165,7 +165,7 @@ impl StateField for i32 {
     }
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
         let word = source.whole(name)?;
-        *self = u32::try_from(word).map_err(|_| format!("'{name}' must fit 32 bits, got {word}"))?.cast_signed();
+        *self = u32::try_from(word).map_err(|_| format!("'{name}' must fit in 32 bits, got {word}"))?.cast_signed();
         Ok(())
     }
 }
@@ -194,7 +194,7 @@ impl StateField for String {
     }
 }
 
-/// On the heap: a large array in a box does not need room on the stack whenever the state is moved.
+/// A large array in a box does not need space on the stack when the state is moved.
 impl<F: StateField> StateField for Box<F> {
     #[inline]
     fn not_finite(&self) -> Option<f64> {

@@ -30,8 +30,8 @@ impl<T: Scalar> Dual<T> {
         Self::new(value, (self.eps - value * other.eps) / other.re)
     }
 
-    /// The dual number of this value whose derivative is `slope` times that of `self`. Where `self` does not change, neither
-    /// does a function of it, even where the function has no finite slope: a vehicle at rest stays differentiable.
+    /// Applies a function with this value and slope (chain rule). If the derivative of `self` is 0, so is the result's,
+    /// even where the slope is infinite: a vehicle at rest stays differentiable.
     fn chain(self, value: T, slope: T) -> Self {
         Self::new(value, if self.eps.value() == 0.0 { T::from(0.0) } else { slope * self.eps })
     }
@@ -108,10 +108,10 @@ impl<T: Scalar> Scalar for Dual<T> {
         (self.chain(sin, cos), self.chain(cos, -sin))
     }
     fn atan2(self, x: Self) -> Self {
-        // Not by the quotient, which has no derivative where x is 0.
+        // The quotient self/x would have no derivative at x = 0.
         let distance = self.re * self.re + x.re * x.re;
         let turn = x.re * self.eps - self.re * x.eps;
-        // At the origin the angle has no derivative; 0 keeps a vehicle at rest differentiable.
+        // The angle has no derivative at the origin; 0 keeps a vehicle at rest differentiable.
         Self::new(self.re.atan2(x.re), if distance.value() == 0.0 { T::from(0.0) } else { turn / distance })
     }
     fn powf(self, exponent: f64) -> Self {
@@ -137,7 +137,7 @@ impl<T: Scalar> Scalar for Dual<T> {
         let is_greater = self.re.if_greater(threshold.re, T::from(1.0), T::from(0.0));
         if is_greater.value() > 0.0 { then } else { otherwise }
     }
-    // By the values: they may not be relations of `T` (see `Relational`).
+    // Compares the values: `T::if_greater` would add relations (see `Relational`).
     fn max(self, other: Self) -> Self {
         if self.value() > other.value() { self } else { other }
     }
@@ -166,12 +166,13 @@ mod tests {
         (dual.re, dual.eps)
     }
 
-    /// The function of the equations, its value and its derivative.
+    /// A function of dual numbers, the same function of plain numbers, and its derivative.
     type Case = (fn(Dual64) -> Dual64, fn(f64) -> f64, fn(f64) -> f64);
 
     #[test]
     fn derivatives_are_those_of_calculus() {
-        // The value is that of plain numbers. Derivatives: closed forms; 4e-15 relative is a few roundings.
+        // The values must equal the results with plain numbers. The derivatives are compared with closed forms; a
+        // relative error of 4e-15 is a few roundings.
         let cases: &[Case] = &[
             (Scalar::sin, math::sin, f64::cos),
             (Scalar::cos, math::cos, |x| -x.sin()),
@@ -214,7 +215,7 @@ mod tests {
     fn duals_have_the_value_of_the_number_and_its_slope_at_the_edges_of_a_domain() {
         let zero = Dual64::from(0.0);
         let seeded = |value| Dual64::new(value, 1.0);
-        // d atan2(y, x) = (x dy - y dx)/(x^2 + y^2); from y/x it would be 0/0 where x = 0.
+        // d atan2(y, x) = (x dy - y dx)/(x^2 + y^2)
         assert_eq!(Scalar::atan2(Dual64::from(2.0), seeded(0.0)).eps, -0.5);
         assert_eq!(Scalar::atan2(seeded(2.0), zero).eps, 0.0);
         assert_eq!(pair(Scalar::atan2(seeded(0.0), Dual64::from(-2.0))), (std::f64::consts::PI, -0.5));
@@ -230,14 +231,14 @@ mod tests {
         assert_eq!(pair(Scalar::hypot(seeded(0.0), zero)), (0.0, 0.0));
     }
 
-    /// |x| as equations call it: through the bound on the number type.
+    /// |x| for a generic number type, as in equations.
     fn magnitude<T: Scalar>(x: T) -> T {
         x.abs()
     }
 
     #[test]
     fn a_magnitude_has_no_sign() {
-        // -0 would turn up again as atan2(-0, -1) = -pi.
+        // With -0, equations would get atan2(-0, -1) = -pi.
         assert!(magnitude(0.0_f64).is_sign_positive());
         assert!(magnitude(-0.0_f64).is_sign_positive());
         assert!(magnitude(Dual64::new(0.0, 1.0)).re.is_sign_positive());

@@ -2,10 +2,10 @@
 
 use crate::discrete_state::Words;
 
-/// Named values. Derive [`Enumeration`](crate::derive::Enumeration) for an enum without data.
+/// An enum with named values. Derive [`Enumeration`](crate::derive::Enumeration) for an enum without data.
 ///
-/// In the FMU the variable is an Integer with a type that lists the names, because several masters cannot set FMI
-/// enumerations; `#[var(enumeration)]` makes it an FMI Enumeration.
+/// In the FMU, the variable is an Integer whose type lists the names, because several masters cannot set FMI
+/// enumerations. With `#[var(enumeration)]` it is an FMI Enumeration.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not have named values",
     note = "add `#[derive(Enumeration)]` to an enum without data"
@@ -15,9 +15,9 @@ pub trait Enumeration: Sized + Send + 'static {
     const NAME: &'static str;
     /// The values, in increasing order.
     const ITEMS: &'static [Item];
-    /// The first one: start value of inputs and outputs.
+    /// The first variant, which is the start value of inputs and outputs.
     fn first() -> Self;
-    /// The variant of this value.
+    /// The variant with this value.
     fn from_value(value: i32) -> Option<Self>;
     /// The value of this variant.
     fn value(&self) -> i32;
@@ -34,7 +34,7 @@ pub struct Item {
     pub description: &'static str,
 }
 
-/// Makes an enumeration a type of variables and of fields of a discrete state.
+/// Implements the traits for variables and for fields of a discrete state.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! enumeration_fields {
@@ -53,7 +53,7 @@ macro_rules! enumeration_fields {
             #[inline]
             fn read(values: $crate::__private::Values<'_, T>, at: $crate::__private::Counts) -> Self {
                 let value = <Self as $crate::Enumeration>::from_value(values.integers[at.integers]);
-                // It was checked when it was set.
+                // The value was checked when it was set.
                 value.unwrap_or_else(<Self as $crate::Enumeration>::first)
             }
             #[inline]
@@ -77,7 +77,7 @@ macro_rules! enumeration_fields {
     };
 }
 
-/// Restores a variant. Fails if a value is missing, of another type, or not one of the enumeration.
+/// Restores a variant. Fails if the value is missing, has another type, or is not in the enumeration.
 #[doc(hidden)]
 pub fn load<E: Enumeration>(name: &'static str, source: &mut Words<'_>) -> Result<E, String> {
     let word = source.whole(name)?;

@@ -1,21 +1,21 @@
-//! A number type that identifies the expression that computes a number.
+//! A number type for the equations whose values identify expressions.
 
 use std::cell::Cell;
 
 use crate::scalar::{Scalar, Symbol, assign_and_sum, symbolic};
 use crate::table::Table;
 
-/// Hash of an expression of known variables and constants. Two evaluations of the equations that give the same hash have
-/// computed the same expression, except with a probability of about 2^-64 for each pair.
+/// Hash of an expression of known variables and constants. If two evaluations of the equations give the same hash, they
+/// computed the same expression, except with a probability of about 2^-64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Expression(u128);
 
 thread_local! {
-    /// True if equations have read a value.
+    /// True if the equations have read a number's value.
     static INSPECTED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs `equations`. Returns their result, and true if they read a value by [`Scalar::value`].
+/// Runs `equations`. Returns their result, and true if they called [`Scalar::value`].
 pub(crate) fn inspected<R>(equations: impl FnOnce() -> R) -> (R, bool) {
     INSPECTED.set(false);
     (equations(), INSPECTED.get())

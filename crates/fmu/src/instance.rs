@@ -1,4 +1,4 @@
-//! One instance of an FMU, in safe Rust: modes, values, time, state. The C interface calls nothing else.
+//! An instance of an FMU, in safe Rust: modes, values, time, state. The C interface only calls this module.
 #![cfg_attr(not(feature = "testing"), expect(unreachable_pub, reason = "public with the feature `testing`"))]
 
 use std::ffi::CString;
@@ -23,7 +23,7 @@ mod values;
 /// Error of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CallError {
-    /// fmi2Error: the problem, where it occurred, and the rule.
+    /// fmi2Error, with a message: what is wrong, where, and the rule.
     Error(String),
     /// fmi2Discard: the requested information does not exist.
     Discard(String),
@@ -38,7 +38,7 @@ impl From<String> for CallError {
 /// Result of a call.
 type CallResult<T = ()> = Result<T, CallError>;
 
-/// The whole state of an instance; fmi2FMUstate points to it.
+/// The complete state of an instance, to which an fmi2FMUstate points.
 pub struct Snapshot<M: Model> {
     pub(crate) mode: Mode,
     pub(crate) clock: Clock,
@@ -53,7 +53,7 @@ pub struct Snapshot<M: Model> {
 /// An instance of the model `M`.
 pub struct Instance<M: Model> {
     protocol: Protocol,
-    /// True if the importer handles the events of co-simulation (FMI 3.0).
+    /// True if the importer handles events in co-simulation (FMI 3.0).
     uses_event_mode: bool,
     description: Arc<Description>,
     resources: PathBuf,
@@ -63,25 +63,25 @@ pub struct Instance<M: Model> {
     clock: Clock,
     values: ValueStore,
     parameters: M::Parameters,
-    /// True if the parameter `tolerance` was set; otherwise it is the tolerance of the experiment.
+    /// True if the parameter `tolerance` was set; otherwise the tolerance of the experiment applies.
     is_tolerance_set: bool,
     derived: Option<Arc<M::Derived>>,
-    /// True if a parameter has changed since the derived parameters were computed: they are computed again when they are needed.
+    /// True if a parameter has changed since the derived parameters were computed. They are computed again when needed.
     derived_are_old: bool,
-    /// Created when needed. Before the start, it is created again after any change of the values that it follows from. When a step fails,
-    /// only the discrete state of a continuous-time model is restored, for its outputs; in Step Failed nothing reads the rest, and a saved
-    /// state or a reset replaces it.
+    /// Created when needed; before the start, created again when a value on which it depends changes. If a step of a
+    /// continuous-time model fails, only the discrete state in it is restored, because the outputs depend on it.
+    /// Nothing else is read in Step Failed, and a saved state or a reset then replaces everything.
     run: Option<M::RunnerState>,
     outputs_are_old: bool,
     derivatives_are_old: bool,
-    /// True if an output or derivative that is up to date is not finite; everything else always is.
+    /// True if an up-to-date output or derivative is not finite. All other values are always finite.
     has_not_finite: bool,
     /// Strings handed out by fmi2GetString; they live until the value changes.
     texts: Box<[CString]>,
 }
 
 impl<M: Model> Instance<M> {
-    /// A new instance in Instantiated. `resources` is the resources folder of the unpacked FMU.
+    /// A new instance in mode Instantiated. `resources` is the resources folder of the unpacked FMU.
     pub fn new(protocol: Protocol, description: Arc<Description>, resources: PathBuf) -> Self {
         let values = ValueStore::start(&description.layout);
         let parameters = M::parameters(&values);
@@ -107,7 +107,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// An instance for an importer that handles the events of co-simulation.
+    /// An instance for an importer that handles events in co-simulation.
     pub fn with_event_mode(self) -> Self {
         Self { uses_event_mode: true, ..self }
     }
@@ -124,7 +124,7 @@ impl<M: Model> Instance<M> {
         self.allowed = ALLOWED[self.protocol.column()][mode as usize];
     }
 
-    /// Rejects a call out of order. An error reads "called in X, allowed in Y".
+    /// Rejects a call that the mode does not allow. The error is "called in X, allowed in Y".
     #[inline]
     pub fn check(&self, function: Function) -> CallResult {
         if self.allowed >> function as u32 & 1 != 0 {
@@ -133,7 +133,7 @@ impl<M: Model> Instance<M> {
         Err(function.out_of_order(self.protocol, self.mode).into())
     }
 
-    /// An error of a function, which the message names.
+    /// An error whose message contains the function's name.
     fn error(&self, function: Function, message: impl std::fmt::Display) -> CallError {
         CallError::Error(format!("{}: {message}", function.name(self.protocol.version)))
     }
@@ -164,8 +164,8 @@ impl<M: Model> Instance<M> {
         self.run.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
     }
 
-    /// fmi2SetupExperiment, without a tolerance. Fails on a start time that is not finite, or a stop time that is not a number after
-    /// it.
+    /// fmi2SetupExperiment, without a tolerance. Fails if the start time is not finite, or if the stop time is NaN or
+    /// before the start time.
     #[cfg(feature = "testing")]
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         let function = Function::SetupExperiment;
@@ -173,9 +173,10 @@ impl<M: Model> Instance<M> {
         self.set_experiment(function, start, stop, None)
     }
 
-    /// Sets start and stop time and relative tolerance, for a function. The tolerance is that of a solver with error control, unless
-    /// its parameter was set. Fails on a start time that is not finite, a stop time that is not a number after it, or a tolerance for
-    /// such a solver that is not finite and above 0.
+    /// Sets start time, stop time and relative tolerance; errors contain the name of `function`. A solver with error
+    /// control uses the tolerance, unless the parameter `tolerance` was set. Fails if the start time is not finite, if
+    /// the stop time is NaN or before the start time, or if such a solver gets a tolerance that is not finite and above
+    /// 0.
     pub fn set_experiment(
         &mut self,
         function: Function,
@@ -197,7 +198,7 @@ impl<M: Model> Instance<M> {
             && !(tolerance > 0.0 && tolerance.is_finite())
         {
             let message = format_args!(
-                "tolerance must be finite and above 0, got {tolerance}; without toleranceDefined the model's own is used"
+                "tolerance must be finite and above 0, got {tolerance}; with toleranceDefined = false the model's tolerance is used"
             );
             return Err(self.error(function, message));
         }
@@ -209,7 +210,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Sets the solver's tolerance: that of the experiment, within the limits of the parameter, or that of the model.
+    /// Sets the solver's tolerance to the experiment's, within the limits of the parameter, or else to the model's.
     fn set_tolerance(&mut self, tolerance: Option<f64>) {
         let layout = &self.description.layout;
         if let Some(index) = layout.solver
@@ -229,12 +230,12 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2ExitInitializationMode: computes the derived parameters, which checks the parameters together. Fails if the parameters are
-    /// inconsistent; the mode is kept.
+    /// fmi2ExitInitializationMode: computes the derived parameters. If the parameters are inconsistent, fails and keeps
+    /// the mode.
     pub fn exit_initialization(&mut self) -> CallResult {
         let function = Function::ExitInitializationMode;
         self.check(function)?;
-        // A simulation is started again, so that earlier reads have no effect on it.
+        // The state of the run is created again, so that earlier reads have no effect on it.
         self.run = None;
         self.derive()?;
         let run = self.run.as_ref().expect("made with the derived parameters");
@@ -268,7 +269,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The error of a value at the start that is not finite.
+    /// The error for a value that is not finite at the start.
     fn no_start(rule: std::fmt::Arguments<'_>, value: f64) -> CallError {
         format!("{}: {rule}, got {value}; check the parameters", M::INFO.name).into()
     }
@@ -280,7 +281,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2Reset: as after instantiation.
+    /// fmi2Reset: restores the state after instantiation.
     pub fn reset(&mut self) -> CallResult {
         self.check(Function::Reset)?;
         let uses_event_mode = self.uses_event_mode;
@@ -299,8 +300,8 @@ impl<M: Model> Instance<M> {
         Run { ctx, run, values: &mut self.values }
     }
 
-    /// Returns the derived parameters, computed again if a parameter has changed. Before the start also computes the
-    /// calculated states and the state of the run, which depend on the values only, not on earlier reads.
+    /// Returns the derived parameters, computed again if a parameter has changed. Before the start, also computes the
+    /// calculated states and the state of the run. They depend only on the values, not on earlier reads.
     #[inline]
     fn derive(&mut self) -> CallResult<Arc<M::Derived>> {
         match &self.derived {
@@ -320,7 +321,7 @@ impl<M: Model> Instance<M> {
         if let Some(before) = self.derived.as_deref().filter(|_| !self.is_before_start())
             && M::fingerprint(before) != M::fingerprint(&derived)
         {
-            return Err(named("a file that the simulation was started with has another content now".to_owned()).into());
+            return Err(named("a file that the model read at the start has changed since".to_owned()).into());
         }
         let layout = &self.description.layout;
         derived.write(&mut self.values.view_mut(), layout.derived.at);
@@ -348,7 +349,7 @@ impl<M: Model> Instance<M> {
     #[inline]
     fn values_changed(&mut self) {
         if M::KIND == ModelKind::Continuous && self.is_before_start() {
-            // The calculated states and the discrete state at the start follow from them.
+            // The calculated states and the initial discrete state may depend on any value.
             self.run = None;
         }
         self.forget_results();
@@ -365,14 +366,14 @@ impl<M: Model> Instance<M> {
     /// Returns true if outputs must be computed before they are read.
     #[inline]
     fn outputs_are_due(&self) -> bool {
-        // Those of a source are computed up to the start and held from then on; those of a stateful model are computed in
-        // each step.
+        // A source computes its outputs up to the start and then holds them. A stateful model computes them in each
+        // step.
         let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && self.is_before_start());
         are_computed && self.outputs_are_old
     }
 
-    /// Returns true if a call may compute with real numbers. Setting real values only compares finite numbers; the outputs of discrete-time
-    /// and stateful models exist once these have started.
+    /// Returns true if a call may do floating-point arithmetic. Setting real values only compares finite numbers.
+    /// Reading them after the start computes nothing in discrete-time and stateful models.
     #[inline]
     pub(crate) fn may_compute(&self, function: Function) -> bool {
         match function {
@@ -382,8 +383,8 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Updates outputs, derivatives and calculated parameters as far as a caller requests them. Those of a controller are
-    /// usually up to date: always inlined, because the call would cost more than the test.
+    /// Updates outputs, derivatives and calculated parameters if the caller requests them. In a controller they are
+    /// usually up to date; this function is inlined because a call would cost more than the test.
     #[inline(always)]
     fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> CallResult {
         let outputs = outputs && self.outputs_are_due();
@@ -391,7 +392,8 @@ impl<M: Model> Instance<M> {
         if calculated || outputs || derivatives { self.compute(outputs, derivatives) } else { Ok(()) }
     }
 
-    /// Computes outputs and derivatives, and first the derived parameters and the state of the run if they are out of date.
+    /// Computes outputs and derivatives. If derived parameters and the state of the run are out of date, computes them
+    /// first.
     fn compute(&mut self, outputs: bool, derivatives: bool) -> CallResult {
         if self.is_stale() {
             self.derive()?;
@@ -403,7 +405,7 @@ impl<M: Model> Instance<M> {
             if is_frozen {
                 M::eval_frozen(ctx, run, values, true);
             } else {
-                // A source takes its first sample, which is due at the start.
+                // For a source, this takes the first sample, which is due at the start.
                 M::outputs(ctx, run, values);
             }
             has_not_finite |= !are_finite(&values.reals[ctx.layout.outputs.reals()]);
@@ -430,7 +432,7 @@ impl<M: Model> Instance<M> {
 
 /// Converts a string for the C interface.
 fn text(string: &str) -> CString {
-    // A model may make one with a zero byte, which C cannot read.
+    // A model may return a string that contains a zero byte, which would end the string in C.
     CString::new(string).unwrap_or_else(|_| CString::new(string.replace('\0', " ")).unwrap_or_default())
 }
 

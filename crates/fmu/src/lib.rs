@@ -1,16 +1,16 @@
 //! Exports a model, declared once in Rust, as an FMU: FMI 2.0 or 3.0, co-simulation and model exchange.
 //!
-//! A model consists of structs whose fields carry name, unit, start value and description of every variable, and of pure
-//! functions. The struct with the parameters is the model; it implements one of three traits:
+//! A model consists of structs and pure functions. The fields of the structs declare name, unit, start value and
+//! description of every variable. The struct with the parameters implements one of three traits:
 //!
 //! | trait | model | examples |
 //! |---|---|---|
-//! | [`Continuous`] | x' = f(t, x, u), perhaps with events | vehicle, motor, heat exchanger |
+//! | [`Continuous`] | x' = f(t, x, u), with or without events | vehicle, motor, heat exchanger |
 //! | [`Discrete`] | an update at each sample | controller, filter, signal source |
 //! | [`Stateful`] | an existing simulation that advances itself | anything that can be cloned |
 //!
-//! [`model`](macro@model) adds what a model does not have and exports it; names, numbers, the model description, saved states,
-//! reset and derivatives follow from the declaration. `cargo fmu pack` writes the FMU.
+//! [`model`](macro@model) adds default items and exports the model; value references, the model description, saved
+//! states, reset and derivatives follow from the declaration. `cargo fmu pack` writes the FMU.
 //!
 //! # A model and its test
 //!
@@ -44,7 +44,7 @@
 //!     }
 //! }
 //!
-//! // A test runs it without an FMU, with the same solver and the same bits. Undamped it is the harmonic oscillator: x = 2 cos t.
+//! // A test can run the model without an FMU; the results are bit-identical. Undamped, it is a harmonic oscillator: x = 2 cos t.
 //! # fn main() -> Result<(), String> {
 //! let mut run = fmu::simulation::ContinuousSimulation::new(VanDerPol { mu: 0.0 })?;
 //! while run.time() < 10.0 {
@@ -54,7 +54,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! See [`simulation`]. The attributes of a field are listed with each derive: [`Parameters`](derive@prelude::Parameters),
+//! See [`simulation`]. Each derive lists the attributes of its fields: [`Parameters`](derive@prelude::Parameters),
 //! [`Inputs`](derive@prelude::Inputs), [`Outputs`](derive@prelude::Outputs), [`State`](derive@prelude::State),
 //! [`Derived`](derive@prelude::Derived), [`DiscreteState`](derive@prelude::DiscreteState).
 //!
@@ -68,9 +68,9 @@
 //! | `RungeKutta` (default) | classical Runge-Kutta, order 4 | equal parts of the communication step | `max_step` | most models: cheap and deterministic |
 //! | `DormandPrince { tolerance: 1e-6 }` | Dormand-Prince, order 5(4) | error control | `tolerance` | smooth models whose time constants change |
 //! | `Rosenbrock { tolerance: 1e-6 }` | RODAS, order 4(3), with exact Jacobians | error control | `tolerance` | stiff models |
-//! | `Exact` | [`Continuous::advance`], which selects it | communication step | none | equations with a solution in closed form |
+//! | `Exact` | [`Continuous::advance`]; implementing it selects this solver | communication step | none | equations with a solution in closed form |
 
-// The derives name this crate by its name, also in its own tests.
+// Code from the derives refers to this crate as `fmu`, also in its own tests.
 extern crate self as fmu;
 
 mod abi;
@@ -116,7 +116,7 @@ pub use table::Table;
 pub use unit::{DisplayUnit, Unit};
 pub use variables::{ContinuousState, Derived, Field, Parameters, Variables};
 
-/// Makes the items of private modules public under another module.
+/// Exports the items of private modules.
 macro_rules! open {
     ($($module:ident)*) => {$(
         pub mod $module {

@@ -1,4 +1,4 @@
-//! The traits that a model author implements: for a continuous-time model, a discrete-time model, or a stateful one.
+//! The traits that a model implements: for continuous-time, discrete-time and stateful models.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use crate::discrete_state::DiscreteState;
 use crate::scalar::Scalar;
 use crate::variables::{ContinuousState, Derived, Parameters, Variables};
 
-/// Facts about a model that are not variables. [`model`](macro@crate::model) takes them from its arguments, the doc comment
-/// and the manifest of the package.
+/// Metadata of a model. [`model`](macro@crate::model) takes it from its arguments, the doc comment and the manifest of
+/// the package.
 #[derive(Clone, Copy, Debug)]
 pub struct Info {
     /// Name of the FMU: model identifier, file stem and name of the library.
@@ -26,7 +26,7 @@ pub struct Info {
     pub stop_time: f64,
     /// Communication step of the default experiment in s.
     pub step_size: f64,
-    /// The folder `resources` of the package, which tests read; empty in a packed library.
+    /// The folder `resources` of the package, for tests; empty in a packed library.
     pub resources: &'static str,
 }
 
@@ -35,16 +35,14 @@ pub struct Info {
 pub enum Solver {
     /// The classical Runge-Kutta method of order 4 (Kutta 1901) in equal steps not longer than the parameter `max_step`.
     RungeKutta,
-    /// The pair of orders 5 and 4 of Dormand and Prince (1980) with error control; the parameter `tolerance` starts with
-    /// this value.
+    /// The Dormand-Prince pair of orders 5 and 4 (1980), with error control.
     DormandPrince {
-        /// Relative tolerance.
+        /// Start value of the parameter `tolerance`, the relative tolerance.
         tolerance: f64,
     },
-    /// The linearly implicit method RODAS of order 4 (Hairer, Wanner 1996) with error control, for stiff models; the parameter
-    /// `tolerance` starts with this value.
+    /// The linearly implicit method RODAS of order 4 (Hairer, Wanner 1996), with error control, for stiff models.
     Rosenbrock {
-        /// Relative tolerance.
+        /// Start value of the parameter `tolerance`, the relative tolerance.
         tolerance: f64,
     },
     /// [`Continuous::advance`], the solution in closed form.
@@ -87,14 +85,14 @@ pub struct Event<'a, M: Continuous> {
     pub inputs: &'a M::Inputs<f64>,
     /// Derived parameters.
     pub derived: &'a M::Derived,
-    /// True if the time of [`Continuous::next_time_event`] has come.
+    /// True for a time event, false for a zero crossing.
     pub is_timed: bool,
     pub(crate) before: &'a [f64],
     pub(crate) after: &'a [f64],
 }
 
 impl<M: Continuous> Event<'_, M> {
-    /// Returns true if the zero crossing of this index went from positive or zero to negative.
+    /// Returns true if the zero crossing with this index went from positive or zero to negative.
     ///
     /// # Panics
     /// If the model has no zero crossing of this index.
@@ -103,7 +101,7 @@ impl<M: Continuous> Event<'_, M> {
         self.changed(index) && self.after[index] < 0.0
     }
 
-    /// Returns true if the zero crossing of this index went from negative to positive or zero.
+    /// Returns true if the zero crossing with this index went from negative to positive or zero.
     ///
     /// # Panics
     /// If the model has no zero crossing of this index.
@@ -118,7 +116,7 @@ impl<M: Continuous> Event<'_, M> {
             index < count,
             "there is no zero crossing {index}: `type Crossings` has the length {count} and counts from 0"
         );
-        // A time event has no such values.
+        // For a time event, `before` and `after` are empty.
         self.before.get(index).zip(self.after.get(index)).is_some_and(|(before, after)| is_crossing(*before, *after))
     }
 }
@@ -131,9 +129,9 @@ pub(crate) fn is_crossing(before: f64, after: f64) -> bool {
 /// A continuous-time model: x' = derivatives(t, x, u), y = outputs(t, x, u). The struct that implements it holds the
 /// parameters.
 ///
-/// The equations are generic over the number type: the same function simulates, computes exact directional derivatives, and
-/// finds the dependencies of every result. Write either [`Self::derivatives`] and [`Self::outputs`], or [`Self::evaluate`],
-/// which returns both. [`model`](macro@crate::model) adds items that a model does not have.
+/// The equations are generic over the number type: the same function simulates, computes exact directional derivatives,
+/// and finds the dependencies of every result. Write either [`Self::derivatives`] and [`Self::outputs`], or
+/// [`Self::evaluate`], which returns both. [`model`](macro@crate::model) adds default items.
 pub trait Continuous: Parameters {
     /// Facts about the model.
     const INFO: Info;
@@ -141,8 +139,9 @@ pub trait Continuous: Parameters {
     const SOLVER: Solver = Solver::RungeKutta;
     /// True if [`Self::next_time_event`] is implemented.
     const HAS_TIME_EVENTS: bool = false;
-    /// The fields of `self` that the equations read; `None` if they pass on `self`, so that they may read any. The attribute
-    /// [`model`](macro@crate::model) sets it; [`Self::derived`], [`Self::load`] and [`Self::initialize`] do not count.
+    /// The fields of `self` that the equations read; `None` if the equations pass on `self` and may therefore read any
+    /// field. [`Self::derived`], [`Self::load`] and [`Self::initialize`] are not equations.
+    /// [`model`](macro@crate::model) sets this.
     const EQUATIONS_READ: Option<&'static [&'static str]> = None;
     /// The continuous state; also the type of its time derivative.
     type State<T: Scalar>: ContinuousState<T>;
@@ -157,15 +156,15 @@ pub trait Continuous: Parameters {
     /// The quantities whose zero crossings are events, `[f64; N]`.
     type Crossings: AsRef<[f64]>;
 
-    /// Computes the derived parameters. It is called again after a tunable parameter has changed.
+    /// Computes the derived parameters. Called again after a tunable parameter has changed.
     ///
     /// # Errors
-    /// A sentence that names the parameter, its value and the rule.
+    /// A sentence with the parameter's name, its value and the rule.
     fn derived(&self) -> Result<Self::Derived, String>;
     /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU.
     ///
     /// # Errors
-    /// As [`Self::derived`].
+    /// As for [`Self::derived`].
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
         self.derived()
     }
@@ -173,14 +172,14 @@ pub trait Continuous: Parameters {
     fn fingerprint(_derived: &Self::Derived) -> u64 {
         0
     }
-    /// Writes the states with `#[var(calculated)]`; the others keep their start value. Called before the start only, for every change
-    /// of a parameter or of a start value.
+    /// Writes the states with `#[var(calculated)]`; changes to other states are ignored. Called only before the start,
+    /// whenever a parameter or start value has changed.
     ///
-    /// The first argument is the result of [`Self::derived`] or [`Self::load`]: write `derived: &D` for `type Derived = D`, and
-    /// `(): &()` in a model without derived parameters. The second one is the state, `state: &mut X<f64>`.
+    /// The first argument is the result of [`Self::derived`] or [`Self::load`]: write `derived: &D` for `type Derived =
+    /// D`, and `(): &()` in a model without derived parameters. The second argument is the state, `state: &mut X<f64>`.
     fn initialize(&self, _derived: &Self::Derived, _state: &mut Self::State<f64>) {}
-    /// The discrete state at the start, from the state and the inputs at the end of initialization. `at.discrete` holds the
-    /// default. A quantity that starts on its positive side has not risen: set here what an event would have set.
+    /// The discrete state at the start, computed from the state and inputs at the end of initialization. `at.discrete`
+    /// is the default. A zero crossing that starts positive causes no event; set here what an event would have set.
     fn initial_discrete_state(&self, _at: At<'_, f64, Self>) -> Self::DiscreteState {
         Self::DiscreteState::default()
     }
@@ -194,28 +193,30 @@ pub trait Continuous: Parameters {
         (self.derivatives(at), self.outputs(at))
     }
 
-    /// State after the step `step` in s, > 0, for held inputs; the solver of the model ([`Solver::Exact`]).
+    /// State after a step of `step` > 0 s with constant inputs, for [`Solver::Exact`].
     fn advance(&self, at: At<'_, f64, Self>, _step: f64) -> Self::State<f64> {
         at.state.copied()
     }
-    /// Quantities whose sign changes are state events. Their time is found to a part in 10^15 of the integration step.
+    /// Quantities whose sign changes are state events. The time of an event is accurate to 10^-15 of the integration
+    /// step.
     ///
     /// # Panics
-    /// Not called unless the model has [`Self::Crossings`].
+    /// The default panics. It is called only if the model declares [`Self::Crossings`].
     fn zero_crossings(&self, _at: At<'_, f64, Self>) -> Self::Crossings {
         unreachable!("the model declares `type Crossings` without `fn zero_crossings`")
     }
-    /// Time of the next time event in s. An event that is due at `at.time` happens at once, and again until none is due. A time
-    /// before `at.time` is an error.
+    /// Time of the next time event in s. An event at `at.time` is handled at once; then this function is called again,
+    /// until no event is due. A time before `at.time` is an error.
     fn next_time_event(&self, _at: At<'_, f64, Self>) -> Option<f64> {
         None
     }
-    /// Handles an event: may change the state and the discrete state.
+    /// Handles an event; can change the state and the discrete state.
     fn on_event(&self, _event: Event<'_, Self>) {}
 }
 
-/// Takes the name of an output of a source and that of a parameter: `true` if the output depends on the parameter at
-/// any time of a run with any values of the other parameters. Tools read it from the model structure.
+/// Takes the names of an output of a source and of a parameter, in [`Discrete::FOLLOWS`] of an input. Returns `true` if
+/// the output can depend on it at some time of a run, for some values of the other parameters. Tools read this from the
+/// model structure.
 pub type Influence = fn(output: &str, parameter: &str) -> bool;
 
 /// A sample of a discrete-time model.
@@ -225,16 +226,17 @@ pub struct Sample<'a, M: Discrete> {
     pub time: f64,
     /// Discrete state; may be changed.
     pub state: &'a mut M::State,
-    /// Inputs, as they were set before the step.
+    /// Inputs that were set before the step.
     pub inputs: &'a M::Inputs,
     /// Derived parameters.
     pub derived: &'a M::Derived,
 }
 
-/// A discrete-time model: a controller, or a source of signals. The struct that implements it holds the parameters.
+/// A discrete-time model: a controller, or a signal source. The struct that implements it holds the parameters.
 ///
-/// Sample n is due at start + n * `sample_time`. It reads the inputs as they were set before the step, and its outputs are
-/// held until the next sample. A model without a field `sample_time` gets the parameter; it starts with `step_size`.
+/// Sample n is due at start + n * `sample_time`. It reads the inputs that were set before the step; its outputs are
+/// held until the next sample. If the model has no field `sample_time`, it gets this parameter with the start value
+/// `step_size`.
 pub trait Discrete: Parameters {
     /// Facts about the model.
     const INFO: Info;
@@ -247,19 +249,20 @@ pub trait Discrete: Parameters {
     /// Derived parameters.
     type Derived: Derived;
 
-    /// `Some` makes the model a source: from Initialization Mode on its outputs have the values of [`Self::start`], those of its first
-    /// sample.
+    /// `Some` makes the model a source: from Initialization Mode until the first sample, its outputs have the values of
+    /// [`Self::start`].
     const SOURCE: Option<Influence> = None;
-    /// Dependencies of outputs of [`Self::start`] on inputs, both by name; tools read them from the model structure.
+    /// Takes the names of an output and an input. Returns `true` if the output in [`Self::start`] depends on the input.
+    /// Tools read this from the model structure.
     const FOLLOWS: Influence = |_, _| false;
 
-    /// Computes the derived parameters. It is called again after a tunable parameter has changed.
+    /// Computes the derived parameters. Called again after a tunable parameter has changed.
     ///
     /// # Errors
-    /// A sentence that names the parameter, its value and the rule.
+    /// A sentence with the parameter's name, its value and the rule.
     fn derived(&self) -> Result<Self::Derived, String>;
-    /// Outputs of a source until its first sample: those of that sample, unless the model has others. The inputs that they depend on are
-    /// in [`Self::FOLLOWS`]. The state of the run begins with the first step.
+    /// Outputs of a source until its first sample. The default returns the outputs of the first sample, without
+    /// changing the state of the run. If the outputs depend on inputs, declare the inputs in [`Self::FOLLOWS`].
     fn start(&self, time: f64, derived: &Self::Derived, inputs: &Self::Inputs) -> Self::Outputs {
         let state = &mut self.initial_state(derived);
         self.update(Sample { time, state, inputs, derived })
@@ -267,7 +270,7 @@ pub trait Discrete: Parameters {
     /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU.
     ///
     /// # Errors
-    /// As [`Self::derived`].
+    /// As for [`Self::derived`].
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
         self.derived()
     }
@@ -279,10 +282,10 @@ pub trait Discrete: Parameters {
     fn initial_state(&self, _derived: &Self::Derived) -> Self::State {
         Self::State::default()
     }
-    /// Checks a sample before it is taken: a model that cannot follow every finite input rejects the step here.
+    /// Checks a sample before it is taken. A model that cannot process every finite input rejects the step here.
     ///
     /// # Errors
-    /// A sentence that names the input, its value and the rule.
+    /// A sentence with the input's name, its value and the rule.
     fn check(&self, _sample: &Sample<'_, Self>) -> Result<(), String> {
         Ok(())
     }
@@ -292,7 +295,7 @@ pub trait Discrete: Parameters {
 
 /// A stateful model: an existing simulation that advances itself. The struct that implements it holds the parameters.
 ///
-/// The exporter only requires that the simulation can be cloned, which saves and restores its state.
+/// The simulation must implement `Clone`: the exporter clones it to save and restore its state.
 pub trait Stateful: Parameters {
     /// Facts about the model.
     const INFO: Info;
@@ -305,16 +308,17 @@ pub trait Stateful: Parameters {
     /// Serialization of the state; `#[fmu::model(…, serialize)]` uses serde.
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
-    /// Makes the simulation; `resources` is the resources folder of the FMU. Parameters that are tuned after the start reach
-    /// [`Self::step`] and [`Self::outputs`] only.
+    /// Creates the simulation; `resources` is the resources folder of the FMU. Changes to tunable parameters after the
+    /// start reach only [`Self::step`] and [`Self::outputs`].
     ///
     /// # Errors
-    /// A sentence that names the parameter, its value and the rule.
+    /// A sentence with the parameter's name, its value and the rule.
     fn start(&self, resources: &Path) -> Result<Self::Simulation, String>;
-    /// Advances the simulation from `time` to `time + step`, both in s, the inputs held.
+    /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs.
     ///
     /// # Errors
-    /// The reason why the simulation cannot continue. The instance can then only be reset or set to a saved state.
+    /// The reason why the simulation cannot continue. The instance can then only be reset or restored from a saved
+    /// state.
     fn step(
         &self,
         simulation: &mut Self::Simulation,

@@ -1,8 +1,9 @@
-//! Relations: the conditions of [`Scalar::if_greater`], whose changes are events in model exchange.
+//! Relations: the comparisons in [`Scalar::if_greater`], whose changes are events in model exchange.
 //!
-//! Between two events a relation keeps its side, whatever the values (FMI 2.0, section 3.1.1), so that an importer's solver
-//! sees smooth equations. Its indicator changes its sign where the relation would change its side. This needs no code in a
-//! model: the equations run on [`Relational`] numbers, which get the side from the [`Relations`] in use.
+//! A relation's side is the branch that it selects. Between two events a relation keeps its side, whatever the values
+//! are (FMI 2.0, section 3.1.1); the importer's solver therefore sees smooth equations. The sign of the event indicator
+//! changes where the side would change. The model needs no code for this: the equations run on [`Relational`] numbers,
+//! which read the sides from the [`Relations`] in use.
 
 use std::cell::RefCell;
 use std::iter::Sum;
@@ -13,46 +14,47 @@ use crate::discrete_state::{Word, Words};
 use crate::scalar::{Scalar, assign_and_sum};
 use crate::table::Table;
 
-/// Distance of an indicator from zero where the two sides of its relation are equal. At an event it is this far from zero, and
-/// a relation changes its side this far beyond the equality, so that rounding errors at an event cause no second one.
+/// Value of an indicator, away from zero, where the operands of its relation are equal. The event occurs this far
+/// beyond the equality, so that rounding errors at an event do not cause a second one.
 const BAND: f64 = 1e-9;
 
-/// Least scale of a relation, relative to the greater operand: rounding errors of the operands stay far below [`BAND`]
-/// times the scale.
+/// Minimum of a relation's scale, relative to the greater operand. It keeps rounding errors of the operands far below
+/// [`BAND`] times the scale.
 const LEAST_SCALE: f64 = 1e-3;
 
-/// Part of the nominal values by which states and inputs are changed to find a scale.
+/// To find a scale, states and inputs are changed by this fraction of their nominal values.
 pub(crate) const PROBE: f64 = 1e-6;
 
-/// The relations of a model: those of the derivatives, then those of the outputs, in the order of their evaluation.
+/// The relations of a model, in the order of their evaluation: first in the derivatives, then in the outputs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Relations {
-    /// The side that each has until the next event.
+    /// For each relation, true if the left operand is greater. Kept until the next event.
     sides: Box<[bool]>,
-    /// Change of the difference that belongs to the nominal values.
+    /// Change of each difference if states and inputs change by their nominal values.
     scales: Box<[f64]>,
-    /// First operand minus second one, at the last evaluation.
+    /// First operand minus second operand, at the last evaluation.
     differences: Box<[f64]>,
-    /// Differences at the event, and the greater operands, while scales are computed.
+    /// While scales are computed: differences at the event.
     base: Box<[f64]>,
+    /// Magnitude of the greater operand.
     operands: Box<[f64]>,
-    /// Number of the next relation.
+    /// Index of the next relation.
     count: usize,
     is_frozen: bool,
 }
 
 thread_local! {
-    /// The relations in use by the equations that run in this thread. Not dropped with the thread: that would need a function
-    /// of the library when the library may be unloaded. Between evaluations it is empty.
+    /// The relations in use by the equations that run in this thread; empty between evaluations. Not dropped when the
+    /// thread ends, because the destructor is in the library, which may be unloaded by then.
     static IN_USE: RefCell<ManuallyDrop<Relations>> = RefCell::new(ManuallyDrop::new(Relations::default()));
 }
 
-/// Exchanges the relations in use for others.
+/// Swaps `relations` with the relations in use.
 fn swap(relations: &mut Relations) {
     IN_USE.with_borrow_mut(|in_use| std::mem::swap(&mut **in_use, relations));
 }
 
-/// Relations that are lent to the equations of this thread. They are returned even after a panic.
+/// Relations in use by the equations of this thread until the loan is dropped, even after a panic.
 struct Loan<'a>(&'a mut Relations);
 
 impl Drop for Loan<'_> {
@@ -62,7 +64,7 @@ impl Drop for Loan<'_> {
 }
 
 impl Relations {
-    /// Room for a number of relations.
+    /// Allocates memory for `capacity` relations.
     pub(crate) fn with_capacity(capacity: usize) -> Self {
         let zeros = || vec![0.0; capacity].into_boxed_slice();
         Self {
@@ -84,17 +86,17 @@ impl Relations {
         equations()
     }
 
-    /// Runs equations whose relations, from number `first` on, take the sides of the present values.
+    /// Runs equations. The sides of their relations, from index `first` on, are set from the present values.
     pub(crate) fn update<R>(&mut self, first: usize, equations: impl FnOnce() -> R) -> R {
         self.evaluate(first, false, equations)
     }
 
-    /// Runs equations whose relations, from number `first` on, keep their sides.
+    /// Runs equations. Their relations, from index `first` on, keep their sides.
     pub(crate) fn frozen<R>(&mut self, first: usize, equations: impl FnOnce() -> R) -> R {
         self.evaluate(first, true, equations)
     }
 
-    /// Number of the relation after the last one that was evaluated.
+    /// One past the index of the last relation that was evaluated.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
@@ -105,7 +107,7 @@ impl Relations {
         self.scales.fill(0.0);
     }
 
-    /// Adds the changes in the last evaluation, for which one value was changed by [`PROBE`] times its nominal value.
+    /// Adds the changes in the last evaluation, in which one value was changed by [`PROBE`] times its nominal value.
     pub(crate) fn add_to_scales(&mut self) {
         for ((scale, difference), base) in self.scales.iter_mut().zip(&self.differences).zip(&self.base) {
             let change = (difference - base).abs() / PROBE;
@@ -123,8 +125,8 @@ impl Relations {
         }
     }
 
-    /// The indicators at the values of the last evaluation: above zero on the side of `then`. A mode of the model may have
-    /// fewer relations than another; the indicators that are left over are 1.
+    /// The indicators for the last evaluation: positive if the relation selects `then`. The number of relations can
+    /// depend on Booleans and enumerations; unused indicators are 1.
     pub(crate) fn indicators(&self, result: &mut [f64]) {
         result.fill(1.0);
         for (i, indicator) in result.iter_mut().take(self.count).enumerate() {
@@ -175,12 +177,12 @@ impl Relations {
     }
 }
 
-/// An indicator: the difference in parts of its scale, moved away from zero to the side it is on.
+/// The event indicator: the difference divided by its scale, shifted by [`BAND`] away from zero on the present side.
 pub(crate) fn indicator_of(difference: f64, scale: f64, side: bool) -> f64 {
     difference / scale + if side { BAND } else { -BAND }
 }
 
-/// A real number in equations whose relations are known to the exporter. Operations have the bits of [`f64`].
+/// A real number in equations whose relations the exporter tracks. Operations are bit-identical to those of [`f64`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Relational(pub(crate) f64);
 
@@ -219,7 +221,7 @@ impl Neg for Relational {
 }
 assign_and_sum!(@assign [] Relational);
 
-// As the sum of plain numbers, whose first term the standard library chooses.
+// Bit-identical to the sum of plain numbers, for which the standard library chooses the initial term, 0 or -0.
 impl Sum for Relational {
     fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
         Self(terms.map(|term| term.0).sum())
@@ -249,8 +251,8 @@ impl Scalar for Relational {
     fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
         if IN_USE.with_borrow_mut(|relations| relations.compare(self.0, threshold.0)) { then } else { otherwise }
     }
-    // Kinks, but no jumps: a solver with error control follows them, and two values that stay equal for a while would cause
-    // one event after the other.
+    // Not relations: a kink is not a jump, and a solver with error control can follow it. With relations, two values
+    // that stay equal for a while would cause an endless series of events.
     #[inline]
     fn max(self, other: Self) -> Self {
         Self(Scalar::max(self.0, other.0))
@@ -269,7 +271,6 @@ impl Scalar for Relational {
 mod tests {
     use super::*;
 
-    /// The difference of the operands has the sign of the relation, by definition; a frozen relation keeps its side.
     #[test]
     fn a_relation_keeps_its_side_until_it_is_updated() {
         let mut relations = Relations::with_capacity(1);
@@ -296,7 +297,7 @@ mod tests {
         assert_eq!((relations.update(0, || y.sign()).0, relations.count()), (-1.0, 2));
     }
 
-    /// More relations than expected have no indicators; their sides are those of the present values.
+    /// Relations beyond the capacity have no indicators. Their sides follow from the present values.
     #[test]
     fn relations_beyond_the_capacity_are_not_frozen() {
         let mut relations = Relations::with_capacity(1);
@@ -317,11 +318,11 @@ mod tests {
             std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| relations.update(0, || panic!("on purpose"))));
         assert!(panicked.is_err());
         assert_eq!(relations.sides.len(), 1);
-        // Without relations in use, comparisons are plain.
+        // Without relations in use, the present values are compared.
         assert_eq!(Relational(1.0).if_greater(Relational(0.0), Relational(1.0), Relational(2.0)).0, 1.0);
     }
 
-    /// Closed form: d(x - 2 y) for x and y changed by their nominal values, 10 and 3, is 10 + 6.
+    /// Closed form: if x and y change by their nominal values, 10 and 3, x - 2 y changes by 10 and 6.
     #[test]
     fn a_scale_is_the_change_by_the_nominal_values() {
         let mut relations = Relations::with_capacity(1);
@@ -342,7 +343,7 @@ mod tests {
         at(5.0 + 10.0 * PROBE, 1.0, false);
         at(5.0, 1.0 + 3.0 * PROBE, false);
         relations.end_scales();
-        // Rounding of the quotient by 1e-6.
+        // The difference quotient, with a change of 1e-6, has rounding errors.
         assert!((relations.scales[0] - 16.0).abs() < 1e-8, "{}", relations.scales[0]);
     }
 }

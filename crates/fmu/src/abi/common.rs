@@ -17,7 +17,7 @@ pub(super) fn provides<E: Export>(interface: Interface) -> bool {
     E::FORMAT.interfaces.contains(interface) && (E::Model::MODEL_EXCHANGE || interface == Interface::CoSimulation)
 }
 
-/// Makes an instance, or logs the reason for the failure and returns a null pointer.
+/// Creates an instance, or logs the reason for the failure and returns a null pointer.
 pub(super) unsafe fn create<E: Export>(
     function: &str,
     mut log: Log,
@@ -54,7 +54,7 @@ pub(super) unsafe fn create<E: Export>(
     std::ptr::null_mut()
 }
 
-/// Rejects another GUID or instantiation token than that of the FMU.
+/// Rejects a GUID or instantiation token that is not the FMU's.
 pub(super) unsafe fn check_guid<E: Export>(name: &str, guid: *const c_char) -> Result<(), String> {
     // SAFETY: a string of the caller.
     let guid = unsafe { text(guid) }.map_err(|e| format!("{name} is {e}"))?;
@@ -71,7 +71,7 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
     if !handle.is_null() && handle.is_aligned() {
         // SAFETY: made by Box::into_raw in `instantiate`, freed once.
         let handle = unsafe { Box::from_raw(handle) };
-        // Nothing is left to report to if dropping panicked.
+        // A panic here cannot be reported: the logger is dropped, too.
         let callers = float_environment::enter();
         let _ = catch_unwind(AssertUnwindSafe(move || drop(handle)));
         float_environment::leave(callers);
@@ -113,7 +113,7 @@ functions! {
         Ok(())
     }
 
-    /// fmi2GetFMUstate: into a new state, or into one that was saved before.
+    /// fmi2GetFMUstate: creates a state, or overwrites one that was saved before.
     fn get_fmu_state[GetFMUstate](h, call, state: *mut FmuState) {
         let state = call.target("FMUstate", state)?;
         if state.is_null() {
@@ -203,7 +203,7 @@ functions! {
         h.instance.nominals(call.array_mut("x_nominal", values, count)?)
     }
 
-    /// fmi2CompletedIntegratorStep: no step ends with an event that the indicators do not show.
+    /// fmi2CompletedIntegratorStep: never requests Event Mode, because every state event has an indicator.
     fn completed_integrator_step[CompletedIntegratorStep](
         _, call, _no_set_before: impl Copy, enter_event_mode: *mut impl From<bool>, terminate: *mut impl From<bool>
     ) {

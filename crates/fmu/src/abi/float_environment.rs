@@ -1,16 +1,16 @@
 //! The floating-point environment in which an FMU computes.
 //!
-//! A host may unmask exceptions (Delphi does, and `-ffpe-trap` of gfortran), choose another rounding, or flush subnormal
-//! numbers to zero. Rust code assumes the default of IEEE 754, and so do models: with traps they would end the host, with
-//! another rounding their results would change. Calls that compute run in the default environment and restore the
-//! caller's.
+//! A host can unmask exceptions (as Delphi and gfortran's `-ffpe-trap` do), choose another rounding mode, or flush
+//! subnormal numbers to zero. Rust code and models assume the default of IEEE 754: unmasked exceptions would end the
+//! host, another rounding mode would change the results. Calls that compute run in the default environment and restore
+//! the caller's.
 
 use control::{DEFAULT, FLAGS, Register, read, write};
 
-/// Sets the default environment, until [`leave`]. Returns that of the caller if it is another one.
+/// Sets the default environment, until [`leave`]. Returns the caller's environment if it is not the default.
 ///
-/// The compiler does not model the environment. It cannot move operations on values read from memory to the other side of the assembly in
-/// [`control`]; numbers in registers go through [`argument`].
+/// The compiler does not know about the environment. It cannot move operations on values read from memory across the
+/// assembly in [`control`]; pass numbers in registers through [`argument`].
 #[inline(always)]
 pub(super) fn enter() -> Option<Register> {
     let callers = read();
@@ -21,7 +21,7 @@ pub(super) fn enter() -> Option<Register> {
     Some(callers)
 }
 
-/// Restores the environment of the caller.
+/// Restores the caller's environment.
 #[inline(always)]
 pub(super) fn leave(callers: Option<Register>) {
     if let Some(callers) = callers {
@@ -35,11 +35,12 @@ fn change(register: Register) {
     write(register);
 }
 
-/// A number that the caller passed, to be used between [`enter`] and [`leave`] only.
+/// Keeps the compiler from moving operations on an argument of the call out of the code between [`enter`] and
+/// [`leave`].
 #[inline(always)]
 #[cfg_attr(not(target_arch = "x86_64"), expect(unused_mut, reason = "only assembly changes it"))]
 pub(super) fn argument(mut number: f64) -> f64 {
-    // SAFETY: no instruction. Assembly keeps its order, and the following code uses its result.
+    // SAFETY: the assembly contains no instruction. It keeps its place, and the following code uses its result.
     #[cfg(target_arch = "x86_64")]
     unsafe {
         std::arch::asm!("/* {} */", inout(xmm_reg) number, options(nomem, nostack, preserves_flags));
@@ -49,8 +50,8 @@ pub(super) fn argument(mut number: f64) -> f64 {
     number
 }
 
-/// Intel 64 and IA-32 Architectures Software Developer's Manual, volume 1, section 10.2.3: SSE, with which Rust computes. The
-/// x87 unit has registers of its own and serves C code with `long double` only.
+/// Intel 64 and IA-32 Architectures Software Developer's Manual, volume 1, section 10.2.3. Rust computes with SSE. The
+/// x87 unit, which has separate registers, is used only by C code with `long double`.
 #[cfg(target_arch = "x86_64")]
 mod control {
     use std::arch::asm;
@@ -58,7 +59,7 @@ mod control {
     pub(super) type Register = u32;
     /// MXCSR with all exceptions masked, rounding to nearest and subnormal numbers.
     pub(super) const DEFAULT: Register = 0x1f80;
-    /// Exceptions that occurred: they change nothing.
+    /// Flags of exceptions that occurred; they do not influence computations.
     pub(super) const FLAGS: Register = 0x3f;
 
     #[inline(always)]
@@ -98,7 +99,7 @@ mod control {
     }
 }
 
-/// WebAssembly has one environment. Those of other processors are not changed.
+/// WebAssembly has only the default environment. On other processors, the environment is not changed.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod control {
     pub(super) type Register = u32;

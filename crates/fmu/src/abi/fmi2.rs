@@ -51,7 +51,7 @@ pub fn version() -> *const c_char {
     c"2.0".as_ptr()
 }
 
-/// Path of a `file:` URI with its percent signs decoded; anything else is taken as a path.
+/// Path in a `file:` URI, with percent-encoded bytes decoded. Any other text is a path already.
 fn resources_path(uri: &str) -> PathBuf {
     let path = uri.strip_prefix("file:").map_or(uri, |rest| {
         let rest = rest.strip_prefix("//").unwrap_or(rest);
@@ -62,7 +62,7 @@ fn resources_path(uri: &str) -> PathBuf {
     let mut parts = path.split('%');
     let mut decoded = parts.next().unwrap_or_default().as_bytes().to_vec();
     for part in parts {
-        // A sign is not a hexadecimal digit, but the parser would accept it.
+        // The parser would also accept a sign, as in %+1.
         let code = part.get(..2).filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
         let byte = code.and_then(|code| u8::from_str_radix(code, 16).ok());
         decoded.push(byte.unwrap_or(b'%'));
@@ -118,7 +118,7 @@ pub unsafe fn instantiate<E: Export>(
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct EventInfo {
-    /// Always false: one call of fmi2NewDiscreteStates handles all events at a time.
+    /// Always false: one call to fmi2NewDiscreteStates handles all events at the present time.
     pub new_discrete_states_needed: Boolean,
     /// Always false.
     pub terminate_simulation: Boolean,
@@ -126,14 +126,14 @@ pub struct EventInfo {
     pub nominals_of_continuous_states_changed: Boolean,
     /// True if the event has set continuous states.
     pub values_of_continuous_states_changed: Boolean,
-    /// True if there is another time event.
+    /// True if a time event follows.
     pub next_event_time_defined: Boolean,
-    /// Its time in s.
+    /// Time of the next time event in s.
     pub next_event_time: f64,
 }
 
 functions! {
-    /// fmi2SetupExperiment. The tolerance is that of a solver with error control, unless its parameter was set.
+    /// fmi2SetupExperiment. A solver with error control uses the tolerance, unless the parameter `tolerance` was set.
     fn setup_experiment[SetupExperiment](
         h, call, tolerance_defined: Boolean, tolerance: f64, start: f64, stop_defined: Boolean, stop: f64
     ) {
@@ -144,7 +144,7 @@ functions! {
 
     fn enter_initialization_mode[EnterInitializationMode](h, _) { h.instance.enter_initialization() }
 
-    // Real values take the shortest way: they are set and read in every step.
+    // Fast path for real values, which are set and read in every step.
 
     fn get_real[GetReal](h, call, references: *const ValueReference, count: size_t, values: *mut f64) {
         let references = call.array("vr", references, count)?;
@@ -236,7 +236,7 @@ const TERMINATED: c_int = 3;
 impl<E: Export> Call<E> {
     fn no_status(&self, kind: c_int) -> CallResult {
         let function = self.0.name(Version::Fmi2);
-        Err(CallError::Discard(format!("{function}: no answer to status kind {kind}")))
+        Err(CallError::Discard(format!("{function}: status kind {kind} is not available")))
     }
 }
 
@@ -262,7 +262,7 @@ values! {
     set_string *const *const c_char;
 }
 
-/// The C interface of a model by FMI 2.0, with the functions of co-simulation (`cs`), model exchange (`me`) or both.
+/// The FMI 2.0 interface of a model, with the functions for co-simulation (`cs`), model exchange (`me`) or both.
 /// [`model`](macro@crate::model) adds it where `cargo fmu pack` requests it.
 #[doc(hidden)]
 #[macro_export]
@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn a_resource_uri_becomes_a_path() {
-        // RFC 8089: no authority, an empty one and localhost mean the same; %XX is a byte.
+        // RFC 8089: a missing authority, an empty one and localhost mean the same; %XX is a byte.
         for uri in ["file:///a/b%20c", "file:/a/b%20c", "file://localhost/a/b%20c", "/a/b%20c"] {
             assert_eq!(resources_path(uri), PathBuf::from("/a/b c"), "{uri}");
         }

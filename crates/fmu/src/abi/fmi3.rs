@@ -1,4 +1,5 @@
-//! The functions of FMI 3.0. All must be exported; those of interfaces and types that the FMU does not have return errors.
+//! The functions of FMI 3.0. All must be exported. The functions for interfaces and types that the FMU does not have
+//! return errors.
 
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -18,7 +19,7 @@ use crate::description::LOG_CATEGORIES;
 use crate::instance::Instance;
 use crate::runner::Model;
 
-/// fmi3Boolean, a `bool` of C; every number but 0 is true.
+/// fmi3Boolean, a `bool` in C; every number except 0 is true.
 pub type Boolean = u8;
 /// fmi3ValueReference.
 pub type ValueReference = c_uint;
@@ -31,7 +32,7 @@ pub fn version() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Common arguments of the functions that make instances.
+/// Common arguments of the instantiation functions.
 #[derive(Clone, Copy, Debug)]
 pub struct Arguments {
     /// instanceName.
@@ -95,8 +96,8 @@ pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Com
     unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false) }
 }
 
-/// fmi3InstantiateCoSimulation. `event_mode` is for models with events only; without early return, events inside a step are
-/// handled in the step.
+/// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. Without early return, events inside a step
+/// are handled in the step.
 pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,
@@ -112,7 +113,7 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
     let with_events = event_mode != 0;
     let component = unsafe { instantiate::<E>(NAME, arguments, Interface::CoSimulation, with_events) };
     if with_events && early_return != 0 && !component.is_null() {
-        // SAFETY: made just now.
+        // SAFETY: created above.
         unsafe { (*component.cast::<Handle<E>>()).returns_early = true };
     }
     component
@@ -151,7 +152,7 @@ values! {
     set_string *const *const c_char, set_string;
 }
 
-/// Functions for types that no variable has: valid for empty lists only.
+/// Functions for types that no variable has: only calls with empty lists are valid.
 pub unsafe fn no_variables<E: Export>(component: Component, function: Function, count: size_t) -> Status {
     let run = |_: &mut Handle<E>, call: &Call<E>| match count {
         0 => Ok(()),
@@ -160,7 +161,7 @@ pub unsafe fn no_variables<E: Export>(component: Component, function: Function, 
     unsafe { call::<E>(component, function, run) }
 }
 
-/// Functions of capabilities that no FMU of this exporter has.
+/// Functions for capabilities that the exporter does not support.
 pub unsafe fn not_provided<E: Export>(component: Component, function: Function) -> Status {
     unsafe { call::<E>(component, function, |_, call| Err(call.error("not provided (see the model description)"))) }
 }
@@ -198,7 +199,8 @@ pub unsafe fn get_derivative<E: Export>(
 }
 
 functions! {
-    /// fmi3EnterInitializationMode. The tolerance is that of a solver with error control, unless its parameter was set.
+    /// fmi3EnterInitializationMode. A solver with error control uses the tolerance, unless the parameter `tolerance`
+    /// was set.
     fn enter_initialization_mode[EnterInitializationMode](
         h, call, tolerance_defined: Boolean, tolerance: f64, start: f64, stop_defined: Boolean, stop: f64
     ) {
@@ -208,7 +210,7 @@ functions! {
         h.instance.enter_initialization()
     }
 
-    /// fmi3UpdateDiscreteStates: one call handles all events of a time.
+    /// fmi3UpdateDiscreteStates: one call handles all events at the present time.
     fn update_discrete_states[NewDiscreteStates](
         h, call, needs_update: *mut Boolean, terminate: *mut Boolean, nominals_changed: *mut Boolean, states_changed: *mut Boolean,
         next_defined: *mut Boolean, next: *mut f64
@@ -253,7 +255,7 @@ functions! {
         let last = call.target("lastSuccessfulTime", last_successful_time)?;
         (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
         let (time, step) = (argument(time), argument(step));
-        // The constant removes this branch for models without events.
+        // For models without events, the constant lets the compiler remove this branch.
         if <E::Model as Model>::HAS_EVENTS && h.returns_early {
             let has_event = h.instance.do_step_to_event(time, step)?;
             *event = has_event.into();
@@ -266,9 +268,8 @@ functions! {
     }
 }
 
-/// The C interface of a model by FMI 3.0. All functions are exported; those of an interface that the FMU does not provide return
-/// errors, because no instance of it can be made. [`model`](macro@crate::model) adds it where `cargo fmu pack` requests
-/// it.
+/// The FMI 3.0 interface of a model, with all functions. The instantiation functions for interfaces that the FMU does
+/// not provide return errors. [`model`](macro@crate::model) adds it where `cargo fmu pack` requests it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {

@@ -9,7 +9,7 @@ use crate::calls::{Function, Version};
 use crate::instance::{CallError, Instance};
 use crate::runner::Model;
 
-/// Array arguments of a call. In FMI 2.0 there are as many values as references.
+/// Array arguments of a call. In FMI 2.0, the numbers of values and references are equal.
 pub(super) struct List<V> {
     pub(super) references: *const u32,
     pub(super) count: size_t,
@@ -21,12 +21,12 @@ fn is_fmi3<E: Export>() -> bool {
     E::FORMAT.version == Version::Fmi3
 }
 
-/// Rejects arrays whose length is not the number of values of the variables.
+/// Rejects arrays whose length is not the total number of values of the variables.
 pub(super) fn check_count<E: Export>(call: &Call<E>, expected: usize, count: usize) -> CallResult {
     if expected == count {
         return Ok(());
     }
-    Err(call.error(format_args!("the variables have {expected} values, nValues is {count}")))
+    Err(call.error(format_args!("nValues must be {expected} for these variables, got {count}")))
 }
 
 /// The value references of all elements of the variables.
@@ -45,7 +45,7 @@ pub(super) unsafe fn elements<'h, E: Export>(
     h.elements.clear();
     for &reference in references {
         let length = h.instance.length_of(reference);
-        // An unknown reference is kept, and is rejected later.
+        // An unknown reference is passed on; the instance rejects it.
         h.elements.extend((0..length.max(1)).map(|i| reference.wrapping_add(i)));
     }
     Ok((&h.elements, &mut h.instance))
@@ -91,7 +91,7 @@ unsafe fn set<E: Export, V>(
     }
 }
 
-/// Reads values one by one; all references are checked before the first value is written.
+/// Reads values one by one. All references are checked before the first value is written.
 fn each<M: Model, V>(
     one: impl Fn(&mut Instance<M>, u32) -> Result<V, CallError>,
 ) -> impl FnOnce(&mut Instance<M>, &[u32], &mut [V]) -> CallResult {
@@ -104,7 +104,7 @@ fn each<M: Model, V>(
     }
 }
 
-/// In FMI 3.0.
+/// Only in FMI 3.0.
 #[inline]
 pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f64>) -> Status {
     unsafe {
@@ -112,7 +112,7 @@ pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f
     }
 }
 
-/// In FMI 3.0.
+/// Only in FMI 3.0.
 #[inline]
 pub(super) unsafe fn set_real<E: Export>(component: Component, list: List<*const f64>) -> Status {
     unsafe { set::<E, _>(component, Function::SetReal, list, |i, references, values| i.set_real(references, values)) }
@@ -157,7 +157,7 @@ pub(super) unsafe fn set_int64<E: Export>(component: Component, list: List<*cons
     unsafe {
         set::<E, _>(component, function, list, |instance, references, values| {
             references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
-            // A value that does not fit is not one of an enumeration.
+            // A value outside 32 bits becomes i32::MIN, which no enumeration contains, and is rejected.
             let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
             instance.set_integer_by(function, references, &values)
         })
@@ -169,7 +169,7 @@ pub(super) unsafe fn get_boolean<E: Export>(component: Component, list: List<*mu
     unsafe { get::<E, _>(component, Function::GetBoolean, list, each(one)) }
 }
 
-/// Any number but 0 is true.
+/// Any number except 0 is true.
 pub(super) unsafe fn set_boolean<E: Export>(
     component: Component,
     list: List<*const (impl Copy + Into<i64>)>,

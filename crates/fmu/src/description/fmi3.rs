@@ -50,7 +50,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
     })
 }
 
-/// The variables that are written: with native arrays, the first element represents all.
+/// The variables to write. A native array is represented by its first element.
 fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable> {
     let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
     let is_written = move |variable: &&Variable| {
@@ -69,17 +69,15 @@ fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     })
 }
 
-/// Value reference of the time.
 fn time(layout: &Layout) -> u32 {
     layout.end
 }
 
-/// Value reference of an event indicator.
 fn indicator(layout: &Layout, index: usize) -> u32 {
     layout.end + 1 + u32::try_from(index).expect("numbered in 32 bits")
 }
 
-/// The time, under a name that no variable of the model has.
+/// Writes the time, under a name that no variable of the model has.
 fn independent_variable(xml: &mut Xml, layout: &Layout) -> Written {
     let is_free = |name: &&str| layout.variables.iter().all(|variable| variable.declaration.name != *name);
     let name = ["time", "simulation_time"].into_iter().find(is_free).unwrap_or("independent_variable");
@@ -144,7 +142,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
 }
 
 fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, structure: &Structure) -> Written {
-    // With native arrays, an array has the dependencies of all its elements.
+    // A native array has the dependencies of all its elements.
     let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
     let representative =
         |variable: &Variable| representatives.get(variable.reference as usize).copied().unwrap_or(variable.reference);
@@ -173,7 +171,7 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
         write(xml, "ContinuousStateDerivative", &derivatives)?;
         write(xml, "InitialUnknown", &initial)?;
         (0..indicators).try_for_each(|index| {
-            // Without a list of dependencies it depends on everything.
+            // Without a list of dependencies, the indicator depends on everything.
             empty(xml, "EventIndicator", &[("valueReference", &indicator(layout, index))])
         })
     })

@@ -13,25 +13,26 @@ use crate::variables::Parameters;
 /// Structure of the equations.
 #[derive(Default)]
 pub(super) struct Structure {
-    /// The real inputs, states and time that each real output, then each derivative depends on.
+    /// Dependencies of the real outputs, then of the derivatives, on real inputs, states and time.
     dependencies: Vec<DependencySet>,
-    /// The inputs of other types that each output, then each derivative depends on, in the order of these inputs.
+    /// Dependencies of the outputs, then of the derivatives, on inputs of other types, by their positions among these.
     on_others: Vec<DependencySet>,
     /// True if outputs of other types may depend on real variables.
     is_inspected: bool,
-    /// Largest number of relations.
+    /// Number of relations; the maximum over the combinations of values.
     pub(super) relations: usize,
-    /// Reasons for a dense structure, with the remedy.
+    /// Reasons why the structure lists too many dependencies, each with the remedy.
     pub(super) notes: Vec<String>,
 }
 
-/// Dependencies and relations over the values of Booleans, enumerations and bounded Integers, see [`combinations`], and of
-/// Booleans and enumerations of the discrete state.
+/// Finds dependencies and relations by evaluating the equations for [`combinations`] of the values of Booleans,
+/// enumerations and bounded Integers, including Booleans and enumerations of the discrete state.
 ///
-/// A Boolean or Integer input counts for an unknown if one of its values leads to another expression, for the start values of
-/// the real parameters or for others, since it may select between two that start with equal values. Strings and Integers
-/// without limits have too many values to try. As parameters they are left out if the equations do not read them, like real
-/// ones: the results of `load` and `derived` are constants of the equations.
+/// An unknown depends on a Boolean or Integer input if changing the input changes the unknown's expression. This is
+/// tested with the start values of the real parameters and with other values, because the input may select between two
+/// parameters with equal start values. Strings and Integers without limits have too many values to try. As parameters
+/// they are left out if the equations do not read them, like real parameters: the results of `load` and `derived` are
+/// constants in the equations.
 pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
     let start = ValueStore::start(layout);
     let mut values = start.clone();
@@ -74,7 +75,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
     let mut relations = 0;
     let mut failure = None;
     let mut has_derived = false;
-    // The expressions of all combinations; those of the first are not among them.
+    // The expressions for each combination.
     let mut expressions: Vec<Vec<Expression>> = Vec::new();
     let begin = |values: &mut ValueStore, from: &ValueStore, choice: &[Option<usize>]| {
         values.clone_from(from);
@@ -121,7 +122,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
         expressions.push(found);
     }
     if is_inspected && !is_open {
-        notes.push("the equations look at a value (`value()` or a comparison)".to_owned());
+        notes.push("the equations read the value of a number (with `value()` or a comparison)".to_owned());
         on_others.fill(DependencySet::all(others.len()));
     } else if !is_open {
         let mut find = |expressions: &[Vec<Expression>]| {
@@ -153,17 +154,17 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
         }
     }
     match failure {
-        Some(message) if !has_derived => Err(format!("the start values of the parameters do not work: {message}")),
+        Some(message) if !has_derived => Err(format!("the model rejects its start values: {message}")),
         _ => Ok(Structure { dependencies: union, on_others, is_inspected, relations, notes }),
     }
 }
 
-/// Values in which each real parameter differs from its start value, and from parameters with the same one.
+/// Values in which each real parameter differs from its start value, and from parameters with the same start value.
 fn with_other_parameters(layout: &Layout, start: &ValueStore) -> ValueStore {
     let mut values = start.clone();
     for (number, index) in layout.parameters.reals().enumerate() {
         let value = start.reals[index];
-        // Shares of the golden ratio, so that no two are alike.
+        // Multiples of the golden ratio modulo 1 are all different.
         let share = 1e-3 * (1.0 + (number as f64 * 0.618_033_988_749_894_9).fract());
         let (up, down) = (value + share * (1.0 + value.abs()), value - share * (1.0 + value.abs()));
         if let Kind::Real(real) = &layout.real(index).declaration.kind {
@@ -174,8 +175,8 @@ fn with_other_parameters(layout: &Layout, start: &ValueStore) -> ValueStore {
     values
 }
 
-/// Calls `f` with the unknowns whose expressions differ between combinations in which one variable alone has another value. In
-/// the numbers of the combinations its value counts `stride`.
+/// Calls `f` with the unknowns whose expressions differ between combinations that differ only in one variable. This
+/// variable has `size` values; two combinations with consecutive values are `stride` apart in the list.
 fn influences(expressions: &[Vec<Expression>], stride: usize, size: usize, mut f: impl FnMut(usize)) {
     for (number, first) in expressions.iter().enumerate().filter(|(number, _)| (number / stride).is_multiple_of(size)) {
         for other in (1..size).map(|value| &expressions[number + value * stride]) {
@@ -190,30 +191,30 @@ fn other_inputs(layout: &Layout) -> impl Iterator<Item = &Variable> {
     layout.variables.iter().filter(is_other)
 }
 
-/// The reason that a String, or an Integer without limits, makes the structure dense, if it does.
+/// The note that a String, or an Integer without limits, adds too many dependencies, if the equations may read it.
 fn too_many_values<M: Model>(variable: &Variable) -> Option<String> {
     let name = &variable.declaration.name;
     let is_text = matches!(variable.declaration.kind, Kind::String { .. });
     let limits = if is_text { "" } else { "give it `min` and `max` less than 64 apart, or " };
     if variable.role == Role::Input {
         let instead = if is_text { "use an enumeration or a Boolean" } else { "use an enumeration" };
-        return Some(format!("the equations may read the input `{name}`, which may have any value; {limits}{instead}"));
+        return Some(format!("the equations may read the input `{name}`, which can have any value; {limits}{instead}"));
     }
     let field = field_of::<M::Parameters>(variable);
     match M::EQUATIONS_READ {
         Some(read) if field.is_some_and(|field| !read.contains(&field)) => None,
         Some(_) => Some(format!(
-            "the equations read the parameter `{name}`, which may have any value; {limits}read it in `derived` or `load` \
-             and keep there what the equations need of it"
+            "the equations read the parameter `{name}`, which can have any value; {limits}read it in `derived` or `load` \
+             and store in the derived parameters what the equations need"
         )),
         None => Some(format!(
-            "the equations may read the parameter `{name}`, which may have any value, where they pass on `self`; {limits}\
-             pass on the fields that are needed"
+            "the equations pass on `self`, and may thereby read the parameter `{name}`, which can have any value; {limits}\
+             pass on only the fields that are needed"
         )),
     }
 }
 
-/// The field of the struct that holds a parameter.
+/// The name of the field that holds a parameter.
 fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
     let kind = &variable.declaration.kind;
     let mut end = Counts::ZERO;
@@ -229,13 +230,13 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
 /// An unknown of the model structure with its dependencies.
 pub(super) struct Unknown<'a> {
     pub(super) variable: &'a Variable,
-    /// In the order of the model description.
+    /// Ordered as in the model description.
     pub(super) dependencies: Vec<&'a Variable>,
     /// True if it depends on the time.
     pub(super) on_time: bool,
 }
 
-/// The lists of the element ModelStructure.
+/// The lists in the element ModelStructure.
 pub(super) struct Unknowns<'a> {
     pub(super) outputs: Vec<Unknown<'a>>,
     pub(super) derivatives: Vec<Unknown<'a>>,
@@ -246,10 +247,10 @@ impl<'a> Unknowns<'a> {
     pub(super) fn of<M: Model>(layout: &'a Layout, structure: &Structure) -> Self {
         let with_role = |role: Role| layout.variables.iter().filter(move |variable| variable.role == role);
         let is_real = |variable: &&Variable| matches!(variable.declaration.kind, Kind::Real(_));
-        // Known variables in the order in which the sets number them.
+        // Known variables, ordered by their numbers in the sets.
         let known: Vec<_> = with_role(Role::Input).filter(is_real).chain(with_role(Role::State)).collect();
         let others: Vec<_> = other_inputs(layout).collect();
-        // The number of an output or derivative among them, by its index in the model structure.
+        // The position of each output and derivative in `on_others`, by its index in the model structure.
         let mut numbers = vec![0; layout.variables.len() + 1];
         let unknowns = layout.variables.iter().filter(|v| matches!(v.role, Role::Output | Role::Derivative));
         unknowns.enumerate().for_each(|(number, v)| numbers[layout.structure_index(v.reference)] = number);
@@ -270,7 +271,7 @@ impl<'a> Unknowns<'a> {
                     &structure.dependencies[index]
                 }
                 (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
-                // Outputs of other models are held.
+                // Discrete-time and stateful models hold their outputs.
                 _ => return Unknown { variable, dependencies: Vec::new(), on_time: false },
             };
             let number = numbers[layout.structure_index(variable.reference)];
@@ -282,7 +283,8 @@ impl<'a> Unknowns<'a> {
             Unknown { variable, dependencies: sorted(all), on_time: set.contains(known.len()) }
         };
         let is_output = |v: &&Variable| v.role == Role::Output || (v.role == Role::State && !v.declaration.local);
-        // At the start everything may also depend on any parameter, the outputs of a source on those it names.
+        // At the start, every unknown may also depend on any parameter; an output of a source only on those that it
+        // declares.
         let can_follow = |v: &Variable, parameter: &Variable| match (v.role, M::SOURCE) {
             (Role::Output, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
             _ => true,
@@ -295,7 +297,7 @@ impl<'a> Unknowns<'a> {
         };
         let initial = |variable: &'a Variable| {
             let parameters = with_role(Role::Parameter).filter(|parameter| can_follow(variable, parameter));
-            // A state that is calculated itself is unknown at the start; it follows from the parameters.
+            // A calculated state is not known at the start, but follows from the parameters.
             let known = depends(variable);
             let others = known.dependencies.into_iter().filter(|other| !other.declaration.calculated);
             let is_followed = |input: &&Variable| {

@@ -17,7 +17,7 @@ pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// Numbers separated by blanks.
+/// Numbers separated by spaces.
 pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
     numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
 }
@@ -65,7 +65,7 @@ pub(super) fn document(
     Ok(bytes)
 }
 
-/// Facts about the model that are attributes of the first element. A manifest need not name authors or a license.
+/// Attributes of the root element. The manifest may have no authors or no license; these attributes are then omitted.
 pub(super) fn facts(version: &str, guid: &'static str, info: &Info, layout: &Layout) -> Attributes {
     let tool = concat!("fmu ", env!("CARGO_PKG_VERSION"), " (Rust)");
     let first = [("fmiVersion", version.to_owned()), ("modelName", info.name.to_owned()), (guid, String::new())];
@@ -80,14 +80,14 @@ pub(super) fn facts(version: &str, guid: &'static str, info: &Info, layout: &Lay
     first.into_iter().chain(facts.into_iter().filter(|(_, value)| !value.is_empty())).collect()
 }
 
-/// `structured` means that a dot leads from a whole to a part. That holds for names in the convention of this crate, words in lower
-/// snake case. In other names a dot is an ordinary character, so they are `flat`, which promises nothing.
+/// In a `structured` name, a dot separates a component from its parent. This is true for names in this crate's
+/// convention, lower snake case. In other names a dot may be an ordinary character, so these are `flat`.
 fn naming_convention(layout: &Layout) -> &'static str {
     let is_structured = |variable: &Variable| is_structured(&variable.declaration.name);
     if layout.variables.iter().all(is_structured) { "structured" } else { "flat" }
 }
 
-/// Words in lower snake case with indices, joined by dots, in `der(…)` for a derivative.
+/// Returns true for lower snake case with indices, joined by dots, and in `der(…)` for a derivative.
 fn is_structured(name: &str) -> bool {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let is_part = |part: &str| {
@@ -106,10 +106,10 @@ pub(super) fn is_xml(c: char) -> bool {
     !(c < ' ' && !"\t\n\r".contains(c) || c == '\u{fffe}' || c == '\u{ffff}')
 }
 
-/// Writes line breaks and tabs in attributes as character references, because a reader turns others into blanks.
+/// Writes line breaks and tabs in attributes as character references, because a parser turns literal ones into spaces.
 pub(super) fn with_references(xml: &str) -> String {
     let mut result = String::with_capacity(xml.len());
-    // Values are in double quotes, which only attributes contain, and have none inside.
+    // Attribute values are in double quotes. Quotes occur nowhere else, because those in texts are escaped.
     let mut is_value = false;
     for c in xml.chars() {
         is_value ^= c == '"';
@@ -186,7 +186,7 @@ pub(super) fn attributes<M: Model>(
     let exact = |is_calculated: bool| if is_calculated { "calculated" } else { "exact" };
     let (causality, variability, initial) = match variable.role {
         Role::Parameter => ("parameter", fixed(*tunable), "exact"),
-        // They are computed from all parameters.
+        // Calculated parameters may depend on any parameter.
         Role::Calculated => {
             let is_tunable = layout.variables.iter().any(|variable| variable.declaration.tunable);
             ("calculatedParameter", fixed(is_tunable), "calculated")
@@ -218,7 +218,7 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attribute
                 attributes.push(("unit", real.unit.name.to_owned()));
             }
             attributes.extend(real.display.map(|display| ("displayUnit", display.name.to_owned())));
-            // 1 is the default and is written for states only, because solvers read it there.
+            // 1 is the default. It is written for states only, because solvers use their nominal values.
             let nominal = real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State);
             for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal)] {
                 attributes.extend(value.map(|value| (name, number(value))));
@@ -239,7 +239,6 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attribute
     attributes
 }
 
-/// The start value of a variable.
 pub(super) fn start(variable: &Variable) -> String {
     match &variable.declaration.kind {
         Kind::Real(real) => number(real.start),
@@ -249,15 +248,16 @@ pub(super) fn start(variable: &Variable) -> String {
     }
 }
 
-/// Name of the type of an enumeration. One that is an Integer too has two types.
+/// Type name of an enumeration. If variables use it as an Integer and as an FMI Enumeration, it has two types.
 pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> String {
     let is_integer = |variable: &Variable| matches!(&variable.declaration.kind, Kind::Integer { type_name, is_enumeration: false, .. } if *type_name == name);
     let is_both = is_enumeration && layout.variables.iter().any(is_integer);
     if is_both { format!("{name}Enumeration") } else { name.to_owned() }
 }
 
-/// Writes the types of enumerations by name. `write` gets the attributes of one, its items, and the limits of an Integer. Most are
-/// Integers, because several masters cannot set FMI enumerations; their description lists the meaning of the numbers.
+/// Writes the types of enumerations, sorted by name. `write` gets the attributes of a type, its items, and the limits
+/// of an Integer. Most types are Integers, because several masters cannot set FMI enumerations; the description of such
+/// a type lists the meanings of the numbers.
 pub(super) fn type_definitions(
     xml: &mut Xml,
     layout: &Layout,
@@ -284,7 +284,7 @@ pub(super) fn type_definitions(
     })
 }
 
-/// Writes the element of an interface with its capabilities.
+/// Writes the element for an interface, with its capabilities.
 pub(super) fn interface(xml: &mut Xml, name: &str, info: &Info, capabilities: &[(&str, bool)]) -> Written {
     let capabilities = capabilities.iter().filter(|(_, has)| *has);
     let mut attributes: Vec<(&str, &dyn Display)> = vec![("modelIdentifier", &info.name)];

@@ -6,14 +6,14 @@ use crate::clock;
 use crate::runner::{Kind as ModelKind, MOST_PARTS, Model, Step};
 
 impl<M: Model> Instance<M> {
-    /// fmi2DoStep. A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores the
-    /// values before it and leaves the instance in Step Failed.
+    /// fmi2DoStep. A step with an invalid time or step size is rejected and changes nothing. If a result is not finite,
+    /// the values from before the step are restored and the instance is in Step Failed.
     pub fn do_step(&mut self, time: f64, step: f64) -> CallResult {
         self.advance(time, step, false).map(drop)
     }
 
-    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns true if there was one. Fails as
-    /// [`Self::do_step`].
+    /// fmi3DoStep for an importer that handles events: the step ends at the first event. Returns true if there was one.
+    /// Fails like [`Self::do_step`].
     pub fn do_step_to_event(&mut self, time: f64, step: f64) -> CallResult<bool> {
         self.advance(time, step, M::HAS_EVENTS)
     }
@@ -57,7 +57,7 @@ impl<M: Model> Instance<M> {
         if self.derived_are_old {
             self.derive()?;
         }
-        let parts = u64::from(parts as u32); // quicker than to u64, and the limit is below 2^32
+        let parts = u64::from(parts as u32); // faster than to u64; fits, because the limit is below 2^32
         let result = M::step(self.context(), span, parts);
         self.forget_results();
         let stopped = match result {
@@ -65,7 +65,7 @@ impl<M: Model> Instance<M> {
             Err(error) => {
                 self.enter(Mode::StepFailed);
                 return rejected(format!(
-                    "{error}; the state at {time} s was restored and the instance cannot step on"
+                    "{error}; the state at {time} s was restored and the instance cannot continue"
                 ));
             }
         };

@@ -1,4 +1,4 @@
-//! Derivatives of the equations, exact by dual numbers.
+//! Derivatives of the equations, computed exactly with dual numbers.
 
 use fmu_math::sparse::{Structure, groups};
 
@@ -17,7 +17,7 @@ enum Unknown {
 }
 
 impl Unknown {
-    /// Selects its derivative from those along a direction.
+    /// The derivative of this unknown along `direction`; `slopes` contains the derivatives of all computed unknowns.
     fn of(self, direction: &[f64], slopes: &[f64]) -> f64 {
         match self {
             Self::Computed(position) => slopes[position],
@@ -27,9 +27,9 @@ impl Unknown {
 }
 
 impl<M: Model> Instance<M> {
-    /// fmi2GetDirectionalDerivative. Fails for a discrete-time model, whose outputs are held; on a reference that is not an output or
-    /// state derivative (unknown) or not an input or state (known), or a seed that is not finite; fmi2Discard for a derivative that is
-    /// not finite, as at the root of 0.
+    /// fmi2GetDirectionalDerivative. Fails if the model is not continuous-time, if an unknown is not a real output or
+    /// state derivative, if a known variable is not a real input or state, or if a seed is not finite. Returns
+    /// fmi2Discard if a derivative is not finite, like that of the square root at 0.
     pub fn directional_derivative(
         &mut self,
         unknown: &[u32],
@@ -49,7 +49,7 @@ impl<M: Model> Instance<M> {
         let slopes = self.slopes(&direction)?;
         let of = |unknown: &Unknown| unknown.of(&direction, &slopes);
         if let Some(at) = unknowns.iter().position(|unknown| !of(unknown).is_finite()) {
-            // The first input or state with respect to which it has no finite derivative.
+            // Find the input or state with respect to which the derivative is not finite.
             for (&position, &reference) in knowns.iter().zip(known).filter(|(position, _)| direction[**position] != 0.0)
             {
                 let mut one = self.direction();
@@ -69,7 +69,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetAdjointDerivative: the transposed matrix of derivatives times the seed, column by column. Fails as
+    /// fmi3GetAdjointDerivative: the transposed matrix of derivatives times the seed, column by column. Fails like
     /// [`Self::directional_derivative`].
     pub fn adjoint_derivative(
         &mut self,
@@ -94,7 +94,7 @@ impl<M: Model> Instance<M> {
             groups.line(group).iter().for_each(|&column| direction[knowns[column as usize]] = 1.0);
             let slopes = self.slopes(&direction)?;
             for &column in groups.line(group) {
-                // Derivatives that are not requested may not be finite.
+                // Unknowns with a seed of 0 are skipped, because their derivatives need not be finite.
                 let asked = || {
                     let rows = by_column.line(column as usize).iter().map(|&row| row as usize);
                     rows.filter(|&row| seed[row] != 0.0).map(|row| (row, unknowns[row].of(&direction, &slopes)))
@@ -118,8 +118,9 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Dependencies of each unknown on the known variables, by their positions in the list. For a few of them, one
-    /// evaluation each is as fast as finding the structure.
+    /// Dependencies of each unknown on the known variables, by their positions in `knowns`. If there are only a few
+    /// known variables, one evaluation for each is as fast as finding the structure, so all unknowns depend on all of
+    /// them.
     fn structure(&mut self, unknowns: &[Unknown], knowns: &[usize]) -> CallResult<Structure> {
         const FEW: usize = 16;
         let mut rows = Structure::default();
@@ -147,12 +148,12 @@ impl<M: Model> Instance<M> {
         Ok(rows)
     }
 
-    /// A direction of zeros: real inputs, states and the time.
+    /// A direction of zeros, with an element for each real input and state and for the time.
     fn direction(&self) -> Vec<f64> {
         vec![0.0; self.layout().inputs.counts.reals + self.layout().states.counts.reals + 1]
     }
 
-    /// Derivatives of the outputs, then of the state derivatives, along a direction.
+    /// Derivatives of the real outputs, then of the state derivatives, along a direction.
     fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
         self.derive()?;
         let is_frozen = self.mode == Mode::ContinuousTime;

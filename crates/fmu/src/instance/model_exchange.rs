@@ -8,7 +8,7 @@ use crate::runner::{Model, Run, Update};
 use crate::variable::Block;
 
 impl<M: Model> Instance<M> {
-    /// fmi2EnterEventMode. Fails out of order, or in co-simulation without Event Mode.
+    /// fmi2EnterEventMode. Fails in co-simulation without Event Mode.
     pub fn enter_event_mode(&mut self) -> CallResult {
         let function = Function::EnterEventMode;
         self.check(function)?;
@@ -20,8 +20,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2NewDiscreteStates: handles the events of the present time. One call is enough. Fails if a number is not finite, the model
-    /// rejects the event, or events accumulate; everything is kept then.
+    /// fmi2NewDiscreteStates: handles all events at the present time in one call. If a number is not finite, the model
+    /// rejects the event, or there are too many events, fails and changes nothing.
     pub fn new_discrete_states(&mut self) -> CallResult<Update> {
         let function = Function::NewDiscreteStates;
         self.check(function)?;
@@ -33,7 +33,7 @@ impl<M: Model> Instance<M> {
         result.map_err(|error| self.error(function, error))
     }
 
-    /// fmi2EnterContinuousTimeMode: relations keep their sides and discrete outputs their values until the next event.
+    /// fmi2EnterContinuousTimeMode: until the next event, relations keep their sides and discrete outputs their values.
     pub fn enter_continuous_time_mode(&mut self) -> CallResult {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
@@ -45,7 +45,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetTime. A solver may evaluate the equations after the stop time. Fails on a time that is not finite or before the start.
+    /// fmi2SetTime. A solver may evaluate the equations after the stop time. Fails if the time is not finite or is
+    /// before the start.
     pub fn set_time(&mut self, time: f64) -> CallResult {
         let function = Function::SetTime;
         self.check(function)?;
@@ -61,7 +62,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetContinuousStates. Fails on a wrong number of states; fmi2Discard for a state that is not finite, which a solver may try.
+    /// fmi2SetContinuousStates. Fails if the number of states is wrong. Returns fmi2Discard for a state that is not
+    /// finite: a solver may try one, and can then shorten its step.
     pub fn set_continuous_states(&mut self, states: &[f64]) -> CallResult {
         let function = Function::SetContinuousStates;
         let range = self.range(function, self.layout().states, states)?;
@@ -74,7 +76,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetContinuousStates. Fails on a wrong number of states, or inconsistent parameters.
+    /// fmi2GetContinuousStates. Fails if the number of states is wrong or the parameters are inconsistent.
     pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
         let range = self.range(Function::GetContinuousStates, self.layout().states, states)?;
         // States may follow from the parameters.
@@ -83,7 +85,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetNominalsOfContinuousStates. Fails on a wrong number of states.
+    /// fmi2GetNominalsOfContinuousStates. Fails if the number of states is wrong.
     pub fn nominals(&self, nominals: &mut [f64]) -> CallResult {
         let range = self.range(Function::GetNominalsOfContinuousStates, self.layout().states, nominals)?;
         for (nominal, index) in nominals.iter_mut().zip(range) {
@@ -92,8 +94,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetDerivatives. Fails on a wrong number of states; fmi2Discard for a derivative that is not finite, so that a solver can
-    /// shorten its step.
+    /// fmi2GetDerivatives. Fails if the number of states is wrong. Returns fmi2Discard if a derivative is not finite: a
+    /// solver can then shorten its step.
     pub fn state_derivatives(&mut self, derivatives: &mut [f64]) -> CallResult {
         let function = Function::GetDerivatives;
         let range = self.range(function, self.layout().derivatives, derivatives)?;
@@ -105,14 +107,14 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetEventIndicators. Fails on a wrong number of indicators; fmi2Discard for one that is not finite.
+    /// fmi2GetEventIndicators. Fails if the number of indicators is wrong. Returns fmi2Discard if one is not finite.
     pub fn event_indicators(&mut self, indicators: &mut [f64]) -> CallResult {
         let function = Function::GetEventIndicators;
         self.check(function)?;
         self.indicators(function, indicators)
     }
 
-    /// The event indicators. Outside Continuous-Time Mode the relations have the sides of the values.
+    /// The event indicators. Outside Continuous-Time Mode, the sides of the relations follow from the present values.
     pub(super) fn indicators(&mut self, function: Function, indicators: &mut [f64]) -> CallResult {
         let count = self.layout().indicators.total();
         self.check_length(function, "event indicators", count, indicators.len())?;
@@ -122,7 +124,7 @@ impl<M: Model> Instance<M> {
         if is_frozen {
             M::event_indicators(ctx, run, values, indicators);
         } else {
-            // Reading does not change the state.
+            // In a copy, because reading must not change the state.
             let mut run = run.clone();
             M::freeze_relations(ctx, &mut run, values);
             M::event_indicators(ctx, &mut run, values, indicators);
@@ -134,7 +136,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Indices of the reals of a block, for an array of their length.
+    /// Indices of the reals in a block. Fails if `array` has another length.
     fn range(&self, function: Function, block: Block, array: &[f64]) -> CallResult<Range<usize>> {
         self.check(function)?;
         self.check_length(function, "states", block.counts.reals, array.len())?;

@@ -1,5 +1,5 @@
-//! The bytes of a saved state: magic, format version, GUID, everything that changes, checksum. Little endian, no
-//! pointers, so they are valid in another process and on another machine.
+//! The bytes of a saved state: magic number, format version, GUID, everything that changes, checksum. They are little
+//! endian and contain no pointers, so they are valid in other processes and on other machines.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::variables::Derived as _;
 const MAGIC: &[u8; 8] = b"FMURS\r\n\0";
 const VERSION: u32 = 4;
 
-/// FNV-1a, 64 bits: detects damaged bytes; not a protection against crafted ones.
+/// FNV-1a, 64 bits: detects damaged bytes, not crafted ones.
 pub(crate) fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -26,7 +26,7 @@ fn write_text(out: &mut Vec<u8>, text: &str) {
     out.extend(text.as_bytes());
 }
 
-/// Serializes a snapshot. The bytes depend on the state alone, not on results computed from it for reading.
+/// Serializes a snapshot. The bytes depend only on the state, not on which results were read.
 pub(crate) fn write<M: Model>(
     protocol: Protocol,
     guid: &str,
@@ -60,9 +60,9 @@ pub(crate) fn write<M: Model>(
     values.integers.iter().for_each(|value| out.extend(value.to_le_bytes()));
     out.extend(values.booleans.iter().map(|&value| u8::from(value)));
     values.strings.iter().for_each(|value| write_text(&mut out, value));
-    // After the start the parameter has its value.
+    // After the start, the tolerance no longer changes, so the flag has no effect.
     out.extend(u32::from(!initialized && snapshot.is_tolerance_set).to_le_bytes());
-    // Before the start the state of the run follows from the values.
+    // Before the start, the state of the run follows from the values and is not saved.
     if let (true, Some(derived), Some(run)) = (initialized, snapshot.derived.as_deref(), &snapshot.run) {
         out.extend(M::fingerprint(derived).to_le_bytes());
         M::save(run, &mut |word| word.write(&mut out))?;
@@ -76,8 +76,8 @@ fn is_initialized(mode: Mode) -> bool {
     !matches!(mode, Mode::Instantiated | Mode::Initialization)
 }
 
-/// Returns true if a value is computed from others before it is read. Between two events of model exchange the outputs that are
-/// not real keep their values.
+/// Returns true if a value is computed from other values before it is read. In model exchange, outputs that are not
+/// real keep their values between two events.
 fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
     let initialized = is_initialized(mode);
     match variable.role {
@@ -85,7 +85,7 @@ fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
         Role::State => variable.declaration.calculated && !initialized,
         Role::Output => {
             let is_kept = mode == Mode::ContinuousTime && !matches!(variable.declaration.kind, Kind::Real(_));
-            // Those of a source are computed up to the start.
+            // A source computes its outputs up to the start.
             !is_kept && (M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && !initialized))
         }
         Role::Parameter | Role::Input => false,
@@ -102,10 +102,10 @@ fn read_switch(source: &mut Words<'_>) -> Result<bool, String> {
 
 fn read_text(source: &mut Words<'_>) -> Result<String, String> {
     let length = u32::from_le_bytes(source.take()?);
-    String::from_utf8(source.bytes_of(length.into())?.to_vec()).map_err(|_| "a text is not UTF-8".to_owned())
+    String::from_utf8(source.bytes_of(length.into())?.to_vec()).map_err(|_| "a string is not UTF-8".to_owned())
 }
 
-/// Reads the snapshot of some bytes.
+/// Reads a snapshot from its bytes.
 pub(crate) fn read<M: Model>(
     protocol: Protocol,
     guid: &str,
@@ -117,7 +117,7 @@ pub(crate) fn read<M: Model>(
     let (body, sum) = bytes.split_at(body);
     let source = &mut Words(body);
     if &source.take::<8>()? != MAGIC {
-        return Err("these are not the bytes of a state of this exporter".to_owned());
+        return Err("the bytes are not a state saved by an FMU of this exporter".to_owned());
     }
     let version = u32::from_le_bytes(source.take()?);
     if version != VERSION {
@@ -126,7 +126,7 @@ pub(crate) fn read<M: Model>(
     let column = u32::from_le_bytes(source.take()?);
     if column != protocol.column() as u32 {
         let from = Protocol::ALL.get(column as usize).map_or_else(|| "an unknown interface".to_owned(), Protocol::name);
-        return Err(format!("the state was saved by an instance for {from}, this one is for {}", protocol.name()));
+        return Err(format!("the state was saved by an instance for {from}, this instance is for {}", protocol.name()));
     }
     let found = read_text(source)?;
     if found != guid {
@@ -174,7 +174,7 @@ pub(crate) fn read<M: Model>(
             Kind::Real(_) if !values.reals[variable.index].is_finite() => {
                 return Err(format!("'{name}' is not a finite number"));
             }
-            // A state must not contain values that no call accepts: models rely on the limits of their parameters.
+            // A restored state must not contain values that the set functions reject: models rely on parameter limits.
             Kind::Real(real) if variable.role == Role::Parameter => {
                 let value = values.reals[variable.index];
                 let range = real.range();
@@ -201,9 +201,9 @@ pub(crate) fn read<M: Model>(
         let parameters = M::parameters(&snapshot.values);
         let derived = Arc::new(M::load(&parameters, resources)?);
         if M::fingerprint(&derived) != fingerprint {
-            return Err("a file that the state was made with has another content now".to_owned());
+            return Err("a file that the model read before the state was saved has changed since".to_owned());
         }
-        // In place: the state of a model may be large, and a thread's stack small.
+        // In place, because the state of a model can be too large for a thread's stack.
         let Snapshot { values, clock, run, .. } = &mut snapshot;
         derived.write(&mut values.view_mut(), layout.derived.at);
         if let Some(index) = layout.derived.reals().find(|&index| !values.reals[index].is_finite()) {

@@ -19,7 +19,7 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// fmi2SetFMUstate. The instance continues as the one the snapshot was taken of.
+    /// fmi2SetFMUstate. The instance continues from the snapshot.
     pub fn restore(&mut self, snapshot: &Snapshot<M>) -> CallResult {
         self.check(Function::SetFMUstate)?;
         self.enter(snapshot.mode);
@@ -33,7 +33,7 @@ impl<M: Model> Instance<M> {
             && !self.is_before_start()
             && let Some(run) = &mut self.run
         {
-            // The instance that saved the state may have handled its events in its steps.
+            // The instance that saved the state may have handled events inside its steps.
             M::init_events(run, &self.description.layout, self.clock.time);
         }
         self.parameters = M::parameters(&self.values);
@@ -49,7 +49,8 @@ impl<M: Model> Instance<M> {
             .map_err(|message| self.error(Function::SerializeFMUstate, message))
     }
 
-    /// A snapshot from bytes. Fails on bytes that are damaged, of another format or FMU, or whose files have changed.
+    /// Reads a snapshot from bytes. Fails if they are damaged or come from another format or FMU, or if files that the
+    /// model reads have changed.
     pub fn deserialize(&self, bytes: &[u8]) -> CallResult<Snapshot<M>> {
         self.check(Function::DeSerializeFMUstate)?;
         state_bytes::read::<M>(self.protocol, &self.description.guid, self.layout(), &self.resources, bytes)

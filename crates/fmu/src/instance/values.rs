@@ -8,14 +8,14 @@ use crate::runner::Model;
 use crate::store::ValueStore;
 use crate::variable::{Declaration, Kind, Role, Variable, name_in};
 
-/// Returns true if a number is finite, by its bits: independent of the floating-point environment of the host, see
-/// [`Instance::may_compute`].
+/// Returns true if a number is finite. Tests the bits, and so does not depend on the floating-point environment of the
+/// host, see [`Instance::may_compute`].
 #[inline]
 const fn is_finite(value: f64) -> bool {
     value.to_bits() << 1 < f64::INFINITY.to_bits() << 1
 }
 
-/// Name in FMI 2.0 of the type of the variables that a function sets.
+/// FMI 2.0 name of the variable type that a function sets.
 fn type_set_by(function: Function) -> &'static str {
     let name = if function == Function::SetInt64 { Function::SetInteger } else { function }.name(Version::Fmi2);
     &name["fmi2Set".len()..]
@@ -37,8 +37,8 @@ impl<M: Model> Instance<M> {
         self.error(function, message)
     }
 
-    /// fmi2GetReal. Fails on an unknown reference, an error of the derived parameters, or a result that is not finite; `values` is then
-    /// kept.
+    /// fmi2GetReal. If a reference is unknown, the parameters are inconsistent, or a result is not finite, fails and
+    /// leaves `values` unchanged.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         self.check(Function::GetReal)?;
         let layout = self.layout();
@@ -68,10 +68,10 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetFloat64: also for the time and event indicators. Fails as [`Self::get_real`].
+    /// fmi3GetFloat64, which can also read the time and event indicators. Fails like [`Self::get_real`].
     pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
-        // Fast path: the time and the event indicators have the last references.
+        // Fast path without time and event indicators, which have the greatest references.
         if references.iter().fold(0, |last, &reference| last.max(reference)) < time {
             return self.get_real(references, values);
         }
@@ -81,7 +81,7 @@ impl<M: Model> Instance<M> {
         if M::MODEL_EXCHANGE && references.iter().any(|reference| is_special(reference) && *reference != time) {
             self.indicators(Function::GetReal, &mut found)?;
         }
-        // References that may be rejected are checked first: no value is written then.
+        // References are checked before the first value is written.
         for reference in references.iter().filter(|reference| !is_special(reference)) {
             self.get_real(&[*reference], &mut [0.0])?;
         }
@@ -95,12 +95,12 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Number of values of the variable of a value reference.
+    /// Number of values of the variable with this reference.
     pub(crate) fn length_of(&self, reference: u32) -> u32 {
         self.description.lengths.get(reference as usize).copied().unwrap_or(1)
     }
 
-    /// Rejects an enumeration where FMI 3.0 expects an Int32, and the other way round.
+    /// Rejects an enumeration where FMI 3.0 expects an Int32, and vice versa.
     pub(crate) fn check_integer(&self, function: Function, reference: u32) -> CallResult {
         let is_enumeration = self
             .layout()
@@ -153,7 +153,7 @@ impl<M: Model> Instance<M> {
         Ok(self.values.booleans[index])
     }
 
-    /// fmi2GetString. The text stays valid until the value changes, a string is set or a state is restored.
+    /// fmi2GetString. The string stays valid until the value changes, a string is set or a state is restored.
     pub fn get_string(&mut self, reference: u32) -> CallResult<&CStr> {
         let index = self.readable(Function::GetString, reference, Self::string)?;
         if self.texts[index].to_bytes() != self.values.strings[index].as_bytes() {
@@ -162,7 +162,7 @@ impl<M: Model> Instance<M> {
         Ok(&self.texts[index])
     }
 
-    /// Index of a value that is not a real number, once outputs and calculated parameters of other types are up to date.
+    /// Index of a value that is not a real number. First updates outputs and calculated parameters if necessary.
     #[inline]
     fn readable(
         &mut self,
@@ -186,7 +186,7 @@ impl<M: Model> Instance<M> {
         let before_start = self.is_before_start();
         let is_continuous = self.mode == Mode::ContinuousTime;
         let (allowed, what) = match variable.role {
-            // As in fmi2SetContinuousStates: CasADi sets states this way.
+            // Same effect as fmi2SetContinuousStates; CasADi sets states this way.
             Role::State if is_continuous => (true, ""),
             Role::Input => (true, ""),
             Role::Parameter if variable.declaration.tunable => (!is_continuous, "a tunable parameter"),
@@ -224,8 +224,8 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// fmi2SetReal. Nothing is set unless all values are accepted. Fails on an unknown reference, a variable that may not be set now, a
-    /// number that is not finite or outside its limits.
+    /// fmi2SetReal. Fails, without setting anything, if a reference is unknown, a variable cannot be set in this mode,
+    /// or a value is not finite or outside its limits.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> CallResult {
         self.check(Function::SetReal)?;
         let layout = self.layout();
@@ -247,7 +247,7 @@ impl<M: Model> Instance<M> {
             }
             if !is_finite(value) {
                 let message = format!("'{}' must be finite, got {value}", layout.real_name(index));
-                // A solver may try it.
+                // A solver may try such a value and then shorten its step.
                 let is_tried = self.mode == Mode::ContinuousTime && layout.states.reals().contains(&index);
                 return Err(if is_tried {
                     self.discard(Function::SetReal, message)
@@ -260,7 +260,7 @@ impl<M: Model> Instance<M> {
             }
             let variable = self.settable(Function::SetReal, reference)?;
             if variable.role == Role::State && self.mode == Mode::ContinuousTime {
-                // Limits are those of start values.
+                // The limits of a state apply to its start value only.
                 continue;
             }
             let Kind::Real(real) = &variable.declaration.kind else { unreachable!("reals come first") };
@@ -271,7 +271,7 @@ impl<M: Model> Instance<M> {
                 return Err(self.error(Function::SetReal, message));
             }
         }
-        // Importers also set parameters that have not changed: nothing is computed again for them.
+        // Importers also set parameters to their present values. This must not cause computations.
         let parameters = layout.parameters.reals();
         let (solver, mut is_changed) = (layout.solver, false);
         for (&reference, &value) in references.iter().zip(values) {
@@ -287,14 +287,14 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetInteger. Nothing is set unless all values are accepted. Fails on an unknown reference, a parameter that may not be set
-    /// now, or a value outside its limits.
+    /// fmi2SetInteger. Fails, without setting anything, if a reference is unknown, a variable cannot be set in this
+    /// mode, or a value is outside its limits.
     #[cfg(feature = "testing")]
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
         self.set_integer_by(Function::SetInteger, references, values)
     }
 
-    /// Sets Integers by a function, which is another one for enumerations in FMI 3.0.
+    /// Sets Integers. `function` is `SetInt64` for enumerations in FMI 3.0.
     pub(crate) fn set_integer_by(&mut self, function: Function, references: &[u32], values: &[i32]) -> CallResult {
         let rule = |kind: &Kind, value: &i32| {
             let Kind::Integer { min, max, items, .. } = kind else { unreachable!("an Integer was found") };
@@ -308,15 +308,15 @@ impl<M: Model> Instance<M> {
         self.set_others(function, references, values, Self::integer, rule, |all| &mut all.integers)
     }
 
-    /// fmi2SetBoolean. Nothing is set unless all references are accepted. Fails on an unknown reference or a parameter that may not be
-    /// set now.
+    /// fmi2SetBoolean. Fails, without setting anything, if a reference is unknown or a variable cannot be set in this
+    /// mode.
     pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
         let (function, rule) = (Function::SetBoolean, |_: &Kind, _: &bool| Ok(()));
         self.set_others(function, references, values, Self::boolean, rule, |all| &mut all.booleans)
     }
 
-    /// fmi2SetString. Nothing is set unless all references are accepted. Fails on an unknown reference, a parameter that may not be set
-    /// now, or a text with a zero byte.
+    /// fmi2SetString. Fails, without setting anything, if a reference is unknown, a variable cannot be set in this
+    /// mode, or a string contains a zero byte.
     pub fn set_string(&mut self, references: &[u32], values: &[String]) -> CallResult {
         let rule = |_: &Kind, value: &String| match value.contains('\0') {
             true => Err("must not contain a zero byte".to_owned()),
@@ -327,7 +327,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Sets values that are not real: `index` finds them in the list `of` all, `rule` is what they must satisfy.
+    /// Sets values that are not real. `index` returns the position of a value in the list `of`; `rule` validates it.
     fn set_others<V: PartialEq + Clone>(
         &mut self,
         function: Function,

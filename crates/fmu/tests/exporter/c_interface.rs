@@ -319,9 +319,12 @@ fn empty_arrays_may_be_null_and_others_may_not() {
         assert_eq!(fmu.error(), "fmi2SetReal: value must be an array of length 1, got a null pointer");
         let odd = null::<u8>().wrapping_add(3).cast::<f64>();
         assert_eq!(fmi2::set_real::<Sampler>(component, &one, 1, odd), Status::Error);
-        assert_eq!(fmu.error(), "fmi2SetReal: value of length 1 is not a possible array");
+        assert_eq!(
+            fmu.error(),
+            "fmi2SetReal: value is not a valid array: its pointer is misaligned, or its length, 1, is too large"
+        );
         assert_eq!(fmi2::set_real::<Sampler>(component, &one, usize::MAX, &0.0), Status::Error);
-        assert!(fmu.error().ends_with("is not a possible array"));
+        assert!(fmu.error().ends_with("is too large"));
 
         let label = reference::<Sampler>("filter.label");
         let fresh = C::<Sampler>::new(false);
@@ -517,7 +520,7 @@ fn a_failed_step_is_an_error_that_a_saved_state_undoes() {
     assert_eq!(fmu.step(0.1, 0.1), Status::Error);
     assert_eq!(
         fmu.error(),
-        "fmi2DoStep: 'quotient' became inf at 0.1 s; the state at 0.1 s was restored and the instance cannot step on"
+        "fmi2DoStep: 'quotient' became inf at 0.1 s; the state at 0.1 s was restored and the instance cannot continue"
     );
     assert_eq!(fmu.get("sum_of_quotients"), 1.0);
     // SAFETY: a state of the component.
@@ -528,7 +531,8 @@ fn a_failed_step_is_an_error_that_a_saved_state_undoes() {
 
 #[test]
 fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
-    const STRANGER: &str = "FMUstate is not a state of this instance (never saved, already freed, or of another one)";
+    const STRANGER: &str =
+        "FMUstate is not a state of this instance (never saved, already freed, or from another instance)";
     let (fmu, other) = (C::<Sampler>::ready(), C::<Sampler>::ready());
     let component = fmu.component;
     let state = fmu.save();
@@ -568,7 +572,10 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
         assert_eq!(fmu.error(), format!("fmi2SetFMUstate: {STRANGER}"));
         let odd = null_mut::<u8>().wrapping_add(3).cast::<FmuState>();
         assert_eq!(fmi2::free_fmu_state::<Sampler>(component, odd), Status::Error);
-        assert_eq!(fmu.error(), "fmi2FreeFMUstate: FMUstate of length 1 is not a possible array");
+        assert_eq!(
+            fmu.error(),
+            "fmi2FreeFMUstate: FMUstate is not a valid array: its pointer is misaligned, or its length, 1, is too large"
+        );
     }
 }
 

@@ -480,7 +480,7 @@ mod without_derived_parameters {
 }
 
 #[test]
-#[should_panic = "Hopeless: the start values of the parameters do not work: 'mass' must be below 2 kg, got 2 kg"]
+#[should_panic = "Hopeless: the model rejects its start values: 'mass' must be below 2 kg, got 2 kg"]
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
     // Its dependencies could not be found, and an empty list would be wrong.
     Description::of::<fmu::testing::runner::ContinuousModel<without_derived_parameters::Hopeless>>(

@@ -13,7 +13,7 @@ fn a_step_that_is_not_finite_restores_what_was_before() {
     let (before, bits) = (fmu.0.snapshot().unwrap(), fmu.bits());
     assert_eq!(
         error_of(fmu.step(0.3)),
-        "fmi2DoStep: 'quotient' became inf at 0.1 s; the state at 0.1 s was restored and the instance cannot step on"
+        "fmi2DoStep: 'quotient' became inf at 0.1 s; the state at 0.1 s was restored and the instance cannot continue"
     );
     assert_eq!(fmu.0.mode(), Mode::StepFailed);
     assert_eq!(fmu.0.time(), 0.1);
@@ -36,7 +36,7 @@ fn a_later_sample_of_a_step_may_fail_and_all_of_them_are_undone() {
     assert_eq!(
         error_of(fmu.step(1.0)),
         "fmi2DoStep: 'product' became inf at 0.30000000000000004 s; the state at 0 s was restored and the instance \
-         cannot step on"
+         cannot continue"
     );
     assert_eq!(fmu.bits(), bits);
     let before = fmu.0.deserialize(&before).unwrap();
@@ -54,7 +54,7 @@ fn a_model_may_reject_a_sample() {
     assert_eq!(
         error_of(fmu.step(0.1)),
         "fmi2DoStep: 'divisor' must be 0 or more, got -2 at 0.2 s; the state at 0.2 s was restored and the \
-         instance cannot step on"
+         instance cannot continue"
     );
     assert_eq!((fmu.0.mode(), fmu.bits()), (Mode::StepFailed, bits));
 }
@@ -67,7 +67,7 @@ fn a_continuous_model_that_overflows_restores_its_state() {
     let bits = fmu.bits();
     let message = error_of(fmu.step(1e3));
     assert!(message.starts_with("fmi2DoStep: 'cart_position.l' became "), "{message}");
-    assert!(message.ends_with(" at 1000.5 s; the state at 0.5 s was restored and the instance cannot step on"));
+    assert!(message.ends_with(" at 1000.5 s; the state at 0.5 s was restored and the instance cannot continue"));
     assert_eq!((fmu.0.mode(), fmu.bits(), fmu.0.time()), (Mode::StepFailed, bits, 0.5));
     fmu.0.terminate().unwrap();
     assert_eq!(fmu.0.mode(), Mode::Terminated);

@@ -332,7 +332,7 @@ fn arrays_are_read_and_set_as_one_variable() {
     let stiffness = reference::<CartPair>("spring.stiffness.l");
     assert_eq!(instance.set(&[stiffness], &[5.0, 6.0]), Status::Ok);
     assert_eq!(instance.set(&[stiffness], &[5.0]), Status::Error);
-    assert_eq!(instance.error(), "fmi3SetFloat64: the variables have 2 values, nValues is 1");
+    assert_eq!(instance.error(), "fmi3SetFloat64: nValues must be 2 for these variables, got 1");
     let mut values = [0.0; 3];
     let mass = reference::<CartPair>("cart.mass");
     assert_eq!(instance.get(&[stiffness, mass], &mut values), Status::Ok);
@@ -411,7 +411,7 @@ fn the_states_of_one_version_are_rejected_by_the_other() {
     assert_eq!(status, Status::Error);
     assert_eq!(
         instance.error(),
-        "fmi3DeserializeFMUState: the state was saved by an instance for co-simulation of FMI 2.0, this one is for \
+        "fmi3DeserializeFMUState: the state was saved by an instance for co-simulation of FMI 2.0, this instance is for \
          co-simulation of FMI 3.0"
     );
 }

@@ -530,10 +530,12 @@ fn the_bytes_of_one_interface_are_rejected_by_another() {
     let bytes = importer.instance.serialize(&importer.instance.snapshot().unwrap()).unwrap();
     assert_eq!(
         error_of(fmu.0.deserialize(&bytes).map(drop)),
-        "fmi2DeSerializeFMUstate: the state was saved by an instance for model exchange of FMI 2.0, this one is for \
+        "fmi2DeSerializeFMUstate: the state was saved by an instance for model exchange of FMI 2.0, this instance is for \
          co-simulation of FMI 2.0"
     );
-    assert!(error_of(importer.instance.deserialize(&fmu.bytes()).map(drop)).contains("this one is for model exchange"));
+    assert!(
+        error_of(importer.instance.deserialize(&fmu.bytes()).map(drop)).contains("this instance is for model exchange")
+    );
 }
 
 #[test]

@@ -183,7 +183,7 @@ fn errors_of_a_simulation_are_those_of_the_model() {
     fmu.set_string("good", "").unwrap();
     assert_eq!(
         error_of(fmu.step(0.5)),
-        "fmi2DoStep: 'good' must not be empty at 0 s; the state at 0 s was restored and the instance cannot step on"
+        "fmi2DoStep: 'good' must not be empty at 0 s; the state at 0 s was restored and the instance cannot continue"
     );
     fmu.0.restore(&saved).unwrap();
     fmu.step(0.5).unwrap();

@@ -166,7 +166,10 @@ fn bytes_of_another_kind_say_what_they_are() {
     let bytes = fmu.bytes();
     let message = |bytes: &[u8]| error_of(fmu.0.deserialize(bytes).map(drop));
     assert_eq!(message(&[]), "fmi2DeSerializeFMUstate: too few bytes for a state");
-    assert_eq!(message(&[b'x'; 100]), "fmi2DeSerializeFMUstate: these are not the bytes of a state of this exporter");
+    assert_eq!(
+        message(&[b'x'; 100]),
+        "fmi2DeSerializeFMUstate: the bytes are not a state saved by an FMU of this exporter"
+    );
     let mut newer = bytes.clone();
     newer[8] = 9;
     assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 4, got 9");

@@ -470,13 +470,13 @@ fn outputs_of_other_types_depend_on_what_they_follow() {
 fn what_makes_a_structure_dense_is_named() {
     let note = |description: std::sync::Arc<fmu::testing::description::Description>| description.notes.join("; ");
     let text = note(Text::description());
-    assert!(text.contains("`text`") && text.contains("pass on the fields that are needed"), "{text}");
+    assert!(text.contains("`text`") && text.contains("pass on only the fields that are needed"), "{text}");
     let called = note(Calling::description());
     assert!(called.contains("`file`") && called.contains("pass on `self`"), "{called}");
     assert_eq!(dependencies::<Calling>("y"), ["u[1]", "u[2]"]);
     let number = note(Unbounded::description());
     assert!(number.contains("`number`") && number.contains("`min` and `max`"), "{number}");
-    assert!(note(Inspecting::description()).contains("look at a value"));
+    assert!(note(Inspecting::description()).contains("read the value"));
     assert!(note(Combinations::description()).contains("more than 4096 combinations"));
 }
 
