@@ -56,7 +56,7 @@ def _wild_guid(entries: Entries) -> None:
 ENTRIES: list[tuple[Callable[[Entries], None], str]] = [
     (_other_platform, "RescueVehicle.fmu: no binary for "),
     (_text, "loading: RescueVehicle.fmu: Failed to load shared library"),
-    (_half, "is damaged or cut off"),
+    (_half, "is damaged or truncated"),
     (_entities, "document type declaration"),
     (_way_out, "not a path within the archive"),
     (_wild_guid, "{\\u009b5m"),

@@ -349,13 +349,13 @@ fn ambiguous_archives_are_rejected() {
     wide.extend((front.len() as u64).to_le_bytes());
     wide.extend(1_u32.to_le_bytes());
     let bytes = [front, &wide, end].concat();
-    rejected("an end record of zip64", &bytes, Archive, "its end record states 3 entries, that of zip64 2");
+    rejected("an end record of zip64", &bytes, Archive, "its end record contains 3 entries, its zip64 end record 2");
     // Two names for the same content.
     let bytes = header(sound.bytes(), "resources/note.txt", [30, 30], |_| ());
     let last = *places(&bytes, b"resources/note.txt").last().unwrap();
     let mut bytes = bytes;
     bytes[last] = b'R';
-    rejected("two names", &bytes, Archive, "has another name, `resources/note.txt`, at its content");
+    rejected("two names", &bytes, Archive, "has another name, `resources/note.txt`, in its local header");
 }
 
 /// The time of a look-up by name does not grow with the number of names: 100,000 units of measure, each of one
@@ -608,7 +608,7 @@ fn binaries_that_do_not_run_here_are_rejected() {
         "half a binary",
         &sound.loading(&name, Some(&sound.binary[..sound.binary.len() / 2])),
         Binary,
-        "is damaged or cut off",
+        "is damaged or truncated",
     );
     let mut other = sound.binary.clone();
     // A processor that does not exist.

@@ -13,21 +13,21 @@ use std::io::{self, BufRead as _, BufReader, Read, Seek, Write as _};
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
-/// Largest unpacked size of one entry, bytes.
+/// Maximum unpacked size of one entry, bytes.
 const MAX_ENTRY: u64 = 1 << 30;
-/// Largest unpacked size of all entries of an archive, bytes.
+/// Maximum unpacked size of all entries together, bytes.
 const MAX_UNPACKED: u64 = 2 << 30;
-/// Largest ratio of unpacked to packed bytes. Libraries have 2 to 5, tables of numbers 20, zeros 1000.
+/// Maximum ratio of unpacked to packed bytes. Typical ratios: libraries 2 to 5, tables of numbers 20, zeros 1000.
 const MAX_RATIO: u64 = 200;
 /// Unpacked size up to which any ratio is accepted, bytes.
 const ANY_RATIO: u64 = 64 << 20;
 
-/// Error of reading or unpacking an archive: it cannot be read, is damaged or rejected, its description is invalid, or it
-/// lacks what was asked for.
+/// Error while reading or unpacking an archive: it cannot be read, is damaged or rejected, its description is invalid,
+/// or the requested interface or platform is missing.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct ArchiveError {
-    /// The archive, or a file that was to be written.
+    /// The archive, or the file that could not be written.
     path: PathBuf,
     problem: String,
 }
@@ -38,8 +38,7 @@ impl ArchiveError {
         Self { path: path.to_path_buf(), problem: problem.to_string() }
     }
 
-    /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, zip readers
-    /// disagree about the archive, or it is too large.
+    /// The archive is hostile, ambiguous or too large.
     fn rejected(path: &Path, reason: impl Display) -> Self {
         Self::new(path, format!("rejected: {reason}"))
     }
@@ -53,15 +52,15 @@ fn listed(names: &[String]) -> String {
     if names.is_empty() { "none".to_string() } else { names.join(", ") }
 }
 
-/// FMI 2.0 name of the platform this program runs on: the folder below `binaries/`.
+/// FMI 2.0 name of the platform on which this program runs: the folder in `binaries/`.
 ///
-/// FMI 2.0 names only 32 and 64 bit x86 on Windows and Linux, and 64 bit macOS; other machines use
-/// the names of FMI 3.0, as fmpy does.
+/// FMI 2.0 defines names only for 32- and 64-bit x86 on Windows and Linux, and for 64-bit macOS. Other platforms have
+/// their FMI 3.0 names, as in FMPy.
 pub fn platform() -> &'static str {
     platform_of(FmiVersion::V2)
 }
 
-/// Name of the platform this program runs on in a version of FMI.
+/// Name of the platform on which this program runs, in a version of FMI.
 pub fn platform_of(fmi: FmiVersion) -> &'static str {
     let [v2, v3] = match (std::env::consts::OS, std::env::consts::ARCH) {
         ("linux", "x86_64") => ["linux64", "x86_64-linux"],
@@ -81,47 +80,47 @@ pub fn platform_of(fmi: FmiVersion) -> &'static str {
 pub struct Archive<R = BufReader<File>> {
     path: PathBuf,
     zip: ZipArchive<R>,
-    /// Paths of the entries, in their order, with slashes.
+    /// Paths of the entries, with slashes, in the order of the archive.
     names: Vec<String>,
 }
 
-/// Unpacked files of an FMU; removed from the disk when dropped.
+/// Unpacked files of an FMU, deleted when dropped.
 #[derive(Debug)]
 pub struct Unpacked {
     /// Shared library of this platform.
     pub binary: PathBuf,
-    /// Folder of the resources; empty where the FMU has none.
+    /// Folder `resources`; empty if the FMU has none.
     pub resources: PathBuf,
-    /// Version, interface and types of the description, for the calls of the library.
+    /// Version, interface and types from the description, which calls to the library need.
     pub(crate) signature: Signature,
     _folder: Option<Folder>,
 }
 
 impl Unpacked {
-    /// Files that another process has unpacked and will remove.
+    /// Files that another process unpacked and will delete.
     pub(crate) fn elsewhere(binary: PathBuf, resources: PathBuf, signature: Signature) -> Self {
         Self { binary, resources, signature, _folder: None }
     }
 }
 
 impl Archive {
-    /// Opens an archive and checks the names of its entries and the sizes that it states.
+    /// Opens an archive and checks the names of its entries and their declared sizes.
     ///
     /// # Errors
-    /// The file cannot be read, is not a zip archive, has too many entries, states a size that would not be unpacked,
-    /// has two entries of one name or in one place, or has an entry that is encrypted, a link, or whose name is not a path
-    /// within the archive.
+    /// The file cannot be read or is not a zip archive. It has too many entries, or an entry that is too large. Two
+    /// entries have the same name or overlap. An entry is encrypted or a link, or its name is not a path within the
+    /// archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let file = File::open(path).map_err(at(path))?;
         if file.metadata().map_err(at(path))?.is_dir() {
-            return Err(ArchiveError::rejected(path, "it is a folder, an FMU is a zip archive"));
+            return Err(ArchiveError::rejected(path, "it is a folder, but an FMU is a zip archive"));
         }
         Self::read(path, BufReader::new(file))
     }
 }
 
 impl<R: Read + Seek> Archive<R> {
-    /// Reads an archive as [`Archive::open`] does, of a file that is open or in memory. `path` names it in messages.
+    /// Like [`Archive::open`], for a file that is open or in memory. Messages contain `path`.
     pub fn read(path: &Path, mut file: R) -> Result<Self, ArchiveError> {
         let rejected = |reason| ArchiveError::rejected(path, reason);
         let entries = directory::read(&mut file).map_err(at(path))?;
@@ -132,8 +131,8 @@ impl<R: Read + Seek> Archive<R> {
         Ok(Self { path: path.to_path_buf(), zip, names })
     }
 
-    /// Names of entries that are separated by backslashes, which zip archives must not have (APPNOTE 6.3.10, section 4.4.17.1).
-    /// They are read as if they were slashes.
+    /// Names of entries that contain backslashes. Zip archives must not contain such names (APPNOTE 6.3.10, section
+    /// 4.4.17.1), but they are read as if the backslashes were slashes.
     pub fn names_with_backslashes(&self) -> Vec<String> {
         let names = self.zip.file_names().filter_map(|name| Some(name.ok()?.to_string()));
         names.filter(|name| name.contains('\\')).collect()
@@ -151,26 +150,26 @@ impl<R: Read + Seek> Archive<R> {
         const NAME: &str = "modelDescription.xml";
         let limit = crate::xml::MAX_BYTES as u64;
         let Some(index) = self.index(NAME) else {
-            // A folder was zipped instead of its contents.
+            // Probably a folder was zipped instead of its contents.
             let deeper = self.names.iter().find(|name| name.ends_with(&format!("/{NAME}")));
             let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
-            return Err(ArchiveError::rejected(&self.path, format!("it has no {NAME} at its top{instead}")));
+            return Err(ArchiveError::rejected(&self.path, format!("it has no {NAME} at its root{instead}")));
         };
         let bytes = self.content(index, NAME, NAME, limit)?;
         String::from_utf8(bytes).map_err(|error| {
             let at = error.utf8_error().valid_up_to() + 1;
-            let reason = format!("{NAME} is not UTF-8 (byte {at}), the encoding of a model description");
+            let reason = format!("{NAME} must be encoded in UTF-8, but byte {at} is invalid");
             ArchiveError::rejected(&self.path, reason)
         })
     }
 
-    /// The content of an entry; `None` if there is none of this name.
+    /// The content of an entry; `None` if there is no entry with this name.
     pub fn entry(&mut self, name: &str) -> Result<Option<Vec<u8>>, ArchiveError> {
         let index = self.index(name);
         index.map(|index| self.content(index, name, &format!("the entry `{name}`"), u64::MAX)).transpose()
     }
 
-    /// The content of an entry, which has at most `limit` bytes. `what` names it in messages.
+    /// The content of an entry with at most `limit` bytes. Messages contain `what`.
     fn content(&mut self, index: usize, name: &str, what: &str, limit: u64) -> Result<Vec<u8>, ArchiveError> {
         let path = &self.path;
         let entry = self.zip.by_index(index).map_err(|cause| unreadable(path, name, cause))?;
@@ -186,14 +185,14 @@ impl<R: Read + Seek> Archive<R> {
     /// Reads and parses `modelDescription.xml`.
     ///
     /// # Errors
-    /// Those of [`Self::description_text`], or it is not a description of FMI 2.0 or 3.0.
+    /// As for [`Self::description_text`], or the text is not a model description of FMI 2.0 or 3.0.
     pub fn description(&mut self) -> Result<ModelDescription, ArchiveError> {
         let text = self.description_text()?;
         ModelDescription::parse(&text)
             .map_err(|cause| ArchiveError::new(&self.path, format!("modelDescription.xml: {cause}")))
     }
 
-    /// Platforms the archive has binaries for, sorted.
+    /// Platforms for which the archive contains binaries, sorted.
     pub fn platforms(&self) -> Vec<String> {
         let mut platforms: Vec<String> = self
             .names
@@ -208,12 +207,12 @@ impl<R: Read + Seek> Archive<R> {
         platforms
     }
 
-    /// Unpacks the binaries of this platform and the resources into a new temporary folder, to use an interface of the FMU.
-    /// The description is that of the archive.
+    /// Unpacks the resources and the binaries for this platform into a new temporary folder. `description` must come
+    /// from this archive.
     ///
     /// # Errors
-    /// The FMU lacks the interface, the archive has no binary for this platform, is damaged, or the temporary folder cannot
-    /// be written.
+    /// The FMU does not have the interface or a binary for this platform, the archive is damaged, or the temporary
+    /// folder cannot be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
         let identifier = description.model_identifier(interface).ok_or_else(|| {
             let mut found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();
@@ -243,9 +242,9 @@ impl<R: Read + Seek> Archive<R> {
             if let Some(parent) = target.parent() {
                 std::fs::create_dir_all(parent).map_err(at(parent))?;
             }
-            // `create_new`: no entry may replace another one.
+            // `create_new`, because an entry must not replace another entry.
             let mut output = File::create_new(&target).map_err(at(&target))?;
-            // The size in the archive may be wrong, so the unpacked bytes are counted.
+            // The declared size may be wrong, so the unpacked bytes are counted.
             let stated = entry.size();
             let mut source = BufReader::with_capacity(1 << 16, entry.take(stated.saturating_add(1)));
             let mut copied = 0;
@@ -265,10 +264,10 @@ impl<R: Read + Seek> Archive<R> {
                 return Err(other_size(&self.path, &format!("the entry `{name}`"), stated));
             }
         }
-        // Joined part by part: Windows loads no library from a path with slashes.
+        // Joined part by part, because Windows does not load a library from a path with slashes.
         let binary = folder.path().join("binaries").join(platform).join(file);
         if !is_whole(&binary).map_err(at(&binary))? {
-            let reason = format!("the library `{library}` is damaged or cut off");
+            let reason = format!("the library `{library}` is damaged or truncated");
             return Err(ArchiveError::rejected(&self.path, reason));
         }
         let signature = Signature::new(description, interface);
@@ -277,14 +276,14 @@ impl<R: Read + Seek> Archive<R> {
 }
 
 fn unreadable(path: &Path, entry: &str, cause: impl Into<io::Error>) -> ArchiveError {
-    ArchiveError::new(path, format!("the entry `{entry}` is damaged or not readable: {}", cause.into()))
+    ArchiveError::new(path, format!("the entry `{entry}` is damaged or unreadable: {}", cause.into()))
 }
 
 fn other_size(path: &Path, what: &str, stated: u64) -> ArchiveError {
-    ArchiveError::rejected(path, format!("{what} does not have the {stated} bytes that the archive states"))
+    ArchiveError::rejected(path, format!("the size of {what} is not the {stated} bytes that the archive declares"))
 }
 
-/// Returns true if a library is complete. The loader maps the segments of an ELF file unchecked, and the system ends a
+/// Returns false if an ELF library is truncated. The loader maps its segments without checks, and the system kills a
 /// process that reads beyond the end of the file. Other damage and other formats are reported by the system.
 fn is_whole(library: &Path) -> io::Result<bool> {
     let file = File::open(library)?;
@@ -293,15 +292,14 @@ fn is_whole(library: &Path) -> io::Result<bool> {
     if !matches!(object::FileKind::parse(&content), Ok(FileKind::Elf32 | FileKind::Elf64)) {
         return Ok(true);
     }
-    // In a truncated library the list of sections is missing, because it is at the end.
+    // Parsing fails if the section headers, at the end of the file, are missing.
     let Ok(library) = object::File::parse(&content) else { return Ok(false) };
     let is_there = |(offset, size): (u64, u64)| offset.checked_add(size).is_some_and(|end| end <= length);
     Ok(library.segments().all(|segment| is_there(segment.file_range())))
 }
 
-/// Checks the unpacked size of each entry and of all entries. `Err`: the size and the limit that it exceeds.
-///
-/// The sizes are those stated in the archive. [`Archive::unpack`] writes no more than stated.
+/// Checks the declared unpacked size of each entry and the total. [`Archive::unpack`] does not write more bytes than
+/// declared.
 fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     let is_bomb = |size: u64, compressed: u64| size > ANY_RATIO && size / MAX_RATIO > compressed;
     let (mut size, mut compressed) = (0_u64, 0_u64);
@@ -333,11 +331,11 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the paths of the entries if the `zip` crate sees the same ones and each is a file or folder within the archive.
-/// `Err`: the entry that is not.
+/// Returns the paths of the entries. Fails if the `zip` crate sees other entries, or if an entry is not a file or
+/// folder within the archive.
 fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<Vec<String>, String> {
     if zip.len() != entries.len() {
-        return Err(format!("the list of its entries has {}, of which {} can be read", entries.len(), zip.len()));
+        return Err(format!("it lists {} entries, but {} can be read", entries.len(), zip.len()));
     }
     let (mut paths, mut names) = (HashSet::new(), Vec::new());
     for (i, listed) in entries.iter().enumerate() {
@@ -350,7 +348,9 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
             header: entry.header_start(),
         };
         if read != *listed {
-            return Err(format!("two zip readers see different entries: `{name}` is {listed:?} and {read:?}"));
+            return Err(format!(
+                "zip readers do not agree about the entry `{name}`: one reads {listed:?}, another {read:?}"
+            ));
         }
         if entry.encrypted() {
             return Err(format!("the entry `{name}` is encrypted"));
@@ -364,7 +364,7 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
         if terminal::is_unsafe(&name) {
             return Err(format!("the entry `{name}` has control characters in its name"));
         }
-        // Also `a/b` and `a/./b`, or a name in another encoding: they are one file.
+        // Different names can be one file: `a/b` and `a/./b`, or a name in two encodings.
         if !paths.insert(path.trim_end_matches('/').to_owned()) {
             return Err(format!("the entry `{name}` appears twice"));
         }
@@ -373,8 +373,8 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
     Ok(names)
 }
 
-/// Returns the path for the name of an entry, with slashes, including one at the end of a folder; `None` if it leads out of
-/// the archive. Some tools write backslashes. A drive letter has a meaning on Windows only.
+/// Converts the name of an entry to a path with slashes; a folder's path ends with a slash. Returns `None` if the path
+/// leads out of the archive. Some tools write backslashes. Drive letters are special on Windows only.
 fn path_within(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let is_folder = name.ends_with('/');
@@ -383,7 +383,7 @@ fn path_within(name: &str) -> Option<String> {
     (!leads_out).then(|| parts.join("/") + if is_folder { "/" } else { "" })
 }
 
-/// Reads the description of an FMU without unpacking the rest.
+/// Reads the description of an FMU without unpacking the FMU.
 pub fn read_description(path: &Path) -> Result<ModelDescription, ArchiveError> {
     Archive::open(path)?.description()
 }
@@ -455,7 +455,7 @@ mod tests {
         assert!(text.ends_with("the FMU has no interface for model exchange; it has co-simulation"), "{text}");
     }
 
-    /// FMI 3.0 names platforms differently.
+    /// FMI 3.0 has other platform names.
     #[test]
     fn binaries_of_fmi_3_are_found() {
         let folder = TempDir::new().unwrap();
@@ -480,7 +480,7 @@ mod tests {
         }
     }
 
-    /// Archive of a tool that writes names with the separators of Windows.
+    /// An archive from a tool that writes backslashes, as on Windows.
     #[test]
     fn backslashes_are_separators() {
         let folder = TempDir::new().unwrap();
@@ -496,7 +496,7 @@ mod tests {
         let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap();
         assert_eq!(std::fs::read_to_string(&unpacked.binary).unwrap(), "code");
         assert_eq!(std::fs::read_to_string(unpacked.resources.join("tables/tire.csv")).unwrap(), "1,2");
-        // The same file by both separators.
+        // The same file, with both separators.
         let entries = [("modelDescription.xml", VEHICLE), (table, "1"), ("resources/tables/tire.csv", "2")];
         let error = Archive::open(&fmu(&folder, &entries)).err().unwrap().to_string();
         assert!(error.ends_with("the entry `resources/tables/tire.csv` appears twice"), "{error}");
@@ -540,14 +540,14 @@ mod tests {
         let text = folder.path().join("text.fmu");
         std::fs::write(&text, "not a zip").unwrap();
         let error = read_description(&text).unwrap_err().to_string();
-        assert!(error.contains("text.fmu: not a readable FMU: no zip archive"), "{error}");
+        assert!(error.contains("text.fmu: not a readable FMU: not a zip archive"), "{error}");
         let missing = folder.path().join("missing.fmu");
         let error = read_description(&missing).unwrap_err().to_string();
         let cause = std::fs::read(&missing).unwrap_err();
         assert_eq!(error, format!("{}: {cause}", missing.display()));
         let empty = fmu(&folder, &[("readme.txt", "")]);
         let error = read_description(&empty).unwrap_err().to_string();
-        assert!(error.ends_with("it has no modelDescription.xml at its top"), "{error}");
+        assert!(error.ends_with("it has no modelDescription.xml at its root"), "{error}");
         let broken = fmu(&folder, &[("modelDescription.xml", "<a>")]);
         let error = read_description(&broken).unwrap_err().to_string();
         assert!(error.contains("modelDescription.xml: line 1"), "{error}");

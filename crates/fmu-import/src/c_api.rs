@@ -1,7 +1,7 @@
-//! The C types of FMI 2.0, and in [`v3`] those of FMI 3.0.
+//! C types of FMI 2.0, and of FMI 3.0 in [`v3`]. The functions are called in [`crate::loader`].
 //!
 //! Source: FMI 2.0.4, sections 2.1, 3.2 and 4.2, and its headers `fmi2TypesPlatform.h` ("default") and
-//! `fmi2FunctionTypes.h`. This module contains types only; they are called in [`crate::loader`].
+//! `fmi2FunctionTypes.h`.
 
 pub mod v3;
 
@@ -9,13 +9,13 @@ use std::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `fmi2Component`: an instance, opaque to the caller.
 pub type Component = *mut c_void;
-/// `fmi2FMUstate`: a stored state of an instance, opaque to the caller.
+/// `fmi2FMUstate`: a saved state of an instance, opaque to the caller.
 pub type State = *mut c_void;
 /// `fmi2ValueReference`.
 pub type Reference = c_uint;
 /// `fmi2Boolean`: 0 is false, 1 is true.
 pub type Boolean = c_int;
-/// `fmi2Status` as it comes from C; it may hold any number.
+/// `fmi2Status` from C code, which may contain any number.
 pub type RawStatus = c_int;
 
 /// `fmi2True`.
@@ -35,17 +35,17 @@ pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *c
 pub struct CallbackFunctions {
     /// Receives messages.
     pub logger: Logger,
-    /// Zeroed memory for `count` objects of `size` bytes.
+    /// Allocates zeroed memory for a number of objects with a size in bytes.
     pub allocate_memory: unsafe extern "C" fn(usize, usize) -> *mut c_void,
-    /// Gives such memory back; null is allowed.
+    /// Frees this memory; null is allowed.
     pub free_memory: unsafe extern "C" fn(*mut c_void),
-    /// End of an asynchronous step; `None`: steps are synchronous.
+    /// Called at the end of an asynchronous step; `None` if steps are synchronous.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, RawStatus)>,
-    /// Handed to `logger` as its first argument.
+    /// First argument of `logger`.
     pub environment: *mut c_void,
 }
 
-/// A function of an instance, which returns a status.
+/// Type of a function that takes an instance and returns a status.
 macro_rules! call {
     ($($argument:ty),*) => { unsafe extern "C" fn($crate::c_api::Component, $($argument),*) -> $crate::c_api::RawStatus };
 }
@@ -111,15 +111,15 @@ pub type CompletedIntegratorStep = call!(Boolean, *mut Boolean, *mut Boolean);
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct EventInfo {
-    /// The event continues.
+    /// Discrete states must be updated again.
     pub new_discrete_states_needed: Boolean,
-    /// The FMU wants the simulation to end.
+    /// The FMU requests the end of the simulation.
     pub terminate_simulation: Boolean,
     /// Nominal values of continuous states have changed.
     pub nominals_of_continuous_states_changed: Boolean,
     /// Continuous states have changed.
     pub values_of_continuous_states_changed: Boolean,
-    /// There is a next time event.
+    /// A time event follows.
     pub next_event_time_defined: Boolean,
     /// Time of the next event, s.
     pub next_event_time: f64,

@@ -1,8 +1,8 @@
-//! Reads `modelDescription.xml` of an FMU of FMI 2.0 or 3.0.
+//! Reads `modelDescription.xml` of FMI 2.0 and 3.0.
 //!
-//! Source: FMI 2.0.4, sections 2.2, 3.3 and 4.3; FMI 3.0.2, sections 2.4, 3.4 and 4.4.
-//! Type definitions are resolved: a [`Variable`] carries the unit, limits and items it inherits. The names are those of
-//! FMI 2.0 where the versions differ: the instantiation token of FMI 3.0 is the [`guid`](ModelDescription::guid).
+//! Source: FMI 2.0.4, sections 2.2, 3.3 and 4.3; FMI 3.0.2, sections 2.4, 3.4 and 4.4. Type definitions are resolved: a
+//! [`Variable`] contains the unit, limits and items that it inherits. Where the versions use different names, FMI 2.0
+//! names are used: [`guid`](ModelDescription::guid) is the instantiation token in FMI 3.0.
 
 mod elements;
 mod interface;
@@ -23,7 +23,7 @@ pub struct ModelDescription {
     pub fmi: FmiVersion,
     /// FMI version as written, such as `2.0` or `3.0.1`.
     pub fmi_version: String,
-    /// Name of the model as modeled.
+    /// Name of the model in the modeling tool.
     pub model_name: String,
     /// Fingerprint that the binary checks at instantiation: GUID (FMI 2.0) or instantiation token (FMI 3.0).
     pub guid: String,
@@ -37,15 +37,15 @@ pub struct ModelDescription {
     pub license: Option<String>,
     /// Tool that made the FMU.
     pub generation_tool: Option<String>,
-    /// Time at which the FMU was made, as written.
+    /// Time at which the FMU was created, as written.
     pub generation_date_and_time: Option<String>,
     /// `flat` (default) or `structured`.
     pub variable_naming_convention: String,
-    /// The co-simulation interface, if it has one.
+    /// The co-simulation interface, if the FMU has one.
     pub co_simulation: Option<Capabilities>,
-    /// The model-exchange interface, if it has one.
+    /// The model-exchange interface, if the FMU has one.
     pub model_exchange: Option<Capabilities>,
-    /// True if it has an interface for scheduled execution (FMI 3.0), which this crate does not use.
+    /// True if the FMU has an interface for scheduled execution (FMI 3.0), which this crate does not use.
     pub has_scheduled_execution: bool,
     /// Unit definitions.
     pub units: Vec<Unit>,
@@ -53,25 +53,25 @@ pub struct ModelDescription {
     pub log_categories: Vec<String>,
     /// Default experiment; empty if not declared.
     pub default_experiment: DefaultExperiment,
-    /// Variables in document order, without those of the types Binary and Clock. An alias follows its variable.
+    /// Variables in document order, except Binary and Clock variables. An alias follows its variable.
     pub variables: Vec<Variable>,
-    /// Variables of the types Binary and Clock (FMI 3.0), which this crate neither reads nor sets.
+    /// Binary and Clock variables (FMI 3.0), whose values this crate neither reads nor sets.
     pub opaque_variables: Vec<OpaqueVariable>,
-    /// Outputs of the model structure.
+    /// Outputs in the model structure.
     pub outputs: Vec<Unknown>,
-    /// State derivatives of the model structure.
+    /// State derivatives in the model structure.
     pub derivatives: Vec<Unknown>,
-    /// Initial unknowns of the model structure.
+    /// Initial unknowns in the model structure.
     pub initial_unknowns: Vec<Unknown>,
-    /// Event indicators of the model structure (FMI 3.0).
+    /// Event indicators in the model structure (FMI 3.0).
     pub event_indicators: Vec<Unknown>,
-    /// Number of event indicators, elements of arrays counted.
+    /// Number of event indicators, including array elements.
     pub number_of_event_indicators: usize,
     by_name: HashMap<String, usize>,
     units_by_name: HashMap<String, usize>,
 }
 
-/// Experiment that the author suggests; `None` where not declared.
+/// Experiment that the author suggests; `None` if not declared.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DefaultExperiment {
     /// Start, s.
@@ -91,11 +91,11 @@ pub struct Unit {
     pub name: String,
     /// The unit in SI base units, if given.
     pub base: Option<BaseUnit>,
-    /// Units to show values in.
+    /// Display units.
     pub display_units: Vec<DisplayUnit>,
 }
 
-/// A unit as powers of SI base units: value in SI = factor * value + offset.
+/// A unit as a product of powers of SI base units: value in SI = factor * value + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaseUnit {
     /// Powers of kg, m, s, A, K, mol, cd, rad, in this order.
@@ -106,7 +106,7 @@ pub struct BaseUnit {
     pub offset: f64,
 }
 
-/// A unit to show values in: shown value = factor * value + offset.
+/// A display unit: displayed value = factor * value + offset.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct DisplayUnit {
     /// Name of the unit.
@@ -125,15 +125,15 @@ pub enum Causality {
     Parameter,
     /// Computed from parameters.
     CalculatedParameter,
-    /// Written by others.
+    /// Set by the importer or by connected FMUs.
     Input,
-    /// Read by others.
+    /// Can be connected to inputs.
     Output,
     /// For inspection only.
     Local,
     /// Time.
     Independent,
-    /// Size of arrays (FMI 3.0), set in Configuration Mode only.
+    /// Determines array sizes (FMI 3.0); can be set in Configuration Mode only.
     StructuralParameter,
 }
 
@@ -165,10 +165,10 @@ pub enum Initial {
     Calculated,
 }
 
-/// Base type as the C interface of FMI 2.0 tells them apart; an enumeration travels as an integer.
+/// Base type in the C interface of FMI 2.0, where the values of enumerations are integers.
 ///
-/// FMI 3.0 has more types: a Real is a Float64 or Float32, an Integer one of eight integer types. [`Variable::data_type`]
-/// tells them apart.
+/// FMI 3.0 distinguishes more types, see [`Variable::data_type`]: a Real is a Float64 or Float32, an Integer is one of
+/// eight integer types.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -183,7 +183,7 @@ pub enum BaseType {
     String,
 }
 
-/// Type of a variable in FMI 3.0. A Real of FMI 2.0 is a Float64, an Integer an Int32.
+/// Type of a variable in FMI 3.0. In FMI 2.0, a Real is a Float64 and an Integer is an Int32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[allow(missing_docs)]
 pub enum DataType {
@@ -231,11 +231,12 @@ impl std::fmt::Display for BaseType {
 
 /// A value of a base type.
 ///
-/// In JSON it is only the value. A Real has a decimal point or an exponent there, so the first variant that fits is right.
+/// JSON contains only the value, and the first variant that fits is read. A Real always has a decimal point or an
+/// exponent.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum Value {
-    /// An Integer or an item of an enumeration. One of FMI 2.0 has 32 bits.
+    /// An Integer, or the value of an enumeration; 32 bits in FMI 2.0.
     Integer(i64),
     /// A Real.
     Real(f64),
@@ -256,7 +257,7 @@ impl Value {
         }
     }
 
-    /// The value as XML and command lines have it: a String without quotes.
+    /// The value as in XML and on the command line: a String has no quotes.
     pub fn text(&self) -> String {
         if let Self::String(text) = self { text.clone() } else { self.to_string() }
     }
@@ -273,12 +274,12 @@ impl std::fmt::Display for Value {
     }
 }
 
-/// A variable: a scalar, or an array of FMI 3.0.
+/// A variable: a scalar, or an array (FMI 3.0).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Unique name.
     pub name: String,
-    /// Value reference, but for aliases unique per base type (FMI 2.0) or in the FMU (FMI 3.0).
+    /// Value reference. Except for aliases, unique for each base type (FMI 2.0) or in the FMU (FMI 3.0).
     pub reference: Reference,
     /// Description.
     pub description: Option<String>,
@@ -292,17 +293,17 @@ pub struct Variable {
     pub base_type: BaseType,
     /// Type in FMI 3.0.
     pub data_type: DataType,
-    /// Sizes of an array; empty for a scalar.
+    /// Dimensions of an array; empty for a scalar.
     pub dimensions: Vec<Dimension>,
-    /// Length of each dimension, with the start values of structural parameters.
+    /// Length of each dimension, for the start values of structural parameters.
     pub lengths: Vec<usize>,
-    /// Number of elements: the product of these lengths, 1 for a scalar.
+    /// Number of elements: the product of the lengths, 1 for a scalar.
     pub size: usize,
-    /// Start value of a scalar that a [`Value`] can hold.
+    /// Start value of a scalar, if a [`Value`] can represent it.
     pub start: Option<Value>,
-    /// Start values of an array, one per element; empty without them.
+    /// Start values of an array, one per element; empty if there are none.
     pub starts: Vec<Value>,
-    /// Start value as written where neither of these can hold it: a `UInt64` above the range of an `Int64`.
+    /// Start value as written, if a [`Value`] cannot represent it: a `UInt64` above the range of an `Int64`.
     pub other_start: Option<String>,
     /// Smallest value of a Real, Integer or enumeration.
     pub min: Option<f64>,
@@ -314,31 +315,31 @@ pub struct Variable {
     pub quantity: Option<String>,
     /// Unit of measure of a Real.
     pub unit: Option<String>,
-    /// Unit to show a Real in.
+    /// Display unit of a Real.
     pub display_unit: Option<String>,
     /// True if the offset of the display unit does not apply, as with temperature differences.
     pub relative_quantity: bool,
     /// Name of the declared type.
     pub declared_type: Option<String>,
-    /// Items of an enumeration, which all variables of its type share; empty otherwise.
+    /// Items of an enumeration, shared by all variables of its type; otherwise empty.
     pub items: Arc<[Item]>,
     /// Index of the variable whose derivative this is.
     pub derivative_of: Option<usize>,
-    /// True if it changes only when clocks tick (`clocks` of FMI 3.0).
+    /// True if the variable changes only when clocks tick (attribute `clocks` in FMI 3.0).
     pub is_clocked: bool,
-    /// Index of the variable whose second name this is (`<Alias>` of FMI 3.0). An alias of an output is an output, any
-    /// other is local, so that each value is set by one name.
+    /// Index of the variable for which this is another name (`<Alias>` in FMI 3.0). An alias of an output is an output;
+    /// other aliases are local, so that a value can be set by one name only.
     pub alias_of: Option<usize>,
-    /// The array of the FMU that this is an element of, after [`ModelDescription::with_elements`].
+    /// The array to which this element belongs, after [`ModelDescription::with_elements`].
     pub element: Option<ArrayElement>,
 }
 
-/// Size of an array in one dimension.
+/// Length of an array in one dimension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// A number.
     Fixed(usize),
-    /// The value of the structural parameter with this index into [`ModelDescription::variables`].
+    /// The value of a structural parameter, by its index in [`ModelDescription::variables`].
     Parameter(usize),
 }
 
@@ -363,8 +364,8 @@ impl Variable {
         !self.dimensions.is_empty()
     }
 
-    /// Names of the elements in the order of their values: `x`, or `x[1]`, `x[2]` and so on for an array, `x[1,1]` for one of
-    /// several dimensions.
+    /// Names of the elements in the order of their values: `x` for a scalar, `x[1]`, `x[2]`, … for an array, and
+    /// `x[1,1]`, … for an array with two dimensions.
     pub fn elements(&self) -> Vec<String> {
         if !self.is_array() {
             return vec![self.name.clone()];
@@ -382,7 +383,7 @@ impl Variable {
         (0..self.size).map(name).collect()
     }
 
-    /// Range of the values of its type, if it is an Integer. That of a `UInt64` ends at the largest `Int64`.
+    /// For an Integer, the range of its type. For `UInt64`, the range ends at the largest `Int64`.
     pub fn integers(&self) -> RangeInclusive<i64> {
         match self.data_type {
             DataType::Int8 => i8::MIN.into()..=i8::MAX.into(),
@@ -392,7 +393,7 @@ impl Variable {
             DataType::UInt32 => 0..=u32::MAX.into(),
             DataType::Int64 => i64::MIN..=i64::MAX,
             DataType::UInt64 => 0..=i64::MAX,
-            // The items of an enumeration have 32 bits, too.
+            // This includes enumerations.
             _ => i32::MIN.into()..=i32::MAX.into(),
         }
     }
@@ -402,12 +403,12 @@ impl Variable {
         self.start.is_some() || !self.starts.is_empty() || self.other_start.is_some()
     }
 
-    /// Returns the property of this output and that of an input that prevent a connection; `None` if they can be
-    /// connected. The base types must be the same, and the units of measure where both have one.
+    /// Returns `None` if this output can be connected to the input, otherwise their differing properties. The base
+    /// types must be equal, as must the units if both have one.
     pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
         if self.is_array() || input.is_array() {
             let shape = |variable: &Self| match variable.is_array() {
-                true => format!("an array of {} elements, which no connection takes", variable.size),
+                true => format!("an array of {} elements, which cannot be connected", variable.size),
                 false => "a scalar".to_owned(),
             };
             return Some([self, input].map(shape));
@@ -421,8 +422,8 @@ impl Variable {
         }
     }
 
-    /// Returns the property of this parameter and that of a parameter of another FMU that prevent the same value; `None`
-    /// if it fits. Base type and unit of measure must be the same.
+    /// Returns `None` if this parameter and a parameter of another FMU can have the same value, otherwise their
+    /// differing properties. Base types and units must be equal.
     pub fn mismatch_of_parameter(&self, other: &Self) -> Option<[String; 2]> {
         let unit =
             |variable: &Self| variable.unit.as_ref().map_or("without a unit".into(), |unit| format!("in {unit}"));
@@ -441,38 +442,38 @@ pub struct Item {
     pub description: Option<String>,
 }
 
-/// An unknown of the model structure with its dependencies.
+/// An unknown in the model structure, with its dependencies.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unknown {
-    /// Index into [`ModelDescription::variables`].
+    /// Index in [`ModelDescription::variables`].
     pub variable: usize,
-    /// Indices of the variables it depends on; `None`: may depend on all knowns.
+    /// Indices of the variables on which the unknown depends; `None` if it may depend on all knowns.
     pub dependencies: Option<Vec<usize>>,
 }
 
 impl ModelDescription {
-    /// The variable of that name.
+    /// The variable with this name.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
         self.index(name).map(|i| &self.variables[i])
     }
 
-    /// Index into [`Self::variables`] of the variable of that name.
+    /// Index in [`Self::variables`] of the variable with this name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.by_name.get(name).copied()
     }
 
-    /// Number of continuous states, elements of arrays counted.
+    /// Number of continuous states, including array elements.
     pub fn number_of_states(&self) -> usize {
         self.derivatives.iter().map(|unknown| self.variables[unknown.variable].size).sum()
     }
 
-    /// The interfaces of the FMU that an instance can be made for.
+    /// The interfaces of the FMU that this crate supports.
     pub fn interfaces(&self) -> Vec<Interface> {
         let interfaces = [Interface::CoSimulation, Interface::ModelExchange];
         interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
     }
 
-    /// The capabilities of an interface; `None` if the FMU lacks it.
+    /// The capabilities of an interface; `None` if the FMU does not have it.
     pub fn interface(&self, interface: Interface) -> Option<&Capabilities> {
         match interface {
             Interface::CoSimulation => self.co_simulation.as_ref(),
@@ -480,17 +481,17 @@ impl ModelDescription {
         }
     }
 
-    /// File stem of the binary for an interface; `None` if the FMU lacks the interface.
+    /// File stem of the binary for an interface; `None` if the FMU does not have it.
     pub fn model_identifier(&self, interface: Interface) -> Option<&str> {
         self.interface(interface).map(|unit| unit.model_identifier.as_str())
     }
 
-    /// The unit definition of that name.
+    /// The unit definition with this name.
     pub fn unit(&self, name: &str) -> Option<&Unit> {
         self.units_by_name.get(name).map(|&i| &self.units[i])
     }
 
-    /// The units a variable can be shown in; the offset is 0 for a relative quantity.
+    /// The display units of a variable. The offset is 0 for a relative quantity.
     pub fn display_units(&self, variable: &Variable) -> Vec<DisplayUnit> {
         let mut units = variable
             .unit

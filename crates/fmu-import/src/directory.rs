@@ -1,17 +1,17 @@
 //! Strict reader of the central directory of a zip archive.
 //!
-//! Zip readers disagree about archives with two end records, with different numbers in the end record and in that of
-//! zip64, with one name twice, or with entries that share bytes: the file that one reader checks is not the file that
-//! another one unpacks. This reader rejects them. [`crate::archive`] compares its list with that of the `zip` crate.
+//! Zip readers disagree about archives with two end records, different numbers in the end record and the zip64 end
+//! record, repeated names, or overlapping entries: one reader may check a file and another may unpack a different one.
+//! This reader rejects such archives. [`crate::archive`] compares its list of entries with the `zip` crate's.
 //!
 //! Source: APPNOTE.TXT 6.3.10 of PKWARE, sections 4.3 and 4.5.3.
 
 use std::collections::HashSet;
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// Most entries an archive may have.
+/// Maximum number of entries.
 pub(crate) const MAX_ENTRIES: u64 = 100_000;
-/// Largest central directory, bytes. A real entry takes about a hundred.
+/// Maximum size of the central directory, bytes. An entry usually has about 100 bytes.
 const MAX_DIRECTORY: u64 = 64 << 20;
 
 const LOCAL: &[u8] = b"PK\x03\x04";
@@ -20,7 +20,7 @@ const END: &[u8] = b"PK\x05\x06";
 const END_64: &[u8] = b"PK\x06\x06";
 const LOCATOR_64: &[u8] = b"PK\x06\x07";
 
-/// Bytes of the records without their variable parts.
+/// Sizes of the records without their variable parts, bytes.
 const LOCAL_BYTES: usize = 30;
 const CENTRAL_BYTES: usize = 46;
 const END_BYTES: usize = 22;
@@ -33,7 +33,7 @@ pub(crate) enum DirectoryError {
     #[error(transparent)]
     Io(#[from] io::Error),
     /// The file is not a zip archive, or it is damaged.
-    #[error("not a readable FMU: no zip archive, or one that was cut off or damaged ({0})")]
+    #[error("not a readable FMU: not a zip archive, or truncated or damaged ({0})")]
     Damaged(String),
     /// Zip readers disagree about the archive, or it exceeds a limit.
     #[error("rejected: {0}")]
@@ -44,11 +44,11 @@ pub(crate) enum DirectoryError {
 pub(crate) struct Entry {
     /// Name as written.
     pub(crate) name: Vec<u8>,
-    /// Bytes in the archive.
+    /// Size in the archive, bytes.
     pub(crate) compressed: u64,
-    /// Bytes when unpacked, as stated.
+    /// Declared unpacked size, bytes.
     pub(crate) size: u64,
-    /// Position of the header before the content.
+    /// Position of the local header.
     pub(crate) header: u64,
 }
 
@@ -58,7 +58,7 @@ impl Entry {
     }
 }
 
-/// Little-endian numbers in a record, by position; the record is long enough.
+/// Reads little-endian numbers in a record, which must be long enough.
 #[derive(Clone, Copy)]
 struct Record<'a>(&'a [u8]);
 
@@ -121,15 +121,15 @@ fn rejected(message: impl Into<String>) -> DirectoryError {
     DirectoryError::Rejected(message.into())
 }
 
-/// Reads bytes of the file; the caller bounds the size.
+/// Reads bytes from the file; the caller must limit the size.
 fn bytes<R: Read + Seek>(file: &mut R, start: u64, size: u64) -> Result<Vec<u8>, DirectoryError> {
     file.seek(SeekFrom::Start(start))?;
     let mut bytes = Vec::new();
     file.by_ref().take(size).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 == size { Ok(bytes) } else { Err(damaged("it ends within the list of its entries")) }
+    if bytes.len() as u64 == size { Ok(bytes) } else { Err(damaged("it ends within its list of entries")) }
 }
 
-/// Finds the central directory by the end record, and by that of zip64 where there is one.
+/// Finds the central directory with the end record and, if present, the zip64 end record.
 fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     let length = file.seek(SeekFrom::End(0))?;
     let tail_start = length.saturating_sub((LOCATOR_64_BYTES + END_BYTES + usize::from(u16::MAX)) as u64);
@@ -141,8 +141,8 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     let at = match ends[..] {
         [] => return Err(damaged("the end record is missing")),
         [at] if signed.last() == Some(&at) => at,
-        // One in the comment of the other: some readers take the first, some the last.
-        _ => return Err(rejected("it has several end records; other programs may see other files in it")),
+        // An end record is in the comment of another. Some readers use the first, some the last.
+        _ => return Err(rejected("it has several end records; other programs may find other files in it")),
     };
     let end = Record(&tail[at..]);
     if end.u16(4) != 0 || end.u16(6) != 0 || end.u16(8) != end.u16(10) {
@@ -156,11 +156,11 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
         let wide = end_64(file, position, locator)?;
         for (what, narrow, wide, most) in [
             ("entries", place.entries, wide.entries, u64::from(u16::MAX)),
-            ("bytes of the list", place.size, wide.size, u64::from(u32::MAX)),
+            ("as the length of the list", place.size, wide.size, u64::from(u32::MAX)),
             ("as the start of the list", place.start, wide.start, u64::from(u32::MAX)),
         ] {
             if narrow != most && narrow != wide {
-                let message = format!("its end record states {narrow} {what}, that of zip64 {wide}");
+                let message = format!("its end record contains {narrow} {what}, its zip64 end record {wide}");
                 return Err(rejected(message));
             }
         }
@@ -177,9 +177,9 @@ fn comment(end: &[u8]) -> usize {
     Record(end).length(20)
 }
 
-/// Reads the end record of zip64 at a position, which must end at its locator.
+/// Reads the zip64 end record at a position. It must end at its locator.
 fn end_64<R: Read + Seek>(file: &mut R, position: u64, locator: u64) -> Result<Place, DirectoryError> {
-    let wrong = || damaged("the end record of zip64 is not where its locator says");
+    let wrong = || damaged("the zip64 end record is not where its locator says");
     if locator.checked_sub(position).is_none_or(|bytes| bytes < END_64_BYTES as u64) {
         return Err(wrong());
     }
@@ -194,7 +194,7 @@ fn end_64<R: Read + Seek>(file: &mut R, position: u64, locator: u64) -> Result<P
     Ok(Place { entries: record.u64(32), start: record.u64(48), size: record.u64(40) })
 }
 
-/// Reads the records of a central directory, which must fill it.
+/// Reads the records in a central directory, which must not contain other bytes.
 fn entries(mut directory: &[u8], count: u64) -> Result<Vec<Entry>, DirectoryError> {
     let mut entries = Vec::new();
     while !directory.is_empty() {
@@ -214,13 +214,14 @@ fn entries(mut directory: &[u8], count: u64) -> Result<Vec<Entry>, DirectoryErro
         directory = &directory[end..];
     }
     if entries.len() as u64 != count {
-        let message = format!("the list of its entries has {}, its end record states {count}", entries.len());
+        let message = format!("it lists {} entries, but its end record contains {count}", entries.len());
         return Err(rejected(message));
     }
     Ok(entries)
 }
 
-/// Replaces numbers that do not fit into 32 bits by those of the zip64 field, which has only these, in this order.
+/// Replaces numbers that do not fit in 32 bits with the numbers in the zip64 field, which contains only these, in this
+/// order.
 fn widen(mut extra: &[u8], numbers: [&mut u64; 3]) {
     const ZIP_64: u64 = 1;
     while extra.len() >= 4 {
@@ -241,7 +242,7 @@ fn widen(mut extra: &[u8], numbers: [&mut u64; 3]) {
     }
 }
 
-/// Checks that the headers before the contents have the names of the list, and that no two entries share bytes.
+/// Checks that local headers and central directory contain the same names, and that entries do not overlap.
 fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> Result<(), DirectoryError> {
     let mut in_order: Vec<&Entry> = entries.iter().collect();
     in_order.sort_by_key(|entry| entry.header);
@@ -262,7 +263,7 @@ fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> 
         file.read_exact(&mut name).map_err(|_| missing())?;
         if name != entry.name {
             let other = String::from_utf8_lossy(&name);
-            let message = format!("the entry `{}` has another name, `{other}`, at its content", entry.shown());
+            let message = format!("the entry `{}` has another name, `{other}`, in its local header", entry.shown());
             return Err(rejected(message));
         }
         let content = entry.header + LOCAL_BYTES as u64 + header.u16(26) + header.u16(28);
@@ -279,7 +280,7 @@ fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> 
 mod tests {
     use super::*;
 
-    /// Entries without content, or with content that contains other entries, and the data after them.
+    /// Bytes of the entries, and the records of the central directory.
     #[derive(Default)]
     struct Zip {
         bytes: Vec<u8>,
@@ -292,7 +293,7 @@ mod tests {
     }
 
     impl Zip {
-        /// Two entries, `a` and `b`, as any program writes them.
+        /// Two valid entries, `a` and `b`.
         fn sound() -> Self {
             let mut zip = Self::default();
             zip.add("a", b"text");
@@ -343,7 +344,7 @@ mod tests {
             [&self.bytes[..], &list, &end].concat()
         }
 
-        /// With an end record of zip64 behind the list, and these numbers in the ordinary one.
+        /// Adds a zip64 end record after the list, and these numbers in the ordinary end record.
         fn finished_64(&self, count_64: usize, [count, size, start]: [usize; 3]) -> Vec<u8> {
             let list = self.list.concat();
             let at = self.bytes.len() + list.len();
@@ -377,12 +378,12 @@ mod tests {
         assert_eq!(names(zip.finished_64(2, NARROW)), ["a", "b"]);
         assert_eq!(names(zip.finished_64(2, [2, zip.list.concat().len(), zip.bytes.len()])), ["a", "b"]);
         assert_eq!(names(Zip::default().finished(b"")), [""; 0]);
-        // The `zip` crate reads the same.
+        // The `zip` crate reads the same entries.
         for bytes in [zip.finished(b""), zip.finished_64(2, NARROW)] {
             let read = zip::ZipArchive::new(io::Cursor::new(bytes)).unwrap();
             assert_eq!(read.file_names().map(Result::unwrap).collect::<Vec<_>>(), ["a", "b"]);
         }
-        // An uncompressed zip file within another one has records of its own.
+        // An uncompressed zip file in an archive contains records.
         let mut outer = Zip::default();
         outer.add("inner.zip", &zip.finished(b""));
         assert_eq!(names(outer.finished(b"")), ["inner.zip"]);
@@ -396,7 +397,7 @@ mod tests {
         let other = little([(0x5455, 2), (1, 2), (0, 1)]);
         zip.list("a", u64::MAX, u64::MAX, &[other, wide].concat());
         assert_eq!(names(zip.finished(b"")), ["a"]);
-        // Without them the numbers are as they are written.
+        // Without the zip64 field, the 32-bit numbers apply.
         zip.list[0].truncate(CENTRAL_BYTES + 1);
         zip.list[0][30..32].fill(0);
         rejects(zip.finished(b""), "the entry `a` is not where the list of entries says");
@@ -408,16 +409,16 @@ mod tests {
         zip.add("a", b"other text");
         rejects(zip.finished(b""), "the entry `a` appears twice");
         rejects(zip.finished_64(3, NARROW), "the entry `a` appears twice");
-        // Hidden by another number of entries in one of the end records.
-        rejects(zip.finished_64(2, NARROW), "the list of its entries has 3, its end record states 2");
+        // The second entry is hidden by a wrong number of entries in one of the end records.
+        rejects(zip.finished_64(2, NARROW), "it lists 3 entries, but its end record contains 2");
         let real = [3, zip.list.concat().len(), zip.bytes.len()];
-        rejects(zip.finished_64(2, real), "its end record states 3 entries, that of zip64 2");
+        rejects(zip.finished_64(2, real), "its end record contains 3 entries, its zip64 end record 2");
         let (list, start) = (zip.list.concat(), zip.bytes.len());
         let short = [&zip.bytes[..], &list, &Zip::end(2, list.len(), start, b"")].concat();
-        rejects(short, "the list of its entries has 3, its end record states 2");
+        rejects(short, "it lists 3 entries, but its end record contains 2");
     }
 
-    /// Some programs take the first end record, some the last, some the one of zip64.
+    /// Some programs use the first end record, some the last, some the zip64 end record.
     #[test]
     fn a_second_list_of_entries_is_rejected() {
         let zip = Zip::sound();
@@ -425,18 +426,21 @@ mod tests {
         rejects(zip.finished(&other), "it has several end records");
         rejects(zip.finished(b"PK\x05\x06"), "it has several end records");
         rejects([zip.finished(b""), other].concat(), "the list of its entries is not where");
-        rejects(zip.finished_64(2, [0, 0, 0]), "its end record states 0 entries, that of zip64 2");
+        rejects(zip.finished_64(2, [0, 0, 0]), "its end record contains 0 entries, its zip64 end record 2");
         let start = zip.bytes.len() + 1;
-        rejects(zip.finished_64(2, [2, zip.list.concat().len(), start]), "as the start of the list, that of zip64");
+        rejects(
+            zip.finished_64(2, [2, zip.list.concat().len(), start]),
+            "as the start of the list, its zip64 end record",
+        );
         rejects([zip.finished(b""), b"more".to_vec()].concat(), "the end record is missing");
         rejects([b"before".to_vec(), zip.finished(b"")].concat(), "the list of its entries is not where");
         let mut moved = zip.finished_64(2, NARROW);
         let locator = moved.len() - END_BYTES - LOCATOR_64_BYTES;
         moved[locator + 8] += 1;
-        rejects(moved, "the end record of zip64 is not where its locator says");
+        rejects(moved, "the zip64 end record is not where its locator says");
     }
 
-    /// As in "A better zip bomb" (David Fifield, WOOT 2019): every entry contains all entries after it.
+    /// From "A better zip bomb" (David Fifield, WOOT 2019): every entry contains all entries after it.
     #[test]
     fn entries_that_overlap_are_rejected() {
         let mut zip = Zip::default();
@@ -461,7 +465,7 @@ mod tests {
     fn an_entry_with_two_names_is_rejected() {
         let mut zip = Zip::sound();
         zip.list[1][CENTRAL_BYTES] = b'c';
-        rejects(zip.finished(b""), "the entry `c` has another name, `b`, at its content");
+        rejects(zip.finished(b""), "the entry `c` has another name, `b`, in its local header");
     }
 
     #[test]

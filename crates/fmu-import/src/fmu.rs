@@ -7,13 +7,13 @@ use crate::signature::Signature;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// Error of opening or using an FMU.
+/// Error while opening or using an FMU.
 #[derive(Debug, thiserror::Error)]
 pub enum FmuError {
-    /// Error of its archive.
+    /// Error in the archive.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
-    /// Error of its binary.
+    /// Error while loading the binary.
     #[error("{}: {cause}", path.display())]
     Load {
         /// The file.
@@ -21,7 +21,7 @@ pub enum FmuError {
         /// Cause.
         cause: LoadError,
     },
-    /// Error of a call.
+    /// Error from a call.
     #[error(transparent)]
     Call(#[from] CallError),
     /// A second instance in this process.
@@ -29,7 +29,7 @@ pub enum FmuError {
     OnlyOnce(PathBuf),
 }
 
-/// The unpacked binary of an FMU, with the data to make instances of it.
+/// The unpacked binary of an FMU, with the data for creating instances.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Binary {
     /// The `.fmu` file.
@@ -42,7 +42,7 @@ pub struct Binary {
 }
 
 impl Binary {
-    /// A binary that the host of this program provides under the name `library`: see `loader/system/wasm.rs`.
+    /// A binary that the host provides under the name `library`, see `loader/system/wasm.rs`.
     pub fn of_host(fmu: PathBuf, description: &ModelDescription, library: PathBuf, interface: Interface) -> Self {
         Self {
             fmu,
@@ -58,15 +58,15 @@ impl Binary {
         Library::load(unpacked).map_err(|cause| FmuError::Load { path: self.fmu.clone(), cause })
     }
 
-    /// Loads the files that another process has unpacked.
+    /// Loads the files, which another process unpacked.
     pub fn load_elsewhere(&self) -> Result<Arc<Library>, FmuError> {
         self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone(), self.signature.clone()).into())
     }
 
-    /// A new instance.
+    /// Creates an instance.
     ///
     /// # Errors
-    /// The FMU returns none, or allows only one, which exists.
+    /// The FMU returns no instance, or an instance exists and the FMU allows only one.
     pub fn instantiate(&self, library: &Arc<Library>, name: &str) -> Result<Instance, FmuError> {
         if self.only_once && library.instances() > 0 {
             return Err(FmuError::OnlyOnce(self.fmu.clone()));
@@ -80,7 +80,7 @@ impl Binary {
     }
 }
 
-/// An opened FMU; a clone is another handle to the same one.
+/// An opened FMU; a clone is another handle to the same FMU.
 #[derive(Debug, Clone)]
 pub struct Fmu(Arc<Inner>);
 
@@ -98,20 +98,20 @@ impl Fmu {
         Self::open_for(path, Interface::CoSimulation)
     }
 
-    /// Opens a `.fmu` file as [`Self::open`] does, for one of its interfaces.
+    /// Like [`Self::open`], for either interface.
     pub fn open_for(path: impl AsRef<Path>, interface: Interface) -> Result<Self, FmuError> {
         let fmu = Self::unpack_for(path.as_ref(), interface)?;
         fmu.load()?;
         Ok(fmu)
     }
 
-    /// Opens a `.fmu` file as [`Self::open`] does, but loads its binary when the first instance is made: in a process that
-    /// makes none, nothing of the binary is executed.
+    /// Like [`Self::open`], but loads the binary when the first instance is created. A process without instances
+    /// therefore executes no code from the FMU.
     pub fn unpack(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         Self::unpack_for(path.as_ref(), Interface::CoSimulation)
     }
 
-    /// As [`Self::unpack`], for a master that connects scalars: the description has the elements of arrays as variables, see
+    /// Like [`Self::unpack`], for a master that connects scalars: array elements are variables of the description, see
     /// [`ModelDescription::with_elements`].
     pub fn unpack_by_element(path: impl AsRef<Path>) -> Result<Self, FmuError> {
         let Self(inner) = Self::unpack(path)?;
@@ -137,7 +137,7 @@ impl Fmu {
         Ok(Self(Arc::new(Inner { description, binary, unpacked, library: OnceLock::new() })))
     }
 
-    /// Loads its binary now.
+    /// Loads the binary now.
     pub fn load(&self) -> Result<(), FmuError> {
         self.library().map(drop)
     }
@@ -151,25 +151,25 @@ impl Fmu {
         Ok(library.get_or_init(|| loaded))
     }
 
-    /// Its binary, for another process.
+    /// The binary, for another process.
     pub fn binary(&self) -> &Binary {
         &self.0.binary
     }
 
-    /// Its description.
+    /// The model description.
     pub fn description(&self) -> &ModelDescription {
         &self.0.description
     }
 
-    /// The file it was opened from.
+    /// The `.fmu` file.
     pub fn path(&self) -> &Path {
         &self.0.binary.fmu
     }
 
-    /// A new instance. It keeps the library loaded.
+    /// Creates an instance, which keeps the library loaded.
     ///
     /// # Errors
-    /// The binary cannot be loaded, the FMU returns no instance, or allows only one, which exists.
+    /// The binary cannot be loaded, the FMU returns no instance, or an instance exists and the FMU allows only one.
     pub fn instantiate(&self, name: &str) -> Result<Instance, FmuError> {
         self.0.binary.instantiate(self.library()?, name)
     }

@@ -1,12 +1,13 @@
-//! Reads and loads FMUs of FMI 2.0 and 3.0 of any origin, for co-simulation and model exchange.
+//! Reads and loads FMUs of any origin: FMI 2.0 and 3.0, co-simulation and model exchange.
 //!
-//! FMUs are used through the `.fmu` file and its C functions only, like those of any other tool. From the bottom up:
+//! This crate uses only the `.fmu` file and its C functions, also for FMUs of this project. From the bottom up:
 //!
-//! - [`description`] reads `modelDescription.xml`, [`archive`] the zip file around it,
-//! - [`fmu`] and [`loader`] open the binary and give its functions a safe interface,
-//! - [`worker`] starts and watches processes that execute FMUs, which may crash,
-//! - [`parameter_set`] reads and writes SSP files of values, [`limits`] bounds the size of files,
-//! - [`terminal`] makes text of an FMU safe to print, [`names`] finds similar names, [`temporary`] manages temporary files.
+//! - [`description`] reads `modelDescription.xml`, and [`archive`] the zip file that contains it.
+//! - [`fmu`] and [`loader`] load the binary and provide a safe interface to its functions.
+//! - [`worker`] starts and supervises processes that execute FMUs, which may crash.
+//! - [`parameter_set`] reads and writes SSP parameter sets; [`limits`] limits the size of files.
+//! - [`terminal`] makes text from FMUs safe to print, [`names`] finds similar names, [`temporary`] manages temporary
+//!   files.
 
 pub mod archive;
 pub mod c_api;

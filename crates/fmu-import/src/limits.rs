@@ -1,22 +1,22 @@
-//! Size limits of files and plans, far above any realistic need and far below what exhausts a machine.
+//! Size limits for files and plans: far above any realistic need, far below the capacity of a machine.
 
 use std::io;
 use std::path::Path;
 
-/// Largest scenario, study or parameter set, in bytes.
+/// Maximum size of a scenario, study or parameter set, in bytes.
 pub const TEXT_FILE: u64 = 4_000_000;
-/// Largest CSV file of input signals, in bytes.
+/// Maximum size of a CSV file of input signals, in bytes.
 pub const INPUT_FILE: u64 = 256_000_000;
-/// Longest line of any of these files, in bytes.
+/// Maximum length of a line in these files, in bytes.
 pub const LINE: usize = 100_000;
-/// Maximum number of steps of a run.
+/// Maximum number of steps in a run.
 pub const STEPS: u64 = 100_000_000;
-/// Maximum number of values that a run records, rows times signals: at 8 bytes each, 1 GB of memory per run.
+/// Maximum number of recorded values in a run, rows times signals. With 8 bytes each, this is 1 GB of memory per run.
 pub const RECORDED: u64 = 125_000_000;
-/// Maximum number of runs of a scenario: cases times points times seeds.
+/// Maximum number of runs in a scenario: cases times points times seeds.
 pub const RUNS: usize = 10_000;
 
-/// Reads a text file that has at most `limit` bytes, in lines of at most [`LINE`].
+/// Reads a text file with at most `limit` bytes, in lines of at most [`LINE`] bytes.
 ///
 /// # Errors
 /// The file cannot be read, is larger, has a longer line, or is not UTF-8.
@@ -31,7 +31,7 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     Ok(text)
 }
 
-/// Reads a file that has at most `limit` bytes.
+/// Reads a file with at most `limit` bytes.
 pub fn read_bytes(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     files::read(path, limit)
 }
@@ -55,13 +55,13 @@ mod files {
             return Err(too_large(Some(told), limit));
         }
         let mut bytes = Vec::new();
-        // The size of a device or a pipe is unknown: never read more than the limit.
+        // The size of a device or a pipe is unknown.
         let read = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
         if read > limit { Err(too_large(None, limit)) } else { Ok(bytes) }
     }
 }
 
-/// WebAssembly has no files: the program that contains this crate provides texts.
+/// WebAssembly has no files; the program that contains this crate provides their texts.
 #[cfg(target_family = "wasm")]
 mod files {
     use super::too_large;
@@ -79,7 +79,7 @@ mod files {
         if size > limit { Err(too_large(Some(size), limit)) } else { Ok(text.clone().into_bytes()) }
     }
 
-    /// A path without `.` and `..`.
+    /// Removes `.` and `..` from a path.
     fn plain(path: &Path) -> String {
         let mut parts: Vec<String> = Vec::new();
         for part in path.components() {
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(error(&long, TEXT_FILE), "line 2 has 100001 bytes, the limit is 100000");
         std::fs::write(&path, "12345").unwrap();
         assert_eq!(read_text(&path, 5).unwrap(), "12345");
-        // Although sparse, it would not fit into memory.
+        // A sparse file that does not fit in memory.
         std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(read_text(&path, INPUT_FILE).unwrap_err().to_string().contains("the limit is 256000000"));
     }

@@ -1,8 +1,8 @@
-//! Loads the shared library of an FMU and gives its C functions a safe interface.
+//! Loads the shared library of an FMU and provides a safe interface to its C functions.
 //!
-//! One safe [`Instance`] serves FMI 2.0 and 3.0, co-simulation and model exchange. This is the only unsafe code of the crate. Each block
-//! states what the compiler cannot check. What remains is trust in the binary itself: a library that violates the FMI interface can do
-//! anything to the process, as in every importer that loads FMUs into its own process.
+//! [`Instance`] is the interface for FMI 2.0 and 3.0, co-simulation and model exchange. All unsafe code of this crate
+//! is in this module; each block states what the compiler cannot check. The binary itself must be trusted: as in every
+//! importer that loads FMUs into its own process, a library that violates FMI can do anything to the process.
 
 #![allow(unsafe_code)]
 

@@ -102,7 +102,7 @@ fn all_types_of_fmi_3_are_read_and_set() {
     let error = instance.get_real(&[at("w")], &mut [0.0; 2]).unwrap_err();
     assert!(matches!(error.problem, CallProblem::Arguments(_)), "{error}");
     let error = instance.get_integer(&[at("w")], &mut [0; 3]).unwrap_err();
-    assert_eq!(error.to_string(), "`one`: fmi3GetInt32: the variable is of another type");
+    assert_eq!(error.to_string(), "`one`: fmi3GetInt32: the variable has another type");
     let error = instance.get_real(&[77], &mut [0.0]).unwrap_err();
     assert_eq!(error.problem, CallProblem::Status(Status::Error));
     assert_eq!(error.to_string(), "`one`: fmi3GetFloat64 returned fmi3Error");

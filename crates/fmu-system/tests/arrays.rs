@@ -322,7 +322,7 @@ fn integers_of_64_bits_are_exact_or_an_error() {
     for (s, up, w, function) in [(limit + 1, 0, 0, "Int64"), (0, i64::MAX, 0, "UInt64"), (0, 0, -limit - 1, "Int64")] {
         let error = last(&wide(s, up, w).unwrap()).unwrap_err().to_string();
         let message =
-            format!("`a`: fmi3Get{function}: a value is beyond 2^53, so that a signal cannot hold it exactly");
+            format!("`a`: fmi3Get{function}: a value is beyond 2^53 and cannot be represented exactly in a signal");
         assert!(error.contains(&message), "{error}");
     }
     // Without a parameter, the start value of the FMU.

@@ -1,16 +1,17 @@
-//! The numbers that the equations of a continuous-time model are written in.
+//! Number types for the equations of continuous-time models.
 //!
 //! The same generic function runs on several types: [`f64`] simulates, [`Dual64`](crate::Dual64) differentiates exactly
-//! along one direction, `Dependencies` finds the inputs and states that a result depends on, and a type of the exporter
-//! finds and freezes the relations of model exchange.
+//! along one direction, `Dependencies` finds the inputs and states that a result depends on, and `Relational` freezes
+//! the relations in model exchange.
 //!
-//! [`Scalar`] has no comparison on purpose: a branch on a value would hide the other side from `Dependencies`. Use
-//! [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`]. Branching on a Boolean,
-//! an enumeration or a bounded Integer is fine, because the model structure is the union over all their values.
-//! [`Scalar::value`] gives a plain number to compare; the model structure then declares that everything depends on
-//! everything.
+//! [`Scalar`] has no comparison operators, because a branch on a value would hide the other branch from `Dependencies`.
+//! Use [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`]. You can branch
+//! on a Boolean, an enumeration or a bounded Integer, because the model structure is the union over all their values.
+//! [`Scalar::value`] returns a plain number that can be compared; the model structure then declares that everything
+//! depends on everything.
 //!
-//! In an operation with a plain number the `T` comes first: `x * 2.0`, `-x + 1.0`. Otherwise write `T::from(1.0) - x`.
+//! In operations with a plain number, the `T` is on the left: `x * 2.0`, `-x + 1.0`. Otherwise write `T::from(1.0) -
+//! x`.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -26,8 +27,8 @@ use crate::table::Table;
 
 /// A real number in the equations of a continuous-time model.
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` is not a number of the equations",
-    note = "the equations are generic over `T: Scalar`; a plain number becomes one with `T::from(…)`"
+    message = "`{Self}` is not a number type for equations",
+    note = "the equations are generic over `T: Scalar`; convert a plain number with `T::from(…)`"
 )]
 pub trait Scalar:
     Copy
@@ -84,39 +85,39 @@ pub trait Scalar:
     fn rem_euclid(self, modulus: f64) -> Self;
     /// Greatest integer not above `self`.
     fn floor(self) -> Self;
-    /// `then` where `self > threshold`, else `otherwise`. Both are computed.
+    /// `then` if `self > threshold`, otherwise `otherwise`. Both are computed.
     fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self;
-    /// The value of a table.
+    /// The value of the table at `self`.
     fn interpolate(self, table: &Table) -> Self;
-    /// The number without its derivative, to compare it.
+    /// The value as a plain number, which can be compared.
     fn value(self) -> f64;
 
-    /// Sine and cosine, which together take little more time than one of them.
+    /// Sine and cosine; hardly slower than one of them.
     #[inline]
     fn sin_cos(self) -> (Self, Self) {
         (self.sin(), self.cos())
     }
-    /// Sines and cosines of an array, bit-identical to those of its elements, but faster: two at a time for `f64`.
+    /// [`Scalar::sin_cos`] of each element. Bit-identical, but faster for `f64`: computes two elements at a time.
     #[inline]
     fn sin_cos_each<const N: usize>(x: [Self; N]) -> ([Self; N], [Self; N]) {
         (x.map(Self::sin), x.map(Self::cos))
     }
-    /// [`Scalar::sin`] of each element, as in [`Scalar::sin_cos_each`].
+    /// [`Scalar::sin`] of each element, see [`Scalar::sin_cos_each`].
     #[inline]
     fn sin_each<const N: usize>(x: [Self; N]) -> [Self; N] {
         x.map(Self::sin)
     }
-    /// [`Scalar::atan`] of each element, as in [`Scalar::sin_cos_each`].
+    /// [`Scalar::atan`] of each element, see [`Scalar::sin_cos_each`].
     #[inline]
     fn atan_each<const N: usize>(x: [Self; N]) -> [Self; N] {
         x.map(Self::atan)
     }
-    /// [`Scalar::atan2`] of each pair of elements, as in [`Scalar::sin_cos_each`].
+    /// [`Scalar::atan2`] of each pair of elements, see [`Scalar::sin_cos_each`].
     #[inline]
     fn atan2_each<const N: usize>(y: [Self; N], x: [Self; N]) -> [Self; N] {
         std::array::from_fn(|i| y[i].atan2(x[i]))
     }
-    /// [`Scalar::tanh`] of each element, as in [`Scalar::sin_cos_each`].
+    /// [`Scalar::tanh`] of each element, see [`Scalar::sin_cos_each`].
     #[inline]
     fn tanh_each<const N: usize>(x: [Self; N]) -> [Self; N] {
         x.map(Self::tanh)
@@ -132,7 +133,7 @@ pub trait Scalar:
     fn min(self, other: Self) -> Self {
         self.if_greater(other, other, self)
     }
-    /// `self` within [`low`, `high`].
+    /// `self`, limited to [`low`, `high`].
     #[inline]
     fn clamp(self, low: Self, high: Self) -> Self {
         Scalar::min(Scalar::max(self, low), high)
@@ -142,7 +143,7 @@ pub trait Scalar:
     fn abs(self) -> Self {
         Self::from(0.0).if_greater(self, -self, self)
     }
-    /// 1 above zero, -1 below, 0 at zero.
+    /// 1 if positive, -1 if negative, 0 at zero.
     #[inline]
     fn sign(self) -> Self {
         let zero = Self::from(0.0);
@@ -155,7 +156,7 @@ pub trait Scalar:
     }
 }
 
-/// Assignments and sums of a number type, by its addition and subtraction.
+/// Implements `+=`, `-=` and sums with a number type's addition and subtraction.
 macro_rules! assign_and_sum {
     ([$($generics:tt)*] $number:ty) => {
         assign_and_sum!(@assign [$($generics)*] $number);
@@ -187,17 +188,17 @@ macro_rules! assign_and_sum {
 }
 pub(crate) use assign_and_sum;
 
-/// A number type that stands for the expression that computes a number.
+/// A symbolic number type: represents the expression of a number instead of its value.
 pub(crate) trait Symbol: From<f64> {
     /// The result of an operation.
     fn of<const N: usize>(operation: &str, operands: [Self; N]) -> Self;
-    /// The value of a table.
+    /// The value of the table at `self`.
     fn look_up(self, table: &Table) -> Self;
-    /// Notes that the equations read a value.
+    /// Records that the equations read a value.
     fn inspect();
 }
 
-/// Makes a [`Symbol`] a [`Scalar`].
+/// Implements [`Scalar`] for a [`Symbol`].
 macro_rules! symbolic {
     ($number:ident) => {
         symbolic!(@operators $number: Add add, Sub sub, Mul mul, Div div);
@@ -264,12 +265,12 @@ macro_rules! forward {
 }
 
 impl Scalar for f64 {
-    // Not the functions of the standard library, whose last digits depend on the platform.
+    // The results of the standard library differ between platforms in the last digits.
     forward!(math: sin() sin, cos() cos, tan() tan, asin() asin, acos() acos, atan() atan, atan2(x: Self) atan2);
     forward!(math: sinh() sinh, cosh() cosh, tanh() tanh, exp() exp, ln() ln, powf(exponent: f64) pow);
     forward!(math: powi(exponent: i32) powi, hypot(other: Self) hypot);
     forward!(each: sin_each, atan_each, tanh_each);
-    // These are exact.
+    // The results of these functions are exact on every platform.
     forward!(f64: sqrt() sqrt, floor() floor, abs() abs, rem_euclid(modulus: f64) rem_euclid);
     #[inline]
     fn sin_cos(self) -> (Self, Self) {
@@ -297,32 +298,32 @@ impl Scalar for f64 {
     }
 }
 
-/// A set of known variables that a result depends on, for any value of the parameters.
+/// The set of known variables that a result can depend on, for any values of the parameters.
 ///
-/// Every operation unites the sets of its operands; both sides of a branch count, and so does a product with zero. A set is the
-/// number of a node in the trace of this thread, which records the two sets that each was made of. It is small and copied like
-/// a number, so that large models are traced on a small stack.
+/// The result of an operation has the union of its operands' sets, even if the operation is a branch or a product with
+/// zero. A set is the number of a node in this thread's trace, which records the two sets that form each union. It is
+/// as small as a number; tracing a large model therefore needs little stack.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Dependencies(u32);
 
-/// Nodes of the sets of a trace.
+/// The nodes that represent sets.
 #[derive(Debug, Default)]
 struct Trace {
-    /// The nodes of two sets; number `i` is the set `i + 1`. Set 0 is empty.
+    /// Unions of two sets. Index `i` is set `i + 1`; set 0 is empty.
     nodes: Vec<(u32, u32)>,
-    /// True if equations have read values.
+    /// True if the equations have read values.
     has_inspections: bool,
 }
 
-/// Second part of a node that is one known variable, whose number is the first part.
+/// Marks a node for one known variable; the other element of the node is the variable's number.
 const VARIABLE: u32 = u32::MAX;
 
 thread_local! {
-    /// Not dropped with the thread, see [`crate::relation`]. Between two traces it is empty.
+    /// Empty between two traces. Not dropped when the thread ends, see `IN_USE` in [`crate::relation`].
     static TRACE: RefCell<ManuallyDrop<Trace>> = RefCell::new(ManuallyDrop::new(Trace::default()));
 }
 
-/// A trace that is removed at the end, even after a panic.
+/// Removes the trace when it is dropped, even after a panic.
 struct Loan(Trace);
 
 impl Loan {
@@ -343,7 +344,7 @@ impl Trace {
         Dependencies(u32::try_from(self.nodes.len()).expect("fewer than 2^32 operations"))
     }
 
-    /// Calls `found` once for each variable of a set. `stamps` has the last mark of each node, `stack` is working memory.
+    /// Calls `found` once for each variable in a set. Visited nodes have `mark` in `stamps`; `stack` is working memory.
     fn visit(
         &self,
         set: Dependencies,
@@ -365,7 +366,7 @@ impl Trace {
 }
 
 impl Dependencies {
-    /// The set that holds only the known variable `index`. Panics if `index` is 2^32 or more.
+    /// The set that contains only the known variable `index`.
     pub(crate) fn on(index: usize) -> Self {
         let index = u32::try_from(index).expect("fewer than 2^32 known variables");
         TRACE.with_borrow_mut(|trace| trace.push((index, VARIABLE)))
@@ -390,7 +391,7 @@ impl Dependencies {
             (0, _) => other,
             (one, two) => {
                 TRACE.with_borrow_mut(|trace| match (trace.nodes[one as usize - 1], trace.nodes[two as usize - 1]) {
-                    // Sums add the same variable repeatedly.
+                    // One set is already part of the other, as in a sum that adds the same variable repeatedly.
                     ((a, b), _) if b != VARIABLE && (a == two || b == two) => self,
                     (_, (a, b)) if b != VARIABLE && (a == one || b == one) => other,
                     _ => trace.push((one, two)),
@@ -399,8 +400,8 @@ impl Dependencies {
         }
     }
 
-    /// Finds the variables that each of the results of some equations depends on, a line for each; `None` if the equations
-    /// read values by [`Scalar::value`] and may branch on them: then everything depends on everything.
+    /// Returns the known variables on which each result of the equations depends, with a line for each result. Returns
+    /// `None` if the equations call [`Scalar::value`], because they may branch on the value.
     pub(crate) fn trace(equations: impl FnOnce() -> Vec<Self>) -> Option<Structure> {
         let mut loan = Loan(Trace::default());
         loan.swap();
@@ -419,12 +420,11 @@ impl Dependencies {
     }
 }
 
-/// A set of known variables, for a list of them.
+/// A set of known variables, stored as an ascending list.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct DependencySet(Vec<u32>);
 
 impl DependencySet {
-    /// The variables, ascending.
     pub(crate) fn iter(&self) -> impl Iterator<Item = usize> {
         self.0.iter().map(|&index| index as usize)
     }
@@ -439,7 +439,7 @@ impl DependencySet {
         self.0.binary_search_by(|&other| (other as usize).cmp(&index)).is_ok()
     }
 
-    /// Adds the variables of a list, which may be in any order.
+    /// Adds variables, which may be in any order.
     pub(crate) fn extend(&mut self, others: &[u32]) {
         if self.0 != others {
             self.0.extend_from_slice(others);

@@ -1,4 +1,4 @@
-//! Runs a model in Rust, without an FMU: for tests, and for models that contain others.
+//! Runs a model in Rust, without an FMU: for tests, and for models that contain other models.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,10 +9,10 @@ use crate::store::{Counts, ValueStore};
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::Variables as _;
 
-/// A run needs co-simulation only.
+/// Without model exchange.
 type Runner<M> = ContinuousModel<M, false>;
 
-/// A run of a continuous-time model, identical to that of its FMU: same solver, same bits.
+/// A run of a continuous-time model, with the FMU's solver and bit-identical results.
 ///
 /// ```
 /// use fmu::prelude::*;
@@ -42,7 +42,7 @@ type Runner<M> = ContinuousModel<M, false>;
 /// while run.time() < 1.0 {
 ///     run.step(&(), 0.01)?;
 /// }
-/// // The classical Runge-Kutta method: the error is about the fifth power of the step.
+/// // The error of the classical Runge-Kutta method is about the fourth power of the step.
 /// assert!((run.state().n - (-run.time()).exp()).abs() < 1e-10);
 /// # Ok(()) }
 /// ```
@@ -77,7 +77,7 @@ impl<M: Continuous> std::fmt::Debug for ContinuousSimulation<M> {
 }
 
 impl<M: Continuous> ContinuousSimulation<M> {
-    /// Starts at time 0 with the start values of the states. Files come from the folder `resources` of the package.
+    /// Starts at time 0 with the start values of the states. Files are read from the folder `resources` of the package.
     ///
     /// # Errors
     /// The parameters are inconsistent.
@@ -85,7 +85,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }
 
-    /// As [`Self::new`], with files from another folder.
+    /// Like [`Self::new`], with files from another folder.
     ///
     /// # Errors
     /// The parameters are inconsistent, or a file cannot be read.
@@ -121,7 +121,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         M::State::read(self.values.view(), self.layout.states.at)
     }
 
-    /// Replaces the state. At time 0 it is the start state, and the discrete state is that of the start.
+    /// Replaces the state. At time 0, also initializes the discrete state for this state.
     pub fn set_state(&mut self, state: &M::State<f64>) {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
         if self.time == 0.0 {
@@ -132,7 +132,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         }
     }
 
-    /// Replaces the tunable parameters, and computes the derived ones again. The fixed parameters must be those of the start.
+    /// Replaces the tunable parameters and computes the derived parameters again.
     ///
     /// # Errors
     /// A fixed parameter differs, or the parameters are inconsistent.
@@ -173,10 +173,10 @@ impl<M: Continuous> ContinuousSimulation<M> {
         M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
 
-    /// Advances by `step` in s, the inputs held.
+    /// Advances by `step` in s, with constant inputs.
     ///
     /// # Errors
-    /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
+    /// A state is not finite, the solver cannot keep its tolerance, or there are too many events.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let run = self.context();
@@ -222,7 +222,8 @@ impl<M: Discrete> std::fmt::Debug for DiscreteSimulation<M> {
 }
 
 impl<M: Discrete> DiscreteSimulation<M> {
-    /// Starts before the first sample, which is due at time 0. Files come from the folder `resources` of the package.
+    /// Starts before the first sample, which is due at time 0. Files are read from the folder `resources` of the
+    /// package.
     ///
     /// # Errors
     /// The parameters are inconsistent.
@@ -230,7 +231,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }
 
-    /// As [`Self::new`], with files from another folder.
+    /// Like [`Self::new`], with files from another folder.
     ///
     /// # Errors
     /// The parameters are inconsistent, or a file cannot be read.

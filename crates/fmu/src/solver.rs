@@ -19,7 +19,7 @@ pub(crate) struct Problem<'a, M: Continuous> {
     pub(crate) derived: &'a M::Derived,
 }
 
-/// One step of a solver: where it starts, its length, and the discrete state, which is constant in it.
+/// One solver step: start time, length, and the discrete state, which is constant during the step.
 pub(crate) struct Interval<'a, M: Continuous> {
     pub(crate) time: f64,
     pub(crate) h: f64,
@@ -37,7 +37,7 @@ impl<M: Continuous> Problem<'_, M> {
         At { time, state, inputs: self.inputs, derived: self.derived, discrete }
     }
 
-    /// The derivatives at a state on the heap, for numbers of type `T`.
+    /// Computes the derivatives for a state on the heap.
     #[inline]
     fn evaluate<T: Scalar>(&self, time: T, x: &[T], inputs: &M::Inputs<T>, discrete: &M::DiscreteState, to: &mut [T]) {
         if M::State::<f64>::COUNTS.reals > MOST_IN_PLACE {
@@ -61,7 +61,7 @@ impl<M: Continuous> Problem<'_, M> {
         self.model.derivatives(at).write(&mut ValuesMut::of_reals(to), Counts::ZERO);
     }
 
-    /// The frame holds all that the solvers need on the stack: the state and what the model returns.
+    /// Not inlined: only this stack frame contains the model's structs.
     #[inline(never)]
     fn evaluate_apart<T: Scalar>(
         &self,
@@ -80,8 +80,8 @@ impl<M: Continuous> Problem<'_, M> {
         self.model.advance(self.at(time, &state, discrete), h).write(&mut ValuesMut::of_reals(end), Counts::ZERO);
     }
 
-    /// Computes the Jacobian of the derivatives with respect to the state, and their derivative with respect to time:
-    /// exact, by dual numbers. One evaluation covers all columns of a group.
+    /// Computes the Jacobian with respect to the state, and the derivative with respect to time, exactly with dual
+    /// numbers. One evaluation computes all columns in a group.
     fn linearize(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, scratch: &mut Scratch) {
         if !scratch.is_traced {
             self.trace(discrete, scratch);
@@ -126,8 +126,8 @@ impl<M: Continuous> Problem<'_, M> {
         }
     }
 
-    /// Finds the structure of the Jacobian for the present parameters, discrete state and inputs that are not real: equations
-    /// may branch on these.
+    /// Finds the structure of the Jacobian. Equations may branch on parameters, discrete state and inputs that are not
+    /// real; the structure is valid for their present values.
     pub(crate) fn trace(&self, discrete: &M::DiscreteState, scratch: &mut Scratch) {
         let n = M::State::<f64>::COUNTS.reals;
         scratch.is_traced = true;
@@ -142,7 +142,7 @@ impl<M: Continuous> Problem<'_, M> {
         }
     }
 
-    /// Dependencies of each derivative: states by their number, then the time.
+    /// Dependencies of each derivative on the states, and on the time as the last known variable.
     #[inline(never)]
     fn dependencies(&self, discrete: &M::DiscreteState, memory: &mut Inputs) -> Vec<Dependencies> {
         let n = M::State::<f64>::COUNTS.reals;
@@ -154,7 +154,7 @@ impl<M: Continuous> Problem<'_, M> {
     }
 }
 
-/// The inputs as numbers of another type.
+/// Converts the inputs to another number type.
 fn inputs_of<T: Scalar, M: Continuous>(
     inputs: &M::Inputs<f64>,
     memory: &mut Inputs,
@@ -167,17 +167,18 @@ fn inputs_of<T: Scalar, M: Continuous>(
     M::Inputs::read(Values { reals: typed, integers, booleans, strings }, Counts::ZERO)
 }
 
-/// The most states of a model with a fixed step that are kept as the model's struct, in registers or on the stack.
+/// With a fixed step and at most this many states, states are stored as the model's struct, in registers or on the
+/// stack.
 const MOST_IN_PLACE: usize = 64;
 
-/// The fewest states of a stiff model for which the structure is used.
+/// Stiff models with at least this many states use the structure of the Jacobian.
 const LEAST_SPARSE: usize = 32;
 
 /// Storage of states during the integration.
 pub(crate) trait Keep<M: Continuous> {
     /// A state.
     type State;
-    /// The state in the values of an instance.
+    /// Reads the state from the values of an instance.
     fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State;
     /// Writes a state to the values of an instance.
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts);
@@ -185,33 +186,33 @@ pub(crate) trait Keep<M: Continuous> {
     fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R;
     /// Passes a state to the model, which may change it.
     fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R;
-    /// One step of fixed length: Runge-Kutta of order 4, or the solution in closed form.
+    /// One step of fixed length with the classical Runge-Kutta method or the solution in closed form.
     fn fixed(
         problem: &Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State;
-    /// One step of the solver with error control. Its error goes to the scratch memory. `None` if the matrix of the step is
-    /// singular.
+    /// One step of a solver with error control. Writes the estimated error to `scratch`. Returns `None` if the matrix
+    /// of the step is singular.
     fn estimated(
         problem: &Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Option<Self::State>;
-    /// See [`ode::error_norm`], for the error in the scratch memory.
+    /// [`ode::error_norm`] of the error in `scratch`.
     fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64;
     /// Takes back the memory of a state.
     fn recycle(_x: Self::State, _scratch: &mut Scratch) {}
 }
 
-/// Returns true if the integration keeps the states as the model's struct.
+/// Returns true if the integration stores states as the model's struct.
 pub(crate) const fn is_in_place<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::RungeKutta | Solver::Exact) && M::State::<f64>::COUNTS.reals <= MOST_IN_PLACE
 }
 
-/// States are the model's struct, for fixed steps of small models.
+/// Stores states as the model's struct, for small models with fixed steps.
 pub(crate) struct InPlace;
 
 impl<M: Continuous> Keep<M> for InPlace {
@@ -254,7 +255,7 @@ impl<M: Continuous> Keep<M> for InPlace {
     }
 }
 
-/// States are lists on the heap, so that a model of any size needs little stack.
+/// Stores states on the heap, so that large models need little stack.
 pub(crate) struct OnHeap;
 
 impl<M: Continuous> Keep<M> for OnHeap {
@@ -309,7 +310,7 @@ impl<M: Continuous> Keep<M> for OnHeap {
             problem.evaluate(time, x, problem.inputs, discrete, to);
             Ok::<_, Infallible>(())
         };
-        // A constant, with which loops of small models are unrolled.
+        // A constant length lets the compiler unroll the loops for small models.
         let n = M::State::<f64>::COUNTS.reals;
         let x = &x[..n];
         if !matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
@@ -336,7 +337,7 @@ impl<M: Continuous> Keep<M> for OnHeap {
     }
 }
 
-/// The Jacobian of a stiff model and the factors of the matrix of a step.
+/// The Jacobian of a stiff model, replaced by the LU factors of the step's matrix.
 enum Jacobian {
     Dense { matrix: Vec<f64>, pivots: Vec<usize> },
     Sparse(Box<Sparse>),
@@ -344,11 +345,11 @@ enum Jacobian {
 
 struct Sparse {
     by_column: Structure,
-    /// Values of the elements, by columns.
+    /// Values of the elements, column by column.
     values: Vec<f64>,
-    /// Numbers of the elements on the diagonal.
+    /// Positions of the diagonal elements in `values`.
     diagonal: Vec<u32>,
-    /// Groups of columns that share one evaluation.
+    /// Groups of columns that one evaluation computes.
     groups: Structure,
     /// True if a derivative depends on the time.
     follows_time: bool,
@@ -366,8 +367,7 @@ impl Jacobian {
         Self::Dense { matrix: vec![0.0; n * n], pivots: vec![0; n] }
     }
 
-    /// Returns a sparse Jacobian of derivatives that depend on these states and, after them, on the time; `None` if a dense
-    /// matrix is the better choice.
+    /// Returns a sparse Jacobian for these [`Problem::dependencies`], or `None` if a dense matrix is faster.
     fn sparse(dependencies: &Structure) -> Option<Self> {
         let n = dependencies.lines();
         let is_state = |&&known: &&u32| (known as usize) < n;
@@ -398,7 +398,7 @@ impl Jacobian {
         }
     }
 
-    /// Turns the Jacobian J into the factors of `diagonal` I - J. Returns false if that is singular.
+    /// Factorizes `diagonal` I - J in place of the Jacobian J. Returns false if the matrix is singular.
     #[inline]
     fn factorize(&mut self, diagonal: f64, n: usize) -> bool {
         match self {
@@ -427,10 +427,10 @@ impl Jacobian {
     }
 }
 
-/// Memory to convert inputs.
+/// Memory for converting inputs.
 pub(crate) type Inputs = ByType<Vec<f64>, Vec<i32>, Vec<bool>, Vec<String>>;
 
-/// Working memory of the solvers. From one step to the next, it keeps only data that follows from the equations.
+/// Working memory of the solvers. Data that remains valid from one step to the next depends only on the equations.
 #[derive(Default)]
 pub(crate) struct Scratch {
     n: usize,
@@ -440,11 +440,11 @@ pub(crate) struct Scratch {
     error: Vec<f64>,
     nominals: Vec<f64>,
     jacobian: Jacobian,
-    /// The structure that the Jacobian was made for, `Some(None)` if everything depends on everything.
+    /// The structure for which the Jacobian was allocated; `Some(None)` if everything depends on everything.
     traced: Option<Option<Structure>>,
-    /// True if the structure is that of the present parameters, discrete state and inputs.
+    /// True if the structure is valid for the present parameters, discrete state and inputs.
     is_traced: bool,
-    /// Hash of the values that equations may branch on, from the time of the trace.
+    /// Hash of the values that equations may branch on, at the last step.
     pub(crate) branches: u64,
     slope: Vec<f64>,
     duals: Vec<Dual64>,
@@ -453,7 +453,7 @@ pub(crate) struct Scratch {
     input_duals: Vec<Dual64>,
 }
 
-/// States in use at the same time: at the start of an interval, at its end, at an event, and one more to compute.
+/// Maximum number of states in use at the same time.
 const STATES: usize = 5;
 
 impl Scratch {
@@ -494,7 +494,7 @@ impl Scratch {
         }
     }
 
-    /// Returns true if there is none yet, as in a copy of a saved state.
+    /// Returns true if the memory is not allocated, as in a copy of a saved state.
     #[inline]
     pub(crate) fn is_missing<M: Continuous>(&self) -> bool {
         !is_in_place::<M>() && self.nominals.len() < M::State::<f64>::COUNTS.reals

@@ -1,6 +1,6 @@
 //! Values of variables by type.
 
-/// Data of the variables by type: values, or their numbers.
+/// Data for each variable type: values, counts or positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ByType<R, I, B, S> {
     /// Reals.
@@ -13,20 +13,20 @@ pub struct ByType<R, I, B, S> {
     pub strings: S,
 }
 
-/// Number of values of each type; also a position among them.
+/// Number of values of each type; also a position in the values of each type.
 pub type Counts = ByType<usize, usize, usize, usize>;
 
-/// Values to read from; the reals are in the number type of the equations.
+/// Values to read; the reals have the number type of the equations.
 pub type Values<'a, T> = ByType<&'a [T], &'a [i32], &'a [bool], &'a [String]>;
 
-/// Values to write to; the reals are in the number type of the equations.
+/// Values to write; the reals have the number type of the equations.
 pub type ValuesMut<'a, T> = ByType<&'a mut [T], &'a mut [i32], &'a mut [bool], &'a mut [String]>;
 
 /// The values of all variables.
 pub type ValueStore = ByType<Box<[f64]>, Box<[i32]>, Box<[bool]>, Box<[String]>>;
 
 impl Counts {
-    /// None.
+    /// No values.
     pub const ZERO: Self = Self { reals: 0, integers: 0, booleans: 0, strings: 0 };
     /// One Real.
     pub const REAL: Self = Self { reals: 1, ..Self::ZERO };
@@ -37,7 +37,7 @@ impl Counts {
     /// One String.
     pub const STRING: Self = Self { strings: 1, ..Self::ZERO };
 
-    /// The sum.
+    /// The sum, type by type.
     pub const fn plus(self, other: Self) -> Self {
         Self {
             reals: self.reals + other.reals,
@@ -47,7 +47,7 @@ impl Counts {
         }
     }
 
-    /// The product.
+    /// The counts for `count` copies.
     pub const fn times(self, count: usize) -> Self {
         Self {
             reals: self.reals * count,
@@ -73,20 +73,20 @@ impl<'a, T> ValuesMut<'a, T> {
 }
 
 impl ValueStore {
-    /// View to read from.
+    /// View for reading.
     #[inline]
     pub fn view(&self) -> Values<'_, f64> {
         Values { reals: &self.reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }
 
-    /// View to write to.
+    /// View for writing.
     #[inline]
     pub fn view_mut(&mut self) -> ValuesMut<'_, f64> {
         let Self { reals, integers, booleans, strings } = self;
         ValuesMut { reals, integers, booleans, strings }
     }
 
-    /// The values, with reals of another number type.
+    /// View for reading, with reals of another number type.
     pub(crate) fn with_reals<'a, T>(&'a self, reals: &'a [T]) -> Values<'a, T> {
         Values { reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }

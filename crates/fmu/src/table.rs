@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Points of a function, linear in between and constant outside.
+/// A function of one variable, given by points: linear between them and constant outside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     x: Box<[f64]>,
@@ -13,7 +13,7 @@ impl Table {
     /// A table from points with increasing `x`.
     ///
     /// # Errors
-    /// There is no point, a number is not finite, or `x` does not increase.
+    /// There are no points, a number is not finite, or `x` does not increase.
     pub fn new(points: impl IntoIterator<Item = (f64, f64)>) -> Result<Self, String> {
         let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
         if x.is_empty() {
@@ -28,19 +28,19 @@ impl Table {
         Ok(Self { x: x.into(), y: y.into() })
     }
 
-    /// A table from a text file with two columns, as `load` reads it from the resources of the FMU.
+    /// Reads a table from a text file with two columns. Call it in `load` to read a file from the FMU's resources.
     ///
-    /// The columns are separated by commas, semicolons or tabs; beside semicolons and tabs a decimal comma is read too. The first
-    /// line may have the names of the columns. Blank lines and lines that start with `#` are skipped.
+    /// The columns are separated by commas, semicolons or tabs. With semicolons or tabs, numbers can have a decimal
+    /// comma. The first line can contain the column names. Blank lines and lines that start with `#` are skipped.
     ///
     /// # Errors
-    /// The file cannot be read, a line does not have two numbers, or [`Self::new`] rejects the points. The message has the path and
-    /// the line.
+    /// The file cannot be read, a line does not contain two numbers, or [`Self::new`] rejects the points. The message
+    /// contains path and line.
     pub fn from_csv(path: impl AsRef<Path>) -> Result<Self, String> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|error| {
             format!(
-                "{}: {error}; the files of an FMU are in the folder `resources` of its package, and their path starts at the argument \
+                "{}: {error}; put the file into the folder `resources` of the package, and join its path to the argument \
                  `resources` of `load`",
                 path.display()
             )
@@ -53,11 +53,11 @@ impl Table {
         Self::new(rows.into_iter().map(|(_, x, y)| (x, y))).map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Hash of the points, the same on every platform, for `fingerprint` of a model: a saved state is restored only with the
-    /// same table.
+    /// Hash of the points, the same on every platform. Return it from `fingerprint` of the model: a saved state is then
+    /// restored only with the same table.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
-        // FNV-1a of the bytes of all numbers.
+        // FNV-1a over the bytes of all numbers.
         let numbers = self.x.iter().chain(&self.y);
         let bytes = numbers.flat_map(|number| number.to_bits().to_le_bytes());
         bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
@@ -79,10 +79,10 @@ impl Table {
     }
 }
 
-/// A line and its two numbers.
+/// Line number, `x`, `y`.
 type Row = (usize, f64, f64);
 
-/// The rows of a text; an error has its line.
+/// Parses the rows of a text; an error contains the line number.
 fn rows(text: &str) -> Result<Vec<Row>, (usize, String)> {
     let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines().map(str::trim));
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).peekable();
@@ -97,12 +97,12 @@ fn rows(text: &str) -> Result<Vec<Row>, (usize, String)> {
     for (line, row) in lines {
         let fields: Vec<&str> = row.split(separator).collect();
         let [x, y] = fields[..] else {
-            let message = format!("a row of a table has two columns, this one {}: `{row}`", fields.len());
+            let message = format!("a row must have two columns, got {}: `{row}`", fields.len());
             return Err((line, message));
         };
         match (number(x), number(y)) {
             (Some(x), Some(y)) => rows.push((line, x, y)),
-            // The names of the columns.
+            // Column names.
             (None, None) if is_first => {}
             (None, _) => return Err((line, format!("`{}` is not a finite number", x.trim()))),
             (_, None) => return Err((line, format!("`{}` is not a finite number", y.trim()))),
@@ -137,7 +137,7 @@ mod tests {
         for (text, message) in [
             ("", "pump.csv: a table needs at least one point"),
             ("flow,pressure\n", "pump.csv: a table needs at least one point"),
-            ("flow,pressure\n0,6,1\n", "pump.csv:2: a row of a table has two columns, this one 3: `0,6,1`"),
+            ("flow,pressure\n0,6,1\n", "pump.csv:2: a row must have two columns, got 3: `0,6,1`"),
             ("flow,pressure\n0,six\n", "pump.csv:2: `six` is not a finite number"),
             ("flow,pressure\nflow,pressure\n", "pump.csv:2: `flow` is not a finite number"),
             ("0,6\n\n1,inf\n", "pump.csv:3: `inf` is not a finite number"),
@@ -148,7 +148,7 @@ mod tests {
         std::fs::remove_dir_all(&folder).unwrap();
         let missing = Table::from_csv(&path).unwrap_err();
         assert!(
-            missing.contains("pump.csv: ") && missing.contains("the folder `resources` of its package"),
+            missing.contains("pump.csv: ") && missing.contains("the folder `resources` of the package"),
             "{missing}"
         );
     }

@@ -1,19 +1,19 @@
-//! Units of measure. [`unit!`](crate::unit!) parses them while the model compiles.
+//! Units of measure. [`unit!`](crate::unit!) parses them at compile time.
 
-/// A unit in which a value may be shown: `display value = factor * value + offset`.
+/// A unit in which a tool can display a value: `display value = factor * value + offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DisplayUnit {
     /// Name, for example `deg`.
     pub name: &'static str,
-    /// Display units per unit.
+    /// Factor of the conversion.
     pub factor: f64,
-    /// Added after the factor.
+    /// Offset of the conversion.
     pub offset: f64,
 }
 
 /// A unit of measure: `SI value = factor * value + offset`.
 ///
-/// [`unit!`](crate::unit!) makes the usual ones. To define your own:
+/// [`unit!`](crate::unit!) provides the usual units. To define another unit:
 ///
 /// ```
 /// use fmu::Unit;
@@ -26,13 +26,13 @@ pub struct Unit {
     pub name: &'static str,
     /// Exponents of kg, m, s, A, K, mol, cd and rad, in the order of the FMI standard.
     pub exponents: [i8; 8],
-    /// SI units per unit, 1 for coherent units.
+    /// Factor of the conversion; 1 for coherent units.
     pub factor: f64,
-    /// Added to an SI value, 0 for all but temperatures.
+    /// Offset of the conversion; 0 except for temperatures.
     pub offset: f64,
     /// Units in which values may be displayed.
     pub display: &'static [DisplayUnit],
-    /// The unit of the time derivative; `None` leaves it undeclared.
+    /// The unit of the time derivative; `None` if it is undeclared.
     pub rate: Option<&'static Unit>,
 }
 
@@ -47,11 +47,11 @@ impl Unit {
         display: &[DisplayUnit { name: "ms", factor: 1e3, offset: 0.0 }],
         ..Self::NONE
     };
-    /// For a variable whose unit is open: it follows from another variable, such as a distance or a time by choice, or from the
-    /// signal that is connected. The description declares no unit.
+    /// For a variable without a fixed unit: the unit depends on another variable or on the connected signal. The model
+    /// description declares no unit.
     pub const NONE: Self = Self { name: "", exponents: [0; 8], factor: 1.0, offset: 0.0, display: &[], rate: None };
 
-    /// Returns true if the description declares it.
+    /// Returns true if the model description declares the unit.
     #[must_use]
     pub const fn is_declared(&self) -> bool {
         !self.name.is_empty()
@@ -68,7 +68,7 @@ impl Unit {
         self.rate.copied().unwrap_or(Self::NONE)
     }
 
-    /// The display unit of this name.
+    /// The display unit with this name.
     #[must_use]
     pub fn display_unit(&self, name: &str) -> Option<DisplayUnit> {
         self.display.iter().find(|unit| unit.name == name).copied()

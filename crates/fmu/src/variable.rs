@@ -1,4 +1,4 @@
-//! The variables of an FMU, as declared and as numbered.
+//! The variables of an FMU: declarations, positions and value references.
 
 use std::ops::{Range, RangeInclusive};
 
@@ -7,26 +7,26 @@ use crate::enumeration::Item;
 use crate::store::{Counts, ValueStore};
 use crate::unit::{DisplayUnit, Unit};
 
-/// A variable as a block declares it.
+/// A declared variable.
 #[derive(Clone, Debug)]
 pub struct Declaration {
     /// Name in the model description.
     pub name: String,
     /// Description.
     pub description: String,
-    /// True if a parameter may change between steps; false for everything else.
+    /// True if the variable is a tunable parameter.
     pub tunable: bool,
-    /// True if a state is not an output (causality local).
+    /// True if the variable is a state with causality local instead of output.
     pub local: bool,
-    /// True if the start value of a state follows from the parameters; false for everything else.
+    /// True if the variable is a state whose start value follows from the parameters.
     pub calculated: bool,
     /// Type with its attributes.
     pub kind: Kind,
-    /// The array that it is an element of.
+    /// The array to which the variable belongs.
     pub array: Option<ArrayElement>,
 }
 
-/// Place of a variable in an array.
+/// The array to which a variable belongs, and its element.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ArrayElement {
     /// Name of the array.
@@ -35,7 +35,7 @@ pub struct ArrayElement {
     pub description: String,
     /// Name of the element, such as `fl`; empty for numbered elements.
     pub element: String,
-    /// Lengths of the array, the outer one first.
+    /// Dimensions of the array, the outermost first.
     pub dimensions: Vec<usize>,
 }
 
@@ -44,7 +44,7 @@ pub struct ArrayElement {
 pub enum Kind {
     /// A real number with its unit.
     Real(Real),
-    /// An Integer; `items` names the values of an enumeration.
+    /// An Integer or an enumeration.
     Integer {
         /// Start value.
         start: i32,
@@ -76,7 +76,7 @@ pub enum Kind {
 pub struct Real {
     /// Unit of measure.
     pub unit: Unit,
-    /// Unit to display values in.
+    /// Display unit.
     pub display: Option<DisplayUnit>,
     /// Start value; also the value of calculated variables before they are calculated.
     pub start: f64,
@@ -84,14 +84,14 @@ pub struct Real {
     pub min: Option<f64>,
     /// Greatest value, if there is one.
     pub max: Option<f64>,
-    /// Usual magnitude, if it was declared.
+    /// Nominal value, if it was declared.
     pub nominal: Option<f64>,
 }
 
 /// Role of a variable in the FMU; determines causality, variability and initial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Set before or, if tunable, between steps.
+    /// Set before the start or, if tunable, between steps.
     Parameter,
     /// Follows from the parameters.
     Calculated,
@@ -101,14 +101,14 @@ pub enum Role {
     Output,
     /// A continuous state.
     State,
-    /// The derivative of the state of the same number.
+    /// The derivative of the state with the same position.
     Derivative,
 }
 
-/// A variable with its place among all values of its type.
+/// A variable with the position of its value.
 #[derive(Clone, Debug)]
 pub struct Variable {
-    /// As declared.
+    /// Declaration.
     pub declaration: Declaration,
     /// Role in the FMU.
     pub role: Role,
@@ -118,7 +118,7 @@ pub struct Variable {
     pub reference: u32,
 }
 
-/// The variables of a block: position and number of the values of each type.
+/// A block of variables with the same role: position and number of their values, by type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Block {
     /// Position of the first values.
@@ -136,23 +136,23 @@ impl Block {
     pub(crate) fn position(&self, reference: u32) -> Option<usize> {
         (reference as usize).checked_sub(self.at.reals).filter(|&position| position < self.counts.reals)
     }
-    /// Returns true if it has variables that are not real.
+    /// Returns true if the block contains variables that are not real.
     pub(crate) const fn has_others(&self) -> bool {
         self.counts.integers + self.counts.booleans + self.counts.strings > 0
     }
 }
 
-/// Numbers of event indicators of model exchange, in their order.
+/// Numbers of event indicators in model exchange. Those for declared zero crossings come first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Indicators {
     /// Zero crossings that the model declares.
     pub declared: usize,
-    /// The most relations of derivatives and outputs, over all modes of the model.
+    /// Number of relations in derivatives and outputs; the maximum over all Booleans and enumerations.
     pub relations: usize,
 }
 
 impl Indicators {
-    /// All of them.
+    /// Number of all indicators.
     pub const fn total(self) -> usize {
         self.declared + self.relations
     }
@@ -160,10 +160,10 @@ impl Indicators {
 
 /// All variables of a model and the positions of their values.
 ///
-/// Reals come first, block by block, so that a value reference is an index; Integers, Booleans and Strings follow.
+/// Reals come first, block by block; the value reference of a real is its index. Integers, Booleans and Strings follow.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// In the order of the model description.
+    /// All variables, ordered as in the model description.
     pub variables: Vec<Variable>,
     /// Parameters.
     pub parameters: Block,
@@ -175,7 +175,7 @@ pub struct Layout {
     pub outputs: Block,
     /// Continuous states.
     pub states: Block,
-    /// Their derivatives.
+    /// Derivatives of the states.
     pub derivatives: Block,
     /// Numbers of event indicators.
     pub indicators: Indicators,
@@ -213,7 +213,7 @@ pub struct Declarations {
 }
 
 impl Layout {
-    /// Numbers the declared variables. Panics on more than [`u32::MAX`] variables.
+    /// Assigns positions and value references to the declared variables.
     pub fn new(declared: Declarations) -> Self {
         let derivatives: Vec<_> = declared.states.iter().map(derivative_of).collect();
         let blocks = [
@@ -268,8 +268,8 @@ impl Layout {
         }
     }
 
-    /// The array that a variable is an element of, and its elements, if all of them agree in the attributes of an array (type, unit and limits)
-    /// and no variable has the name of the array.
+    /// The array to which a variable belongs, and all its elements. `None` if they differ in an attribute that an FMI
+    /// array has only once (type, unit or limits), or if a variable has the name of the array.
     pub(crate) fn array_of<'a>(&'a self, variable: &'a Variable) -> Option<(&'a ArrayElement, Vec<&'a Variable>)> {
         let of = variable.declaration.array.as_ref()?;
         let is_element = |other: &&Variable| {
@@ -284,7 +284,8 @@ impl Layout {
         (agree && is_whole && is_connected && is_free).then_some((of, elements))
     }
 
-    /// For each value reference that of the first element of its array, or the same one outside of arrays.
+    /// For each value reference, the reference of the first element of its array, or the same reference if it is not in
+    /// an array.
     pub(crate) fn representatives(&self) -> Vec<u32> {
         let mut first: Vec<u32> = (0..self.end).collect();
         for variable in &self.variables {
@@ -296,7 +297,7 @@ impl Layout {
         first
     }
 
-    /// The variable of a value reference.
+    /// The variable with a value reference.
     pub fn by_reference(&self, reference: u32) -> Option<&Variable> {
         self.positions.get(reference as usize).map(|&position| &self.variables[position])
     }
@@ -324,7 +325,7 @@ impl Layout {
         &self.real(index).declaration.name
     }
 
-    /// Number of a variable in ModelStructure, which counts from 1, by value reference.
+    /// Index in ModelStructure, from 1, of the variable with a value reference.
     pub fn structure_index(&self, reference: u32) -> usize {
         self.positions[reference as usize] + 1
     }
@@ -341,7 +342,7 @@ impl ValueStore {
         Self::of(layout.variables.iter().map(|variable| &variable.declaration))
     }
 
-    /// The start values of some variables.
+    /// The start values of the declared variables.
     pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
         let (mut reals, mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for declaration in declarations {
@@ -355,7 +356,7 @@ impl ValueStore {
         Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
     }
 
-    /// Returns true if a variable has another value in `other`.
+    /// Returns true if the variable has another value in `other`.
     pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
         let index = variable.index;
         match variable.declaration.kind {
@@ -375,7 +376,7 @@ impl Real {
 }
 
 impl Declaration {
-    /// Returns true if another variable differs in name, description and start value only.
+    /// Returns true if the variables differ at most in name, description and start value.
     fn is_like(&self, other: &Self) -> bool {
         let is_like = match (&self.kind, &other.kind) {
             (Kind::Real(one), Kind::Real(other)) => {
@@ -404,7 +405,7 @@ impl Kind {
             Self::String { .. } => Counts::STRING,
         }
     }
-    /// The count of this type.
+    /// Selects the count of this type.
     pub(crate) const fn of(&self, counts: Counts) -> usize {
         match self {
             Self::Real(_) => counts.reals,
@@ -413,7 +414,7 @@ impl Kind {
             Self::String { .. } => counts.strings,
         }
     }
-    /// Returns true if an Integer may have a value.
+    /// Returns true if an Integer can have the value.
     pub(crate) fn takes(&self, value: i32) -> bool {
         let Self::Integer { min, max, items, .. } = self else { return false };
         (*min..=*max).contains(&value) && (items.is_empty() || items.iter().any(|item| item.value == value))
@@ -435,7 +436,7 @@ impl Kind {
     }
 }
 
-/// Name in a version of a type of FMI 2.0.
+/// Converts the FMI 2.0 name of a type to the name in another version.
 pub(crate) fn name_in(version: Version, name: &str) -> &str {
     match (version, name) {
         (Version::Fmi3, "Real") => "Float64",

@@ -1,4 +1,4 @@
-//! Structs of variables as flat lists of values and as declarations.
+//! Converts structs of variables to declarations and to flat lists of values.
 
 use std::marker::PhantomData;
 
@@ -11,7 +11,7 @@ use crate::variable::Declaration;
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not the type of a variable",
     note = "variables are `{T}`, `bool`, `i32`, `String`, an enum with `#[derive(Enumeration)]`, or arrays of these",
-    note = "a struct of variables is a field with `#[var(nested)]`"
+    note = "for a struct of variables, write `#[var(nested)]`"
 )]
 pub trait Field<T>: Sized {
     /// Start value, or start values of an array.
@@ -100,7 +100,7 @@ field! {
 pub enum Starts<S, const N: usize> {
     /// The same for all elements.
     All(S),
-    /// One per element; not an array, because large models do not have enough stack for one.
+    /// One per element; on the heap, because an array in a large model could overflow the stack.
     Each(Vec<S>),
 }
 
@@ -120,7 +120,7 @@ impl<S, const N: usize> From<[S; N]> for Starts<S, N> {
 #[doc(hidden)]
 pub struct Listed<const M: usize>;
 
-/// Implemented by the number of start values that fits an array of `N`.
+/// Implemented only if the number of start values is `N`.
 #[doc(hidden)]
 #[diagnostic::on_unimplemented(
     message = "wrong number of start values: the array has {N} elements",
@@ -159,8 +159,8 @@ pub fn declare_elements<T, F: Field<T>, const N: usize>(
 ) where
     F::Start: Clone,
 {
-    // Empty without start values: an `Option` of the iterator compiles to a branch on a value that was never set, which is harmless, but
-    // which valgrind reports.
+    // An `Option` of the iterator would compile to a branch on an uninitialized value. That is harmless, but valgrind
+    // reports it.
     let mut starts = start.map_or_else(Vec::new, Starts::each).into_iter();
     let first = all.len();
     for i in 0..N {
@@ -244,7 +244,7 @@ macro_rules! named_array {
                 dead_code,
                 non_snake_case,
                 unreachable_pub,
-                reason = "a model names the elements, may use some of them only, and may declare the type in a private module"
+                reason = "a model may use only some of the elements, and may declare the type in a private module"
             )]
             impl<T: Copy> $name<T> {
                 $(
@@ -352,10 +352,10 @@ pub trait Variables<T: Scalar>: Sized {
         self.write(&mut ValuesMut::of_reals(&mut reals), Counts::ZERO);
         reals
     }
-    /// From a list of reals; other types must be absent.
+    /// Creates the struct from a list of reals; other types must be absent.
     ///
     /// # Panics
-    /// If there are too few, or variables of other types.
+    /// If there are too few reals, or variables of other types.
     #[inline]
     fn from_reals(reals: &[T]) -> Self {
         Self::read(Values::of_reals(reals), Counts::ZERO)
@@ -368,7 +368,7 @@ pub trait Variables<T: Scalar>: Sized {
     note = "derive `State` for a struct with the number type of the equations, as in `struct X<T>`"
 )]
 pub trait ContinuousState<T: Scalar>: Variables<T> {
-    /// Combines two states element by element; the solvers add states with it.
+    /// Combines two states element by element, as for a sum.
     fn combine(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self;
 
     /// A copy.
@@ -397,7 +397,7 @@ pub trait Derived: Send + Sync + 'static {
     /// Adds the calculated parameters.
     #[doc(hidden)]
     fn declare(_all: &mut Vec<Declaration>) {}
-    /// Writes their values to a position.
+    /// Writes the calculated parameters to a position.
     #[doc(hidden)]
     fn write(&self, _values: &mut ValuesMut<'_, f64>, _at: Counts) {}
 }
@@ -414,11 +414,12 @@ impl<T: Scalar> ContinuousState<T> for () {
 
 impl Derived for () {}
 
-/// The names of a struct of variables. Without the derive of the struct, which is reported elsewhere, it has none.
+/// The names in a struct of variables. If the struct has no derive, the list is empty ([`NoNames`]): the missing derive
+/// is reported elsewhere.
 pub struct NamesOf<V>(PhantomData<V>);
 
 impl<V: Variables<f64>> NamesOf<V> {
-    /// Those of the derive.
+    /// Names from the derive.
     pub const NAMES: &'static [Name] = V::NAMES;
 }
 
@@ -426,13 +427,13 @@ impl<V: Variables<f64>> NamesOf<V> {
 pub struct NamesOfDerived<D>(PhantomData<D>);
 
 impl<D: Derived> NamesOfDerived<D> {
-    /// Those of the derive.
+    /// Names from the derive.
     pub const NAMES: &'static [Name] = D::NAMES;
 }
 
-/// Names of a type without the derive.
+/// Fallback for a type without the derive.
 pub trait NoNames {
-    /// None.
+    /// No names.
     const NAMES: &'static [Name] = &[];
 }
 

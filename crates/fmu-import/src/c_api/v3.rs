@@ -1,12 +1,12 @@
 //! The C types of FMI 3.0 for co-simulation and model exchange.
 //!
-//! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. Types that FMI 2.0
-//! declares in the same way are in the module above.
+//! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. Types that are the
+//! same in FMI 2.0 are in the parent module.
 
 use super::{Component, RawStatus, Reference, State, call};
 use std::ffi::{c_char, c_int, c_void};
 
-/// `fmi3Boolean` that C writes: the byte of a `bool`, which may hold any number.
+/// `fmi3Boolean` from C code: the byte of a `bool`, which may contain any number.
 pub type RawBoolean = u8;
 
 /// `fmi3LogMessageCallback`: environment, status, category, message.

@@ -1,17 +1,17 @@
-//! Elements of arrays as scalar variables, for masters that connect and record scalars.
+//! Array elements as scalar variables, for masters that connect and record scalars.
 //!
-//! FMI 3.0 reads and writes an array as a whole by its value reference. Each element gets its own value reference, which no
-//! variable of the FMU has; [`Instance`](crate::loader::Instance) turns it into a call for the whole array.
+//! In FMI 3.0, an array has one value reference, and a call reads or writes all its elements. Here, each element gets
+//! an unused value reference; [`Instance`](crate::loader::Instance) then calls the FMU for the entire array.
 
 use super::{BaseType, ModelDescription, Unknown, Value, Variable};
 use crate::c_api::Reference;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// Most elements of an FMU that become variables. Further arrays stay arrays, so that a field of millions of numbers takes no
-/// memory.
+/// Maximum number of elements that become variables. Further arrays stay arrays, because millions of variables would
+/// need too much memory.
 const MAX_ELEMENTS: usize = 20_000;
-/// Most dependencies that are listed by element. Beyond that, an unknown depends on all knowns.
+/// Maximum number of dependencies that are listed element by element. Above it, unknowns depend on all knowns.
 const MAX_DEPENDENCIES: usize = 1_000_000;
 
 /// An element of an array.
@@ -19,12 +19,12 @@ const MAX_DEPENDENCIES: usize = 1_000_000;
 pub struct ArrayElement {
     /// Value reference of the array.
     pub array: Reference,
-    /// Position among the values of the array, row by row, from 0.
+    /// Position in the array, row by row, from 0.
     pub index: usize,
 }
 
 impl ModelDescription {
-    /// The first and the last element of the array of that name, after [`Self::with_elements`].
+    /// The first and the last element of the array with this name, after [`Self::with_elements`].
     pub fn elements_of(&self, array: &str) -> Option<[&Variable; 2]> {
         let is_element = |variable: &&Variable| {
             let rest = variable.element.and_then(|_| variable.name.strip_prefix(array));
@@ -35,7 +35,7 @@ impl ModelDescription {
         Some([first, elements.next_back().unwrap_or(first)])
     }
 
-    /// The value references of the elements of each variable that is an array of numbers or Booleans; `None` for other variables.
+    /// The value references that the elements of each array get; `None` for a variable that stays as it is.
     pub(crate) fn element_references(&self) -> Vec<Option<Range<Reference>>> {
         let mut references = vec![None; self.variables.len()];
         if self.variables.iter().all(|variable| !variable.is_array()) {
@@ -48,7 +48,7 @@ impl ModelDescription {
                 && variable.alias_of.is_none()
                 && variable.base_type != BaseType::String
                 && counted + variable.size <= MAX_ELEMENTS
-                // An FMU may have a scalar of that name, too.
+                // An FMU may already have a variable with such a name.
                 && !variable.elements().iter().any(|name| self.by_name.contains_key(name));
             if is_chosen {
                 counted += variable.size;
@@ -70,15 +70,15 @@ impl ModelDescription {
         references
     }
 
-    /// Adds a variable for each element of its arrays: `a[1]`, `a[2]` and so on, `a[2,1]` for two dimensions, row by row.
-    /// Arrays of Strings stay arrays, and those beyond 20,000 elements of the FMU.
+    /// Replaces arrays with a variable for each element: `a[1]`, `a[2]`, …, or `a[1,1]`, `a[1,2]`, …, row by row.
+    /// Arrays of Strings stay arrays. So do further arrays when the FMU already has 20,000 elements.
     #[must_use]
     pub fn with_elements(self) -> Self {
         let references = self.element_references();
         if references.iter().all(Option::is_none) {
             return self;
         }
-        // The positions of the old variables among the new ones.
+        // For each old variable, the indices of its new variables.
         let mut places: Vec<Range<usize>> = Vec::new();
         for (variable, references) in self.variables.iter().zip(&references) {
             let start = places.last().map_or(0, |place| place.end);
@@ -131,7 +131,7 @@ impl ModelDescription {
     }
 }
 
-/// The unknowns of the elements of an unknown. Each depends on all elements of what the array depends on.
+/// An unknown for each element of an unknown. Each depends on all elements of the arrays on which the unknown depends.
 fn expanded(unknown: &Unknown, places: &[Range<usize>]) -> Vec<Unknown> {
     let own = places[unknown.variable].clone();
     let length = |dependencies: &Vec<usize>| dependencies.iter().map(|i| places[*i].len()).sum::<usize>();
@@ -141,7 +141,7 @@ fn expanded(unknown: &Unknown, places: &[Range<usize>]) -> Vec<Unknown> {
     own.map(|variable| Unknown { variable, dependencies: dependencies.clone() }).collect()
 }
 
-/// The first of `count` numbers in a row that are not used.
+/// The first of `count` consecutive unused numbers.
 fn gap(used: impl Iterator<Item = Reference>, count: usize) -> Reference {
     let mut used: Vec<Reference> = used.collect::<HashSet<_>>().into_iter().collect();
     used.sort_unstable();
@@ -160,7 +160,7 @@ mod tests {
     use super::{ArrayElement, gap};
     use crate::description::{ModelDescription, Value};
 
-    /// Row by row, as FMI 3.0.2, section 2.2.7.1, serializes arrays.
+    /// The order is row by row, as specified in FMI 3.0.2, section 2.2.7.1.
     #[test]
     fn elements_are_variables_of_their_own() {
         let (from, to) = (

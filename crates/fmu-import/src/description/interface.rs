@@ -23,7 +23,7 @@ impl std::fmt::Display for FmiVersion {
 /// Interface of an FMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Interface {
-    /// The FMU advances itself by steps.
+    /// The FMU advances its own state.
     CoSimulation,
     /// The importer integrates the states of the FMU.
     ModelExchange,
@@ -42,15 +42,15 @@ impl std::fmt::Display for Interface {
 /// Capabilities that a version or an interface does not define are false or 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Capabilities {
-    /// File stem of the binary. FMI requires a C identifier; other file names are read as well.
+    /// File stem of the binary. FMI requires a C identifier, but other file names are accepted.
     pub model_identifier: String,
-    /// The FMU is a wrapper that needs its tool.
+    /// The FMU needs the tool that exported it.
     pub needs_execution_tool: bool,
     /// The communication step may change.
     pub can_handle_variable_communication_step_size: bool,
-    /// Inputs may be given with derivatives (FMI 2.0).
+    /// The importer can set derivatives of inputs (FMI 2.0).
     pub can_interpolate_inputs: bool,
-    /// Highest output derivative offered.
+    /// Maximum order of output derivatives.
     pub max_output_derivative_order: u32,
     /// `fmi2DoStep` may return before it is done (FMI 2.0).
     pub can_run_asynchronously: bool,
@@ -68,8 +68,8 @@ pub struct Capabilities {
     pub can_get_and_set_fmu_state: bool,
     /// The state can be turned into bytes.
     pub can_serialize_fmu_state: bool,
-    /// Directional derivatives are offered.
+    /// Directional derivatives are supported.
     pub provides_directional_derivative: bool,
-    /// Adjoint derivatives are offered (FMI 3.0).
+    /// Adjoint derivatives are supported (FMI 3.0).
     pub provides_adjoint_derivatives: bool,
 }

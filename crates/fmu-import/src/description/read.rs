@@ -14,15 +14,16 @@ use serde::de::{DeserializeOwned, value::StrDeserializer};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-/// Longest name of a variable, unit, type or item, bytes.
+/// Maximum length of the name of a variable, unit, type or item, bytes.
 const MAX_NAME: usize = 4096;
-/// Longest model identifier, bytes: file systems take names of 255 with the extension.
+/// Maximum length of a model identifier, bytes. File systems limit names to 255 bytes with the extension.
 const MAX_IDENTIFIER: usize = 240;
-/// Longest unit, display unit or quantity of a variable, bytes: every variable of a type has a copy.
+/// Maximum length of a variable's unit, display unit or quantity, bytes. Every variable of a type has a copy.
 const MAX_INHERITED: usize = 200;
-/// Most display units of a unit: every recorded signal has a copy.
+/// Maximum number of display units of a unit. Every recorded signal has a copy.
 const MAX_DISPLAY_UNITS: usize = 100;
-/// Most elements of an array, of all arrays, and of the lists of states and event indicators: their values stay in memory.
+/// Maximum number of elements in all arrays, and in the lists of states and event indicators. Their values are kept in
+/// memory.
 const MAX_ELEMENTS: usize = 10_000_000;
 
 #[derive(Default)]
@@ -33,7 +34,7 @@ struct Variables {
 }
 
 impl Variables {
-    /// Takes a name, which no other variable may have.
+    /// Adds a name. Fails if a variable already has it.
     fn take(&mut self, element: &Element, name: &str) -> Result<(), XmlError> {
         if self.names.insert(name.to_owned()) {
             return Ok(());
@@ -54,9 +55,9 @@ impl ModelDescription {
     /// Parses the text of a `modelDescription.xml`.
     ///
     /// # Errors
-    /// With line and column: XML that is not well formed or hostile (document type declaration,
-    /// excessive size or nesting), another FMI version, a missing or malformed attribute, a
-    /// reference to a type or variable that does not exist, a name used twice.
+    /// The XML is not well-formed or hostile (document type declaration, excessive size or nesting), the FMI version is
+    /// not supported, an attribute is missing or malformed, a type or variable does not exist, or a name occurs twice.
+    /// The error contains line and column.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if root.name != "fmiModelDescription" {
@@ -122,7 +123,7 @@ impl ModelDescription {
     }
 }
 
-/// `2.0`, `3.0` or `3.0.` with a number.
+/// Accepts `2.0`, `3.0`, and `3.0.` with a number.
 fn version(text: &str) -> Option<FmiVersion> {
     if text == "2.0" {
         return Some(FmiVersion::V2);
@@ -132,12 +133,13 @@ fn version(text: &str) -> Option<FmiVersion> {
     (rest.is_empty() || rest.strip_prefix('.').is_some_and(is_patch)).then_some(FmiVersion::V3)
 }
 
-/// The children `name` of the child `list`.
+/// The elements `name` in the child `list`.
 fn children<'a>(parent: &'a Element, list: &str, name: &'a str) -> impl Iterator<Item = &'a Element> {
     parent.child(list).into_iter().flat_map(|l| &l.children).filter(move |c| c.name == name)
 }
 
-/// The model identifier, which becomes part of a path. `check` reports one that is not a C identifier: many tools write others.
+/// The model identifier, which becomes part of a path. It need not be a C identifier, because many tools write others;
+/// `cargo fmu check` reports them.
 fn identifier(element: &Element) -> Result<String, XmlError> {
     let text = bounded(element, "modelIdentifier", MAX_IDENTIFIER)?;
     let leads_elsewhere = text.contains(['/', '\\', ':']) || matches!(text, "" | "." | "..");
@@ -175,7 +177,7 @@ fn capabilities(element: &Element, fmi: FmiVersion) -> Result<Capabilities, XmlE
     })
 }
 
-/// An attribute that is required and must not be longer than so many bytes.
+/// A required attribute with at most `most` bytes.
 fn bounded<'a>(element: &'a Element, attribute: &str, most: usize) -> Result<&'a str, XmlError> {
     let text = element.required(attribute)?;
     check_length(element, attribute, text, most)?;
@@ -209,7 +211,7 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
         .children
         .iter()
         .filter(|c| c.name == "DisplayUnit")
-        // FMI 3.0: the reciprocal, which no factor and offset can express.
+        // FMI 3.0: a reciprocal, which factor and offset cannot express, is left out.
         .filter(|display| !matches!(display.boolean("inverse"), Ok(Some(true))))
         .map(|display| {
             let factor = display.real("factor")?.unwrap_or(1.0);
@@ -227,7 +229,7 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
         })
         .collect::<Result<Vec<_>, _>>()?;
     if display_units.len() > MAX_DISPLAY_UNITS {
-        let message = format!("{} display units, at most {MAX_DISPLAY_UNITS} are read", display_units.len());
+        let message = format!("a unit can have {MAX_DISPLAY_UNITS} display units, got {}", display_units.len());
         return Err(element.place.error(message));
     }
     Ok(Unit { name: bounded(element, "name", MAX_INHERITED)?.to_string(), base, display_units })
@@ -247,12 +249,12 @@ fn items(element: &Element) -> Result<Arc<[Item]>, XmlError> {
     items.collect()
 }
 
-/// A word of FMI as an item of an enumeration.
+/// Converts an FMI keyword to an enum.
 fn word<T: DeserializeOwned>(text: &str) -> Option<T> {
     T::deserialize(StrDeserializer::<serde::de::value::Error>::new(text)).ok()
 }
 
-/// An attribute whose value is one of some words; `None` without it.
+/// An attribute whose value is a keyword; `None` if it is absent.
 fn chosen<T: DeserializeOwned>(element: &Element, attribute: &str, fmi: FmiVersion) -> Result<Option<T>, XmlError> {
     let known = |text| word(text).ok_or_else(|| unexpected(element, attribute, text, fmi));
     element.attribute(attribute).map(known).transpose()
@@ -271,7 +273,7 @@ fn unexpected(element: &Element, attribute: &str, value: &str, fmi: FmiVersion) 
     element.place.error(format!("<{}> has {attribute}=\"{value}\", which FMI {fmi} does not know", element.name))
 }
 
-/// Checks the words and the number of the kinds of dependencies, which nothing here uses.
+/// Checks the keywords and the length of the list `dependenciesKind`, which is not used otherwise.
 fn check_kinds(element: &Element, fmi: FmiVersion, dependencies: Option<usize>) -> Result<(), XmlError> {
     const KINDS: [&str; 5] = ["dependent", "constant", "fixed", "tunable", "discrete"];
     let kinds: Vec<&str> = element.attribute("dependenciesKind").unwrap_or_default().split_ascii_whitespace().collect();
@@ -333,7 +335,6 @@ mod tests {
 
     const TANK: &str = include_str!("../../tests/data/Tank.xml");
 
-    /// The same type holds a description of FMI 3.0.
     #[test]
     fn a_description_of_fmi_3_is_read() {
         let d = ModelDescription::parse(TANK).unwrap();
@@ -388,7 +389,7 @@ mod tests {
             ("name=\"tick\"", "name=\"level\"", "variable `level` is declared twice"),
             ("name=\"level_in_feet\"", "name=\"level\"", "variable `level` is declared twice"),
             ("derivative=\"1\"", "derivative=\"77\"", "the value reference 77, which no variable has"),
-            ("declaredType=\"Level\"", "declaredType=\"Valve\"", "type `Valve` is of another type"),
+            ("declaredType=\"Level\"", "declaredType=\"Valve\"", "type `Valve` has another base type"),
             ("start=\"1 2 3\"", "start=\"1 2\"", "`weights` has 2 start values, but 3 elements"),
             ("start=\"1 2 3\"", "start=\"1 2 300\"", "the start value \"300\" of `weights` is not an Int8"),
             ("<Dimension start=\"3\"/>", "<Dimension start=\"99999999\"/>", "more than 10000000 elements"),
@@ -404,7 +405,7 @@ mod tests {
         }
     }
 
-    /// A list may name an array repeatedly, so that it has more elements than all arrays.
+    /// A list can contain an array repeatedly and therefore have more elements than all arrays together.
     #[test]
     fn lists_of_many_elements_are_rejected() {
         let large = TANK.replacen(

@@ -1,28 +1,28 @@
-//! Storage for values of FMI 3.0 that FMI 2.0 has no function for.
+//! Storage for FMI 3.0 values for which FMI 2.0 has no function.
 
 use crate::c_api::Reference;
 use crate::c_api::v3::RawBoolean;
 use crate::description::Value;
 use std::collections::HashMap;
 
-/// Values of arrays whose elements are read or written.
+/// Values of arrays, while single elements are read or written.
 #[derive(Default)]
 pub(super) struct Whole {
     pub(super) reals: Part<f64>,
-    /// Also Booleans, which have this type in FMI 2.0.
+    /// Includes Booleans, which have this type in FMI 2.0.
     pub(super) integers: Part<i32>,
     pub(super) wide: Part<i64>,
 }
 
 #[derive(Default)]
 pub(super) struct Part<T> {
-    /// Of the array that a call transfers.
+    /// Values of the array in the present call.
     pub(super) values: Vec<T>,
-    /// Of arrays that were set before the initialization, when the FMU cannot be asked.
+    /// Values of arrays that were set before the initialization, when they cannot be read from the FMU.
     pub(super) given: HashMap<Reference, Vec<T>>,
 }
 
-/// A type of values, with the storage for those of an array.
+/// A type of array elements.
 pub(super) trait Kept: Copy + Default {
     fn part(whole: &mut Whole) -> &mut Part<Self>;
     fn of(start: &Value) -> Option<Self>;
@@ -56,7 +56,7 @@ impl Kept for i64 {
     }
 }
 
-/// Values of the types of FMI 3.0 while they are converted, so that only the first transfer of an array allocates.
+/// Memory for type conversions. It is kept, so that only the first transfer of an array allocates.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     pub(super) bytes: Vec<RawBoolean>,

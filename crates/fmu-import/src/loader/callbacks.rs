@@ -1,4 +1,4 @@
-//! The functions that an FMU may call: the logger and its memory.
+//! Callbacks for FMUs: logger and memory.
 
 use super::error::{Message, Status};
 use super::strings::text;
@@ -9,31 +9,31 @@ use std::collections::VecDeque;
 use std::ffi::{c_char, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Messages kept per instance; older ones are dropped.
+/// Maximum number of messages that are kept for an instance. Older messages are dropped.
 const KEPT_MESSAGES: usize = 100;
-/// Longest message that is kept, bytes.
+/// Maximum length of a message, bytes.
 const MAX_MESSAGE: usize = 10_000;
 
-/// Messages of one instance, collected by the logger callback.
+/// Messages from one instance.
 pub(super) struct Log {
     instance: String,
     // FMUs may log from their own threads.
     messages: Mutex<VecDeque<Message>>,
 }
 
-/// The logs of all living instances. Their addresses are the environments that FMUs get.
+/// The logs of all living instances. FMUs get the address of their log as the environment.
 static LOGS: Mutex<Vec<Arc<Log>>> = Mutex::new(Vec::new());
 
 thread_local! {
     static STRAY_MESSAGES: Cell<usize> = const { Cell::new(0) };
 }
 
-/// Messages of FMUs in this thread with an environment that belongs to no living instance.
+/// Number of messages in this thread with an environment that does not belong to a living instance.
 pub fn stray_messages() -> usize {
     STRAY_MESSAGES.get()
 }
 
-/// A log that FMUs can write to until it is dropped.
+/// A log to which an FMU can write until the log is dropped.
 pub(super) struct OpenLog(Arc<Log>);
 
 impl OpenLog {
@@ -43,7 +43,7 @@ impl OpenLog {
         Self(log)
     }
 
-    /// The environment by which an FMU identifies the log, unique among living instances.
+    /// The environment for the FMU, unique among living instances.
     pub(super) fn environment(&self) -> *mut c_void {
         Arc::as_ptr(&self.0).cast_mut().cast()
     }
@@ -74,8 +74,9 @@ impl Log {
     }
 }
 
-/// Keeps a message in the log that an environment identifies. The environment is only compared: some FMUs pass another one
-/// than they got. Such a message belongs to the instance that it names, or to the only one; otherwise it is printed.
+/// Adds a message to the log with this environment. Some FMUs pass another environment than the one they got, so it is
+/// never dereferenced. A message with an unknown environment goes to the only instance, or to the only instance with
+/// its name; otherwise it is printed.
 fn keep(environment: *mut c_void, instance: &str, status: RawStatus, category: String, mut text: String) {
     if text.len() > MAX_MESSAGE {
         let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
@@ -107,8 +108,8 @@ unsafe extern "C" {
     );
 }
 
-/// Receives a message, in which a `#` of the text is doubled (FMI 2.0.4, section 2.1.5). References to variables, as in
-/// `#r1#`, stay as they are.
+/// Receives a formatted message, in which `##` means `#` (FMI 2.0.4, section 2.1.5). References to variables such as
+/// `#r1#` are not replaced.
 #[cfg(log_arguments)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmu_import_message(
@@ -143,13 +144,14 @@ pub(super) fn logger() -> c_api::Logger {
     #[cfg(not(log_arguments))]
     {
         type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
-        // SAFETY: in the C calling conventions of the supported platforms the named arguments of a variadic call are passed
-        // like those of an ordinary call, and the caller removes them, so a callee may ignore the rest.
+        // SAFETY: in the C calling conventions of the supported platforms, the named arguments of a variadic call are
+        // passed as in an ordinary call, and the caller removes all arguments. The callee can therefore ignore the
+        // others.
         return unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_format as Fixed) };
     }
 }
 
-/// Receives a message of FMI 3.0, whose text is not a format.
+/// Receives an FMI 3.0 message, whose text is not a format.
 pub(super) unsafe extern "C" fn log_text(
     environment: *mut c_void,
     status: RawStatus,
@@ -165,7 +167,7 @@ thread_local! {
     static MEMORY_CALLBACKS: Cell<usize> = const { Cell::new(0) };
 }
 
-/// Calls of `allocateMemory` and `freeMemory` by FMUs in this thread.
+/// Number of calls to `allocateMemory` and `freeMemory` by FMUs in this thread.
 pub fn memory_callbacks() -> usize {
     MEMORY_CALLBACKS.get()
 }
@@ -206,7 +208,7 @@ mod tests {
         assert_eq!(log.take()[0].text, "100 %% of ##x", "FMI 3.0 escapes nothing");
     }
 
-    /// As `printf` of C; text that is not a conversion of C is kept, with all that follows.
+    /// As with `printf` in C. Text that is not a valid conversion is kept unchanged, and so is everything after it.
     #[cfg(log_arguments)]
     #[test]
     fn arguments_take_the_place_of_conversions() {

@@ -1,7 +1,8 @@
-//! The call board: the function and component that a process is in, in a file that another process can read.
+//! The call board: a file that contains the function and component that a process is executing.
 //!
-//! A worker maps the file and writes to it before and after every call of an FMU. That costs two stores and no system
-//! call, and the words outlive the process: its parent can report what it was doing when it crashed, exited or hung.
+//! A worker maps the file into memory and writes to it before and after every call to an FMU. This costs two stores and
+//! no system call. The parent process can read the file even after the worker has crashed, and report what it was
+//! doing.
 
 use crate::description::{FmiVersion, Interface};
 use std::fs::File;
@@ -9,7 +10,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Name of a function with the prefix of its version; without a literal that of its item.
+/// Name of a function with the prefix of its version. Without a literal, the item's name is used.
 macro_rules! name {
     ($prefix:literal $name:ident) => {
         concat!($prefix, stringify!($name))
@@ -21,7 +22,7 @@ macro_rules! name {
 
 macro_rules! functions {
     ($($interface:expr => $($name:ident $([$v2:literal $v3:literal])?)*;)*) => {
-        /// The functions that the loader calls, by what they do in either version.
+        /// The functions that the loader calls. A function has one item for both versions.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[repr(u8)]
         pub(super) enum Function { $($(
@@ -29,13 +30,12 @@ macro_rules! functions {
             $name,
         )*)* }
 
-        /// Names in FMI 2.0 and in FMI 3.0, in the order of their numbers. Of a function that a version does not have, it is
-        /// the name that messages use.
+        /// Names in FMI 2.0 and FMI 3.0, by item. Messages use them even if a version does not have the function.
         pub(crate) const NAMES: &[[&str; 2]] =
             &[$($([name!("fmi2" $name $($v2)?), name!("fmi3" $name $($v3)?)],)*)*];
 
         impl Function {
-            /// The interface whose instances have the function; `None`: both.
+            /// The interface to which the function belongs; `None` if to both.
             pub(super) fn interface(self) -> Option<Interface> {
                 match self {
                     $($(Self::$name)|* => $interface,)*
@@ -89,23 +89,24 @@ impl Function {
     }
 }
 
-/// Number in place of a function while a library is loaded, which runs its initializers.
+/// Function number while a library is loaded, which runs the library's initializers.
 const LOADING: u64 = 0xff;
-/// Bits of a call that number the function, from 1; the component is above them.
+/// Number of bits for the function in [`Word::Call`]; functions are numbered from 1. The component is in the upper
+/// bits.
 const FUNCTION_BITS: u32 = 8;
 const FUNCTIONS: u64 = 127;
 const _: () = assert!(NAMES.len() as u64 <= FUNCTIONS);
 
-/// Words of the board, in their order.
+/// Words of the board, in order.
 #[derive(Clone, Copy)]
 enum Word {
-    /// The call the process is in; 0: none.
+    /// The present call; 0 if there is none.
     Call,
-    /// Start of the present step, s, as bits; NaN: not in a step.
+    /// Start of the present step in s, as the bits of an f64; NaN outside a step.
     Time,
-    /// Steps done of the present run.
+    /// Number of completed steps in the present run.
     Steps,
-    /// Changes with everything that counts as progress.
+    /// Changes whenever the worker makes progress.
     Pulse,
     /// The component that is loaded or instantiated.
     Component,
@@ -114,7 +115,7 @@ const WORDS: usize = 5;
 /// Size of the file, bytes.
 const SIZE: usize = 8 * WORDS;
 
-/// The words that a process writes.
+/// The board of this process.
 #[derive(Debug)]
 pub struct Board(&'static [AtomicU64; WORDS]);
 
@@ -125,21 +126,21 @@ pub fn board() -> Option<&'static Board> {
     BOARD.get()
 }
 
-/// Makes a file into the board of this process, for its whole life. WebAssembly has neither files nor processes.
+/// Makes a file the board of this process until the process ends.
 ///
 /// # Errors
-/// The file is not one of [`create`] or cannot be mapped.
+/// The file is not from [`create`] or cannot be mapped.
 #[cfg(not(target_family = "wasm"))]
 pub fn publish(file: &File) -> io::Result<()> {
     if file.metadata()?.len() != SIZE as u64 {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "the file of the calls has another size"));
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "the file of the call board has a wrong size"));
     }
-    // SAFETY: the file is private to this process and the one that started it, which only reads it and does not cut it.
+    // SAFETY: the file is private to this process and its parent, which reads the file but does not truncate it.
     let map = Box::leak(Box::new(unsafe { memmap2::MmapMut::map_mut(file) }?));
-    // SAFETY: a map starts at the start of a page, is as long as the file and is never unmapped; all access to it is
-    // through these atomic words.
+    // SAFETY: the map is page-aligned, as long as the file, and never unmapped. It is accessed only through these
+    // atomic words.
     let words = unsafe { &*map.as_mut_ptr().cast::<[AtomicU64; WORDS]>() };
-    BOARD.set(Board(words)).map_err(|_| io::Error::other("this process has a board of calls"))?;
+    BOARD.set(Board(words)).map_err(|_| io::Error::other("this process already has a call board"))?;
     board().into_iter().for_each(Board::begin);
     Ok(())
 }
@@ -170,14 +171,14 @@ impl Board {
         self.pulse();
     }
 
-    /// Starts a step at a time, s, after `done` others.
+    /// Starts a step at `time`, s, after `done` steps.
     pub fn step(&self, time: f64, done: u64) {
         self.set(Word::Time, time.to_bits());
         self.set(Word::Steps, done);
         self.pulse();
     }
 
-    /// Sets the component that is loaded or instantiated from now on.
+    /// Sets the component that will be loaded or instantiated next.
     pub fn component(&self, index: usize) {
         self.set(Word::Component, index as u64);
         self.pulse();
@@ -205,13 +206,13 @@ impl Board {
 /// Contents of the board of another process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snapshot {
-    /// Index of the component, and the name of the function; an empty name: loading its library.
+    /// Index of the component, and name of the function; the name is empty while the library is loaded.
     pub call: Option<(usize, &'static str)>,
     /// Start of the present step, s.
     pub time: Option<f64>,
-    /// Steps done of the present run.
+    /// Number of completed steps in the present run.
     pub steps: u64,
-    /// Changes with progress.
+    /// Changes whenever the worker makes progress.
     pub pulse: u64,
 }
 
@@ -228,7 +229,7 @@ impl Snapshot {
         };
         let call = word(Word::Call);
         let component = usize::try_from(call >> FUNCTION_BITS).unwrap_or(usize::MAX);
-        // An FMU may have overwritten it.
+        // An FMU may have overwritten the board, so the number can be invalid.
         let name = match call & ((1 << FUNCTION_BITS) - 1) {
             0 => None,
             LOADING => Some(""),
@@ -252,7 +253,7 @@ impl Snapshot {
 mod tests {
     use super::*;
 
-    /// The only test that publishes a board: a process has one.
+    /// The only test that publishes a board, because a process can have only one.
     #[test]
     fn what_is_written_is_read_through_the_file() {
         let file = tempfile::tempfile().unwrap();

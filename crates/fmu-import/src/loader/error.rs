@@ -1,14 +1,14 @@
-//! Statuses, messages and errors of loading and of calls.
+//! Statuses, messages and errors when libraries are loaded and functions are called.
 
 use crate::c_api::RawStatus;
 use crate::description::Interface;
 use crate::terminal;
 use std::path::{Path, PathBuf};
 
-/// Error of loading a library.
+/// Error while loading a library.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// It lacks a function of its interface.
+    /// A function of the interface is missing.
     #[error("{} does not export {function}", path.display())]
     Missing {
         /// The library.
@@ -16,10 +16,11 @@ pub enum LoadError {
         /// Name of the function.
         function: &'static str,
     },
-    /// It was built for other types or another version: what a function returned, and what a usable FMU returns.
+    /// The library was built for other types or another FMI version.
     #[error("{0}")]
     Version(String),
-    /// The system cannot load it, a model in it contradicts itself, or it calls Python, and the process has no Python.
+    /// The system cannot load the library, the declarations of a model in it are inconsistent, or it calls Python and
+    /// the process has not loaded Python.
     #[error("{0}")]
     Other(String),
 }
@@ -37,19 +38,19 @@ pub enum Status {
     Ok,
     /// Done, with a warning.
     Warning,
-    /// Not done; the instance can go on.
+    /// Not done; the instance can continue.
     Discard,
     /// Failed; the instance can be freed or reset.
     Error,
-    /// Failed; no instance of the FMU can be used any more.
+    /// Failed; no instance of the FMU can be used afterwards.
     Fatal,
     /// Not done yet.
     Pending,
-    /// A number that FMI does not know.
+    /// A number that FMI does not define.
     Unknown(RawStatus),
 }
 
-/// The statuses in the order of their numbers, with their names.
+/// The statuses, ordered by number, with their names.
 const STATUSES: [(Status, &str); 6] = [
     (Status::Ok, "OK"),
     (Status::Warning, "Warning"),
@@ -83,26 +84,26 @@ pub struct Message {
     pub status: Status,
     /// Category, empty if none was given.
     pub category: String,
-    /// Text. FMI 2.0: with the arguments of its format, unless this crate was built without a C compiler for its target.
+    /// Text. In FMI 2.0 it contains the arguments, unless this crate was built without a C compiler for its target.
     pub text: String,
 }
 
-/// Error of a call.
+/// Cause of a [`CallError`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CallProblem {
-    /// The FMU answered with this status.
+    /// The FMU returned this status.
     Status(Status),
-    /// The FMU made no instance.
+    /// The FMU returned no instance.
     NoInstance,
     /// The FMU does not export the function.
     NotExported,
-    /// The function is not one of the interface that the instance was made for.
+    /// The instance was created for this interface, which does not have the function.
     Interface(Interface),
-    /// The step was taken, and the FMU ends the simulation (FMI 3.0; in FMI 2.0 such a step is discarded).
+    /// The step was taken and the FMU ended the simulation (FMI 3.0; in FMI 2.0 such a step is discarded).
     Terminated,
-    /// The step ended early, which was not allowed (FMI 3.0).
+    /// The step ended early, although this was not allowed (FMI 3.0).
     EarlyReturn,
-    /// The arguments do not fit; the FMU was not called.
+    /// The arguments are invalid; the FMU was not called.
     Arguments(&'static str),
     /// A previous call returned `fmi2Fatal` or `fmi3Fatal`; the FMU was not called.
     Dead,
@@ -117,12 +118,12 @@ pub struct CallError {
     pub function: &'static str,
     /// Cause of the error.
     pub problem: CallProblem,
-    /// Messages of the instance since they were last taken, this call included.
+    /// Messages of the instance since they were last taken, including this call.
     pub messages: Vec<Message>,
 }
 
 impl CallError {
-    /// Returns true if the FMU has no such value here, such as a finite derivative of a root at 0; it can continue.
+    /// Returns true if the FMU cannot provide the value, such as the derivative of a root at 0, but can continue.
     pub fn is_discarded(&self) -> bool {
         self.problem == CallProblem::Status(Status::Discard)
     }
@@ -139,17 +140,17 @@ impl std::fmt::Display for CallError {
             CallProblem::NoInstance => write!(f, "{function} returned no instance"),
             CallProblem::NotExported => write!(f, "the FMU does not export {function}"),
             CallProblem::Interface(interface) => {
-                write!(f, "{function} is not a function of {interface}, for which the instance was made")
+                write!(f, "{function} is not a function of {interface}, for which the instance was created")
             }
             CallProblem::Terminated => write!(f, "the FMU ended the simulation in {function}"),
             CallProblem::EarlyReturn => {
                 write!(f, "{function} returned before the end of the step, which was not allowed")
             }
             CallProblem::Arguments(reason) => write!(f, "{function}: {reason}"),
-            CallProblem::Dead => write!(f, "{function} is not possible after {}", Status::Fatal.name(function)),
+            CallProblem::Dead => write!(f, "{function} cannot be called after {}", Status::Fatal.name(function)),
         }?;
         for message in &self.messages {
-            // Indented, so that further lines of a message do not look like messages.
+            // Indented, because a line within a message must not look like a message.
             write!(f, "\n  {}: {}", message.status.name(function), terminal::indented(&message.text, "    "))?;
         }
         Ok(())

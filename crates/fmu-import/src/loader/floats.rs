@@ -1,7 +1,7 @@
-//! The floating-point environment of a thread: rounding, traps, treatment of tiny numbers.
+//! The floating-point environment of a thread: rounding, traps, treatment of denormal numbers.
 //!
-//! An FMU that changes it and returns would change the numbers of the other FMUs and of the master. So it is checked after each
-//! call, and restored if it differs from its value when the instance was made.
+//! An FMU that changes the environment would change the results of other FMUs and of the master. The environment is
+//! therefore checked after each call, and restored if it differs from its value at instantiation.
 
 use std::collections::BTreeSet;
 use std::hint::black_box;
@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 #[inline]
 pub(super) fn rounds_to_nearest() -> bool {
     let (one, half_ulp) = (black_box(1.0_f64), black_box(f64::EPSILON / 2.0));
-    // Each other mode changes one of these.
+    // Each of the other rounding modes changes one of these results.
     one + half_ulp == 1.0 && -one - half_ulp == -1.0 && one - 0.5 * half_ulp == 1.0
 }
 
@@ -20,17 +20,17 @@ pub(super) fn rounds_to_nearest() -> bool {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FloatEnvironment(u64);
 
-/// Changes that were restored, and the functions that had made them.
+/// Functions that changed the environment, and what they changed.
 static RESTORED: Mutex<BTreeSet<(&'static str, &'static str)>> = Mutex::new(BTreeSet::new());
 
-/// Takes the changes of the floating-point environment that calls of FMUs have left since the last call: each a
-/// function, and what it had changed.
+/// Returns the functions of FMUs that changed the floating-point environment, and what they changed, since the last
+/// call to this function.
 pub fn take_restored() -> BTreeSet<(&'static str, &'static str)> {
     std::mem::take(&mut *RESTORED.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 impl FloatEnvironment {
-    /// Restores the environment after a function of an FMU has changed it, and returns the change.
+    /// Restores the environment after `function` has changed it. Returns what was changed.
     #[cold]
     pub(super) fn restore(self, function: &'static str) -> &'static str {
         let change = self.difference(Self::current());
@@ -45,14 +45,14 @@ mod processor {
     use super::FloatEnvironment;
     use std::arch::asm;
 
-    /// Bits of MXCSR that operations set and that control nothing.
+    /// Exception flags in MXCSR. Operations set them, but they have no effect.
     const FLAGS: u32 = 0x3f;
     const DENORMALS_ARE_ZERO: u64 = 1 << 6;
     const MASKS: u64 = 0x3f << 7;
     const ROUNDING: u64 = 3 << 13;
     const FLUSH_TO_ZERO: u64 = 1 << 15;
 
-    /// An operation that is not exact is not a trap.
+    /// An inexact operation does not trap.
     const INEXACT_MASK: u64 = 1 << 12;
 
     impl FloatEnvironment {
@@ -68,13 +68,13 @@ mod processor {
             Self(u64::from(word & !FLAGS))
         }
 
-        /// Makes it the environment of this thread, also for operations of the x87 unit with 80 bits, whose precision is kept.
+        /// Sets the environment of this thread, including the x87 unit, whose precision is kept.
         pub(super) fn set(self) {
             let word = u32::try_from(self.0).unwrap_or(0x1f80);
             let mut old = 0_u16;
             let (masks, rounding) = ((self.0 & MASKS) >> 7, (self.0 & ROUNDING) >> 3);
-            // SAFETY: the instructions load and store as many bytes as the variables have; all bits are defined. Exceptions
-            // that operations have flagged are cleared first, so that none is raised when its mask is removed.
+            // SAFETY: the instructions load and store as many bytes as the variables have; all bits are defined.
+            // Pending exceptions are cleared first, because unmasking one would raise it.
             unsafe {
                 asm!("fnclex", "fnstcw [{}]", in(reg) &raw mut old, options(nostack, preserves_flags));
                 let new = (old & !0xc3f) | u16::try_from(masks | rounding).unwrap_or(0x3f);
@@ -103,7 +103,7 @@ mod processor {
     const TRAPS: u64 = 0x9f00;
     const ROUNDING: u64 = 3 << 22;
 
-    /// An operation that is not exact is a trap.
+    /// An inexact operation traps.
     const INEXACT_TRAP: u64 = 1 << 12;
 
     impl FloatEnvironment {
@@ -137,7 +137,7 @@ mod processor {
     }
 }
 
-/// Other processors are not supported; a module for WebAssembly has no such environment.
+/// Other processors are not supported. WebAssembly has no floating-point environment.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod processor {
     use super::FloatEnvironment;

@@ -1,4 +1,4 @@
-//! The tables of the C functions.
+//! Tables of C functions.
 
 pub(super) mod v2;
 pub(super) mod v3;
@@ -13,10 +13,10 @@ pub(super) enum Functions {
 }
 
 impl Functions {
-    /// `Err`: the name of a required function that is missing.
+    /// Looks up the functions. The error is the name of a missing required function.
     ///
     /// # Safety
-    /// Every function of that name has the signature of its version of FMI, and the library outlives the table.
+    /// The functions must have the signatures of this FMI version, and the library must outlive the table.
     pub(super) unsafe fn load(
         library: &system::Library,
         fmi: FmiVersion,
@@ -72,7 +72,7 @@ shared! {
     enter_continuous_time_mode: Option<c_api::Transition>,
 }
 
-/// Names of the functions that a library has to export. FMI 3.0 has all of them for every interface.
+/// Names of the functions that a library must export. FMI 3.0 requires all functions for every interface.
 pub(super) fn names(fmi: FmiVersion, interfaces: &[Interface]) -> Vec<&'static str> {
     let mut names = match fmi {
         FmiVersion::V2 => {
@@ -103,8 +103,9 @@ macro_rules! table {
             $($more:ident: $more_type:ty = $more_name:literal,)*
         })*
     ) => {
-        /// The functions of a library. Those that an importer needs are required; the others are missing from many FMUs
-        /// although the standard requires them. Those of the other interface are never there.
+        /// The functions in a library. `required` and `needed` functions must be present. All others are optional here:
+        /// the standard requires them, but many FMUs do not have them. Functions of the other interface are not looked
+        /// up.
         pub(in super::super) struct Functions {
             $(pub(in super::super) $field: $type,)*
             $(pub(in super::super) $other: Option<$other_type>,)*
@@ -116,7 +117,7 @@ macro_rules! table {
 
         impl Functions {
             /// # Safety
-            /// As [`super::Functions::load`].
+            /// As for [`super::Functions::load`].
             pub(super) unsafe fn load(
                 library: &crate::loader::system::Library,
                 interface: Interface,

@@ -1,4 +1,4 @@
-//! An instance: its life cycle, and the calls of its functions.
+//! An instance: life cycle and function calls.
 
 use super::array_values::{Buffers, Whole};
 use super::callbacks::{OpenLog, allocate_memory, free_memory, log_text, logger};
@@ -15,10 +15,10 @@ use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// The end of the latest step, as `fmi3DoStep` returns it.
+/// Results of the last `fmi3DoStep`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct StepEnd {
-    /// From an FMU that does not use Event Mode, so it is ignored.
+    /// Ignored, because Event Mode is not used.
     _event: v3::RawBoolean,
     pub(super) terminate: v3::RawBoolean,
     early: v3::RawBoolean,
@@ -27,51 +27,52 @@ pub(super) struct StepEnd {
 
 /// An instance for co-simulation or model exchange, freed when dropped.
 ///
-/// Methods are named after the C functions of FMI 2.0; an instance of FMI 3.0 has the same methods. Setting and getting
-/// numbers and stepping do not allocate unless they fail, or transfer an array of FMI 3.0 that is larger than those before.
+/// Methods are named after the C functions of FMI 2.0 and also work with FMI 3.0. Getting and setting numbers and
+/// stepping do not allocate, unless they fail or transfer a larger FMI 3.0 array than before.
 ///
 /// # Errors
-/// Each method returns an error, with what the instance logged, for a status above `fmi2Warning` and if the FMU lacks the
-/// function, or has it for its other interface only. The FMU is not called if arrays that belong together differ in their
-/// length, a string holds a zero byte, or a saved state is of another instance.
+/// Each method returns an error if the status is above `fmi2Warning`, or if the FMU does not have the function for this
+/// interface. The error contains the messages of the instance. If the lengths of arrays do not match, a string contains
+/// a zero byte, or a saved state comes from another instance, the method fails without calling the FMU.
 pub struct Instance {
     component: Component,
-    // Receives each call before it is made; `index` identifies the component there.
+    // Every call is recorded here; `index` identifies the component.
     board: Option<&'static Board>,
     index: u64,
     dead: bool,
     /// The floating-point environment before the FMU was called.
     floats: FloatEnvironment,
-    /// Set after a call changed it.
+    /// True if a call has changed the floating-point environment.
     has_changed_floats: bool,
     pub(super) states: Vec<c_api::State>,
     name: CString,
-    /// Start and stop of the experiment, which FMI 3.0 passes to `fmi3EnterInitializationMode`.
+    /// Start and stop time, which `fmi3EnterInitializationMode` needs.
     experiment: (f64, Option<f64>),
     pub(super) step_end: StepEnd,
-    /// The function that wrote to an array without elements.
+    /// The last function that wrote to an array without elements.
     pub(super) overrun: Option<Function>,
     pub(super) has_entered: bool,
     pub(super) whole: Whole,
     pub(super) buffers: Buffers,
     pub(super) log: OpenLog,
-    // The FMU keeps a pointer to it until it is freed.
+    // The instance keeps a pointer to the callbacks until it is freed.
     _callbacks: Box<CallbackFunctions>,
     library: Arc<Library>,
 }
 
-// SAFETY: the pointers to component, states, log and callbacks belong to this instance alone, and every call needs it
-// exclusively. FMI requires that the calls of an instance follow each other, not that one thread makes them.
+// SAFETY: the pointers to component, states, log and callbacks belong to this instance only, and every call needs
+// exclusive access. FMI requires that calls to an instance are sequential, not that they come from one thread.
 unsafe impl Send for Instance {}
 
 impl Instance {
-    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the interface that the library
-    /// was unpacked for. The instance is invisible; one of FMI 3.0 uses neither Event Mode in co-simulation nor early return.
+    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the interface for which
+    /// the library was unpacked. Sets `visible` to false, and uses neither Event Mode in co-simulation nor early
+    /// return.
     ///
-    /// `logging` requests that the FMU logs more than errors.
+    /// `logging` requests messages other than errors.
     ///
     /// # Errors
-    /// The FMU returns no instance, or a name holds a zero byte.
+    /// The FMU returns no instance, or a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {
@@ -85,7 +86,7 @@ impl Instance {
             messages,
         };
         let (Ok(c_name), Ok(c_guid)) = (CString::new(name), CString::new(guid)) else {
-            return Err(failed(CallProblem::Arguments("the name or the GUID holds a zero byte"), Vec::new()));
+            return Err(failed(CallProblem::Arguments("the name or the GUID contains a zero byte"), Vec::new()));
         };
         let log = OpenLog::new(name);
         let callbacks = Box::new(CallbackFunctions {
@@ -102,7 +103,7 @@ impl Instance {
         }
         let resources = library.resources.as_ptr();
         let floats = FloatEnvironment::current();
-        // SAFETY: all pointers are valid for the call; callbacks and log live as long as the instance, in the struct below.
+        // SAFETY: all pointers are valid during the call; callbacks and log live as long as the instance.
         let component = unsafe {
             match &library.functions {
                 Functions::V2(f) => (f.instantiate)(
@@ -141,7 +142,7 @@ impl Instance {
                         callbacks.environment,
                         log_text,
                     ),
-                    // The table has one of them.
+                    // Unreachable: the table contains one of them.
                     (None, None) => ptr::null_mut(),
                 },
             }
@@ -194,7 +195,7 @@ impl Instance {
         &self.library.signature
     }
 
-    /// Messages logged since they were last taken; at most the latest 100.
+    /// Messages since the last call to this function; at most the last 100.
     pub fn take_messages(&mut self) -> Vec<Message> {
         self.log.take()
     }
@@ -220,7 +221,7 @@ impl Instance {
         }
     }
 
-    /// Calls the FMU unless it is dead, and checks the status.
+    /// Calls the FMU and checks the status. Fails after a fatal error.
     pub(super) fn call(
         &mut self,
         function: Function,
@@ -231,7 +232,8 @@ impl Instance {
         }
         self.enter(function);
         let status = call(&self.library.functions, self.component);
-        // Reading the control word waits for all operations of the FMU, so the short calls only look at the rounding.
+        // Reading the control word waits until all operations of the FMU are complete. For short calls, only the
+        // rounding mode is tested, with arithmetic.
         let is_same = match function {
             Function::GetReal | Function::SetReal if self.floats.allows_inexact() => floats::rounds_to_nearest(),
             _ => FloatEnvironment::current() == self.floats,
@@ -249,7 +251,7 @@ impl Instance {
     #[cold]
     fn restore_floats(&mut self, function: Function) {
         if FloatEnvironment::current() == self.floats {
-            // The surrounding program does not round to the nearest number either.
+            // The caller of this function does not round to nearest either.
             return;
         }
         let function = function.name(self.fmi());
@@ -261,7 +263,7 @@ impl Instance {
         }
     }
 
-    /// As [`Self::call`] for a function that the FMU may lack; `call` returns `None` then.
+    /// Like [`Self::call`], for a function that the FMU may not have; `call` then returns `None`.
     pub(super) fn call_present(
         &mut self,
         function: Function,
@@ -277,7 +279,7 @@ impl Instance {
         if is_missing { Err(self.missing(function)) } else { result }
     }
 
-    /// As [`Self::call_present`] for a function that both versions declare in the same way.
+    /// Like [`Self::call_present`], for a function with the same signature in both versions.
     pub(super) fn call_optional<F: Copy>(
         &mut self,
         function: Function,
@@ -307,15 +309,15 @@ impl Instance {
         if references == values {
             Ok(())
         } else {
-            Err(self.failure(function, CallProblem::Arguments("the number of references and of values differ")))
+            Err(self.failure(function, CallProblem::Arguments("the numbers of references and values must be equal")))
         }
     }
 
-    /// `fmi2SetDebugLogging` for the given categories; none: all.
+    /// `fmi2SetDebugLogging` for these categories; if there are none, for all.
     pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
         const NAME: Function = Function::SetDebugLogging;
         let (_owned, pointers) = self.c_strings(NAME, categories)?;
-        // SAFETY: live instance; the array holds as many C strings as stated.
+        // SAFETY: live instance; the array contains as many C strings as stated.
         self.call_present(NAME, |f, c| unsafe {
             match f {
                 Functions::V2(f) => {
@@ -326,7 +328,7 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetupExperiment` without a tolerance. Times in seconds. An FMU of FMI 3.0 gets them by
+    /// `fmi2SetupExperiment` without a tolerance; times in s. In FMI 3.0, the times are passed to
     /// `fmi3EnterInitializationMode`.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
         self.experiment = (start, stop);
@@ -377,10 +379,10 @@ impl Instance {
         self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })
     }
 
-    /// `fmi2DoStep` from `time` over `step`, both in seconds; no earlier state will be restored.
+    /// `fmi2DoStep` from `time` to `time + step`, both in s. No earlier state may be restored afterwards.
     ///
     /// # Errors
-    /// Also if the FMU has not finished the step, or ends the simulation.
+    /// Also fails if the FMU has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let mut end = StepEnd { time, ..StepEnd::default() };
         // SAFETY: live instance; the end of the step is written through valid pointers.
@@ -415,7 +417,7 @@ impl Instance {
                 let pointers = owned.iter().map(|s| s.as_ptr()).collect();
                 Ok((owned, pointers))
             }
-            Err(_) => Err(self.failure(function, CallProblem::Arguments("a string holds a zero byte"))),
+            Err(_) => Err(self.failure(function, CallProblem::Arguments("a string contains a zero byte"))),
         }
     }
 }
@@ -428,16 +430,15 @@ impl std::fmt::Debug for Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // After fmi2Fatal no function may be called, not even to free.
+        // After fmi2Fatal no function may be called, not even fmi2FreeInstance.
         if !self.dead {
-            // The surrounding program may have changed it since the last call.
+            // The caller may have changed the environment since the last call.
             let floats = FloatEnvironment::current();
             if let Some(free) = self.library.functions.free_state() {
                 self.enter(Function::FreeFmuState);
                 for state in &mut self.states {
                     if !state.is_null() {
-                        // SAFETY: live instance; the state is one that it returned. Nothing can be
-                        // done about a failure here.
+                        // SAFETY: live instance; the state came from it. A failure cannot be handled here.
                         unsafe { free(self.component, &raw mut *state) };
                     }
                 }

@@ -20,10 +20,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A loaded library with the folder of unpacked files that contains it.
 pub struct Library {
     pub(super) functions: Functions,
-    // Fields are dropped in this order: the library is closed before its file is removed.
+    // Must be declared before `_unpacked`: the library is closed before its file is deleted.
     library: system::Library,
-    /// A URI or a path, depending on the version of FMI. The folder exists, if empty, also for an FMU without resources: some
-    /// FMUs of FMI 3.0 crash without a path.
+    /// A URI (FMI 2.0) or a path (FMI 3.0). The folder exists even for an FMU without resources, because some FMI 3.0
+    /// FMUs crash without a path.
     pub(super) resources: CString,
     pub(super) signature: Signature,
     pub(super) instances: AtomicUsize,
@@ -40,8 +40,9 @@ impl Library {
     /// Loads the library of an unpacked FMU.
     ///
     /// # Errors
-    /// The system cannot load it, it needs a Python library that is missing, a function of the interface is missing, or it
-    /// is not one of the version of the description (FMI 2.0: with the types platform `default`).
+    /// The system cannot load the library, it needs a Python library that is not loaded, a function of the interface is
+    /// missing, or the library has another FMI version than the description, or (FMI 2.0) another types platform than
+    /// `default`.
     pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
         let board = calls::board();
         if let Some(board) = board {
@@ -61,20 +62,20 @@ impl Library {
     fn load_unpacked(unpacked: Arc<Unpacked>) -> Result<Arc<Self>, LoadError> {
         let path = &unpacked.binary;
         let opened = system::open(path);
-        // Functions are looked up at their first call, and the system reports a missing one by ending the process.
+        // Functions are looked up at their first call. If one were missing, the system would then end the process.
         if let Some(symbol) =
             python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
         {
             return Err(LoadError::Other(format!(
-                "{} needs the Python library, which this process lacks: it uses `{symbol}` without linking to it; give the \
-                 library with `--libpython FILE`; the command `chassis` of the Python package finds it",
+                "{} uses `{symbol}` without linking to the Python library; pass the library with `--libpython FILE`, or use \
+                 the command `chassis` from the Python package, which finds it",
                 path.display()
             )));
         }
         let library = opened.map_err(|reason| LoadError::of_system(path, reason))?;
         let signature = unpacked.signature.clone();
-        // SAFETY: the signatures are those of the FMI headers; the table is stored beside the
-        // library and its pointers are called through `Library` and `Instance` only.
+        // SAFETY: the signatures come from the FMI headers; the table is stored together with the library and is used
+        // only by `Library` and `Instance`.
         let functions = unsafe { Functions::load(&library, signature.fmi, signature.interface) }
             .map_err(|function| LoadError::Missing { path: path.clone(), function })?;
         let answers = match &functions {
@@ -85,12 +86,12 @@ impl Library {
             Functions::V3(f) => vec![("fmi3GetVersion", f.get_version, "3.0")],
         };
         for (function, get, expected) in answers {
-            // SAFETY: these functions take nothing and return a static string or null.
+            // SAFETY: these functions have no arguments and return a static string or null.
             let found = unsafe { text(get()) };
             let is_patch = expected == "3.0" && found.starts_with("3.0.");
             if found != expected && !is_patch {
                 let path = path.display();
-                let message = format!("{path}: {function} says \"{found}\", expected \"{expected}\"");
+                let message = format!("{path}: {function} returned \"{found}\", expected \"{expected}\"");
                 return Err(LoadError::Version(message));
             }
         }
@@ -108,7 +109,7 @@ impl Library {
         }))
     }
 
-    /// Functions of its version of FMI and of these interfaces that neither the library nor one that it depends on exports.
+    /// Functions of these interfaces that neither the library nor one of its dependencies exports.
     pub fn missing_functions(&self, interfaces: &[Interface]) -> Vec<&'static str> {
         let names = functions::names(self.signature.fmi, interfaces).into_iter();
         names.filter(|name| !system::exports(&self.library, name)).collect()
@@ -120,8 +121,7 @@ impl Library {
     }
 }
 
-/// Functions of a version of FMI and of these interfaces that a library, for any platform, does not export. FMI 3.0
-/// requires all functions for every interface.
+/// Functions of an FMI version and of these interfaces that a library, for any platform, does not export.
 pub fn not_exported(
     library: &std::path::Path,
     fmi: FmiVersion,
@@ -131,7 +131,7 @@ pub fn not_exported(
     Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !names.contains(*name)).collect())
 }
 
-/// Names that a library, for any platform, exports.
+/// Names exported by a library, for any platform.
 fn exported(library: &std::path::Path) -> Result<BTreeSet<String>, LoadError> {
     let failed = |reason: &dyn std::fmt::Display| LoadError::of_system(library, reason);
     let bytes = std::fs::read(library).map_err(|error| failed(&error))?;
@@ -145,12 +145,12 @@ fn exported(library: &std::path::Path) -> Result<BTreeSet<String>, LoadError> {
     Ok(names.map(|name| name.strip_prefix('_').unwrap_or(name).to_owned()).collect())
 }
 
-/// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the
-/// model's type. Empty for other libraries. `version` is that of FMI, 2 or 3; `options` is a sum of the numbers in
+/// Returns the model descriptions from a library built with this project's exporter, each with the name of the model's
+/// type. Empty for other libraries. `version` is the FMI version, 2 or 3; `options` is a sum of
 /// [`description_options`](super::description_options).
 ///
 /// # Errors
-/// The system cannot load it, or a model has no description because its declarations contradict each other.
+/// The system cannot load the library, or the declarations of a model are inconsistent.
 pub fn exported_descriptions(
     path: &std::path::Path,
     version: i32,
@@ -162,16 +162,16 @@ pub fn exported_descriptions(
     let library = system::open(path).map_err(failed)?;
     let mut descriptions = Vec::new();
     for name in names {
-        // SAFETY: the exporter defines these functions with these arguments; they return a string that lives until the next
-        // call, or null.
+        // SAFETY: the exporter defines these functions with these arguments. They return null, or a string that lives
+        // until the next call.
         let description = unsafe {
             let function = system::symbol::<unsafe extern "C" fn(i32, i32) -> *const c_char>(&library, &name);
             function.map(|function| text(function(version, options)))
         };
-        let description = description.ok_or_else(|| failed(format!("it exports no function {name}")))?;
+        let description = description.ok_or_else(|| failed(format!("it does not export {name}")))?;
         let model = name[PREFIX.len()..].to_owned();
         if description.is_empty() {
-            return Err(failed(format!("{model} cannot be described; its message is above")));
+            return Err(failed(format!("the description of {model} could not be generated; see the message above")));
         }
         if let Some(problem) = description.strip_prefix('!') {
             return Err(LoadError::Other(problem.to_owned()));

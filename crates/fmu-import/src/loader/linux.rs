@@ -1,5 +1,5 @@
-//! Linux interfaces that supervising and confining a worker needs and that have no safe binding: `fork`, and filters of system
-//! calls with a listener (seccomp(2)).
+//! Linux functions without a safe binding that are needed to supervise and confine workers: `fork`, and system-call
+//! filters with a listener (seccomp(2)).
 
 use libc::{c_ulong, sock_filter, sock_fprog};
 use rustix::process::Pid;
@@ -7,16 +7,16 @@ use std::io;
 use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 
 pub(crate) enum Forked {
-    /// The process that called it, and the new one.
+    /// In the calling process: the ID of the child.
     Parent(Pid),
-    /// The new process.
+    /// In the new process.
     Child,
 }
 
-/// Makes a copy of this process.
+/// Forks this process.
 ///
 /// # Errors
-/// The process has several threads, of which the copy would have one only, or the system has no room for another process.
+/// The process has several threads, which would not exist in the child, or the system cannot create another process.
 pub(crate) fn fork() -> io::Result<Forked> {
     if std::fs::read_dir("/proc/self/task")?.count() != 1 {
         return Err(io::Error::other("this process has several threads"));
@@ -29,24 +29,25 @@ pub(crate) fn fork() -> io::Result<Forked> {
     }
 }
 
-/// The most memory that a child that was waited for has had resident, bytes.
+/// Maximum resident memory of all children that were waited for, bytes.
 pub(crate) fn most_memory_of_children() -> u64 {
-    // SAFETY: all bits 0 are a value of this type.
+    // SAFETY: all zeros are a valid value of this type.
     let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
     // SAFETY: the function fills the structure.
     let result = unsafe { libc::getrusage(libc::RUSAGE_CHILDREN, &raw mut usage) };
     if result == 0 { u64::try_from(usage.ru_maxrss).unwrap_or(0).saturating_mul(1024) } else { 0 }
 }
 
-/// Filters the system calls of this thread, and of all threads and processes that it makes, permanently. With `listens` the
-/// calls for which the filter returns `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned listener.
+/// Permanently filters the system calls of this thread and of all threads and processes that it creates. With
+/// `listens`, calls for which the filter returns `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned
+/// listener.
 ///
 /// # Errors
-/// The system has no such filters, another listener already has the calls of this process, or `no_new_privs` is not set.
+/// The system does not support such filters, this process already has a listener, or `no_new_privs` is not set.
 pub(crate) fn filter_calls(filter: &[sock_filter], listens: bool) -> io::Result<Option<OwnedFd>> {
     let program =
         sock_fprog { len: u16::try_from(filter.len()).map_err(io::Error::other)?, filter: filter.as_ptr().cast_mut() };
-    // Without the second flag old kernels make all code of the process slower, as a measure against speculation.
+    // Without the second flag, old kernels enable a mitigation of speculative execution that slows down the process.
     let listener = if listens { libc::SECCOMP_FILTER_FLAG_NEW_LISTENER } else { 0 };
     let flags = listener | libc::SECCOMP_FILTER_FLAG_SPEC_ALLOW;
     // SAFETY: the program is valid for the call, which only reads it.
@@ -56,7 +57,7 @@ pub(crate) fn filter_calls(filter: &[sock_filter], listens: bool) -> io::Result<
     let descriptor = i32::try_from(result).map_err(io::Error::other)?;
     match descriptor {
         -1 => Err(io::Error::last_os_error()),
-        // SAFETY: the system has made this descriptor, and nothing else uses it.
+        // SAFETY: the system has just created this descriptor, and nothing else uses it.
         _ if listens => Ok(Some(unsafe { OwnedFd::from_raw_fd(descriptor) })),
         _ => Ok(None),
     }
@@ -71,12 +72,12 @@ pub(crate) struct Waiting {
     pub(crate) arguments: [u64; 6],
 }
 
-/// Takes the next call that waits at a listener.
+/// Receives the next call that waits for an answer.
 ///
 /// # Errors
-/// None waits any more, or the filter is gone with its processes.
+/// The call no longer waits, or all processes with this filter have ended.
 pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
-    // SAFETY: all bits 0 are a value of this type, and required by the system.
+    // SAFETY: all zeros are a valid value of this type; the system requires them.
     let mut notice: libc::seccomp_notif = unsafe { std::mem::zeroed() };
     // SAFETY: the system fills the structure, whose size is part of the request.
     let result = unsafe { libc::ioctl(listener.as_raw_fd(), libc::SECCOMP_IOCTL_NOTIF_RECV as _, &raw mut notice) };
@@ -89,7 +90,7 @@ pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
 
 pub(crate) fn hold_termination(holds: bool) {
     let how = if holds { libc::SIG_BLOCK } else { libc::SIG_UNBLOCK };
-    // SAFETY: the set is on the stack, and the functions only read and write it.
+    // SAFETY: the functions only read and write the set, which is on the stack.
     unsafe {
         let mut signals = std::mem::zeroed();
         libc::sigemptyset(&raw mut signals);
@@ -98,13 +99,13 @@ pub(crate) fn hold_termination(holds: bool) {
     }
 }
 
-/// Checks that a call is still pending, so its thread ID is valid.
+/// Returns true if a call is still pending; its thread ID is then valid.
 pub(crate) fn is_waiting(listener: BorrowedFd<'_>, call: &Waiting) -> bool {
     // SAFETY: the system reads the number.
     unsafe { libc::ioctl(listener.as_raw_fd(), libc::SECCOMP_IOCTL_NOTIF_ID_VALID as _, &raw const call.id) == 0 }
 }
 
-/// Lets a call continue, or makes it fail with an error number. Nothing happens if its thread has ended.
+/// Lets a call continue, or makes it fail with an error number. Has no effect if the thread has ended.
 pub(crate) fn answer(listener: BorrowedFd<'_>, call: &Waiting, denied: Option<i32>) {
     let goes_on = u32::try_from(libc::SECCOMP_USER_NOTIF_FLAG_CONTINUE).unwrap_or(1);
     let response = libc::seccomp_notif_resp {

@@ -1,7 +1,7 @@
-/* The logger that FMUs of FMI 2.0 get (FMI 2.0.4, section 2.1.5): formats the message and hands it to callbacks.rs.
+/* The logger for FMI 2.0 FMUs (FMI 2.0.4, section 2.1.5): formats the message and passes it to callbacks.rs.
 
-   The arguments are fetched one by one. Not every FMU knows that its message is a format: a conversion that writes, that is not
-   one of C, or whose string cannot be a pointer, stays as it is, and so does all that follows it. */
+   The arguments are read one by one, because some FMUs pass text that is not meant as a format. If a conversion writes, is
+   not valid C, or needs a string that cannot be read, the text from there on is kept unchanged. */
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -14,17 +14,18 @@
 #include <unistd.h>
 #endif
 
-/* Longest message, bytes. */
+/* Maximum length of a message, bytes. */
 enum { MOST = 10000 };
 
 void fmu_import_message(void *environment, const char *instance, int status, const char *category, const char *text);
 
-/* Whether a string of an argument can be read, up to its end or its longest length. Where no argument was passed, any number may be. */
+/* Returns true if a string can be read up to its end or to `longest` bytes. If no argument was passed, the pointer is arbitrary. */
 static int is_readable(const char *text, size_t longest) {
 #ifdef __linux__
     int saved = errno, is_there = 1;
     for (const char *at = text; is_there && (size_t)(at - text) < longest; at++) {
-        /* The system reads eight bytes of the page, and then rejects the call, which changes nothing. */
+        /* Tests a page: the system reads eight bytes, then rejects the invalid call with EINVAL. If the bytes cannot be read, it
+           returns EFAULT. */
         if (at == text || (uintptr_t)at % 4096 == 0)
             is_there = syscall(SYS_rt_sigprocmask, ~0, (uintptr_t)at & ~(uintptr_t)7, NULL, 8) && errno == EINVAL;
         if (is_there && !*at) break;
@@ -36,12 +37,12 @@ static int is_readable(const char *text, size_t longest) {
 #if defined __x86_64__ || defined _M_X64
     if ((uintptr_t)text >> 47) return 0;
 #endif
-    /* No program has text there. */
+    /* Programs have no strings at lower addresses. */
     return (uintptr_t)text >= 65536;
 #endif
 }
 
-/* Appends one conversion with its argument. Returns the number of bytes, or a negative number if the argument is not fetched. */
+/* Appends one conversion with its argument. Returns the number of bytes, or a negative number if the argument cannot be used. */
 static int convert(char *out, size_t size, const char *conversion, char kind, const char *length, va_list *list) {
     switch (kind) {
     case 'd': case 'i':
@@ -60,8 +61,7 @@ static int convert(char *out, size_t size, const char *conversion, char kind, co
         return snprintf(out, size, conversion, va_arg(*list, double));
     case 'p': return snprintf(out, size, conversion, va_arg(*list, void *));
     case 's': {
-        /* Wide characters. */
-        if (*length) return -1;
+        if (*length) return -1; /* wide characters */
         const char *text = va_arg(*list, const char *);
         const char *precision = strchr(conversion, '.');
         long longest = precision ? strtol(precision + 1, NULL, 10) : -1;
@@ -84,7 +84,7 @@ static void format_message(char *out, size_t size, const char *format, va_list *
             format += 2;
             continue;
         }
-        /* Flags, width, precision, length, kind; a star takes an argument of its own. */
+        /* Flags, width, precision, length, kind. A star consumes an argument. */
         char conversion[64], length[3] = "";
         size_t used = 0, n = 0;
         const char *end = format + 1;
@@ -111,7 +111,7 @@ static void format_message(char *out, size_t size, const char *format, va_list *
 }
 
 void fmu_import_logger(void *environment, const char *instance, int status, const char *category, const char *format, ...) {
-    /* Not on the stack, because threads that call an FMU may have little of it. */
+    /* Not on the stack, because threads that call an FMU may have a small stack. */
     char *text = calloc(MOST + 1, 1);
     va_list list;
     va_start(list, format);

@@ -1,6 +1,6 @@
-//! Model exchange: the importer holds the states and integrates them.
+//! Model exchange: the importer integrates the states.
 //!
-//! After [`Instance::exit_initialization_mode`] an instance is in Event Mode. [`Instance::new_discrete_states`] is called
+//! After [`Instance::exit_initialization_mode`] an instance is in Event Mode. Call [`Instance::new_discrete_states`]
 //! until no further update is needed, then [`Instance::enter_continuous_time_mode`].
 
 use super::calls::Function;
@@ -10,28 +10,28 @@ use super::instance::Instance;
 use crate::c_api::v3::GetNumber;
 use crate::c_api::{self, EventInfo, GetNumbers};
 
-/// Bits of a number that no FMU writes: a NaN.
+/// Bits of a NaN that no FMU writes.
 const UNWRITTEN: u64 = 0x7ff8_dead_0000_beef;
 
-/// The outcome of an update of the discrete states.
+/// Result of [`Instance::new_discrete_states`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EventUpdate {
-    /// The event continues: the update must be called again.
+    /// Discrete states must be updated again.
     pub is_needed_again: bool,
-    /// The FMU wants the simulation to end.
+    /// The FMU requests the end of the simulation.
     pub terminates: bool,
     /// Continuous states have changed.
     pub states_changed: bool,
-    /// Time of the next event, s.
+    /// Time of the next time event, s.
     pub next_event: Option<f64>,
 }
 
-/// The outcome of a completed integration step.
+/// Result of [`Instance::completed_integrator_step`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CompletedStep {
-    /// The FMU wants to handle an event.
+    /// The FMU requests Event Mode.
     pub enters_event_mode: bool,
-    /// The FMU wants the simulation to end.
+    /// The FMU requests the end of the simulation.
     pub terminates: bool,
 }
 
@@ -42,12 +42,12 @@ impl Instance {
         self.call_optional(Function::SetTime, Functions::set_time, |f, c| unsafe { f(c, time) })
     }
 
-    /// Number of continuous states in the description, elements of arrays counted.
+    /// Number of continuous states in the description, including array elements.
     pub fn number_of_states(&self) -> usize {
         self.signature().states
     }
 
-    /// Number of event indicators in the description, elements of arrays counted.
+    /// Number of event indicators in the description, including array elements.
     pub fn number_of_event_indicators(&self) -> usize {
         self.signature().event_indicators
     }
@@ -142,12 +142,12 @@ impl Instance {
             is_needed_again: needed || info.new_discrete_states_needed != 0,
             terminates: terminate || info.terminate_simulation != 0,
             states_changed: states || info.values_of_continuous_states_changed != 0,
-            // One of the two was written.
+            // Only one of them was written; the other is 0.
             next_event: is_next.then_some(time + info.next_event_time),
         })
     }
 
-    /// `fmi2CompletedIntegratorStep`; no earlier state will be restored.
+    /// `fmi2CompletedIntegratorStep`. No earlier state may be restored afterwards.
     pub fn completed_integrator_step(&mut self) -> Result<CompletedStep, CallError> {
         let (mut old, mut new) = ([c_api::FALSE; 2], [0; 2]);
         // SAFETY: live instance; the outcome is written through valid pointers.
@@ -175,7 +175,7 @@ impl Instance {
     ) -> Result<(), CallError> {
         self.check_number(function, numbers.len(), expected)?;
         if numbers.is_empty() {
-            // Some tools write to the first element anyway.
+            // FMUs from some tools write to the first element anyway.
             let mut spare = f64::from_bits(UNWRITTEN);
             // SAFETY: live instance; the array has more elements than stated.
             let result = self.call_optional(function, select, |f, c| unsafe { f(c, &raw mut spare, 0) });
@@ -188,8 +188,8 @@ impl Instance {
         self.call_optional(function, select, |f, c| unsafe { f(c, numbers.as_mut_ptr(), numbers.len()) })
     }
 
-    /// The latest function that wrote to an array without elements. Such an array has one element here; with another
-    /// importer the FMU would have overwritten foreign memory, or crashed.
+    /// The last function that wrote to an array without elements. Here, such an array has a spare element; in another
+    /// importer, the FMU would overwrite other memory or crash.
     pub fn overrun(&self) -> Option<&'static str> {
         self.overrun.map(|function| function.name(self.fmi()))
     }
@@ -198,7 +198,7 @@ impl Instance {
         if found == expected {
             return Ok(());
         }
-        let reason = "the number of values is not that of the states or event indicators";
+        let reason = "the number of values must equal the number of states or event indicators";
         Err(self.failure(function, CallProblem::Arguments(reason)))
     }
 }

@@ -1,8 +1,8 @@
-//! Values of FMI 3.0 that the plain getters and setters cannot transfer: arrays, and types without a C type of FMI 2.0.
+//! FMI 3.0 values that the plain getters and setters cannot transfer: arrays, and types without a C type in FMI 2.0.
 //!
-//! Each call of the FMU transfers one of these variables, so no order of types has to be kept. Scalars are converted on the
-//! stack. An element of an array ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is
-//! read and written with its array.
+//! Each call to the FMU transfers one of these variables. Scalars are converted on the stack. An array element
+//! ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is read and written with
+//! its array.
 
 use super::array_values::{Buffered, Kept};
 use super::calls::Function;
@@ -15,14 +15,14 @@ use crate::description::{BaseType, DataType, FmiVersion};
 use crate::signature::Special;
 use std::sync::Arc;
 
-/// Booleans that are converted at once, without memory from the heap.
+/// Number of Booleans that are converted at once, on the stack.
 const CHUNK: usize = 64;
-const OTHER_NUMBER: CallProblem = CallProblem::Arguments("the number of values is not that of the elements");
-const OTHER_TYPE: CallProblem = CallProblem::Arguments("the variable is of another type");
+const OTHER_NUMBER: CallProblem = CallProblem::Arguments("the number of values must equal the number of elements");
+const OTHER_TYPE: CallProblem = CallProblem::Arguments("the variable has another type");
 pub(super) const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does not fit the type of the variable");
 
 impl Instance {
-    /// Tests for an integer type wider than `i32`.
+    /// Returns true if the variable has an integer type wider than `i32`.
     pub fn is_wide(&self, reference: Reference) -> bool {
         let data_type = self.signature().special(reference).map(|special| special.data_type);
         matches!(data_type, Some(DataType::UInt32 | DataType::Int64 | DataType::UInt64))
@@ -32,7 +32,7 @@ impl Instance {
         refs.iter().any(|reference| self.signature().element(*reference).is_some())
     }
 
-    /// Reads variables, some of which are elements of arrays: an array once for all its elements that follow each other.
+    /// Reads variables, including array elements. For consecutive elements of an array, the array is read once.
     pub(super) fn get_elements<T: Kept>(
         &mut self,
         refs: &[Reference],
@@ -59,7 +59,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Writes variables, some of which are elements of arrays. The other elements of the array keep their values.
+    /// Writes variables, including array elements. Other elements of the array keep their values.
     pub(super) fn set_elements<T: Kept>(
         &mut self,
         refs: &[Reference],
@@ -78,7 +78,7 @@ impl Instance {
             };
             let mut array = std::mem::take(&mut T::part(&mut self.whole).values);
             array.resize(size, T::default());
-            // FMI 3.0.2, section 2.3.2: no variable is read before the initialization.
+            // Variables cannot be read before the initialization (FMI 3.0.2, section 2.3.2).
             let is_given = !self.has_entered && self.given(first.array, &mut array);
             if !is_given {
                 get(self, &[first.array], &mut array)?;
@@ -98,7 +98,8 @@ impl Instance {
         Ok(())
     }
 
-    /// The values of an array before the initialization: those that were set, or its start values. False: it has none.
+    /// Gets the values of an array before the initialization: the values that were set, or the start values. Returns
+    /// false if there are none.
     fn given<T: Kept>(&mut self, array: Reference, values: &mut [T]) -> bool {
         if let Some(given) = T::part(&mut self.whole).given.get(&array) {
             values.copy_from_slice(given);
@@ -112,16 +113,16 @@ impl Instance {
         is_whole
     }
 
-    /// Parts of a list of variables: elements of one array, or no elements.
+    /// Splits a list of variables into parts: consecutive elements of one array, or variables that are not elements.
     fn by_array<'r>(&self, refs: &'r [Reference]) -> impl Iterator<Item = &'r [Reference]> + use<'r> {
         let library = Arc::clone(self.library());
         let array = move |reference: Reference| library.signature.element(reference).map(|(element, _)| element.array);
         refs.chunk_by(move |one, next| array(*one) == array(*next))
     }
 
-    /// Returns true if one of the variables is an array or needs a function of its own.
+    /// Returns true if one of the variables is an array or needs a special function.
     pub(super) fn has_special(&self, refs: &[Reference]) -> bool {
-        // FMUs of FMI 2.0 have no such variables, so the list is searched for FMI 3.0 only.
+        // FMI 2.0 has no such variables; the test of the version avoids the search.
         self.fmi() == FmiVersion::V3 && self.signature().has_special(refs)
     }
 
@@ -314,7 +315,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Number of elements of Booleans that one call transfers.
+    /// Number of Booleans that one call transfers.
     fn boolean_elements(
         &mut self,
         function: Function,
@@ -415,27 +416,27 @@ impl Instance {
     }
 }
 
-/// A type for the values of Integers, which holds each exactly or not at all: `i32`, `i64`, and `f64` up to 2^53.
-#[allow(private_bounds, reason = "the values are kept by the loader only")]
+/// A type that can represent Integers exactly: `i32`, `i64`, and `f64` up to 2^53.
+#[allow(private_bounds, reason = "only the loader stores values")]
 pub trait WholeNumber: Kept {
-    /// Error message for a value that it does not hold.
+    /// Error message for a value that the type cannot represent.
     const NOT_HELD: &'static str;
-    /// Converts a number; `None`: the type does not hold it.
+    /// Converts a number; `None` if the type cannot represent it.
     fn from_whole(number: i64) -> Option<Self>;
-    /// Converts to a number; `None`: the value is not a whole number.
+    /// Converts to a number; `None` if the value is not a whole number.
     fn whole(self) -> Option<i64>;
-    /// The values themselves, if they have the type that FMI 2.0 transfers.
+    /// The values, if they have the C type of FMI 2.0.
     fn plain(_values: &[Self]) -> Option<&[i32]> {
         None
     }
-    /// As [`Self::plain`].
+    /// Like [`Self::plain`].
     fn plain_mut(_values: &mut [Self]) -> Option<&mut [i32]> {
         None
     }
 }
 
 impl WholeNumber for i32 {
-    const NOT_HELD: &'static str = "a value does not fit a signed integer of 32 bits";
+    const NOT_HELD: &'static str = "a value does not fit in a signed 32-bit integer";
 
     fn plain(values: &[Self]) -> Option<&[i32]> {
         Some(values)
@@ -455,7 +456,7 @@ impl WholeNumber for i32 {
 }
 
 impl WholeNumber for i64 {
-    const NOT_HELD: &'static str = "a value does not fit a signed integer of 64 bits";
+    const NOT_HELD: &'static str = "a value does not fit in a signed 64-bit integer";
 
     fn from_whole(number: i64) -> Option<Self> {
         Some(number)
@@ -467,7 +468,7 @@ impl WholeNumber for i64 {
 }
 
 impl WholeNumber for f64 {
-    const NOT_HELD: &'static str = "a value is beyond 2^53, so that a signal cannot hold it exactly";
+    const NOT_HELD: &'static str = "a value is beyond 2^53 and cannot be represented exactly in a signal";
 
     fn from_whole(number: i64) -> Option<Self> {
         (number.unsigned_abs() <= 1 << f64::MANTISSA_DIGITS).then_some(number as Self)

@@ -7,7 +7,7 @@ use super::instance::Instance;
 use crate::c_api;
 use std::ptr;
 
-/// A state saved with [`Instance::save_state`]; valid for the instance that made it.
+/// A state saved with [`Instance::save_state`]; valid only for the instance that saved it.
 #[derive(Debug)]
 pub struct SavedState {
     /// Address of the log, unique among living instances; identifies the owner of the state.
@@ -47,14 +47,14 @@ impl Instance {
         Ok(self.keep(state))
     }
 
-    /// `fmi2GetFMUstate` into a state saved before.
+    /// `fmi2GetFMUstate`, overwriting a saved state.
     pub fn save_state_again(&mut self, saved: &SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::GetFmuState;
         let mut state = self.state(NAME, saved)?;
         // SAFETY: live instance; the state is null or one that this instance returned.
         let get = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
         let result = self.call_optional(NAME, Functions::get_state, get);
-        // The FMU may have replaced the pointer, even where it failed.
+        // The FMU may have replaced the pointer, even if it failed.
         self.states[saved.slot] = state;
         result
     }
@@ -78,7 +78,7 @@ impl Instance {
         // SAFETY: live instance; the state is null or one that this instance returned.
         let free = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
         self.call_optional(NAME, Functions::free_state, free)?;
-        // The slot is kept, so that other states keep theirs; freeing null does nothing.
+        // The slot is kept, so that the slots of other states stay valid. Freeing null does nothing.
         self.states[saved.slot] = ptr::null_mut();
         Ok(())
     }
@@ -94,7 +94,7 @@ impl Instance {
             // SAFETY: live instance and state; the size is written through a valid pointer.
             |f, c| unsafe { f(c, state, &raw mut size) },
         )?;
-        // Some tools write to the first byte of a state that has none.
+        // FMUs from some tools write a byte even if the size is 0.
         let mut bytes = vec![0_u8; size.max(1)];
         // SAFETY: live instance and state; the buffer has the size that the FMU asked for.
         self.call_present(NAME, |f, c| unsafe {
@@ -110,7 +110,7 @@ impl Instance {
         Ok(bytes)
     }
 
-    /// `fmi2DeSerializeFMUstate`: a saved state from its bytes.
+    /// `fmi2DeSerializeFMUstate`: restores a saved state from its bytes.
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         // SAFETY: live instance; the bytes have the stated length; null asks for a new state.

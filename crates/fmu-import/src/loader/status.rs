@@ -1,4 +1,4 @@
-//! Statuses of a step: functions of FMI 2.0, and what `fmi3DoStep` returns instead.
+//! Status of a step: functions of FMI 2.0, and the results of `fmi3DoStep`, which replace them in FMI 3.0.
 
 use super::calls::Function;
 use super::error::CallError;
@@ -21,7 +21,7 @@ impl Instance {
         self.call_optional(Function::CancelStep, |f| v2(f)?.cancel_step, |f, c| unsafe { f(c) })
     }
 
-    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or the result of the latest `fmi3DoStep`: time reached, s.
+    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or the result of the last `fmi3DoStep`, s.
     pub fn last_successful_time(&mut self) -> Result<f64, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.time);
@@ -33,8 +33,8 @@ impl Instance {
         Ok(value)
     }
 
-    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the latest `fmi3DoStep`: the FMU requests the end of the
-    /// simulation.
+    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the last `fmi3DoStep`: true if the FMU requests the end
+    /// of the simulation.
     pub fn wants_termination(&mut self) -> Result<bool, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.terminate != 0);

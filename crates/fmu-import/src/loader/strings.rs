@@ -1,11 +1,11 @@
-//! Strings and URIs that pass between Rust and C.
+//! Strings and URIs for C.
 
 use std::ffi::{CStr, CString, c_char};
 
-/// `file:` URI of a folder, everything but plain characters percent-encoded (RFC 3986).
+/// `file:` URI of a folder. All characters except unreserved ones are percent-encoded (RFC 3986).
 pub(super) fn file_uri(path: &std::path::Path) -> CString {
     let text = path.to_string_lossy().replace('\\', "/");
-    // A Windows path starts with a drive letter, the path of a URI with a slash.
+    // A Windows path starts with a drive letter, the path in a URI with a slash.
     let root = if text.starts_with('/') { "" } else { "/" };
     let mut uri = format!("file://{root}");
     for byte in text.bytes() {
@@ -15,7 +15,7 @@ pub(super) fn file_uri(path: &std::path::Path) -> CString {
             uri.push_str(&format!("%{byte:02X}"));
         }
     }
-    // Control characters were encoded above, so there is no zero byte left to fail on.
+    // Cannot fail: zero bytes were encoded above.
     CString::new(uri).unwrap_or_default()
 }
 
@@ -25,10 +25,10 @@ pub(super) fn folder_path(path: &std::path::Path) -> CString {
     CString::new(text).unwrap_or_default()
 }
 
-/// Owned text of a C string; empty for null, faulty UTF-8 replaced.
+/// Copies a C string; empty for null. Replaces invalid UTF-8.
 ///
 /// # Safety
-/// `text` is null or points to a string that ends with a zero byte.
+/// `text` must be null or point to a string that ends with a zero byte.
 pub(super) unsafe fn text(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();

@@ -1,4 +1,4 @@
-//! Values of variables and their derivatives.
+//! Values and derivatives of variables.
 
 use super::calls::Function;
 use super::error::CallError;
@@ -34,7 +34,7 @@ impl Instance {
         })
     }
 
-    /// Sets a scalar of the type of the value.
+    /// Sets a scalar, which must have the value's type.
     pub fn set_value(&mut self, reference: Reference, value: &Value) -> Result<(), CallError> {
         match value {
             Value::Real(value) => self.set_real(&[reference], &[*value]),
@@ -44,7 +44,7 @@ impl Instance {
         }
     }
 
-    /// `fmi2GetReal`, `fmi3GetFloat64`. An array takes as many values as it has elements.
+    /// `fmi2GetReal`, `fmi3GetFloat64`. An array has one value per element.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -56,11 +56,11 @@ impl Instance {
         self.get_plain(Function::GetReal, refs, values, |f| f.get_real, |f| f.get_float64)
     }
 
-    /// `fmi2GetInteger`, `fmi3GetInt32`, also for enumerations and the other integer types of FMI 3.0. Values are `i32`, `i64` or
-    /// `f64`.
+    /// `fmi2GetInteger`, `fmi3GetInt32`; also reads enumerations and the other integer types of FMI 3.0. `T` is `i32`,
+    /// `i64` or `f64`.
     ///
     /// # Errors
-    /// Also if a value does not fit the type that it is read into.
+    /// Also fails if a value does not fit in `T`.
     pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -86,7 +86,7 @@ impl Instance {
         self.get_plain(Function::GetInteger, refs, values, |f| f.get_integer, |f| f.get_int32)
     }
 
-    /// `fmi2GetBoolean`, `fmi3GetBoolean`; 0 is false, all else true.
+    /// `fmi2GetBoolean`, `fmi3GetBoolean`; 0 is false, every other value is true.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
         if self.fmi() == FmiVersion::V3 {
             if self.has_special(refs) && self.has_elements(refs) {
@@ -96,7 +96,7 @@ impl Instance {
         }
         self.same_length(Function::GetBoolean, refs.len(), values.len())?;
         assert!(values.len() >= refs.len(), "a value for each variable");
-        // SAFETY: live instance; both arrays have the stated length, that of FMI 2.0 by the assertion.
+        // SAFETY: live instance; both arrays have the stated length, because of the assertion for FMI 2.0.
         self.call_present(Function::GetBoolean, |f, c| unsafe {
             match f {
                 Functions::V2(f) => Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())),
@@ -113,7 +113,7 @@ impl Instance {
         Ok(pointers.into_iter().map(|p| unsafe { text(p) }).collect())
     }
 
-    /// Reads variables for which both versions have the same C type. An FMU of FMI 2.0 gives one value for each.
+    /// Reads variables with the same C type in both versions. In FMI 2.0, each variable has one value.
     ///
     /// # Panics
     /// If there are fewer values than variables.
@@ -134,7 +134,7 @@ impl Instance {
         })
     }
 
-    /// Sets variables as [`Self::get_plain`] reads them.
+    /// Sets the variables that [`Self::get_plain`] reads.
     fn set_plain<T>(
         &mut self,
         function: Function,
@@ -144,8 +144,8 @@ impl Instance {
         in_v3: impl FnOnce(&v3::Functions) -> c_api::v3::Set<T>,
     ) -> Result<(), CallError> {
         assert!(values.len() >= refs.len(), "a value for each variable");
-        // SAFETY: live instance; both arrays have the stated length, that of FMI 2.0 by the assertion, and the strings that
-        // callers point to live on.
+        // SAFETY: live instance; both arrays have the stated length, because of the assertion for FMI 2.0. Strings of
+        // the caller outlive the call.
         self.call(function, |f, c| unsafe {
             match f {
                 Functions::V2(f) => in_v2(f)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
@@ -154,7 +154,7 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetReal`, `fmi3SetFloat64`. An array takes as many values as it has elements.
+    /// `fmi2SetReal`, `fmi3SetFloat64`. An array has one value per element.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -166,11 +166,11 @@ impl Instance {
         self.set_plain(Function::SetReal, refs, values, |f| f.set_real, |f| f.set_float64)
     }
 
-    /// `fmi2SetInteger`, `fmi3SetInt32`, also for enumerations and the other integer types of FMI 3.0. Values are `i32`, `i64` or
-    /// `f64`.
+    /// `fmi2SetInteger`, `fmi3SetInt32`; also sets enumerations and the other integer types of FMI 3.0. `T` is `i32`,
+    /// `i64` or `f64`.
     ///
     /// # Errors
-    /// Also if a value does not fit the type of the variable.
+    /// Also fails if a value does not fit in the variable's type.
     pub fn set_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &[T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -223,9 +223,9 @@ impl Instance {
         self.set_plain(Function::SetString, refs, &pointers, |f| f.set_string, |f| f.set_string)
     }
 
-    /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`. Arrays have
-    /// as many numbers in `seed` and `result` as elements. A call that is discarded without a message is repeated for its
-    /// reason, which an FMU logs only on demand.
+    /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`. An
+    /// array has one number per element in `seed` and `result`. If the FMU discards the call without a message, the
+    /// call is repeated with debug logging, to get the reason.
     pub fn get_directional_derivative(
         &mut self,
         unknowns: &[Reference],
@@ -272,8 +272,8 @@ impl Instance {
         })
     }
 
-    /// `fmi3GetAdjointDerivative`: `result` = `seed` * d(unknowns)/d(knowns). Arrays have as many numbers in `seed` and
-    /// `result` as elements.
+    /// `fmi3GetAdjointDerivative`: `result` = `seed` * d(unknowns)/d(knowns). An array has one number per element in
+    /// `seed` and `result`.
     pub fn get_adjoint_derivative(
         &mut self,
         unknowns: &[Reference],
@@ -292,7 +292,7 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetRealInputDerivatives`; an order per reference, from 1.
+    /// `fmi2SetRealInputDerivatives`; one order per reference, from 1.
     pub fn set_real_input_derivatives(
         &mut self,
         refs: &[Reference],
@@ -314,7 +314,7 @@ impl Instance {
         })
     }
 
-    /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`; an order per reference, from 1.
+    /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`; one order per reference, from 1.
     pub fn get_real_output_derivatives(
         &mut self,
         refs: &[Reference],

@@ -28,18 +28,18 @@ use crate::variables::{Derived as _, Variables as _};
 /// Runs a [`Continuous`] model, with or without model exchange.
 pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
-/// Discrete state, solver and events of a continuous-time model. `clone` leaves out the working memory of the solver, and `clone_from`
-/// keeps that of the target.
+/// Discrete state, solver and events of a continuous-time model. `clone` leaves the solver's working memory empty;
+/// `clone_from` keeps the target's.
 pub struct RunnerState<D> {
     discrete: D,
-    /// Step that the solver with error control proposes next in s; 0 before the first one.
+    /// Next step in s proposed by a solver with error control; 0 before the first step.
     proposed: f64,
-    /// The quantities whose zero crossings are events, at the start or where the last step ended.
+    /// Values of the declared zero crossings at the start or at the end of the last step.
     crossings: Vec<f64>,
     scratch: Scratch,
-    /// In model exchange, from its first event on.
+    /// Created at the first event that the importer handles.
     exchange: Option<Box<Exchange>>,
-    /// The discrete state before the first event of a step, for a step that fails.
+    /// The discrete state before the first event in a step, restored if the step fails.
     before_events: Option<D>,
 }
 
@@ -65,7 +65,8 @@ const fn is_stiff<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::Rosenbrock { .. })
 }
 
-/// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state (FNV-1a, 64 bits).
+/// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state. Similar to
+/// FNV-1a with 64 bits.
 fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
@@ -85,15 +86,15 @@ fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D
     hash
 }
 
-/// Number of a real input or state among both.
+/// Position of a real input or state in the list of real inputs and states.
 fn number(layout: &Layout, index: usize) -> usize {
     let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
     if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start }
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// Real outputs, then state derivatives, in numbers of type `T`: those of the time and, by their index, of inputs and states are
-    /// given. The values of other types are read from `others`, and outputs of other types go there.
+    /// Evaluates real outputs, then state derivatives, for numbers of type `T`: the time, and inputs and states, which
+    /// `real` returns by index. Values of other types are read from and written to `others`.
     fn unknowns<T: Scalar>(
         Context { p, derived, layout, .. }: Context<'_, Self>,
         discrete: &M::DiscreteState,
@@ -156,7 +157,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
 
     fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<Self::RunnerState, String> {
         let Context { p, derived, layout, time } = ctx;
-        // Here, so that no step allocates.
+        // Allocated here because steps must not allocate.
         let mut scratch = Scratch::new::<M>(layout);
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
@@ -187,7 +188,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         let before: Vec<f64> = layout.states.reals().map(|index| values.reals[index]).collect();
         p.initialize(derived, &mut x);
         x.write(&mut values.view_mut(), layout.states.at);
-        // Only states declared as calculated are.
+        // Changes to other states are ignored.
         for (index, before) in layout.states.reals().zip(before) {
             if !layout.real(index).declaration.calculated {
                 values.reals[index] = before;
@@ -339,7 +340,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         let mut next = None;
         if M::HAS_TIME_EVENTS {
             let is_due = |next: f64| next <= time + slack(0.0, time);
-            // An importer may handle the announced event late. No other event was due up to now.
+            // An importer may handle the announced event late. Otherwise, no event was due up to now.
             if !is_due(exchange.announced) {
                 handled = handled.max(time);
             }

@@ -21,8 +21,8 @@ fn sample_time(layout: &Layout, values: &ValueStore) -> f64 {
 }
 
 impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
-    /// Takes one sample. Not inlined: in the loop over the samples of a step, usually one, the compiler would compute
-    /// and store loop-invariant values in advance.
+    /// Takes one sample. Not inlined: a step usually has one sample, and the compiler would compute and store
+    /// loop-invariant values before the loop.
     #[inline(never)]
     fn sample(ctx: &Context<'_, Self>, state: &mut M::State, values: &mut ValueStore, time: f64) -> Result<(), String> {
         let Context { p, derived, layout, .. } = *ctx;
@@ -91,7 +91,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
 
     fn outputs(ctx: Context<'_, Self>, _: &M::State, values: &mut ValueStore) {
         if M::SOURCE.is_none() {
-            return; // so that the library does not contain the rest
+            return; // removes the code below from the library
         }
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);

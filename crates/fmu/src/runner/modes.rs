@@ -1,13 +1,13 @@
-//! Values of a discrete state on which equations may branch.
+//! Values in a discrete state on which equations may branch.
 
 use crate::combinations::MOST_VALUES;
 use crate::discrete_state::{DiscreteState, Word, Words};
 
-/// Numbers that no enumeration contains, because it would need too many items.
+/// Numbers that no enumeration is expected to contain. A field that rejects one is a Boolean or an enumeration.
 const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
 
-/// The Booleans and enumerations of a discrete state, with every value. Other fields keep their values: equations need not be
-/// valid for any Integer, which may be a count or an index.
+/// Booleans and enumerations in a discrete state: the position of each among the fields, and its values. Integers are
+/// left out, because they may be counts or indices, and the equations need not be valid for all their values.
 #[derive(Debug, Default)]
 pub struct Modes(Vec<(usize, Vec<u64>)>);
 
@@ -21,19 +21,19 @@ impl Modes {
         Self(whole.map(|at| (at, values(at))).filter(|(_, values)| !values.is_empty()).collect())
     }
 
-    /// Number of values of each field.
+    /// The number of values for each field.
     pub(crate) fn sizes(&self) -> impl Iterator<Item = usize> {
         self.0.iter().map(|(_, values)| values.len())
     }
 
-    /// The discrete state with the values of these numbers; `None` if it does not take them together.
+    /// The discrete state with values chosen by index. `None` if they exclude each other.
     pub(super) fn with<D: DiscreteState + Clone>(&self, discrete: &D, numbers: &[Option<usize>]) -> Option<D> {
         let chosen = self.0.iter().zip(numbers).filter_map(|((at, values), number)| Some((*at, values[(*number)?])));
         with(discrete, words(discrete), &chosen.collect::<Vec<_>>())
     }
 }
 
-/// The bytes of each value.
+/// The bytes of each field.
 fn words<D: DiscreteState>(discrete: &D) -> Vec<Vec<u8>> {
     let mut words = Vec::new();
     discrete.save(&mut |word| words.push(bytes(word)));

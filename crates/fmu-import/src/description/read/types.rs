@@ -16,7 +16,7 @@ pub(super) struct Type<'a> {
 pub(super) type Types<'a> = HashMap<&'a str, Type<'a>>;
 
 impl<'a> Type<'a> {
-    /// The type that an element defines with its attributes.
+    /// The type that an element defines.
     pub(super) fn new(element: &'a Element, data_type: DataType) -> Result<Self, XmlError> {
         let items = if data_type == DataType::Enumeration { items(element)? } else { Arc::default() };
         Ok(Self { element, data_type, items })
@@ -31,8 +31,8 @@ pub(super) fn identity(element: &Element) -> Result<(String, Reference), XmlErro
     }
 }
 
-/// Reads a scalar without its start value and its references to others. `own` has the attributes of its type, which
-/// override those of the declared one.
+/// Reads a scalar, without its start value and its references to other variables. Attributes in `own` override
+/// attributes of the declared type.
 pub(super) fn variable(
     element: &Element,
     own: &Element,
@@ -66,7 +66,7 @@ pub(super) fn variable(
         Some(type_name) => match types.get(type_name) {
             Some(definition) if definition.data_type == data_type => Some(definition),
             Some(_) => {
-                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is of another type")));
+                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` has another base type")));
             }
             None => {
                 return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));

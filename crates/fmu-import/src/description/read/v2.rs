@@ -5,7 +5,7 @@ use super::{MAX_ELEMENTS, MAX_NAME, Structure, Variables, bounded, check_kinds, 
 use crate::description::{BaseType, DataType, FmiVersion, Unknown, Value, Variable};
 use crate::xml::{Element, XmlError};
 
-/// Variables are numbered from 1 in document order, which the model structure refers to.
+/// The model structure refers to variables by their position in the document, from 1.
 pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Structure), XmlError> {
     let mut types = Types::new();
     for simple_type in children(root, "TypeDefinitions", "SimpleType") {
@@ -24,7 +24,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
             && of >= count
         {
             let message =
-                format!("variable `{}` is the derivative of variable {}, there are {count}", variable.name, of + 1);
+                format!("variable `{}` is the derivative of variable {}, but there are {count}", variable.name, of + 1);
             return Err(element.place.error(message));
         }
     }
@@ -51,7 +51,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
     Ok((variables, structure))
 }
 
-/// The child that defines the type of a variable or of a type definition.
+/// The child element that contains the type of a variable or type definition.
 fn typed_child(element: &Element) -> Result<(&Element, (BaseType, DataType)), XmlError> {
     element
         .children

@@ -33,7 +33,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
 
 struct VariableReader<'a> {
     variables: Variables,
-    /// The element of each variable; that of its variable for an alias.
+    /// The element of each variable; for an alias, the element of its variable.
     elements: Vec<&'a Element>,
     /// Indices of the variables by value reference; `None` for a Binary or a Clock.
     indices: HashMap<Reference, Option<usize>>,
@@ -102,7 +102,7 @@ impl<'a> VariableReader<'a> {
         })
     }
 
-    /// Replaces value references by variables, and reads the parts that need the sizes of arrays.
+    /// Replaces value references with variables, and reads the attributes that depend on array sizes.
     fn link(&mut self) -> Result<(), XmlError> {
         let mut total = 0_usize;
         for i in 0..self.variables.list.len() {
@@ -123,7 +123,7 @@ impl<'a> VariableReader<'a> {
             let size = lengths.iter().fold(1_usize, |size, length| size.saturating_mul(*length));
             total = if dimensions.is_empty() { total } else { total.saturating_add(size) };
             if total > MAX_ELEMENTS {
-                let message = format!("arrays up to this one have more than {MAX_ELEMENTS} elements in all");
+                let message = format!("the arrays, including this one, have more than {MAX_ELEMENTS} elements");
                 return Err(element.place.error(message));
             }
             let variable = &mut self.variables.list[i];
@@ -182,18 +182,18 @@ impl<'a> VariableReader<'a> {
         })
     }
 
-    /// The number of elements in a list, which may name an array more than once.
+    /// The number of elements in a list, which may contain an array more than once.
     fn elements(&self, root: &Element, tag: &str, unknowns: &[Unknown]) -> Result<usize, XmlError> {
         let sizes = unknowns.iter().map(|unknown| self.variables.list[unknown.variable].size);
         let total = sizes.fold(0_usize, usize::saturating_add);
         if total > MAX_ELEMENTS {
             let place = root.child("ModelStructure").map_or(root.place, |structure| structure.place);
-            return Err(place.error(format!("<{tag}> has {total} elements in all, at most {MAX_ELEMENTS} are read")));
+            return Err(place.error(format!("<{tag}> has {total} elements, at most {MAX_ELEMENTS} are read")));
         }
         Ok(total)
     }
 
-    /// An entry of the model structure; `None` if it is that of a Binary or a Clock.
+    /// An entry in the model structure; `None` for a Binary or Clock variable.
     fn unknown(&self, element: &Element) -> Result<Option<Unknown>, XmlError> {
         let reference = element
             .parsed("valueReference", "a whole number from 0")?
@@ -214,7 +214,7 @@ impl<'a> VariableReader<'a> {
     }
 }
 
-/// A value of a list, if it is one of its type.
+/// Parses a value in a list; `None` if it does not have this type.
 fn value(text: &str, data_type: DataType) -> Option<Value> {
     fn integer<T: FromStr + Into<i64>>(text: &str) -> Option<i64> {
         text.parse::<T>().ok().map(Into::into)
@@ -236,19 +236,19 @@ fn value(text: &str, data_type: DataType) -> Option<Value> {
         DataType::Int32 => integer::<i32>(text),
         DataType::UInt32 => integer::<u32>(text),
         DataType::Int64 | DataType::Enumeration => integer::<i64>(text),
-        // Above the range of an i64 no `Value` can hold it, which `is_wide` has checked.
+        // Values above the range of an i64 were handled with `is_wide`.
         DataType::UInt64 => text.parse::<u64>().ok().and_then(|value| value.try_into().ok()),
         DataType::String | DataType::Binary | DataType::Clock => None,
     };
     value.map(Value::Integer)
 }
 
-/// True for an integer of the type that no [`Value`] can hold.
+/// True for an integer that a [`Value`] cannot represent.
 fn is_wide(text: &str, data_type: DataType) -> bool {
     data_type == DataType::UInt64 && text.parse::<u64>().is_ok_and(|value| i64::try_from(value).is_err())
 }
 
-/// Reads the start values of a variable whose size is known.
+/// Reads the start values of a variable; its size must be known.
 fn start_values(element: &Element, variable: &mut Variable) -> Result<(), XmlError> {
     let name = &variable.name;
     let mut values = Vec::new();

@@ -1,9 +1,9 @@
-//! Host functions of a loader that is WebAssembly itself: modules of FMUs.
+//! Replaces the operating system if this crate is compiled to WebAssembly and each FMU is a WebAssembly module.
 //!
-//! Each module has a memory of its own. The host (`web/lab/src/engine`) makes an instance of it and appends functions with the
-//! signatures of FMI to the table of this program, which copy arguments and results between the memories. The address of a
-//! function is its index in that table, so the rest of the loader does not know the difference. An FMU gets memory and a logger from the
-//! host, too: those of this program have no meaning in its memory.
+//! Each module has a separate memory. The host (`web/lab/src/engine`) instantiates the module and appends functions
+//! with FMI signatures to the function table of this program; they copy arguments and results between the memories. The
+//! address of a function is its index in the table, so the other loader code needs no changes. Memory and logger
+//! callbacks of an FMU also come from the host, because addresses in this program are not valid in the module's memory.
 
 use std::ffi::c_void;
 use std::mem::transmute_copy;
@@ -12,9 +12,9 @@ use std::ptr;
 
 #[link(wasm_import_module = "host")]
 unsafe extern "C" {
-    /// Makes an instance of the module of that name. 0: there is none.
+    /// Instantiates the module with this name. Returns 0 if there is none.
     fn open_library(name: *const u8, length: usize) -> usize;
-    /// Index of a function in the table. 0: the module does not export it, or no importer calls it.
+    /// Index of a function in the table. Returns 0 if the module does not export it, or if importers never call it.
     fn find_function(library: usize, name: *const u8, length: usize) -> usize;
     fn close_library(library: usize);
 }
@@ -24,21 +24,21 @@ pub(super) struct Library(usize);
 
 impl Drop for Library {
     fn drop(&mut self) {
-        // SAFETY: the host has opened it, and it is closed once.
+        // SAFETY: the host opened the library; it is closed once.
         unsafe { close_library(self.0) };
     }
 }
 
 fn function(library: &Library, name: &str) -> usize {
-    // SAFETY: the host reads the name and keeps nothing.
+    // SAFETY: the host only reads the name.
     unsafe { find_function(library.0, name.as_ptr(), name.len()) }
 }
 
 pub(super) fn open(path: &Path) -> Result<Library, String> {
     let name = path.to_string_lossy();
-    // SAFETY: the host reads the name and keeps nothing.
+    // SAFETY: the host only reads the name.
     match unsafe { open_library(name.as_ptr(), name.len()) } {
-        0 => Err("its module was not added, or cannot be instantiated".to_owned()),
+        0 => Err("the FMU's module is missing or cannot be instantiated".to_owned()),
         library => Ok(Library(library)),
     }
 }
@@ -46,17 +46,17 @@ pub(super) fn open(path: &Path) -> Result<Library, String> {
 /// A function of a module.
 ///
 /// # Safety
-/// `T` is the type of a function with the signature that the host uses, and the library outlives it.
+/// `T` must be a function type with the host's signature, and the library must outlive the function.
 pub(super) unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Option<T> {
     const { assert!(size_of::<T>() == size_of::<usize>()) };
     match function(library, name) {
         0 => None,
-        // SAFETY: pointers of functions are indices in the table; the rest is promised by the caller.
+        // SAFETY: function pointers are indices in the table; the signature is promised by the caller.
         index => Some(unsafe { transmute_copy(&index) }),
     }
 }
 
-/// Returns true if a module exports a function that an importer calls.
+/// Returns true if a module exports a function and importers call it.
 pub(super) fn exports(library: &Library, name: &str) -> bool {
     function(library, name) != 0
 }
@@ -73,13 +73,13 @@ pub fn locale() -> String {
     String::new()
 }
 
-/// FMUs get their memory from the host.
+/// Not called: FMUs get their memory from the host.
 pub(super) fn allocate(_count: usize, _size: usize) -> *mut c_void {
     ptr::null_mut()
 }
 
-/// FMUs give their memory back to the host.
+/// Not called: FMUs free their memory through the host.
 ///
 /// # Safety
-/// None; as on other platforms.
+/// Always safe; unsafe on other platforms.
 pub(super) unsafe fn free(_memory: *mut c_void) {}

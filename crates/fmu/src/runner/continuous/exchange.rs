@@ -1,4 +1,4 @@
-//! Data of a continuous-time model in model exchange, and its equations with known relations.
+//! Data of a continuous-time model in model exchange, and evaluation of its equations with relations.
 
 use super::{Context, ContinuousModel};
 use crate::discrete_state::{Word, Words};
@@ -8,20 +8,21 @@ use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::variable::Layout;
 use crate::variables::Variables as _;
 
-/// Data of a continuous-time model for model exchange, besides its variables.
+/// Data of a continuous-time model in model exchange.
 #[derive(Clone, Debug)]
 pub(super) struct Exchange {
     pub(super) relations: Relations,
-    /// Number of the first relation of the outputs.
+    /// Index of the first relation in the outputs.
     outputs: usize,
-    /// Change of each declared zero crossing that belongs to the nominal values.
+    /// Change of each declared zero crossing if states and inputs change by their nominal values.
     pub(super) scales: Box<[f64]>,
     /// Time up to which time events were handled in s.
     pub(super) handled: f64,
     /// Time of the next time event as announced to the importer in s; infinite if there is none.
     pub(super) announced: f64,
-    /// Inputs and states, then the values computed from them, as numbers of the equations.
+    /// Real inputs, then states.
     pub(super) known: Box<[Relational]>,
+    /// Results of [`ContinuousModel::eval`].
     pub(super) unknown: Box<[Relational]>,
 }
 
@@ -41,7 +42,7 @@ impl Exchange {
         }
     }
 
-    /// Takes inputs and states from the values.
+    /// Copies inputs and states from the values.
     pub(super) fn read(&mut self, layout: &Layout, values: &ValueStore) {
         let indices = layout.inputs.reals().chain(layout.states.reals());
         for (known, index) in self.known.iter_mut().zip(indices) {
@@ -78,14 +79,14 @@ impl Exchange {
     }
 }
 
-/// One of the two functions of a model.
+/// A function of a model.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     Derivatives,
     Outputs,
 }
 
-/// Treatment of the relations: they take the sides of the values or keep theirs.
+/// Whether relations take the sides of the present values or keep their sides.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sides {
     Update,
@@ -93,7 +94,6 @@ pub(super) enum Sides {
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// The quantities whose zero crossings are events.
     pub(super) fn crossings_at(
         Context { p, derived, layout, time }: Context<'_, Self>,
         discrete: &M::DiscreteState,
@@ -104,7 +104,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         p.zero_crossings(At { time, state, inputs, derived, discrete })
     }
 
-    /// Evaluates one function for the known values, into the unknown ones.
+    /// Evaluates a function; reads `known` and writes `unknown`.
     pub(super) fn eval(
         Context { p, derived, layout, time }: Context<'_, Self>,
         exchange: &mut Exchange,
@@ -126,7 +126,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
                 let position = Counts { reals: 0, ..layout.outputs.at };
                 let outputs = p.outputs(at);
                 if layout.outputs.has_others() {
-                    // They are discrete: between events they keep their values.
+                    // Outputs that are not real are discrete and keep their values between events.
                     let ValueStore { mut integers, mut booleans, mut strings, .. } = values.clone();
                     let (integers, booleans, strings) = (&mut integers, &mut booleans, &mut strings);
                     outputs.write(&mut ValuesMut { reals: unknown, integers, booleans, strings }, position);
@@ -141,7 +141,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
     }
 
-    /// Evaluates both functions, for their relations.
+    /// Evaluates both functions to update their relations.
     pub(super) fn eval_all(
         ctx: Context<'_, Self>,
         exchange: &mut Exchange,

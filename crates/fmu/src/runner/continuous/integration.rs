@@ -1,4 +1,4 @@
-//! Integration of a continuous-time model over a step of the master, from event to event.
+//! Integration of a continuous-time model over a communication step, from event to event.
 
 use std::marker::PhantomData;
 
@@ -10,10 +10,11 @@ use crate::runner::MOST_PARTS;
 use crate::solver::{Interval, Keep, Problem, Scratch};
 use crate::variables::Variables as _;
 
-/// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
+/// Maximum number of events in one communication step. More would mean ever shorter intervals between events (Zeno
+/// behavior).
 pub(super) const MOST_EVENTS: u32 = 10_000;
 
-/// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
+/// Takes one solver step from a time and state, with a maximum length in s. Returns the new state and the length.
 type Advance<'f, 'a, M, K> = &'f mut dyn FnMut(
     &mut Integration<'a, M, K>,
     f64,
@@ -25,32 +26,32 @@ pub(super) const fn has_error_control(solver: Solver) -> bool {
     matches!(solver, Solver::DormandPrince { .. } | Solver::Rosenbrock { .. })
 }
 
-/// Time of the next time event in s. Fails if it is before the present time, or not a number.
+/// Time of the next time event in s. Fails if it is before the present time or is NaN.
 pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> Result<Option<f64>, String> {
     let next = model.next_time_event(at);
     if let Some(next) = next.filter(|next| next.is_nan() || *next < at.time) {
         return Err(format!(
-            "`next_time_event` must not return a time before the present one, {} s, got {next} s; count from the start \
-             (`initial_discrete_state` knows it) or from the last event",
+            "`next_time_event` must not return a time before the present one, {} s, got {next} s; compute it from the \
+             time of the last event, or from the start time, which `initial_discrete_state` gets as `at.time`",
             at.time
         ));
     }
     Ok(next)
 }
 
-/// Error of time events that repeat without end at one time.
+/// Error for an endless series of time events at one time.
 pub(super) fn too_many_at(time: f64) -> String {
     format!("more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns")
 }
 
-/// Advances the state over a step of the master, and keeps states by `K`.
+/// Advances the state over a communication step; `K` stores the states.
 struct Integration<'a, M: Continuous, K> {
     problem: Problem<'a, M>,
     run: &'a mut RunnerState<M::DiscreteState>,
     /// Time up to which time events were handled in s.
     reached: f64,
     events: u32,
-    /// Time of the first event of the step, for a message.
+    /// Time of the first event in the step, for a message.
     first_event: f64,
     /// Time up to which time events were handled in this step in s.
     handled: f64,
@@ -66,7 +67,7 @@ pub(super) const fn has_events<M: Continuous>() -> bool {
 }
 
 impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
-    /// The state after one part of the step, of `h` s, which ends at `end`.
+    /// The state after a part of the step with length `h` in s, which ends at `end`.
     fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, String> {
         if !has_events::<M>() {
             let after = self.fixed(time, &x, h);
@@ -76,7 +77,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         self.until(time, x, end, &mut |this: &mut Self, time, x, limit| Ok((this.fixed(time, x, limit), limit)))
     }
 
-    /// The state at `end`, by a solver with error control.
+    /// The state at `end`, computed by a solver with error control.
     fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, String> {
         let mut steps = 0_u64;
         self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
@@ -84,7 +85,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         })
     }
 
-    /// One step that the error control accepts, at most `limit` s long.
+    /// Takes one step that the error control accepts, at most `limit` s long.
     fn accepted(
         &mut self,
         time: f64,
@@ -94,14 +95,14 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         steps: &mut u64,
     ) -> Result<(K::State, f64), String> {
         let Self { problem, run, .. } = self;
-        // At first a small part of the step, but not one that is lost in the rounding of the time.
+        // The first step is a small part of the limit, but is not lost when it is added to the time.
         let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
         let proposed = if run.proposed > 0.0 { run.proposed } else { first };
-        // No tiny step is left over before the limit.
+        // Avoids leaving a tiny step before the limit.
         let mut h = if 1.01 * proposed >= limit { limit } else { proposed };
         loop {
             *steps += 1;
-            // The limit may be short: the next event, or the end of the step.
+            // A short step up to the limit (the next event, or the end of the step) is not an error.
             let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
             if *steps as f64 > MOST_PARTS || is_too_short {
                 return Err(format!(
@@ -117,7 +118,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             let factor = ode::step_factor(norm);
             if norm <= 1.0 {
                 let next = h * factor;
-                // A step cut short by the limit does not predict the following ones.
+                // A step that was shortened by the limit must not reduce the next proposal.
                 run.proposed = if h < proposed { proposed.max(next) } else { next };
                 return Ok((end, h));
             }
@@ -150,7 +151,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 next_time_event(self.problem.model, at)
             })?;
             let due = next.filter(|next| *next <= end);
-            // The end of the step before and the start of this one differ by rounding errors.
+            // The end of the previous step and the start of this step differ by rounding errors.
             if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
                 self.reached = due;
                 self.handled = due;
@@ -167,7 +168,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             let after_values = self.crossings(time + h, &after);
             let found = self.locate(time, &x, h, before_values.as_ref(), after_values.as_ref());
             let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
-            // Rounding of `limit` must not lead past the time event.
+            // Rounding of `limit` must not move the time past the time event.
             let is_at_limit = (found.is_none() && h >= limit) || at >= target.min(time + limit);
             time = if is_at_limit { target } else { at };
             self.reached = self.reached.max(time);
@@ -198,7 +199,8 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         }
     }
 
-    /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
+    /// Handles an event at the start of a step if inputs or parameters have changed the sign of a zero crossing since
+    /// the last step.
     fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), String> {
         let now = self.crossings(time, x);
         if self.run.crossings.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now)) {
@@ -218,7 +220,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         Crossings(Some(crossings))
     }
 
-    /// The first zero crossing of a step: its time, the state just after it, and the quantities there.
+    /// Finds the first event in a step. Returns its time, the state just after it, and the zero crossings there.
     fn locate(
         &mut self,
         time: f64,
@@ -231,7 +233,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         if !crosses(after) {
             return None;
         }
-        // Bisection: no crossing up to `low`, one up to `high`. Every point is one step from the start of the interval.
+        // Bisection: the event is after `low` and not after `high`. Every state is computed with one step from `time`.
         let (mut low, mut high) = (0.0, h);
         let mut found = None;
         for _ in 0..64 {
@@ -262,7 +264,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         Some((time + high, state, values))
     }
 
-    /// The state after one step of the solver, whatever its error.
+    /// The state after one solver step, without error control.
     fn single(&mut self, time: f64, x: &K::State, h: f64) -> Option<K::State> {
         if has_error_control(M::SOLVER) {
             let Self { problem, run, .. } = self;
@@ -279,7 +281,6 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         K::fixed(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch)
     }
 
-    /// Replaces a state by another.
     #[inline]
     fn replace(&mut self, x: &mut K::State, after: K::State) {
         self.recycle(std::mem::replace(x, after));
@@ -318,7 +319,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
         });
         scratch.forget_structure();
-        // The solution has a corner: the proposed step of the solver is not valid any more.
+        // The solution is not smooth at an event: the proposed step is no longer valid.
         self.run.proposed = 0.0;
         let values = self.crossings(time, x);
         self.run.crossings.clear();
@@ -327,7 +328,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     }
 }
 
-/// The quantities whose zero crossings are events.
+/// Values of the declared zero crossings.
 struct Crossings<M: Continuous>(Option<M::Crossings>);
 
 impl<M: Continuous> Crossings<M> {
@@ -337,7 +338,8 @@ impl<M: Continuous> Crossings<M> {
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// Advances the states. If that fails, the values are kept, and the discrete state is the one at the failure.
+    /// Advances the states. If this fails, the values are unchanged, and the discrete state is the state at the
+    /// failure.
     #[inline]
     pub(super) fn advance<K: Keep<M>>(
         Run { ctx, run, values }: Run<'_, Self>,
@@ -376,7 +378,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         } else {
             let h = step.step / parts as f64;
             for part in 0..parts {
-                // Each part ends where the next one starts, so that no time event is between them.
+                // Each part ends exactly where the next part starts; no time event can be between them.
                 let start = |part: u64| step.time + part as f64 * h;
                 let end = if part + 1 == parts { end } else { start(part + 1) };
                 x = integration.part(start(part), x, h, end)?;
