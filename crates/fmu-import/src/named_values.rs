@@ -1,14 +1,13 @@
 //! Names for the values of Integer variables.
 //!
-//! FMI 2.0 names values of enumerations only. Masters that cannot set enumerations take Integer variables instead; their
-//! names follow a convention that needs no extension of the format: the description ends with the list of all values,
-//! as in `How the driver steers (0 straight, 1 ramp_step, 2 fishhook)`.
+//! In FMI 2.0, only the values of enumerations have names. For masters that cannot set enumerations, FMUs use Integer
+//! variables instead. By convention, the description of such a variable ends with a list of all values and their names:
+//! `How the driver steers (0 straight, 1 ramp_step, 2 fishhook)`.
 
 use crate::description::{BaseType, Variable};
 
 impl Variable {
-    /// The values of an Integer or Enumeration variable that have a name, in the order of the description; empty if the
-    /// variable has none.
+    /// The named values of an Integer or Enumeration variable, in the order of the description.
     pub fn named_values(&self) -> Vec<(i32, &str)> {
         if !self.items.is_empty() {
             return self.items.iter().map(|item| (item.value, item.name.as_str())).collect();
@@ -20,13 +19,14 @@ impl Variable {
     }
 }
 
-/// `straight (0), ramp_step (1)`: the named values of a message.
+/// Formats named values for a message: `straight (0), ramp_step (1)`.
 pub fn listed(values: &[(i32, &str)]) -> String {
     let values: Vec<String> = values.iter().map(|(value, name)| format!("{name} ({value})")).collect();
     values.join(", ")
 }
 
-/// The list in parentheses that ends a text, if every entry is a whole number and an identifier, each once.
+/// Parses the list in parentheses at the end of a text. Every entry must be a whole number and an identifier, and must
+/// not be repeated.
 fn list_at_end(text: &str) -> Option<Vec<(i32, &str)>> {
     let (_, list) = text.strip_suffix(')')?.rsplit_once('(')?;
     let mut values: Vec<(i32, &str)> = Vec::new();
@@ -67,7 +67,8 @@ mod tests {
         }
     }
 
-    /// Enumerations have their items; a Real has no named values, whatever its description.
+    /// The named values of an enumeration are its items. A Real has no named values, even if its description has a
+    /// list.
     #[test]
     fn items_and_types() {
         let text = include_str!("../tests/data/Vehicle.xml").replacen(

@@ -1,13 +1,14 @@
-//! Names similar to a wrong one.
+//! Suggestions for misspelled names.
 
 use std::collections::BTreeSet;
 
-/// "did you mean" for the nearest of some names, if one is near. The case of letters does not matter.
+/// "did you mean …?" with the most similar candidate, if one is similar enough. Ignores case.
 pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    // A third of the letters may be wrong: enough for slips, too little for chance hits. One letter says nothing of another.
+    // At most a third of the characters may differ: enough for typing errors, too few for accidental matches. Names of
+    // one character are not similar to others.
     let limit = (name.chars().count() / 3).max(usize::from(name.chars().count() > 1));
     let name = name.to_lowercase();
-    // At least as many letters differ as the lengths do. This skips the long ones.
+    // The edit distance is at least the difference in length. This test skips most long names.
     let length = name.chars().count();
     candidates
         .into_iter()
@@ -18,10 +19,11 @@ pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>)
         .map(|(_, nearest)| format!("did you mean `{nearest}`?"))
 }
 
-/// As [`suggestion`]; without a near name, the names that share most words with it.
+/// Like [`suggestion`]; if no candidate is similar enough, lists those that have the most words in common with the
+/// name.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + Clone) -> Option<String> {
     const SHOWN: usize = 4;
-    // Two letters are shared by chance.
+    // Shorter words match by accident.
     let words = |name: &str| -> BTreeSet<String> {
         name.to_lowercase()
             .split(|letter: char| !letter.is_alphanumeric())
@@ -41,7 +43,7 @@ pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + C
     })
 }
 
-/// `rad`, or `one of rad, deg`: the expected names in a message.
+/// Formats the expected names for a message: `rad`, or `one of rad, deg`.
 pub fn any_of(names: &[&str]) -> String {
     match names {
         [name] => (*name).to_owned(),

@@ -1,8 +1,8 @@
-//! Parameter sets: files of values for the parameters of a system, SSV of SSP 1.0 and 2.0.
+//! Parameter sets: files with values for the parameters of a system (SSV in SSP 1.0 and 2.0).
 //!
-//! System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues); 2.0 adds the types of FMI 3.0. A
-//! value may come with a unit; without one it is in the unit of the variable. An enumeration, and an Integer whose values have
-//! names, may be given by name. Binary values are not read, because no scenario sets them.
+//! Source: System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues); 2.0 adds the types of
+//! FMI 3.0. A value without a unit is in the unit of the variable. Enumerations, and Integers with named values, can be
+//! given by name. Binary values are not read, because scenarios cannot set them.
 
 use crate::description::{BaseType, BaseUnit, Unit, Value};
 use crate::limits;
@@ -13,9 +13,9 @@ use std::io;
 use std::path::Path;
 
 const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
-/// Namespace of the elements that all parts of SSP share.
+/// Namespace of the elements that all SSP file formats share.
 pub const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
-/// Names of the attributes of a base unit, in the order of [`BaseUnit::exponents`].
+/// Attributes of a base unit, in the order of [`BaseUnit::exponents`].
 const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
 /// A parameter set.
@@ -23,18 +23,18 @@ const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 pub struct ParameterSet {
     /// Name.
     pub name: String,
-    /// Parameters in the order of the file, each name once.
+    /// Parameters in the order of the file. No name is repeated.
     pub parameters: Vec<Parameter>,
 }
 
-/// A value of a parameter set.
+/// A parameter with its value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// `parameter` in the set of a component, `component:parameter` in the set of a scenario.
+    /// `parameter` in a component's set, `component:parameter` in a scenario's set.
     pub name: String,
     /// Value.
     pub value: Value,
-    /// Unit of measure of a Real value; `None`: that of the variable.
+    /// Unit of a Real value; `None` for the unit of the variable.
     pub unit: Option<String>,
 }
 
@@ -50,7 +50,7 @@ impl ParameterSet {
     /// Parses the text of a file.
     ///
     /// # Errors
-    /// The text is not a parameter set of SSP 1.0 or 2.0, contains an invalid value, or has a name twice.
+    /// The text is not a parameter set of SSP 1.0 or 2.0, contains an invalid value, or repeats a name.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if local(&root) != "ParameterSet" {
@@ -76,13 +76,13 @@ impl ParameterSet {
         Ok(Self { name: root.required("name")?.to_string(), parameters })
     }
 
-    /// The text of the file, as SSP 1.0. `units` are the definitions of the units of measure the values may have; a unit that is
-    /// not among them, or not in terms of SI units, is left out, which leaves the value in the unit of its variable.
+    /// The text of the file, in SSP 1.0. `units` defines the units. If the unit of a value is not defined, or is not
+    /// defined with SI units, it is left out; the value is then in the unit of its variable.
     pub fn to_xml(&self, units: &[Unit]) -> io::Result<String> {
         self.to_xml_of("1.0", units, |parameter| parameter.value.base_type().to_string())
     }
 
-    /// The text of the file in a version of SSP, with these names of the types. SSP names them as FMI does.
+    /// The text of the file in an SSP version. `type_name` returns the name of a type, which is the same as in FMI.
     pub fn to_xml_of(
         &self,
         version: &str,
@@ -134,7 +134,7 @@ impl ParameterSet {
     }
 }
 
-/// The element `BaseUnit` of a unit: exponents, factor and offset, as in FMI.
+/// The element `BaseUnit`: exponents, factor and offset, as in FMI.
 pub fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
     let mut element = BytesStart::new("ssc:BaseUnit");
     let Some(base) = base else { return element };
@@ -152,7 +152,7 @@ pub fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
     element
 }
 
-/// Name of an element without the prefix of its namespace.
+/// Name of an element without its namespace prefix.
 fn local(element: &Element) -> &str {
     element.name.rsplit_once(':').map_or(element.name.as_str(), |(_, name)| name)
 }
@@ -164,7 +164,7 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
         .find(|c| local(c) != "Annotations")
         .ok_or_else(|| element.place.error(format!("the parameter `{name}` has no value")))?;
     let value = match local(typed) {
-        // XML Schema also allows INF and NaN, which no parameter accepts.
+        // XML Schema also allows INF and NaN, but parameters must be finite.
         "Real" | "Float64" | "Float32" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
         "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
             typed.parsed("value", "a whole number of 64 bits")?.map(Value::Integer)
@@ -195,7 +195,6 @@ mod tests {
         }
     }
 
-    /// Values read back bit-identical; the layout is that of the standard.
     #[test]
     fn written_and_read_back() {
         let parameter = |name: &str, value, unit: Option<&str>| Parameter {

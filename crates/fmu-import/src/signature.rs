@@ -1,34 +1,34 @@
-//! The part of a description that a caller of the library needs.
+//! The part of a description that is needed to call the library.
 
 use crate::c_api::Reference;
 use crate::description::{ArrayElement, BaseType, DataType, FmiVersion, Interface, ModelDescription, Value};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Version, interface, and the variables of FMI 3.0 that the plain getters and setters cannot transfer.
+/// Version, interface, and the FMI 3.0 variables that the plain getters and setters cannot transfer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Signature {
     pub(crate) fmi: FmiVersion,
     pub(crate) interface: Interface,
-    /// Variables that are arrays, or of another type than Float64, Int32, Boolean and String.
+    /// Variables that are arrays or have types other than Float64, Int32, Boolean and String.
     special: HashMap<Reference, Special>,
-    /// Start values of the arrays that have elements, by the reference of the array.
+    /// Start values of the arrays whose elements are variables, by the reference of the array.
     starts: HashMap<Reference, Vec<Value>>,
-    /// One bit for each value reference below [`MARKED`], up to the largest special one, because a getter checks every reference.
+    /// For fast checks: a bit for each value reference below [`MARKED`], 1 if it is special.
     marks: Vec<u64>,
     pub(crate) states: usize,
     pub(crate) event_indicators: usize,
 }
 
-/// Number of value references that have a bit. Larger ones are looked up in the table.
+/// Greater value references have no bit and are looked up in the table.
 const MARKED: Reference = 1 << 16;
 
-/// A variable that needs a function or a number of values of its own.
+/// A variable that the plain getters and setters cannot transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Special {
     pub(crate) data_type: DataType,
     pub(crate) size: usize,
-    /// The array that this is an element of, and its number of elements.
+    /// For an array element: its array, and the number of elements in it.
     pub(crate) element: Option<(ArrayElement, usize)>,
 }
 
@@ -92,12 +92,13 @@ impl Signature {
         self.is_special(reference).then(|| self.special.get(&reference).copied()).flatten()
     }
 
-    /// Start values of an array; empty without them.
+    /// Start values of an array; empty if there are none.
     pub(crate) fn starts(&self, array: Reference) -> &[Value] {
         self.starts.get(&array).map_or(&[], Vec::as_slice)
     }
 
-    /// The array that a value reference of [`ModelDescription::with_elements`] is an element of, and its number of elements.
+    /// For the reference of an array element ([`ModelDescription::with_elements`]): its array, and the number of
+    /// elements.
     pub(crate) fn element(&self, reference: Reference) -> Option<(ArrayElement, usize)> {
         self.special(reference)?.element
     }
@@ -114,7 +115,7 @@ impl Signature {
 mod tests {
     use super::*;
 
-    /// With and without a bit of its own, next to variables that are not special.
+    /// References with and without a bit, next to references that are not special.
     #[test]
     fn special_variables_are_found_by_any_reference() {
         for reference in [5, 63, 64, MARKED - 1, MARKED, Reference::MAX] {

@@ -1,9 +1,9 @@
-//! Folders for temporary files: private to their user, and removed even if the process is killed.
+//! Folders for temporary files. They are private to the user, and are deleted even if the process is killed.
 //!
-//! All folders of a process are in one, `cargo-fmu-ID` in the system's folder for temporary files, beside the file
-//! `cargo-fmu-ID.lock` that the process keeps locked. They are removed when the last of them is dropped, by [`remove`], and
-//! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. The folders of a killed process are removed by the next one
-//! that makes a folder, because the system has released their lock.
+//! A process has a root folder, `cargo-fmu-ID` in the system's folder for temporary files, and keeps the file
+//! `cargo-fmu-ID.lock` next to it locked. The root folder is deleted when its last folder is dropped, by [`remove`],
+//! and on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. If a process is killed, the system releases its lock;
+//! the next process that creates a folder then deletes the root folder.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io;
@@ -14,11 +14,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 const PREFIX: &str = "cargo-fmu-";
 const LOCK: &str = ".lock";
 
-/// A folder, removed when dropped.
+/// A folder, deleted when dropped.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
-    // Removed with the last of its folders.
+    // Deleted together with its last folder.
     _root: Arc<Root>,
 }
 
@@ -36,7 +36,7 @@ fn root() -> MutexGuard<'static, Weak<Root>> {
 }
 
 impl Folder {
-    /// A new folder that only its user may enter.
+    /// Creates a folder that only the user can access.
     pub fn new() -> io::Result<Self> {
         static COUNT: AtomicU64 = AtomicU64::new(0);
         let mut current = root();
@@ -53,7 +53,7 @@ impl Folder {
         Ok(Self { path, _root: root })
     }
 
-    /// Its absolute path.
+    /// Absolute path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -61,7 +61,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Nothing can be done about a failure here; the root tries again.
+        // A failure is ignored, because dropping the root tries again.
         let _ = std::fs::remove_dir_all(&self.path);
     }
 }
@@ -70,7 +70,7 @@ impl Root {
     fn new(parent: &Path) -> io::Result<Self> {
         loop {
             let (locked, lock) = tempfile::Builder::new().prefix(PREFIX).suffix(LOCK).tempfile_in(parent)?.keep()?;
-            // Another process may have found it before it was locked, and taken it for a stale one.
+            // Before the file was locked, another process may have found it and deleted it as stale.
             if locked.try_lock().is_err() || !lock.exists() {
                 continue;
             }
@@ -82,7 +82,7 @@ impl Root {
     }
 
     fn remove(&self) {
-        // The lock is removed last, and only if nothing is left that a later process would have to remove.
+        // The lock file is deleted last, and only if the folder is gone. Otherwise a later process tries again.
         if std::fs::remove_dir_all(&self.path).is_ok() {
             let _ = std::fs::remove_file(&self.lock);
         }
@@ -100,12 +100,12 @@ fn folder_of(lock: &Path) -> PathBuf {
     lock.with_file_name(name.strip_suffix(LOCK).unwrap_or(&name))
 }
 
-/// Removes the folders left by ended processes of the same user.
+/// Deletes the folders of ended processes of the same user.
 fn remove_stale(parent: &Path, own: &Metadata) {
     for entry in std::fs::read_dir(parent).into_iter().flatten().filter_map(Result::ok) {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        // Neither a link nor a pipe, which would block when opened.
+        // Links and pipes are skipped; opening a pipe would block.
         let is_ours = || entry.metadata().is_ok_and(|found| found.is_file() && is_same_owner(&found, own));
         if !(name.starts_with(PREFIX) && name.ends_with(LOCK) && is_ours()) {
             continue;
@@ -127,7 +127,7 @@ fn is_same_owner(found: &Metadata, own: &Metadata) -> bool {
     found.uid() == own.uid()
 }
 
-/// Elsewhere every user has a folder for temporary files.
+/// On other systems, every user has a private folder for temporary files.
 #[cfg(not(unix))]
 fn is_same_owner(_: &Metadata, _: &Metadata) -> bool {
     true
@@ -139,34 +139,34 @@ fn make_private(path: &Path) -> io::Result<()> {
     std::fs::DirBuilder::new().mode(0o700).create(path)
 }
 
-/// Elsewhere the folder for temporary files is private.
+/// See [`is_same_owner`].
 #[cfg(not(unix))]
 fn make_private(path: &Path) -> io::Result<()> {
     std::fs::create_dir(path)
 }
 
-/// Removes the folders of this process at once, for a process that is about to end.
+/// Deletes the folders of this process, which is about to end.
 pub fn remove() {
     if let Some(root) = root().upgrade() {
         root.remove();
     }
 }
 
-/// Removes the folders of this process when a signal asks it to end, and lets it end by that signal. Elsewhere than on Unix
-/// the next process removes them.
+/// Deletes the folders of this process when a signal requests its end; the signal then ends the process. On systems
+/// other than Unix, the next process deletes them.
 pub fn remove_on_signals() -> io::Result<()> {
     #[cfg(unix)]
     {
         use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
         let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
-        // `nohup` starts a command with this signal ignored, so that it outlives its terminal.
+        // `nohup` starts a command with this signal ignored; it must stay ignored.
         if !is_ignored(SIGHUP) {
             signals.add_signal(SIGHUP)?;
         }
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
             for signal in signals.forever() {
                 remove();
-                // It does not return for these signals.
+                // Does not return for these signals.
                 let _ = signal_hook::low_level::emulate_default_handler(signal);
             }
         })?;
@@ -174,7 +174,7 @@ pub fn remove_on_signals() -> io::Result<()> {
     Ok(())
 }
 
-/// Returns true if this process ignores a signal, as far as the system reports it: Linux does.
+/// Returns true if this process ignores a signal. Known on Linux only; false elsewhere.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -197,7 +197,7 @@ mod tests {
         let parent = TempDir::new().unwrap();
         let alive = Root::new(parent.path()).unwrap();
         std::fs::write(alive.path.join("used"), "").unwrap();
-        // The files of a killed process, and others that only resemble them.
+        // Files of a killed process, and files with similar names.
         for name in ["cargo-fmu-dead", "cargo-fmu-mine", "other"] {
             std::fs::create_dir(parent.path().join(name)).unwrap();
             std::fs::write(parent.path().join(name).join("file"), "").unwrap();

@@ -1,18 +1,18 @@
-//! Text of an FMU on a terminal: names, descriptions and messages must not control it.
+//! Makes text from FMUs safe for terminals: names, descriptions and messages must not control the terminal.
 //!
-//! An escape sequence can hide or fake lines, set the title or answer as if the user had typed. Bidirectional marks show
-//! names in another order than they are compared in. Both are shown as `\u001b`, the notation of JSON, so JSON keeps its
-//! meaning.
+//! An escape sequence can hide or fake lines, set the title, or inject input as if the user had typed it. Bidirectional
+//! marks change the order in which the characters of a name are displayed. Such characters are escaped as in JSON, for
+//! example `\u001b`; JSON text therefore keeps its meaning.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Returns true if a terminal may act on this character instead of showing it, or may move others because of it.
+/// Returns true if a terminal may act on this character instead of displaying it, or may reorder other characters.
 fn is_control(c: char) -> bool {
     c.is_control()
         || matches!(
             c,
-            // Marks, embeddings, overrides and isolates of bidirectional text; separators of lines and paragraphs.
+            // Bidirectional marks, embeddings, overrides and isolates; line and paragraph separators.
             '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}'
         )
 }
@@ -33,17 +33,17 @@ fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// The text with all control characters but line feeds and tabs made visible.
+/// Escapes all control characters except line feeds and tabs.
 pub fn escaped(text: &str) -> Cow<'_, str> {
     replaced(text, |c| is_control(c) && !matches!(c, '\n' | '\t'))
 }
 
-/// The text as one line: line feeds and tabs are made visible, too.
+/// Escapes all control characters, including line feeds and tabs.
 pub fn line(text: &str) -> Cow<'_, str> {
     replaced(text, is_control)
 }
 
-/// The text of several lines, those after the first indented, so that none looks like a line of this program.
+/// Like [`escaped`], and indents all lines after the first, because they must not look like lines from this program.
 pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
     match escaped(text) {
         Cow::Borrowed(text) if !text.contains('\n') => Cow::Borrowed(text),
@@ -51,7 +51,7 @@ pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
     }
 }
 
-/// Returns true if the text has control characters.
+/// Returns true if the text contains control characters.
 pub fn is_unsafe(text: &str) -> bool {
     text.contains(is_control)
 }

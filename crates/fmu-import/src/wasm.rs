@@ -1,9 +1,9 @@
-//! Binaries of FMUs that are WebAssembly modules: their place in an archive, and the names that they import and export.
+//! WebAssembly modules as binaries of FMUs: their path in an archive, and the names that they import and export.
 //!
-//! No version of FMI defines such binaries. The folder is a convention of this project; the draft FMI-LS-WASM is for FMI 3.0 and
-//! components of WASI.
+//! FMI does not define such binaries; the folder is a convention of this project. The draft FMI-LS-WASM covers FMI 3.0
+//! and WASI components.
 
-/// Folder below `binaries/`, in FMI 2.0 and 3.0.
+/// Folder in `binaries/`, for FMI 2.0 and 3.0.
 pub const FOLDER: &str = "wasm32-unknown-unknown";
 
 /// Path of the module in an archive.
@@ -33,7 +33,7 @@ pub struct Names {
 }
 
 impl Names {
-    /// Reads them; `None` if the bytes are not a module.
+    /// Reads the names; `None` if the bytes are not a module.
     pub fn read(module: &[u8]) -> Option<Self> {
         let mut rest = Bytes(module.strip_prefix(HEADER)?);
         let mut names = Self::default();
@@ -126,7 +126,7 @@ impl<'a> Bytes<'a> {
 mod tests {
     use super::*;
 
-    /// Reference: a module written by hand by the specification of WebAssembly 2.0, section 5.5.
+    /// The module is written by hand, following the WebAssembly 2.0 specification, section 5.5.
     #[test]
     fn names_of_a_module_are_read() {
         let mut module = HEADER.to_vec();

@@ -1,16 +1,15 @@
-//! Processes that execute FMUs, so that one that crashes, exits or hangs costs its work and nothing else.
+//! Worker processes, which execute FMUs. If an FMU crashes, exits or hangs, only the work of its worker is lost.
 //!
-//! A program starts itself as a worker ([`Launch`]). A worker loads libraries once and keeps them. It gets its work over a
-//! private connection hidden from FMUs (`connection`, [`message`]) and announces every call on a board in a file
-//! ([`loader::calls`](crate::loader::calls)), which outlives it. [`serve_requests`] is its side, [`Process`] that of the
-//! process that starts it, which watches the board and ends a worker whose step takes too long.
+//! A program starts itself as a worker ([`Launch`]). A worker loads libraries once and keeps them. It receives requests
+//! over a private connection, which FMUs do not see (`connection`, [`message`]), and records every call on a call board
+//! in a file ([`loader::calls`](crate::loader::calls)), which is not lost if the worker crashes. [`serve_requests`] is
+//! the worker's side. [`Process`] is the side of the parent, which reads the board and ends a worker whose step takes
+//! too long. The crate that sends requests defines their content.
 //!
-//! The content of requests is up to the crate that sends them.
-//!
-//! Nothing an FMU prints reaches the connection: its standard output and error are one pipe, read line by line (`output`).
-//! A worker ends when its connection is closed, that is, also when the process that started it is killed. On Linux a process
-//! between the two (`supervisor`) ends whatever the worker leaves behind, and a sandbox (`sandbox`) keeps FMUs from the rest of the
-//! machine if [`Settings`] ask for it.
+//! Output that an FMU prints does not reach the connection: standard output and error are a pipe, which is read line by
+//! line (`output`). A worker ends when its connection is closed, and therefore also when its parent is killed. On
+//! Linux, a process between parent and worker (`supervisor`) ends all processes that the worker leaves behind, and a
+//! sandbox (`sandbox`), if [`Settings`] request it, protects the machine from FMUs.
 
 mod connection;
 #[cfg(target_os = "linux")]

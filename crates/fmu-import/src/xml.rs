@@ -1,19 +1,19 @@
 //! A small element tree for untrusted XML: attributes and structure, no text.
 //!
 //! Model descriptions and parameter sets contain all information in attributes, so text is skipped. Document type
-//! declarations are rejected, which rules out entity expansion; size, depth, the number of elements and of their
-//! attributes are limited, so that memory and time stay proportional to the file.
+//! declarations are rejected, which prevents entity expansion. Size, depth, and the numbers of elements and attributes
+//! are limited, so that memory and time are at most proportional to the size of the file.
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-/// Largest accepted document, bytes. Real descriptions stay below a tenth of it.
+/// Maximum size of a document, bytes. Real descriptions are smaller than a tenth of this.
 pub const MAX_BYTES: usize = 64 << 20;
-/// Deepest accepted nesting. The FMI schema needs 6; annotations of tools may need more.
+/// Maximum depth of nesting. The FMI schema needs 6; annotations from tools may need more.
 const MAX_DEPTH: usize = 100;
-/// Most elements. An element without attributes takes 4 bytes in the file and 130 in memory.
+/// Maximum number of elements. An element without attributes uses 4 bytes in the file and 130 bytes in memory.
 const MAX_ELEMENTS: usize = 2_000_000;
-/// Most attributes of one element. The FMI schema has at most 17; the duplicate check is quadratic.
+/// Maximum number of attributes of an element. The FMI schema has at most 17; the check for duplicates is quadratic.
 const MAX_ATTRIBUTES: usize = 64;
 
 /// A position in the document and the problem there.
@@ -49,7 +49,7 @@ impl Place {
 pub struct Element {
     /// Name, without a prefix.
     pub name: String,
-    /// Place where it begins.
+    /// Place of its start.
     pub place: Place,
     attributes: Vec<(String, String)>,
     /// Child elements.
@@ -72,7 +72,7 @@ impl Element {
         self.attribute(name).ok_or_else(|| self.place.error(format!("<{}> lacks the attribute `{name}`", self.name)))
     }
 
-    /// Value of an attribute, parsed; `expected` names the kind of value in the error.
+    /// Parsed value of an attribute. The error contains `expected`, the kind of value.
     pub fn parsed<T: std::str::FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, XmlError> {
         self.attribute(name)
             .map(|text| {
@@ -100,13 +100,13 @@ impl Element {
         }
     }
 
-    /// First child of that name.
+    /// First child with this name.
     pub fn child(&self, name: &str) -> Option<&Element> {
         self.children.iter().find(|c| c.name == name)
     }
 }
 
-/// Turns byte offsets, asked for in rising order, into places.
+/// Converts byte offsets, in increasing order, to places.
 struct Places<'a> {
     text: &'a str,
     offset: usize,
@@ -181,7 +181,7 @@ pub fn parse(text: &str) -> Result<Element, XmlError> {
     root.ok_or_else(|| end.error("the document has no element"))
 }
 
-/// Hands a finished element to its parent, or makes it the root.
+/// Adds a complete element to its parent, or makes it the root.
 fn close(done: Element, open: &mut [Element], root: &mut Option<Element>) -> Result<(), XmlError> {
     match open.last_mut() {
         Some(parent) => parent.children.push(done),

@@ -1,4 +1,4 @@
-//! Opening FMUs and calling their functions, on FMUs built from C in a temporary folder.
+//! Opens FMUs and calls their functions. The FMUs are built from C in a temporary folder.
 #![cfg(unix)]
 
 mod support;
@@ -15,7 +15,7 @@ fn an_instance_offers_what_the_standard_has() {
     let fmu = Fmu::open(Build::new("Position", "y", "x").pack(folder.path())).unwrap();
     let mut instance = fmu.instantiate("one").unwrap();
     let mut other = fmu.instantiate("two").unwrap();
-    // The instances keep the library.
+    // The instances keep the library loaded.
     drop(fmu);
     assert_eq!(instance.name(), "one");
     instance.setup_experiment(0.0, None).unwrap();
@@ -49,7 +49,7 @@ fn an_instance_offers_what_the_standard_has() {
     instance.free_state(saved).unwrap();
     assert!(other.deserialize_state(&bytes[1..]).is_err());
 
-    // dx'/du * 2 + dx'/dgain * 1 = 3 * 2 + 5 * 1, not square on purpose.
+    // dx'/du * 2 + dx'/dgain * 1 = 3 * 2 + 5 * 1. The numbers of unknowns and knowns differ on purpose.
     let mut result = [0.0];
     instance.get_directional_derivative(&[1], &[0, 2], &[2.0, 1.0], &mut result).unwrap();
     assert_eq!(result, [11.0]);

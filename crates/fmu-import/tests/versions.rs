@@ -1,5 +1,4 @@
-//! Instances of FMI 3.0, and model exchange in both versions, on an FMU built from C. The reference is the closed form of
-//! its equation.
+//! FMI 3.0, and model exchange in both versions, with an FMU built from C. The reference is the closed-form solution.
 #![cfg(unix)]
 
 #[path = "support/decay.rs"]
@@ -35,7 +34,7 @@ fn real(instance: &mut Instance, reference: u32) -> f64 {
     value[0]
 }
 
-/// x(t) and the number of events: from 1 to 0.5 in ln(2) / k, then from 1.5 to 0.5 in ln(3) / k again and again.
+/// x(t) and the number of events: x falls from 1 to 0.5 in ln(2) / k, then repeatedly from 1.5 to 0.5 in ln(3) / k.
 fn solution(k: f64, time: f64) -> (f64, i32) {
     let first = 2_f64.ln() / k;
     if time < first {
@@ -78,7 +77,7 @@ fn all_types_of_fmi_3_are_read_and_set() {
     instance.enter_initialization_mode().unwrap();
     instance.exit_initialization_mode().unwrap();
 
-    // Scalars and arrays in one call; the Float32 is converted.
+    // Scalars and arrays in one call; a Float32 is converted.
     instance.set_real(&[at("u"), at("v")], &[3.0, 10.0, 20.0, 30.0]).unwrap();
     let mut values = [0.0; 6];
     instance.get_real(&[at("y"), at("w"), at("y32"), at("u")], &mut values).unwrap();
@@ -98,7 +97,7 @@ fn all_types_of_fmi_3_are_read_and_set() {
     assert!(strings[1].ends_with('/'), "{}", strings[1]);
     assert_eq!(std::fs::read_to_string(Path::new(&strings[1]).join("note.txt")).unwrap(), "here");
 
-    // Lengths count elements; a function takes only its type.
+    // The number of values must equal the number of elements, and a function only accepts its type.
     let error = instance.get_real(&[at("w")], &mut [0.0; 2]).unwrap_err();
     assert!(matches!(error.problem, CallProblem::Arguments(_)), "{error}");
     let error = instance.get_integer(&[at("w")], &mut [0; 3]).unwrap_err();
@@ -141,7 +140,7 @@ fn states_and_derivatives_of_fmi_3() {
     assert_eq!(error.problem, CallProblem::NotExported);
 }
 
-/// The importer integrates: classical Runge-Kutta between events that it finds by bisection.
+/// The test integrates with the classical Runge-Kutta method between events, which it finds by bisection.
 #[test]
 fn model_exchange_follows_the_closed_form() {
     for fmi in [FmiVersion::V2, FmiVersion::V3] {
@@ -165,7 +164,7 @@ fn model_exchange_follows_the_closed_form() {
             if reached > 0.5 {
                 x[0] = reached;
             } else {
-                // x = 0.5 is at the middle of an interval that no longer shrinks.
+                // Bisection until the interval around x = 0.5 no longer shrinks.
                 let (mut low, mut high) = (0.0, end - time);
                 for _ in 0..60 {
                     let middle = 0.5 * (low + high);
@@ -196,7 +195,7 @@ fn model_exchange_follows_the_closed_form() {
     }
 }
 
-/// Ends an event. Whether states changed.
+/// Handles an event. Returns true if states changed.
 fn settle(instance: &mut Instance) -> bool {
     let mut changed = false;
     loop {
@@ -257,7 +256,7 @@ fn what_goes_wrong_names_the_functions_of_the_version() {
     );
 }
 
-/// FMI 3.0.2, section 4.2.1: a step that ends the simulation is done; an early return was not allowed.
+/// FMI 3.0.2, section 4.2.1: a step that ends the simulation is complete. An early return was not allowed.
 #[test]
 fn steps_that_end_otherwise_are_errors() {
     let ends = Decay { defects: &["ENDS=0.5"], ..Decay::new(FmiVersion::V3) };
@@ -273,7 +272,7 @@ fn steps_that_end_otherwise_are_errors() {
     assert_eq!(instance.do_step(0.0, 0.25).unwrap_err().problem, CallProblem::EarlyReturn);
 }
 
-/// The plain getters transfer to the variables that they were asked for, in their order.
+/// Booleans are converted in blocks; all values must reach the right variables.
 #[test]
 fn many_booleans_take_several_calls() {
     let (_folder, mut instance) = started(&Decay::new(FmiVersion::V3), Interface::CoSimulation);

@@ -1,17 +1,15 @@
-//! Mistakes in a declaration stop the compilation at the author's line, with a message that states the rule.
+//! A mistake in a declaration is a compile error at the author's line, with a message that states the rule.
 //!
-//! The messages are compared with the `.stderr` file beside each case. They contain the compiler's own words too, which
-//! change from version to version, so the test is valid for one compiler only. After moving to another one:
-//! `TRYBUILD=overwrite cargo test -p fmu --test compile_fail -- --ignored`, a look at the difference, and a new number
-//! here.
+//! The messages are compared with the `.stderr` file next to each case. They include text from the compiler, so the
+//! test is valid for one compiler version only. To switch to another version, run `TRYBUILD=overwrite cargo test -p fmu
+//! --test compile_fail -- --ignored`, review the difference, and change the number here.
 
 use std::process::Command;
 
 /// The compiler that wrote the `.stderr` files.
 const COMPILER: &str = "rustc 1.95.";
 
-// Ignored by default because scripts/test accepts any compiler from the MSRV on, and each version words its errors
-// differently. `.ci/run` has the compiler of the messages.
+// Ignored by default, because scripts/test accepts any compiler from the MSRV on. `.ci/run` uses the right one.
 #[test]
 #[ignore = "compares messages of rustc 1.95; .ci/run runs this test"]
 fn mistakes_are_named_where_they_are_made() {

@@ -1,9 +1,9 @@
-//! The connection between a worker and the process that started it.
+//! The connection between a worker and its parent.
 //!
-//! On Unix it is a pair of sockets. The worker finds its end as the standard input, moves it to a descriptor that is closed
-//! in programs it starts, and puts `/dev/null` in its place, so that an FMU that reads or writes its standard streams does
-//! not touch the protocol. Elsewhere the worker calls back on the loopback interface with a secret word that only it has
-//! received.
+//! On Unix, the connection is a pair of sockets. A worker gets one end as its standard input. It moves it to a
+//! descriptor that is closed in programs that the worker starts, and replaces its standard input with `/dev/null`. An
+//! FMU that uses standard streams therefore cannot disturb the protocol. On other systems, the worker connects to the
+//! parent over the loopback interface, and sends a secret word that only this worker got.
 
 use std::io;
 #[cfg(not(unix))]
@@ -17,7 +17,7 @@ pub(super) type Connection = std::os::unix::net::UnixStream;
 #[cfg(not(unix))]
 pub(super) type Connection = std::net::TcpStream;
 
-/// Returns true for the error of a read that timed out.
+/// Returns true if the error means that a read timed out.
 pub(super) fn is_patience_over(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
 }
@@ -31,7 +31,7 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     Ok((child, ours))
 }
 
-/// Connects to the process that started this one.
+/// Connects to the parent process.
 #[cfg(unix)]
 pub(super) fn accept() -> io::Result<Connection> {
     use std::os::fd::AsFd as _;
@@ -41,17 +41,17 @@ pub(super) fn accept() -> io::Result<Connection> {
     Ok(stream)
 }
 
-/// Environment variable with the port that a worker calls back and the secret word it sends.
+/// Environment variable with the port to which a worker connects and the secret word that it sends.
 #[cfg(not(unix))]
 const CALLBACK: &str = "CHASSIS_FMU_WORKER";
 
-/// Starts a worker and waits for its call.
+/// Starts a worker and waits until it connects.
 #[cfg(not(unix))]
 pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     use std::hash::{BuildHasher as _, RandomState};
     let listener = std::net::TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
-    // Two states of hashing are 128 random bits each.
+    // Each `RandomState` has 128 random bits.
     let word = format!("{:016x}{:016x}", RandomState::new().hash_one(1), RandomState::new().hash_one(2));
     command.env(CALLBACK, format!("{} {word}", listener.local_addr()?.port())).stdin(std::process::Stdio::null());
     let mut child = command.spawn()?;
@@ -75,7 +75,7 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     }
 }
 
-/// Calls the process that started this one.
+/// Connects to the parent process.
 #[cfg(not(unix))]
 pub(super) fn accept() -> io::Result<Connection> {
     let callback = std::env::var(CALLBACK).map_err(io::Error::other)?;

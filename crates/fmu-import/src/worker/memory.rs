@@ -1,24 +1,25 @@
-//! The share of this machine's memory that a worker gets.
+//! Memory limit of a worker.
 
 use std::num::NonZeroUsize;
 
-/// Part of all memory that workers may have together.
+/// Share of the memory for all workers together.
 const PART: f64 = 0.8;
-/// Least share of a worker, bytes.
+/// Minimum for a worker, bytes.
 const LEAST: u64 = 1 << 30;
 
-/// Memory for each of some workers, bytes: 80 % of this machine or container, divided among them, but 1 GiB at least. `None`
-/// on other systems than Linux.
+/// Memory limit for each worker, bytes: 80 % of the memory of this machine or container, divided by the number of
+/// workers, but at least 1 GiB. `None` on systems other than Linux.
 pub fn memory_share(workers: NonZeroUsize) -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").as_deref().and_then(total)?;
-    // Of a container, by the second or first version of control groups. Without a limit it is a word or beyond the machine.
+    // Limit of a container, in version 2 or 1 of control groups. Without a limit, the file contains a word or a number
+    // greater than the machine's memory.
     let limits = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let limits = limits.iter().filter_map(|path| text(path)?.trim().parse().ok());
     Some(share(limits.fold(machine, u64::min), workers))
 }
 
-/// `MemTotal` of `/proc/meminfo`, bytes.
+/// `MemTotal` from `/proc/meminfo`, bytes.
 fn total(text: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)

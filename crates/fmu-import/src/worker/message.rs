@@ -1,26 +1,27 @@
-//! Messages: a header in JSON and a body of numbers, both of bounded length.
+//! Messages: a JSON header and a body of numbers. Their lengths are limited.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::io::{self, Read, Write};
 
-/// Longest header, bytes. Log messages of FMUs are the longest part: 100 messages of 10,000 bytes per instance at most.
+/// Maximum length of a header, bytes. Log messages are the longest part: up to 100 messages of 10,000 bytes per
+/// instance.
 const MAX_HEADER: u32 = 256 << 20;
-/// Most numbers of a body: 8 GB, beyond what a run can record in memory.
+/// Maximum number of numbers in a body: 8 GB, more than a run can record.
 const MAX_NUMBERS: u64 = 1 << 30;
-/// Bytes in front of every message: the lengths of its parts.
+/// Length of the prefix of every message, bytes. It contains the lengths of header and body.
 const PREFIX: usize = 12;
-/// Bytes of a body that are written at once.
+/// Size of the blocks in which a body is written, bytes.
 const CHUNK: usize = 1 << 16;
-/// Largest buffer that is kept for the next message, bytes.
+/// Maximum size of a buffer that is kept for the next message, bytes.
 const KEPT: usize = 16 << 20;
 
-/// A message that breaks the rules.
+/// Error for an invalid message.
 pub fn invalid(message: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message)
 }
 
-/// Writes a message. The parts of the body become one.
+/// Writes a message. The parts of the body are concatenated.
 pub fn write(mut to: impl Write, header: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
     let mut bytes = vec![0; PREFIX];
     serde_json::to_writer(&mut bytes, header)?;
@@ -39,13 +40,13 @@ pub fn write(mut to: impl Write, header: &impl Serialize, body: &[&[f64]]) -> io
     to.write_all(&bytes)
 }
 
-/// Length of the header in bytes, and of the body in numbers, from the first bytes of a message.
+/// Reads the prefix of a message: length of the header in bytes, length of the body in numbers.
 fn lengths(message: &[u8]) -> (u32, u64) {
     let of = |bytes: &[u8]| bytes.iter().rev().fold(0, |length, byte| length << 8 | u64::from(*byte));
     (of(&message[..4]) as u32, of(&message[4..PREFIX]))
 }
 
-/// Numbers of a body.
+/// Numbers in a body.
 #[derive(Debug, Clone, Copy)]
 pub struct Numbers<'a>(&'a [u8]);
 
@@ -57,29 +58,28 @@ impl Numbers<'_> {
         Some(bytes.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number)).collect())
     }
 
-    /// All numbers that are left.
+    /// The remaining numbers.
     pub fn rest(mut self) -> Vec<f64> {
         self.take(self.0.len() / 8).unwrap_or_default()
     }
 }
 
-/// Reads messages from a connection that may have only a part of one yet. Its buffer is kept for the next message:
-/// allocating and freeing it repeatedly costs more than copying.
+/// Reads messages from a connection, also if a message arrives in parts. The buffer is kept for the next message,
+/// because allocating it again would cost more than copying.
 #[derive(Debug, Default)]
 pub struct Reader {
     buffer: Vec<u8>,
-    /// Bytes of the buffer that have been received.
+    /// Number of bytes in the buffer that have been received.
     received: usize,
     /// Position of the body of a complete message.
     body: Option<usize>,
 }
 
 impl Reader {
-    /// The header of the next message; `None` if the connection was closed before it was complete.
+    /// The header of the next message; `None` if the connection was closed before the message was complete.
     ///
     /// # Errors
-    /// As the connection, including a timeout without data, after which the call may be repeated. Also if the data is
-    /// not a message.
+    /// The connection fails, or the data is not a message. After a timeout, the call can be repeated.
     pub fn read<T: DeserializeOwned>(&mut self, from: &mut impl Read) -> io::Result<Option<T>> {
         if self.body.take().is_some() {
             self.received = 0;
@@ -94,7 +94,7 @@ impl Reader {
                 self.body = Some(body);
                 return Ok(Some(serde_json::from_slice(&self.buffer[PREFIX..body])?));
             }
-            // One part at a time: a wrong length costs no memory.
+            // The buffer grows with the received data, so a wrong length does not cost memory.
             let end = wanted.min(self.received + (1 << 20));
             if self.buffer.len() < end {
                 self.buffer.resize(end, 0);
@@ -113,7 +113,7 @@ impl Reader {
         Numbers(self.body.map_or(&[], |begin| &self.buffer[begin..self.received]))
     }
 
-    /// Bytes of the message at hand, as far as they are known.
+    /// Length of the present message in bytes; of its prefix until that has been received.
     fn wanted(&self) -> io::Result<usize> {
         if self.received < PREFIX {
             return Ok(PREFIX);
@@ -130,7 +130,7 @@ impl Reader {
 mod tests {
     use super::*;
 
-    /// A connection that has so many bytes at a time, and nothing every other time.
+    /// A connection that delivers a few bytes at a time, and times out at every other read.
     struct Slow<'a> {
         bytes: &'a [u8],
         step: usize,
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn messages_are_read_as_they_were_written() {
-        // Longer and shorter than what is written or kept at once; every bit of a number counts.
+        // Longer and shorter than the blocks and the buffer. All bits of a number must be kept.
         let long: Vec<f64> = (0..40_000).map(f64::from).collect();
         let special = [-0.0, f64::from_bits(0x7ff8_0000_0000_0123), f64::INFINITY];
         let bodies: [&[&[f64]]; 5] = [&[&long, &special, &long], &[], &[&special], &[&[], &long], &[&[1.0], &[2.0]]];

@@ -1,4 +1,4 @@
-//! Output printed by FMUs: any bytes, in any amount.
+//! Output that FMUs print: any bytes, in any amount.
 
 use crate::terminal;
 use std::io::{BufRead, BufReader, PipeReader, Read as _};
@@ -6,14 +6,14 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-/// Longest line, bytes; a longer one is broken.
+/// Maximum length of a line, bytes. Longer lines are split.
 const MAX_LINE: u64 = 1000;
-/// Most lines of a worker that are passed on.
+/// Maximum number of lines that are passed on from a worker.
 const MAX_LINES: usize = 1000;
-/// Time for which a worker that has ended may leave its output open to programs it has started.
+/// After the end of a worker, programs that it started can keep its output open. They are waited for this long.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Takes lines that FMUs print, without control characters and without the end of the line.
+/// Receives the lines that FMUs print, without control characters and line breaks.
 pub type Printed = Arc<dyn Fn(&str) + Send + Sync>;
 
 pub(super) struct Output {
@@ -30,9 +30,9 @@ impl Output {
         Ok(Self { end })
     }
 
-    /// Waits until all is passed on. The worker has ended.
+    /// Waits until all output is passed on. The worker must have ended.
     pub(super) fn finish(&self) {
-        // Disconnected at the end; nothing is ever sent.
+        // Returns when the channel is disconnected; nothing is ever sent.
         let _ = self.end.recv_timeout(PATIENCE);
     }
 }
@@ -45,7 +45,7 @@ fn pass_on(mut from: impl BufRead, printed: &dyn Fn(&str)) {
             Ok(0) => return,
             Ok(_) if count < MAX_LINES => printed(&printable(&line)),
             Ok(_) if count == MAX_LINES => printed("(further output of FMUs is omitted)"),
-            // The pipe is still emptied, so that no writer blocks.
+            // The pipe is still read, because writers would block otherwise.
             Ok(_) => (),
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => (),
             Err(_) => return,
@@ -53,7 +53,7 @@ fn pass_on(mut from: impl BufRead, printed: &dyn Fn(&str)) {
     }
 }
 
-/// Text for a terminal: control characters escaped, faulty UTF-8 replaced, no end of the line.
+/// Makes a line safe for a terminal: escapes control characters, replaces invalid UTF-8, removes the line break.
 fn printable(bytes: &[u8]) -> String {
     terminal::line(String::from_utf8_lossy(bytes).trim_end_matches(['\r', '\n'])).into_owned()
 }

@@ -1,4 +1,4 @@
-//! A worker, seen by the process that starts it.
+//! The parent's side of a worker.
 
 use super::connection::{self, Connection};
 use super::message::{self, Numbers, Reader};
@@ -16,43 +16,43 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Interval at which the board of a worker is read.
+/// Interval at which the call board of a worker is read.
 const LOOK: Duration = Duration::from_millis(100);
-/// Time in which a worker must announce itself, whatever the timeout of a step.
+/// Time limit for the start of a worker, independent of the timeout for a step.
 const START: Duration = Duration::from_secs(60);
-/// Time in which a worker must end after closing its connection.
+/// Time limit for the end of a worker after it has closed its connection.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Time for a supervisor to end the processes that its worker has left.
+/// Time limit for a supervisor to end the processes that its worker left behind.
 #[cfg(target_os = "linux")]
 const CLEARING: Duration = Duration::from_secs(6);
 
-/// Command line of a worker: the program, and the arguments that make it a worker. Two more follow: its job
-/// (such as `fmu_linear::worker::JOB`), and the path of the board for its server.
+/// Command line of a worker: the program, and the arguments that make it a worker. Two arguments are appended: the job
+/// (such as `fmu_linear::worker::JOB`), and the path of the call board.
 #[derive(Debug, Clone)]
 pub struct Launch {
     /// The program.
     pub program: PathBuf,
-    /// Its arguments.
+    /// The arguments.
     pub arguments: Vec<OsString>,
 }
 
 /// Settings of workers.
 #[derive(Clone)]
 pub struct Settings {
-    /// Command line that starts them.
+    /// Command line.
     pub launch: Launch,
-    /// Time limit of a step of a run, or of a trial of a check.
+    /// Time limit for a step in a run, or for a trial in a check.
     pub timeout: Duration,
     /// The Python library, for FMUs that need one.
     pub libpython: Option<PathBuf>,
     /// Receives the lines that FMUs print.
     pub printed: Printed,
-    /// Folders that FMUs may write to, beside the temporary folder of their worker, in a sandbox; `None`: without a sandbox. Other systems
-    /// than Linux have none.
+    /// Folders to which FMUs in a sandbox may write, in addition to the worker's temporary folder; `None` for no
+    /// sandbox. Systems other than Linux have no sandbox.
     pub sandbox: Option<Vec<PathBuf>>,
-    /// Memory limit of each process of a worker (`RLIMIT_DATA`), bytes. Other systems than Linux have no limit.
+    /// Memory limit for each process of a worker (`RLIMIT_DATA`), bytes. Ignored on systems other than Linux.
     pub memory: Option<u64>,
-    /// Receives incidents of workers, unless they are taken by [`Process::incidents`].
+    /// Receives incidents, unless [`Process::incidents`] has returned them.
     pub noticed: Printed,
 }
 
@@ -79,20 +79,20 @@ pub struct Process {
     incidents: Incidents,
     noticed: Printed,
     output: Output,
-    // For the board and the temporary files of FMUs.
+    // Contains the call board and the temporary files of FMUs.
     folder: Folder,
 }
 
-/// A worker that has ended without a response, or was ended.
+/// The end of a worker before it responded.
 #[derive(Debug)]
 pub struct Ended {
-    /// Start of the step it was in, s.
+    /// Start of the present step, s.
     pub time: Option<f64>,
-    /// Index of the component that it was in.
+    /// Index of the component that was executing.
     pub component: Option<usize>,
-    /// Description of the end and of the call it was in.
+    /// Description of the end and of the present call.
     pub message: String,
-    /// True if it was ended because it took too long.
+    /// True if the worker was ended because it took too long.
     pub is_timeout: bool,
 }
 
@@ -102,7 +102,7 @@ pub struct Watch {
     timeout: Duration,
     since: Instant,
     pulse: Option<u64>,
-    /// True if progress restarts it.
+    /// True if progress restarts the stopwatch.
     is_per_step: bool,
 }
 
@@ -117,7 +117,7 @@ impl Watch {
         Self { is_per_step: false, ..Self::new(timeout) }
     }
 
-    /// Restarts it.
+    /// Restarts the stopwatch.
     pub fn restart(&mut self) {
         self.since = Instant::now();
     }
@@ -138,7 +138,7 @@ impl Process {
         Self::start_in(settings, job, with_python, None)
     }
 
-    /// As [`Self::start`]. The working directory is a new one of this name in the folder of the worker.
+    /// Like [`Self::start`]; `directory` is the name of a new working directory in the folder of the worker.
     pub fn start_in(settings: &Settings, job: &str, with_python: bool, directory: Option<&str>) -> io::Result<Self> {
         let folder = Folder::new()?;
         let path = folder.path().join("calls");
@@ -158,7 +158,8 @@ impl Process {
         if let Some(directory) = &directory {
             command.current_dir(directory);
         }
-        // In its own group, a worker gets no keyboard signals, and signals to its group do not reach this process.
+        // In a separate process group, a worker gets no keyboard signals, and signals to its group do not reach this
+        // process.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         if let Some(library) = settings.libpython.as_ref().filter(|_| with_python) {
@@ -181,7 +182,7 @@ impl Process {
         self.incidents.take()
     }
 
-    /// Ends the worker and all processes that it has left behind. Returns the remaining incidents.
+    /// Ends the worker and all processes that it left behind. Returns the remaining incidents.
     pub fn finish(&mut self) -> Vec<Incident> {
         self.kill();
         self.incidents()
@@ -192,15 +193,15 @@ impl Process {
         self.folder.path()
     }
 
-    /// Sends a request. A broken connection is reported when the response is awaited.
+    /// Sends a request. A broken connection is reported by [`Self::receive`].
     pub fn send(&mut self, request: &impl Serialize, body: &[f64]) {
         let _ = message::write(&mut self.connection, request, &[body]);
     }
 
-    /// Waits for a response; `steps` receives the number of completed steps now and then.
+    /// Waits for a response, and regularly passes the number of completed steps to `steps`.
     ///
     /// # Errors
-    /// The worker has ended, or was ended because it took too long.
+    /// The worker ended, or was ended because it took too long.
     pub fn receive<R: DeserializeOwned>(&mut self, watch: &mut Watch, steps: &mut dyn FnMut(u64)) -> Result<R, Ended> {
         loop {
             match self.reader.read(&mut self.connection) {
@@ -214,7 +215,7 @@ impl Process {
                         let ended = self.ended(&format!("not done after {limit} s (--timeout), stopped"));
                         return Err(Ended { is_timeout: true, ..ended });
                     }
-                    // A program that it has started may hold the connection open.
+                    // A program that the worker started can keep the connection open.
                     if let Ok(Some(status)) = self.child.try_wait() {
                         return Err(self.ended(&format!("the process ended ({})", words(status))));
                     }
@@ -233,12 +234,12 @@ impl Process {
         }
     }
 
-    /// The numbers of the last response.
+    /// The numbers in the last response.
     pub fn body(&self) -> Numbers<'_> {
         self.reader.body()
     }
 
-    /// Describes a worker that has ended, with the call on its board; `how` states how it ended.
+    /// Describes the end of the worker; `how` is completed with the call on the board.
     fn ended(&self, how: &str) -> Ended {
         let snapshot = Snapshot::read(&self.board).ok();
         let call = snapshot.and_then(|snapshot| snapshot.call);
@@ -251,7 +252,7 @@ impl Process {
         Ended { time, component: call.map(|(index, _)| index), message, is_timeout: false }
     }
 
-    /// The status of a worker whose connection is closed; `None` if it continued and had to be ended.
+    /// Waits for a worker that has closed its connection. Returns its status, or `None` if it had to be ended.
     fn wait(&mut self) -> Option<ExitStatus> {
         let begin = Instant::now();
         while begin.elapsed() < FAREWELL {
@@ -270,7 +271,7 @@ impl Process {
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process};
         if let Ok(None) = self.child.try_wait() {
-            // The supervisor ends the others first. Its process ID is not reused before it was waited for.
+            // The supervisor ends all other processes first. Its process ID is not reused until it has been waited for.
             let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
             let begin = Instant::now();
             let mut pause = Duration::from_micros(100);
@@ -282,11 +283,11 @@ impl Process {
         self.kill_child();
     }
 
-    /// Ends the worker and the group of processes that it is in.
+    /// Ends the worker and its process group.
     #[cfg(all(unix, not(target_os = "linux")))]
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process_group};
-        // The group ID is not reused as long as a process is in the group.
+        // The group ID is not reused while a process is in the group.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         self.kill_child();
     }
@@ -297,7 +298,7 @@ impl Process {
     }
 
     fn kill_child(&mut self) {
-        // It may have ended already.
+        // Fails if the process has already ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -326,7 +327,7 @@ fn words(status: ExitStatus) -> String {
         return format!("signal {signal}{name}");
     }
     match status.code() {
-        // On Windows a crash has a numeric code instead of a signal.
+        // On Windows, a crash has a negative exit code instead of a signal.
         Some(code) if code < 0 => format!("exit code {code:#x}"),
         Some(code) => format!("exit code {code}"),
         None => status.to_string(),

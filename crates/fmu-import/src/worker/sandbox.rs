@@ -1,13 +1,14 @@
-//! The sandbox of a worker, which protects the rest of the machine from the code of an FMU.
+//! The sandbox of a worker, which protects the machine from the code of FMUs.
 //!
-//! It consists of two features of Linux. *Landlock* forbids all changes of files outside of some folders. A *filter of system calls*
-//! (seccomp) forbids programs, the network, signals to processes that are not the worker's own, and calls that would lead out. Calls that
-//! the filter does not allow wait for the [`Guard`] in the supervisor, which reads their arguments, notes what it denies, and responds.
-//! Calls that change files are among them, because Landlock does not report what it denies; the guard only passes them on to Landlock, so
-//! that nothing depends on a path that another thread changes after it was read. Calls that an FMU makes while it computes are not among
-//! them, so a step takes as long as without a sandbox.
+//! The sandbox uses two features of Linux. *Landlock* denies all changes to files outside of given folders. A
+//! *system-call filter* (seccomp) denies starting programs, using the network, sending signals to processes outside of
+//! the worker, and calls that could be used to escape. Restricted calls wait for the [`Guard`] in the supervisor, which
+//! reads the arguments, decides, and records denied calls. Calls that change files also wait, because Landlock does not
+//! report what it denies. Those that the guard does not deny continue to Landlock; another thread that changes the path
+//! after the guard has read it therefore gains nothing. Calls that are needed for computing are not restricted, so a
+//! step takes as long as without a sandbox.
 //!
-//! Reading is allowed: without a network, nothing that was read leaves the machine, other than in results.
+//! Reading files is allowed: without a network, data can leave the machine only in results.
 
 mod calls;
 mod guard;
@@ -23,11 +24,11 @@ use std::io;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 
-/// Files that may be written to, because their contents are discarded.
+/// Devices to which FMUs may write, because the data is discarded.
 const SINKS: [&str; 5] = ["/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"];
 
-/// Puts this thread, and all threads and processes that it makes, into the sandbox, permanently. `supervisor` receives the
-/// listener of the filter. Returns the missing features of this machine, a sentence each.
+/// Permanently puts this thread, and all threads and processes that it creates, into the sandbox. `supervisor` receives
+/// the listener of the filter. Returns a sentence for each feature that this machine does not have.
 pub(super) fn enter(folders: &[PathBuf], supervisor: Option<UnixStream>) -> io::Result<Vec<String>> {
     let mut lacks = Vec::new();
     rustix::thread::set_no_new_privs(true)?;
@@ -58,7 +59,7 @@ pub(super) fn enter(folders: &[PathBuf], supervisor: Option<UnixStream>) -> io::
     Ok(lacks)
 }
 
-/// Forbids changes of files outside of some folders; false: the kernel cannot.
+/// Denies changes to files outside of the folders. Returns false if the kernel does not support this.
 fn protect_files(folders: &[PathBuf]) -> Result<bool, landlock::RulesetError> {
     let changes = AccessFs::from_write(ABI::V3);
     let mut rules = Ruleset::default()

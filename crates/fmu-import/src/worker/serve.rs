@@ -17,12 +17,12 @@ use std::sync::mpsc::channel;
 #[derive(Debug)]
 pub struct Replies {
     connection: Connection,
-    /// ID of the worker process: a copy of it made by an FMU must not send.
+    /// Process ID of the worker. A copy of the worker, forked by an FMU, must not send responses.
     process: u32,
 }
 
 impl Replies {
-    /// Ends this process if it is a copy of the worker that an FMU has made and not ended: it would do all work twice.
+    /// Ends this process if it is a copy of the worker that an FMU forked. It would otherwise do all work twice.
     pub fn end_copies(&self) {
         if std::process::id() != self.process {
             signal_hook::low_level::exit(0);
@@ -32,15 +32,15 @@ impl Replies {
     /// Sends a response.
     pub fn send(&mut self, response: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
         self.end_copies();
-        // Before: a worker may be ended after its last response.
+        // Must come first, because a worker may be ended after its last response.
         flush_prints();
         message::write(&mut self.connection, response, body)
     }
 }
 
-/// Works for the process that started this one, and never returns to it: the process ends when the connection does.
+/// Serves the requests of the parent process. This process ends when the connection is closed.
 ///
-/// `board` is the file in which the calls are announced; `respond` gets every request with its numbers.
+/// `board` is the file of the call board; `respond` gets every request with its numbers.
 ///
 /// # Errors
 /// The process was not started by a [`super::Process`], or the connection is broken.
@@ -57,10 +57,10 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
     keep_memory();
     let connection = connection::accept()?;
     calls::publish(&file)?;
-    // An interrupt from the keyboard reaches all processes; this one ends with the one that started it.
+    // Ignores interrupts from the keyboard, which reach all processes: this process ends when its parent does.
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::default())?;
 
-    // Requests are read by a thread of their own, which notices the end of the connection whatever an FMU is doing.
+    // A separate thread reads the requests, and notices the end of the connection even while an FMU is executing.
     let (requests, received) = channel();
     let mut input = connection.try_clone()?;
     std::thread::Builder::new().name("requests".to_owned()).spawn(move || {
@@ -70,7 +70,7 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
                 break;
             }
         }
-        // Immediately: neither the end of the program nor exit handlers of FMUs have anything left to do.
+        // Exits without running exit handlers, such as those of FMUs.
         signal_hook::low_level::exit(0);
     })?;
 
@@ -81,8 +81,9 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
     Ok(())
 }
 
-/// Lets another program work in the place of this one, under the same rules. Two arguments are added: the path of the board, and the names of
-/// the functions in FMI 2.0 and FMI 3.0 in the order of their numbers on the board, as JSON.
+/// Replaces this program with another one that serves requests under the same rules. Two arguments are appended: the
+/// path of the call board, and a JSON list of the functions' names in FMI 2.0 and FMI 3.0, in the order of their
+/// numbers on the board.
 ///
 /// # Errors
 /// The process was not started by a [`super::Process`], or the program cannot be started.
@@ -99,11 +100,11 @@ pub fn hand_over(board: &Path, mut command: Command) -> io::Result<()> {
     signal_hook::low_level::exit(command.status()?.code().unwrap_or(1))
 }
 
-/// Lets the allocator keep memory that a run frees for the next run.
+/// Makes the allocator keep freed memory for the next run.
 ///
-/// glibc returns it to the system at once, more than 128 kB at the end of the heap, and gets it back page by page,
-/// which takes 2 % of a run of a study. A larger block that is freed raises this limit to twice its size (mallopt(3),
-/// `M_MMAP_THRESHOLD`). Nothing is written to the block, so it takes no memory.
+/// By default, glibc returns more than 128 kB of free memory at the end of the heap to the system, and later gets it
+/// back page by page. This takes 2 % of the time of a run in a study. Freeing a large block raises the limit to twice
+/// the size of the block (mallopt(3), `M_MMAP_THRESHOLD`). The block is never written to, so it uses no memory.
 fn keep_memory() {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(16 << 20)));
 }

@@ -1,4 +1,4 @@
-//! The rules for a worker, and its incidents: files in its folder, which no FMU can write to.
+//! The rules for a worker and the list of its incidents: files in its folder to which FMUs cannot write.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -6,21 +6,21 @@ use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// The permissions of a worker, which it reads first.
+/// The rules for a worker, which the worker reads at its start.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Setup {
-    /// Folders that it may write to; `None`: it has no sandbox.
+    /// Folders to which it may write; `None` without a sandbox.
     pub(super) writable: Option<Vec<PathBuf>>,
-    /// Most memory of each of its processes, bytes.
+    /// Memory limit for each of its processes, bytes.
     pub(super) memory: Option<u64>,
 }
 
-/// Name of the file of the rules, beside the board.
+/// File name of the rules, next to the call board.
 const RULES: &str = "setup";
 const INCIDENTS: &str = "incidents";
 
 impl Setup {
-    /// Writes the rules beside a board, and makes the file of incidents.
+    /// Writes the rules next to a call board, and creates the file of incidents.
     pub(super) fn write(&self, board: &Path) -> io::Result<Incidents> {
         std::fs::write(board.with_file_name(RULES), serde_json::to_vec(self)?)?;
         let path = board.with_file_name(INCIDENTS);
@@ -32,40 +32,40 @@ impl Setup {
         Ok(serde_json::from_slice(&std::fs::read(board.with_file_name(RULES))?)?)
     }
 
-    /// The file of incidents beside a board, to write to.
+    /// Opens the file of incidents next to a call board for writing.
     #[cfg(target_os = "linux")]
     pub(super) fn incidents(board: &Path) -> io::Result<File> {
         File::options().append(true).open(board.with_file_name(INCIDENTS))
     }
 }
 
-/// Something that happened to a worker besides its work.
+/// An unexpected event in a worker.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Incident {
-    /// Its sandbox has denied something to an FMU.
+    /// The sandbox denied an action of an FMU.
     Denied {
         /// Index of the component whose function was called.
         component: Option<usize>,
-        /// Name of the function; an empty name: its library was loaded.
+        /// Name of the function; empty while the library was loaded.
         function: String,
-        /// The denied action, with its path or number and the system call.
+        /// The denied action, including the path or number and the system call.
         action: String,
     },
-    /// FMUs had started processes that were running when it ended.
+    /// Processes that FMUs started were still running when the worker ended.
     Left {
-        /// Names of their programs.
+        /// Names of the programs.
         programs: Vec<String>,
         /// False if some of them could not be ended.
         are_ended: bool,
     },
-    /// It ended when it had this share of its memory, bytes.
+    /// The worker ended, possibly because it reached its memory limit.
     Memory {
-        /// The most memory that it has had, bytes.
+        /// Maximum memory in use, bytes.
         used: u64,
-        /// Its limit, bytes.
+        /// Memory limit, bytes.
         limit: u64,
     },
-    /// It has no sandbox, or a part of one, because this machine lacks the features.
+    /// The sandbox is missing or incomplete, because this machine does not support it.
     NoSandbox(String),
 }
 
@@ -117,7 +117,7 @@ pub(super) struct Incidents {
 }
 
 impl Incidents {
-    /// The incidents that were written since the last call. Unreadable ones are left out.
+    /// The incidents since the last call to this function. Unreadable lines are skipped.
     pub(super) fn take(&mut self) -> Vec<Incident> {
         let mut text = String::new();
         let read = self.file.seek(SeekFrom::Start(self.position)).and_then(|_| self.file.read_to_string(&mut text));
@@ -128,7 +128,7 @@ impl Incidents {
     }
 }
 
-/// Writes an incident. Nothing can be done about a failure.
+/// Writes an incident. Ignores failures.
 #[cfg(target_os = "linux")]
 pub(super) fn note(mut file: &File, incident: &Incident) {
     use std::io::Write as _;

@@ -1,9 +1,10 @@
-//! The process between a worker and the process that started it.
+//! The process between a worker and its parent.
 //!
-//! A worker starts as one process and divides itself: the first process supervises, the second one works. All processes that an FMU
-//! starts, directly or indirectly, belong to the supervisor when their own parent ends (`PR_SET_CHILD_SUBREAPER`), so none of them
-//! outlives the worker: not in another process group, not as a daemon. The supervisor ends in the same way as the worker does. SIGTERM
-//! requests the end of all of them. If it is killed itself, the worker is too.
+//! A worker starts as one process and forks: the first process becomes the supervisor, the second one the worker. If
+//! the parent of a process that an FMU started ends, the process becomes a child of the supervisor
+//! (`PR_SET_CHILD_SUBREAPER`). Therefore no process outlives the worker, even in another process group or as a daemon.
+//! The supervisor ends with the worker's exit code or signal. On SIGTERM, it ends all processes. If the supervisor is
+//! killed, so is the worker.
 
 use super::family;
 use super::sandbox::{self, Guard};
@@ -22,22 +23,22 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time for killed processes to end.
+/// Time limit for killed processes to end.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Time for processes to end by themselves after the worker.
+/// Time for processes to end by themselves after the worker has ended.
 const GRACE: Duration = Duration::from_millis(50);
-/// Share of its memory limit above which the end of a worker is reported as a possible lack of memory.
+/// If a worker used more than this share of its memory limit, its end is reported as possibly caused by the limit.
 const NEARLY_ALL: f64 = 0.8;
 
-/// Divides this process, which must have one thread, and returns in the one that works. Without a supervisor the worker
-/// still works.
+/// Forks this process, which must have only one thread, and returns in the worker. If this fails, the worker continues
+/// without a supervisor.
 pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
     let incidents = Setup::incidents(board)?;
     let (ours, theirs) = UnixStream::pair()?;
     let supervisor = rustix::process::getpid();
-    // Before a worker exists whose FMU could leave a process behind.
+    // Must precede the fork, because an FMU in the worker could leave a process behind.
     rustix::process::set_child_subreaper(Some(supervisor))?;
-    // Until the supervisor listens for it: otherwise the supervisor could end without its worker.
+    // SIGTERM is blocked until the supervisor handles it; otherwise the supervisor could end without its worker.
     linux::hold_termination(true);
     match linux::fork() {
         Ok(Forked::Child) => {
@@ -47,7 +48,7 @@ pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
             if rustix::process::getppid() != Some(supervisor) {
                 return Err(io::Error::other("the supervisor has ended"));
             }
-            // A signal to the group of an FMU reaches neither the supervisor nor the process that started it.
+            // If an FMU sends a signal to its process group, it must not reach the supervisor or the parent.
             rustix::process::setpgid(None, None)?;
             obey(setup, Some(theirs), &incidents)
         }
@@ -68,7 +69,7 @@ pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
 /// Applies the rules to the worker; `supervisor` receives the listener of its sandbox.
 fn obey(setup: &Setup, supervisor: Option<UnixStream>, incidents: &File) -> io::Result<()> {
     if let Some(bytes) = setup.memory {
-        // A present limit must not be exceeded.
+        // An existing limit cannot be raised.
         let present = rustix::process::getrlimit(Resource::Data).maximum;
         let limit = Some(present.map_or(bytes, |present| present.min(bytes)));
         rustix::process::setrlimit(Resource::Data, Rlimit { current: limit, maximum: limit })?;
@@ -81,11 +82,11 @@ fn obey(setup: &Setup, supervisor: Option<UnixStream>, incidents: &File) -> io::
     Ok(())
 }
 
-/// Waits for the end of the worker and ends what is left of it. Returns the exit code, unless the worker was ended by a signal,
-/// which ends this process, too.
+/// Waits for the end of the worker and ends the remaining processes. Returns the worker's exit code. If the worker was
+/// ended by a signal, ends this process with the same signal.
 fn supervise(setup: &Setup, board: &Path, worker: Pid, handed: UnixStream, incidents: File) -> io::Result<i32> {
     let ended = (|| {
-        // Only the worker holds its connection and its output.
+        // The connection and the output must be open in the worker only.
         let null = File::options().read(true).write(true).open("/dev/null")?;
         rustix::stdio::dup2_stdin(&null)?;
         rustix::stdio::dup2_stdout(&null)?;
@@ -102,7 +103,7 @@ fn supervise(setup: &Setup, board: &Path, worker: Pid, handed: UnixStream, incid
     }
     let Some(status) = status else { return Ok(128 + SIGTERM) };
     if let Some(signal) = status.terminating_signal() {
-        // No core dump of this process is needed.
+        // Prevents a core dump of this process.
         let _ = rustix::process::setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) });
         signal_hook::low_level::emulate_default_handler(signal)?;
         return Ok(128 + signal);
@@ -110,7 +111,7 @@ fn supervise(setup: &Setup, board: &Path, worker: Pid, handed: UnixStream, incid
     Ok(status.exit_status().unwrap_or(1))
 }
 
-/// Waits until the worker ends; `None`: it is to be ended.
+/// Waits until the worker ends. Returns `None` if SIGTERM requests its end.
 fn watch(
     setup: &Setup,
     board: &Path,
@@ -125,14 +126,14 @@ fn watch(
     signal_hook::low_level::pipe::register(SIGTERM, signaled.try_clone()?)?;
     signal_hook::low_level::pipe::register(SIGCHLD, signaled)?;
     linux::hold_termination(false);
-    // An interrupt from the keyboard reaches all processes; this one ends with the one that started it.
+    // Ignores interrupts from the keyboard, which reach all processes: this process ends when its parent does.
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::default())?;
     let mut guard = match &setup.writable {
         Some(folders) => Guard::receive(handed, folders, board)?,
         None => None,
     };
     loop {
-        // Also for processes that ended before.
+        // Includes processes that ended before the signal handlers were registered.
         while let Ok(Some((id, status))) = rustix::process::wait(WaitOptions::NOHANG) {
             if id == worker {
                 return Ok(Some(status));
@@ -154,14 +155,14 @@ fn watch(
         if calls.contains(PollFlags::IN) {
             guard.iter_mut().for_each(|guard| guard.decide(incidents));
         } else if !calls.is_empty() {
-            // No process is left in the sandbox.
+            // No processes are left in the sandbox.
             guard = None;
         }
     }
 }
 
 fn end_all(worker: Pid, incidents: &File) {
-    // It may have ended already.
+    // Fails if the worker has already ended.
     let _ = rustix::process::kill_process(worker, Signal::KILL);
     let begin = Instant::now();
     let mut found = HashMap::new();
@@ -176,12 +177,13 @@ fn end_all(worker: Pid, incidents: &File) {
             }
             _ => (),
         }
-        // All are stopped before the first is killed, because a running one can start another when it sees the end of a third.
+        // All processes are stopped before the first is killed, because a running process could react to the end of
+        // another by starting a new one.
         let before = found.len();
         for (id, process) in family::members().filter(|(id, _)| *id != worker) {
             if let Entry::Vacant(entry) = found.entry(id) {
                 let _ = if process.group == worker.as_raw_nonzero().get() {
-                    // All together, however fast they start each other.
+                    // Stops the entire group at once, including processes that were just started.
                     rustix::process::kill_process_group(worker, Signal::STOP)
                 } else {
                     rustix::process::kill_process(id, Signal::STOP)
@@ -192,7 +194,7 @@ fn end_all(worker: Pid, incidents: &File) {
         if found.len() == before {
             for (id, process) in family::members() {
                 let _ = rustix::process::kill_process(id, Signal::KILL);
-                // A process that has started since the last look was not stopped.
+                // This process may be new, and was then not stopped.
                 if id != worker {
                     found.entry(id).or_insert_with(|| family::name(id, process.program));
                 }

@@ -13,12 +13,12 @@ const SOURCE: &str = include_str!("../data/decay.c");
 const DESCRIPTION_2: &str = include_str!("../data/decay2.xml");
 const DESCRIPTION_3: &str = include_str!("../data/decay3.xml");
 
-/// Options to build an FMU.
+/// Options for building an FMU.
 pub(crate) struct Decay<'a> {
     pub(crate) fmi: FmiVersion,
     /// Defects, as macros of `decay.c`.
     pub(crate) defects: &'a [&'a str],
-    /// Parts of the description to replace, and by what.
+    /// Replacements in the description: old text, new text.
     pub(crate) edits: &'a [(&'a str, &'a str)],
 }
 

@@ -1,4 +1,4 @@
-//! Builds FMUs from `stranger.c`: the importer is tested with FMUs of another compiler, not ours.
+//! Builds FMUs from `stranger.c`, to test the importer with FMUs that do not come from this project's exporter.
 
 use std::fs::File;
 use std::io::Write;
@@ -8,7 +8,7 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 
 const SOURCE: &str = include_str!("../data/stranger.c");
 
-/// Options to build an FMU.
+/// Options for building an FMU.
 pub(crate) struct Build<'a> {
     /// Model identifier and file stem.
     pub(crate) name: &'a str,
@@ -18,21 +18,21 @@ pub(crate) struct Build<'a> {
     pub(crate) output: &'a str,
     /// Further attributes of `<CoSimulation>`.
     pub(crate) flags: &'a str,
-    /// Value of `fmi2GetVersion`.
+    /// Result of `fmi2GetVersion`.
     pub(crate) version: &'a str,
     /// Export state and derivative functions.
     pub(crate) states: bool,
-    /// Statement in C that every step begins with; `i` is the instance.
+    /// C statement at the beginning of every step; `i` is the instance.
     pub(crate) step: &'a str,
-    /// Declarations in C at the end of the file.
+    /// C declarations at the end of the file.
     pub(crate) declarations: &'a str,
-    /// Time after which all steps are discarded, s, and true if the FMU then requests termination.
+    /// Time after which all steps are discarded in s, and true if the FMU then requests termination.
     pub(crate) ends: Option<(f64, bool)>,
-    /// GUID of the description; that of the binary is `{name}`.
+    /// GUID in the description. The binary has the GUID `{name}`.
     pub(crate) guid: &'a str,
     /// Defects, as macros of `stranger.c`.
     pub(crate) defects: &'a [&'a str],
-    /// Parts of the description to replace, and by what.
+    /// Replacements in the description: old text, new text.
     pub(crate) edits: &'a [(&'a str, &'a str)],
 }
 
@@ -55,15 +55,15 @@ impl<'a> Build<'a> {
         }
     }
 
-    /// Compiles and packs the FMU into a folder. The linker of Rust programs is the C compiler, so
-    /// it is there wherever these tests are built on Unix.
+    /// Compiles and packs the FMU into a folder. On Unix, a C compiler is available wherever Rust is, because it is the
+    /// linker of Rust programs.
     pub(crate) fn pack(&self, folder: &Path) -> PathBuf {
         let source = folder.join(format!("{}.c", self.name));
         let binary = source.with_extension("so");
         std::fs::write(&source, format!("{SOURCE}\n{}\n", self.declarations)).unwrap();
         let mut cc = Command::new("cc");
         cc.args(["-O1", "-fPIC", "-shared", "-fvisibility=hidden"])
-            // The same roundings as the comparison in Rust: no fused multiply and add.
+            // No fused multiply-add, so that results are rounded as in Rust.
             .arg("-ffp-contract=off")
             .arg(format!("-DVERSION=\"{}\"", self.version))
             .arg(format!("-DGUID=\"{}\"", self.name));

@@ -1,5 +1,5 @@
-//! The calls of a running simulation do not allocate, and an instance frees everything it holds.
-#![allow(unsafe_code, reason = "an allocator that counts can only be written with unsafe code")]
+//! Calls in a running simulation do not allocate, and an instance frees all its memory.
+#![allow(unsafe_code, reason = "a global allocator requires unsafe code")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -15,7 +15,7 @@ thread_local! {
     static LIVE: Cell<i64> = const { Cell::new(0) };
 }
 
-// SAFETY: everything is passed on to the system's allocator.
+// SAFETY: all calls are passed on to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.set(ALLOCATIONS.get() + 1);
@@ -43,7 +43,7 @@ pub(crate) fn live() -> i64 {
     LIVE.get()
 }
 
-/// Number of allocations of `f`.
+/// Number of allocations in `f`.
 fn allocations(f: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     f();
@@ -192,7 +192,7 @@ fn no_solver_allocates_in_a_step_from_the_first_one_on() {
             }
         };
         assert_eq!(allocations(run), 0, "{}", std::any::type_name::<E>());
-        // Events were among the steps.
+        // The steps contained events.
         assert!(fmu.0.get_integer(turns).unwrap() > 40);
     }
     check::<Classical>();

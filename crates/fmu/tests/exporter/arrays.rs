@@ -156,7 +156,7 @@ fn elements_are_read_and_written_one_by_one() {
     assert_eq!((p.numbers, p.switches, p.labels), ([1, -1], [true; 2], ["a", "b"].map(str::to_owned)));
     assert_eq!((p.front.radius, p.rear.bolts, p.wheel.radius), (0.3, 5, 0.3));
     let mut fmu = Fmu::<Arrays>::starting(0.0, &[("values", 4.0), ("inner.v[1,2]", -1.0), ("x[2]", 2.0)]);
-    // x = x0 + v t + a t^2 / 2, exact for a method of order 4 up to roundings.
+    // x = x0 + v t + a t^2 / 2; a method of order 4 is exact except for rounding errors.
     fmu.step(1.0).unwrap();
     for (name, expected) in [("x[1]", 0.5 + 1.0 + 2.0), ("x[2]", 2.0 - 1.0 + 3.0), ("inner.v[1,1]", 5.0)] {
         assert!((fmu.get(name) - expected).abs() < 1e-14, "{name}: {}", fmu.get(name));

@@ -1,4 +1,4 @@
-//! The C functions, called as a master calls them.
+//! Calls the C functions like a master.
 #![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
 
 use std::cell::RefCell;
@@ -32,7 +32,7 @@ unsafe extern "C" fn collect(
     category: *const c_char,
     format: *const c_char,
 ) {
-    // SAFETY: the environment is the list that `callbacks` was given; the strings end with a zero.
+    // SAFETY: the environment is the list from `callbacks`; the strings end with a zero.
     unsafe {
         let text = |text: *const c_char| CStr::from_ptr(text).to_str().unwrap().to_owned();
         let message = Message { instance: text(instance), status, category: text(category), format: text(format) };
@@ -40,10 +40,10 @@ unsafe extern "C" fn collect(
     }
 }
 
-/// A variadic function cannot be written in stable Rust; one that ignores further arguments is called the same way.
+/// Stable Rust cannot define variadic functions. A function without the variadic arguments is called in the same way.
 fn logger() -> Logger {
     type Plain = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char);
-    // SAFETY: both are pointers to functions of the C calling convention; no further arguments are ever passed.
+    // SAFETY: both are pointers to functions with the C calling convention; variadic arguments are never passed.
     unsafe { std::mem::transmute::<Plain, Logger>(collect) }
 }
 
@@ -59,7 +59,7 @@ fn callbacks(messages: &Messages) -> Callbacks {
 
 const CO_SIMULATION: c_int = 1;
 
-/// An instance behind the C interface, called "unit", and what it logged.
+/// An instance with the name "unit" that is used through the C interface, and its messages.
 struct C<E: Export> {
     component: Component,
     messages: Box<Messages>,
@@ -137,7 +137,7 @@ impl<E: Export> C<E> {
 
     fn bytes(&self, state: FmuState) -> Vec<c_char> {
         let mut size = 0;
-        // SAFETY: the state is one of the component; the array has the size.
+        // SAFETY: the state comes from the component; the array has this size.
         unsafe {
             assert_eq!(fmi2::serialized_fmu_state_size::<E>(self.component, state, &mut size), Status::Ok);
             let mut bytes = vec![0; size];
@@ -152,7 +152,7 @@ impl<E: Export> C<E> {
         self.messages.take()
     }
 
-    /// The only message since the last call: an error.
+    /// The only message since the last call, which must be an error.
     #[track_caller]
     fn error(&self) -> String {
         let mut messages = self.take();
@@ -170,7 +170,7 @@ fn instantiation_says_why_it_failed() {
     let guid = CString::new(Sampler::description().guid.as_str()).unwrap();
     let (name, guid, uri) = (c"unit".as_ptr(), guid.as_ptr(), c"file:///x".as_ptr());
     let rejected = |name, kind, guid, uri| {
-        // SAFETY: the strings are null or end with a zero.
+        // SAFETY: each string is null or ends with a zero.
         let component = unsafe { fmi2::instantiate::<Sampler>(name, kind, guid, uri, &callbacks, 0, 0) };
         assert!(component.is_null());
         let mut messages = messages.take();
@@ -201,7 +201,7 @@ fn instantiation_says_why_it_failed() {
     assert_eq!(rejected(name, 1, guid, c"\xc3".as_ptr()), "fmi2Instantiate: fmuResourceLocation is not UTF-8");
     // Without callbacks, or without a logger, nothing can be reported.
     let silent = Callbacks { logger: None, ..callbacks };
-    // SAFETY: null callbacks are rejected; no resources are fine.
+    // SAFETY: null callbacks are rejected; resources may be null.
     unsafe {
         assert!(fmi2::instantiate::<Sampler>(name, 1, guid, uri, null(), 0, 0).is_null());
         assert!(fmi2::instantiate::<Sampler>(null(), 1, guid, uri, &silent, 0, 0).is_null());
@@ -363,10 +363,10 @@ fn all_types_are_set_and_read_back() {
         assert_eq!(fmi2::get_boolean::<Sampler>(component, &on, 1, &mut boolean), Status::Ok);
         assert_eq!(fmi2::get_string::<Sampler>(component, &label, 1, &mut string), Status::Ok);
         assert_eq!((integer, boolean), (3, 0));
-        // The text stays where it is over other calls.
+        // The pointer stays valid during other calls.
         assert_eq!(fmu.step(0.0, 0.01), Status::Ok);
         assert_eq!(CStr::from_ptr(string), text);
-        // Nothing is written unless all references are good.
+        // Nothing is written unless all references are valid.
         let mut pair = [5, 5];
         assert_eq!(fmi2::get_integer::<Sampler>(component, [order, on].as_ptr(), 2, pair.as_mut_ptr()), Status::Error);
         assert_eq!(pair, [5, 5]);
@@ -413,8 +413,7 @@ fn the_categories_decide_what_is_logged_and_errors_always_are() {
         unsafe { fmi2::set_debug_logging::<Sampler>(fmu.component, c_int::from(on), names.len(), pointer) }
     };
     let kinds = |fmu: &C<Sampler>| {
-        // An event, an answer that does not exist, an error.
-        // SAFETY: the component lives.
+        // Two events, a request for information that does not exist, an error. SAFETY: the component lives.
         unsafe { fmi2::reset::<Sampler>(fmu.component) };
         fmu.initialize();
         discarded(fmu);
@@ -430,7 +429,7 @@ fn the_categories_decide_what_is_logged_and_errors_always_are() {
     assert_eq!(kinds(&fmu), "logStatusError 3");
     assert_eq!(choose(&fmu, true, &[c"logStatusDiscard"]), Status::Ok);
     assert_eq!(kinds(&fmu), "logStatusDiscard 2, logStatusError 3");
-    // A rejected choice changes nothing, even if its first name is good.
+    // A rejected choice changes nothing, even if its first name is valid.
     assert_eq!(choose(&fmu, true, &[c"logEvents", c"logAll"]), Status::Error);
     fmu.take();
     assert_eq!(kinds(&fmu), "logStatusDiscard 2, logStatusError 3");
@@ -466,7 +465,7 @@ fn a_simulation_through_the_c_interface() {
         assert_eq!(fmi2::get_real_status::<Sampler>(fmu.component, 2, &mut time), Status::Ok);
         assert_eq!(fmi2::get_boolean_status::<Sampler>(fmu.component, 3, &mut ended), Status::Ok);
         assert_eq!((time, ended), (99.0 * 0.01 + 0.01, 0));
-        // Questions without an answer are discarded; nothing is ever pending.
+        // Status kinds that are not available are discarded; no step is ever pending.
         assert_eq!(fmi2::get_real_status::<Sampler>(fmu.component, 0, &mut time), Status::Discard);
         assert_eq!(fmi2::get_boolean_status::<Sampler>(fmu.component, 2, &mut ended), Status::Discard);
         for kind in [-1, 0, 1, 2, 3, 4] {
@@ -538,7 +537,7 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
     let state = fmu.save();
     let mut word = 0_u64;
     let nonsense: FmuState = std::ptr::from_mut(&mut word).cast();
-    // SAFETY: states that are not known are rejected before they are read.
+    // SAFETY: unknown states are rejected before they are read.
     unsafe {
         for stranger in [null_mut(), nonsense, other.save()] {
             let mut size = 7;
@@ -558,7 +557,7 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
                 assert_eq!(pointer, stranger);
             }
         }
-        // Freeing a state makes its variable null; a copy of the pointer is rejected from then on.
+        // Freeing a state sets the caller's variable to null. A copy of the pointer is rejected afterwards.
         let (mut first, stale) = (state, state);
         assert_eq!(fmi2::free_fmu_state::<Sampler>(component, &mut first), Status::Ok);
         assert!(first.is_null());
@@ -589,7 +588,7 @@ fn nothing_is_left_of_a_freed_instance() {
         fmu.initialize();
         let mut freed = fmu.save();
         fmu.bytes(freed);
-        // These states are not freed; they go with their instance.
+        // These states are freed with their instance.
         fmu.save();
         assert_eq!(fmu.step(0.0, -1.0), Status::Error);
         // SAFETY: a state of the component.
@@ -599,7 +598,7 @@ fn nothing_is_left_of_a_freed_instance() {
             assert_eq!(fmi2::reset::<Sampler>(fmu.component), Status::Ok);
         }
     };
-    run(); // the description is computed once and stays
+    run(); // the description is computed once and kept
     let before = live();
     run();
     assert_eq!(live(), before);
@@ -617,11 +616,11 @@ fn a_state_that_is_handed_back_is_written_over() {
         assert_eq!(fmi2::get_fmu_state::<Sampler>(fmu.component, &mut same), Status::Ok);
         assert_eq!(same, state);
         assert_ne!(fmu.bytes(state), first);
-        // Also by bytes.
+        // Also with bytes.
         let status = fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len(), &mut same);
         assert_eq!((status, same), (Status::Ok, state));
         assert_eq!(fmu.bytes(state), first);
-        // A state that is kept is not touched when bytes are rejected.
+        // If bytes are rejected, the saved state is unchanged.
         let status = fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len() - 1, &mut same);
         assert_eq!((status, same), (Status::Error, state));
         assert_eq!(fmu.bytes(state), first);
@@ -678,7 +677,7 @@ fn after_a_panic_only_reset_and_free_are_left() {
         assert_eq!(status, Status::Error);
         assert_eq!(fmu.error(), format!("{message}; the instance can only be reset or freed"));
         for (function, status) in all_calls::<Fragile>(fmu.component) {
-            // The last call is the reset.
+            // The last call is the reset, which succeeds.
             let expected = if function == Function::Reset { Status::Ok } else { Status::Error };
             assert_eq!(status, expected, "{}", function.name(Version::Fmi2));
         }
@@ -690,7 +689,7 @@ fn after_a_panic_only_reset_and_free_are_left() {
         assert_eq!(fmu.step(0.0, 0.1), Status::Ok);
         assert_eq!(fmu.get("sum_of_quotients"), 1.0);
     }
-    // A broken instance can also be freed at once.
+    // A broken instance can also be freed without a reset.
     let fmu = C::<Fragile>::new(false);
     // SAFETY: one reference, one value.
     unsafe { fmi2::set_integer::<Fragile>(fmu.component, &reference::<Fragile>("panic"), 1, &3) };

@@ -29,7 +29,7 @@ fn slope(fmu: &mut Fmu<CartPair>, unknown: &str, known: &str) -> f64 {
 #[test]
 fn derivatives_of_the_linear_carts_are_the_matrices_of_the_textbook() {
     let mut fmu = Fmu::<CartPair>::starting(0.0, &[("coupling.stiffness", 3.0)]);
-    // x' = v; m v' = F - k x - c v - k_c (x - x_other); exact up to one rounding.
+    // x' = v; m v' = F - k x - c v - k_c (x - x_other). The derivatives are exact except for one rounding.
     for (unknown, known, expected) in [
         ("der(cart_position.l)", "cart_velocity.l", 1.0),
         ("der(cart_position.l)", "cart_position.l", 0.0),
@@ -67,7 +67,7 @@ fn derivatives_agree_with_central_differences() {
         fmu.0.get_real(&unknowns, &mut results).unwrap();
         results
     };
-    // A step of 1e-5 leaves an error of the order of 1e-10 (third derivatives and roundings of numbers up to 100).
+    // With a step of 1e-5, the error is about 1e-10, from third derivatives and rounding of numbers up to 100.
     let step = 1e-5;
     let mut differences = Vec::new();
     for i in 0..knowns.len() {
@@ -85,7 +85,8 @@ fn derivatives_agree_with_central_differences() {
             assert!((slope - difference).abs() < 1e-8, "{i} {j}: {slope} against {difference}");
         }
     }
-    // A direction is the sum of its parts; the same known twice counts twice.
+    // The derivative along a direction is the sum over its components. A known variable that occurs twice is added
+    // twice.
     let seed: Vec<_> = (0..knowns.len()).map(|i| i as f64 - 2.0).collect();
     fmu.0.directional_derivative(&unknowns, &knowns, &seed, &mut slopes).unwrap();
     for (j, slope) in slopes.iter().enumerate() {
@@ -151,7 +152,7 @@ fn impossible_derivatives_are_rejected() {
 
 #[test]
 fn dependencies_hold_for_every_value_of_every_parameter() {
-    // What the equations say, by hand, over both laws, with and without dampers, coupling 0 or not.
+    // Dependencies read off the equations, for both laws, with and without dampers and coupling.
     let xml = &CartPair::description().xml;
     let index = |name: &str| CartPair::description().layout.structure_index(reference::<CartPair>(name));
     let both = ["cart_force.", "ground.height", "cart_position.l", "cart_position.r", "cart_velocity."];
@@ -175,7 +176,7 @@ fn dependencies_hold_for_every_value_of_every_parameter() {
         let state = index(&format!("cart_position.{side}"));
         assert!(xml.contains(&format!(r#"<Unknown index="{state}" dependencies="{state}"/>"#)));
     }
-    // The union over all laws is needed: the ground moves the hardening spring only.
+    // The union over both laws is needed, because the ground moves only the hardening spring.
     let layout = &CartPair::description().layout;
     let values = fmu::testing::store::ValueStore::start(layout);
     let none = std::path::Path::new("");
@@ -228,7 +229,7 @@ impl Continuous for Roots {
     }
 }
 
-/// d sqrt(x)/dx and d x^0.5/dx at 0 and d asin(z)/dz at 1 are infinite; FMI 2.0.4, section 2.1.3: fmi2Discard.
+/// The derivatives of sqrt(x) and x^0.5 at 0 and of asin(z) at 1 are infinite. FMI 2.0.4, section 2.1.3: fmi2Discard.
 #[test]
 fn a_slope_that_is_not_finite_is_discarded_in_every_interface() {
     for protocol in Protocol::ALL {
@@ -247,7 +248,7 @@ fn a_slope_that_is_not_finite_is_discarded_in_every_interface() {
                 assert!(message.contains(&part), "{message}");
             }
         }
-        // Along the input the level does not change, and the simulation goes on.
+        // Along the input, the level does not change. The simulation can continue.
         let mut result = [0.0; 2];
         instance.directional_derivative(&[y, slope], &[u], &[1.0], &mut result).unwrap();
         assert_eq!(result, [1.0, 1.0]);

@@ -1,4 +1,4 @@
-//! The model description: well-formed, complete, and with a GUID that stands for it.
+//! The model description: well-formed, complete, and identified by its GUID.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -11,7 +11,7 @@ use quick_xml::events::Event;
 
 use crate::models::{CartPair, Fragile, Sampler};
 
-/// An element with what is in it.
+/// An XML element.
 #[derive(Debug, Default)]
 struct Element {
     name: String,
@@ -30,14 +30,14 @@ impl Element {
     fn get(&self, attribute: &str) -> Option<&str> {
         self.attributes.get(attribute).map(String::as_str)
     }
-    /// The attributes as they are written, sorted.
+    /// Name and sorted attributes.
     fn text(&self) -> String {
         let pairs: Vec<_> = self.attributes.iter().map(|(key, value)| format!("{key}={value}")).collect();
         format!("{} {}", self.name, pairs.join(" "))
     }
 }
 
-/// Reads a document; panics where it is not well-formed.
+/// Parses a document. Panics if it is not well-formed.
 fn parse(xml: &str) -> Element {
     let mut reader = Reader::from_str(xml);
     let mut open = vec![Element::default()];
@@ -214,7 +214,7 @@ fn variables_are_written_as_they_are_declared() {
     assert_eq!(elements["filter.order"].children[0].text(), "Integer max=4 min=1 start=2");
 }
 
-/// The rules of the standard that a schema does not know: section 2.2.7 and the tables in it.
+/// Rules of the standard that the schema does not contain: section 2.2.7 and its tables.
 fn check_rules<E: Export>() {
     let root = described::<E>();
     let variables = variables(&root);
@@ -278,7 +278,7 @@ fn check_rules<E: Export>() {
     let derivatives = indices(&|v| v.children[0].get("derivative").is_some());
     assert_eq!(listed("Derivatives"), derivatives);
     assert_eq!(listed("InitialUnknowns"), indices(&|v| v.get("initial") == Some("calculated")));
-    // Derivative i is that of state i, and the states are all there.
+    // Derivative i belongs to state i, and no state is missing.
     let states: Vec<usize> =
         derivatives.iter().map(|&i| variables[i - 1].children[0].get("derivative").unwrap().parse().unwrap()).collect();
     for (&state, &derivative) in states.iter().zip(&derivatives) {
@@ -313,7 +313,7 @@ fn initial_unknowns_depend_on_the_parameters_too() {
     all.extend(["cart_force.l", "ground.height"].map(index));
     all.extend(["cart_position.l", "cart_position.r", "cart_velocity.l"].map(index));
     assert_eq!(dependencies("cart_acceleration.l"), all);
-    // The outputs of a discrete-time model have start values; only what is calculated is unknown at first.
+    // The outputs of a discrete-time model have start values; only calculated variables are initial unknowns.
     let root = described::<Sampler>();
     assert_eq!(root.one("ModelStructure").one("InitialUnknowns").children.len(), 1);
     for unknown in root.one("ModelStructure").one("Outputs").children.iter() {
@@ -359,13 +359,13 @@ fn the_guid_is_the_hash_of_the_description_without_it() {
         assert_eq!(description.guid, format!("{{{hash}}}"));
         assert_eq!(description.xml.matches(&description.guid).count(), 1);
     }
-    // Computed anew it is the same.
+    // Computing it again gives the same GUID.
     let again = Description::of::<<CartPair as Export>::Model>(Format::FMI2, Path::new(""));
     assert_eq!(again.guid, CartPair::description().guid);
     assert_eq!(again.xml, CartPair::description().xml);
 }
 
-/// GUIDs of amplifiers with the given attributes. Without the attribute `model`, so that the version can vary.
+/// GUIDs of amplifiers with these attributes. They do not use the attribute `model`, because the version must vary.
 macro_rules! guids {
     ($($version:literal, $doc:literal, ($($gain:tt)*), $unit:literal, $output:literal;)*) => {[$({
         use fmu::Info;
@@ -482,14 +482,14 @@ mod without_derived_parameters {
 #[test]
 #[should_panic = "Hopeless: the model rejects its start values: 'mass' must be below 2 kg, got 2 kg"]
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
-    // Its dependencies could not be found, and an empty list would be wrong.
+    // The dependencies cannot be found, and an empty list would be wrong.
     Description::of::<fmu::testing::runner::ContinuousModel<without_derived_parameters::Hopeless>>(
         Format::FMI2,
         Path::new(""),
     );
 }
 
-/// Names as a customer dictates them, and texts with line breaks.
+/// Names that a customer prescribes, and texts with line breaks.
 mod dictated {
     use fmu::prelude::*;
 
@@ -528,8 +528,8 @@ mod dictated {
     }
 }
 
-/// Reference: FMI 2.0.4, section 2.2.9, and 3.0.2, section 2.4.7.5.1: a flat name is any text in one line; XML 1.0, section 3.3.3: a
-/// line break or tab in an attribute stays one if it is a character reference.
+/// FMI 2.0.4, section 2.2.9, and 3.0.2, section 2.4.7.5.1: a flat name is any text in one line. XML 1.0, section 3.3.3:
+/// in an attribute, line breaks and tabs are kept if they are character references.
 #[test]
 fn any_name_and_any_text_is_described() {
     type Model = fmu::testing::runner::DiscreteModel<dictated::Dictated>;

@@ -76,7 +76,7 @@ ball! {
     ImplicitSteps, Rosenbrock { tolerance: 1e-9 };
 }
 
-/// Bounces up to `time`, the time of the last one, height and velocity.
+/// Number of bounces up to `time`, time of the last bounce, height and velocity.
 pub(crate) fn ball(time: f64) -> (i32, f64, f64, f64) {
     let first = (2.0 / GRAVITY).sqrt();
     if time < first {
@@ -97,7 +97,7 @@ fn bounces<E: fmu::testing::abi::Export>(fmu: &mut Fmu<E>) -> i32 {
 }
 
 fn bouncing<E: fmu::testing::abi::Export>() {
-    // Every method is exact for a parabola; the time of a bounce is found to roundings, so 1e-9 leaves a wide margin.
+    // Every method is exact for a parabola, and the time of a bounce has only rounding errors, far below 1e-9.
     for (step, count) in [(0.01, 200), (0.3, 7), (2.1, 1)] {
         let mut fmu = Fmu::<E>::ready();
         for _ in 0..count {
@@ -110,7 +110,7 @@ fn bouncing<E: fmu::testing::abi::Export>() {
             assert!((fmu.get("velocity") - velocity).abs() < 1e-8);
         }
     }
-    // Several bounces in the step of 2.1 s.
+    // The step of 2.1 s contains several bounces.
     assert!(ball(2.1).0 >= 5);
 }
 
@@ -189,7 +189,7 @@ impl Continuous for Brittle {
     }
 }
 
-/// The outputs of a step that failed are those before it, whatever its events changed.
+/// After a failed step, the outputs are those from before the step, even if an event changed them.
 #[test]
 fn a_step_that_fails_after_an_event_keeps_the_discrete_state() {
     let mut fmu = Fmu::<Brittle>::ready();
@@ -220,7 +220,7 @@ pub(crate) struct Edges {
 
 #[derive(DiscreteState, Clone, Default)]
 pub(crate) struct Edge {
-    /// Edges so far; the signal is on after an odd number of them.
+    /// Edges so far; the signal is on after an odd number.
     count: i32,
 }
 
@@ -257,14 +257,14 @@ fn time_events_are_met_exactly_whatever_the_communication_steps() {
             let periods = (time / 0.1 + 1e-6).floor();
             let rest = time - periods * 0.1;
             let charge = 0.1 * (periods / 2.0).floor() + if periods % 2.0 == 1.0 { rest } else { 0.0 };
-            // Sums of 1000 terms of 0.1 s, each rounded by less than 1e-14 s.
+            // A sum of 1000 terms of 0.1 s; each has a rounding error below 1e-14 s.
             assert!(
                 (fmu.get("charge") - charge).abs() < 1e-11,
                 "{} instead of {charge} at {time} s",
                 fmu.get("charge")
             );
         }
-        // An edge at the end of the last step may be met by the next one.
+        // An edge at the end of the last step may be handled in the next step.
         let end = f64::from(count) * step;
         fmu.0.do_step(end, 1e-3).unwrap();
         let edges = fmu.0.get_integer(crate::models::reference::<Pulses>("edges")).unwrap();
@@ -284,7 +284,7 @@ impl Continuous for Clocked {
         Edges { edges: at.discrete.count }
     }
     fn next_time_event(&self, at: At<f64, Self>) -> Option<f64> {
-        // Once, and then every 0.1 s from 1 s on.
+        // Every 0.1 s from 1 s on.
         let nearest = (at.time * 10.0).round();
         let next = if nearest / 10.0 > at.time { nearest } else { nearest + 1.0 };
         Some(next.max(10.0) / 10.0)
@@ -379,7 +379,7 @@ fn an_input_that_changes_a_sign_between_steps_is_an_event_at_the_start_of_the_ne
     let mut run = |level: f64, restart: bool| {
         fmu.set("level", level).unwrap();
         fmu.set_boolean("restart", restart).unwrap();
-        // Through bytes: the signs are part of the state.
+        // Continues from bytes: the signs are part of the state.
         let bytes = fmu.bytes();
         let mut copy = Fmu::<Hysteresis>::new();
         let saved = copy.0.deserialize(&bytes).unwrap();
@@ -478,7 +478,7 @@ fn the_discrete_state_at_the_start_follows_from_the_start_values() {
         fmu.0.setup_experiment(0.0, None).unwrap();
         fmu.set("temperature", temperature).unwrap();
         fmu.0.enter_initialization().unwrap();
-        // Not from what it was when the output was first read.
+        // The first read of the output must have no effect.
         is_on(&mut fmu);
         fmu.set("outside", outside).unwrap();
         assert_eq!(is_on(&mut fmu), expected);
@@ -508,7 +508,7 @@ fn a_simulation_takes_tunable_parameters_between_steps() {
     run.set_parameters(Thermostat { lower: 21.0, ..Default::default() }).unwrap();
     run.step(&inputs, 1.0).unwrap();
     assert!(run.outputs(&inputs).is_on);
-    // Before the first step a new state is the start state, which the discrete state follows from.
+    // Before the first step, a new state is the start state and determines the discrete state.
     let mut run = ContinuousSimulation::new(Thermostat::default()).unwrap();
     run.set_state(&Room { temperature: 5.0 });
     assert!(run.outputs(&inputs).is_on);

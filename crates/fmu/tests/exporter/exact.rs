@@ -1,4 +1,4 @@
-//! A continuous-time model with its solution in closed form, and states that start by the parameters.
+//! A continuous-time model with a closed-form solution, and states whose start values follow from parameters.
 
 use fmu::prelude::*;
 use fmu::testing::abi::Export;
@@ -66,7 +66,7 @@ impl Continuous for Lag {
 
 #[test]
 fn a_step_of_any_length_is_exact() {
-    // Closed form; the same step in parts differs by a few roundings of numbers of order 1.
+    // Closed form. Dividing the step changes only a few roundings of numbers near 1.
     for parts in [1, 3, 1000] {
         let mut fmu = Fmu::<Lag>::ready();
         fmu.set("lag_input", -1.0).unwrap();
@@ -77,7 +77,7 @@ fn a_step_of_any_length_is_exact() {
         assert!((fmu.get("lag_state") - expected).abs() < 1e-13, "{parts}");
         assert!((fmu.get("integral") + 1.5).abs() < 1e-13, "{parts}");
     }
-    // Longer than any number of parts of an integrator allows.
+    // Longer than the maximum number of integration steps would allow.
     let mut fmu = Fmu::<Lag>::ready();
     fmu.step(1e12).unwrap();
     assert_eq!(fmu.get("lag_state"), 0.0);
@@ -123,7 +123,7 @@ fn a_state_can_start_by_a_parameter() {
     );
     fmu.0.exit_initialization().unwrap();
     assert_eq!((fmu.get("lag_state"), fmu.get("integral")), (4.0, 7.0));
-    // A saved state goes on where it was, not at its start.
+    // A saved state continues from its values, not from the start values.
     fmu.step(0.5).unwrap();
     let (bytes, state) = (fmu.bytes(), fmu.get("lag_state"));
     let mut copy = Fmu::<Lag>::new();
@@ -145,7 +145,8 @@ fn the_description_tells_which_states_are_calculated() {
     assert!(variable("lag_state").contains("initial=\"calculated\"") && !variable("lag_state").contains("start="));
     assert!(variable("integral").contains("initial=\"exact\"") && variable("integral").contains("start=\"0.0\""));
     // Variables: 1 time constant, 2 initial, 3 input, 4 error, 5 state, 6 integral, 7 and 8 their derivatives. At the
-    // start the state follows from the fixed parameter, and what depends on the state from the parameters.
+    // start, the state depends on the fixed parameter, and unknowns that depend on the state therefore on the
+    // parameters.
     let initial = &xml[xml.find("<InitialUnknowns>").unwrap()..];
     for line in [
         "<Unknown index=\"4\" dependencies=\"1 2 3\"/>",

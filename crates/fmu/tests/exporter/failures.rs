@@ -20,7 +20,7 @@ fn a_step_that_is_not_finite_restores_what_was_before() {
     assert_eq!(fmu.bits(), bits);
     assert!(error_of(fmu.step(0.1)).starts_with("fmi2DoStep called in Step Failed, allowed in Step Mode"));
     assert!(error_of(fmu.set("divisor", 1.0)).starts_with("fmi2SetReal called in Step Failed"));
-    // A saved state brings it back, and the discrete state is the one before the failed step.
+    // A saved state repairs the instance, with the discrete state from before the failed step.
     fmu.0.restore(&before).unwrap();
     fmu.set("divisor", 2.0).unwrap();
     fmu.step(0.1).unwrap();

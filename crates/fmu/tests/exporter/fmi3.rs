@@ -1,5 +1,5 @@
-//! The C interface of FMI 3.0. References: the same model by FMI 2.0, bit for bit; closed forms; the matrix of directional
-//! derivatives.
+//! The C interface of FMI 3.0. References: the same model in FMI 2.0, bit for bit; closed forms; the matrix of
+//! directional derivatives.
 #![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -40,7 +40,7 @@ fmi3! {
     Types: DiscreteTypes, Format::FMI3;
 }
 
-/// A model packed for co-simulation only, as the macro expands it.
+/// A model packed for co-simulation only, as expanded by the macro.
 struct WithoutExchange;
 
 impl Export for WithoutExchange {
@@ -55,7 +55,7 @@ impl Export for WithoutExchange {
 type Messages = Mutex<Vec<String>>;
 
 unsafe extern "C" fn log(environment: *mut c_void, _: c_int, _: *const c_char, message: *const c_char) {
-    // SAFETY: the environment is the list of the test, the message a C string.
+    // SAFETY: the environment is the test's list, the message is a C string.
     let (messages, message) = unsafe { (&*environment.cast::<Messages>(), CStr::from_ptr(message)) };
     messages.lock().unwrap().push(message.to_str().unwrap().to_owned());
 }
@@ -124,7 +124,7 @@ impl<E: Export> Instance<E> {
         unsafe { fmi3::set_float64::<E>(self.component, references.as_ptr(), count, values.as_ptr(), length) }
     }
 
-    /// Status, whether an event is to be handled, whether the step ended early, and the time reached.
+    /// Status, true if an event must be handled, true if the step ended early, and the time reached.
     fn step(&self, time: f64, step: f64) -> (Status, bool, bool, f64) {
         let (mut event, mut end, mut early, mut last) = (7, 7, 7, f64::NAN);
         // SAFETY: a live component and variables to write to.
@@ -133,7 +133,7 @@ impl<E: Export> Instance<E> {
         (status, event == 1, early == 1, last)
     }
 
-    /// Returns true if an event has set states, and the time of the next one.
+    /// Returns true if an event has set states, and the time of the next event.
     fn update(&self) -> (bool, Option<f64>) {
         let (mut flags, mut next) = ([7_u8; 5], f64::NAN);
         let [needs, end, nominals, states, defined] = &mut flags;
@@ -192,8 +192,8 @@ fn co_simulation_has_the_bits_of_fmi_2() {
     }
 }
 
-/// Reference: the same steps without Event Mode, which handles the events inside. The parabola is integrated exactly, so that
-/// only roundings differ where steps are divided: 1e-12 is far above them.
+/// Reference: the same steps without Event Mode, which handle events inside. The parabola is integrated exactly, so
+/// dividing steps changes only rounding errors, which are far below 1e-12.
 #[test]
 fn a_step_returns_early_at_an_event_that_the_importer_handles() {
     let states = ["height", "velocity", "last_bounce"].map(reference::<EqualSteps>);
@@ -229,8 +229,8 @@ fn a_step_returns_early_at_an_event_that_the_importer_handles() {
     assert_eq!(events, ball(2.0).0 as u32);
 }
 
-/// Time events in Event Mode, also when the state is saved between the end of a step and its event, by an instance with or
-/// without Event Mode. Reference: the number of periods.
+/// Time events in Event Mode, also if the state was saved between the end of a step and the event, by an instance with
+/// or without Event Mode. Reference: the number of periods.
 fn time_events_are_handled_once<E: Export>() {
     let edges = reference::<Pulses>("edges");
     let count = |instance: &Instance<E>| {
@@ -274,7 +274,7 @@ fn time_events_are_handled_once<E: Export>() {
         assert_eq!(handle(instance), (false, Some(3.0 * 0.1)));
         assert_eq!(count(instance), 2);
     }
-    // An instance that handles its events in its steps has handled those at the end of the last one.
+    // An instance that handles events inside its steps has also handled the events at the end of the last step.
     let inside = Instance::<E>::co_simulation(false).initialized();
     assert_eq!(inside.step(0.0, 0.2), (Status::Ok, false, false, 0.2));
     let outside = Instance::<E>::co_simulation(true);
@@ -308,7 +308,7 @@ fn the_adjoint_derivative_is_the_transposed_matrix() {
     let layout = &CartPair::description().layout;
     let of = |range: std::ops::Range<usize>| range.map(|index| index as u32).collect::<Vec<_>>();
     let unknowns = [of(layout.outputs.reals()), of(layout.derivatives.reals()), of(layout.states.reals())].concat();
-    // The time is known too.
+    // The time is a known variable, too.
     let knowns = [of(layout.inputs.reals()), of(layout.states.reals()), vec![layout.end]].concat();
     let unit = |count: usize, at: usize| (0..count).map(|i| f64::from(u8::from(i == at))).collect::<Vec<_>>();
     let columns: Vec<Vec<f64>> = (0..knowns.len())
@@ -321,7 +321,7 @@ fn the_adjoint_derivative_is_the_transposed_matrix() {
     for row in 0..unknowns.len() {
         let seed = unit(unknowns.len(), row);
         let adjoint = instance.derivative(Function::GetAdjointDerivative, &unknowns, &knowns, &seed);
-        // Sums with one term that is not zero are exact.
+        // Sums with only one nonzero term are exact.
         assert_eq!(adjoint, columns.iter().map(|column| column[row]).collect::<Vec<_>>());
     }
 }
@@ -352,11 +352,11 @@ fn the_time_and_the_event_indicators_are_variables() {
     let height = reference::<EqualSteps>("height");
     assert_eq!(instance.get(&[layout.end, height, layout.end + 1], &mut values), Status::Ok);
     assert_eq!(values[0], 0.25);
-    // The indicator of the height is the height in parts of its nominal value, 1 m, and 1e-9 further from zero.
+    // The indicator is the height divided by its nominal value, 1 m, shifted by 1e-9 away from zero.
     assert!((values[2] - values[1] - 1e-9).abs() < 1e-9, "{values:?}");
     assert_eq!(instance.get(&[layout.end + 2], &mut values[..1]), Status::Error);
     assert_eq!(instance.set(&[layout.end], &[1.0]), Status::Error);
-    // A call that returns an error writes nothing, whatever precedes the wrong reference.
+    // A call that fails writes nothing, even for valid references before the invalid one.
     let mut values = [7.0; 3];
     assert_eq!(instance.get(&[layout.end, height, u32::MAX], &mut values), Status::Error);
     assert_eq!(values, [7.0; 3]);
@@ -373,7 +373,7 @@ fn messages_about_enumerations_name_their_function() {
     assert!(instance.error().starts_with("fmi3SetInt64: 'p.listed' must be 0 (neutral) or "), "{}", instance.error());
 }
 
-/// Reference: FMI 2.0, whose co-simulation takes the same samples.
+/// Reference: co-simulation in FMI 2.0, which takes the same samples.
 #[test]
 fn samples_are_time_events() {
     let instance = Instance::<Filter>::model_exchange().initialized();
@@ -462,7 +462,7 @@ fn wheels_and_axles_are_terminals() {
     }
     // Local variables and parameters are not signals.
     assert!(!xml.contains("cart_velocity") && !xml.contains("spring.stiffness"), "{xml}");
-    // The packer asks the library for the same text.
+    // The packer gets the same text from the library.
     let asked = abi::model_description::<Carts>(3, 3 | 8);
     // SAFETY: a string that lives until the next call.
     assert_eq!(unsafe { CStr::from_ptr(asked) }.to_str(), Ok(xml.as_str()));

@@ -1,6 +1,6 @@
-//! Results depend neither on which variables were read, nor on the order in which values were set, nor on whether the state was
-//! converted to bytes. Reference: a run that reads nothing before its end, sets values in the order of their declaration, and
-//! stays in one instance. The initial states and derived parameters have closed forms.
+//! Results must not depend on which variables were read, in which order values were set, or whether the state was
+//! converted to bytes. Reference: a run that reads nothing before its end, sets values in the order of their
+//! declaration, and uses one instance. Initial states and derived parameters are compared with closed forms.
 
 use std::path::{Path, PathBuf};
 
@@ -99,10 +99,10 @@ macro_rules! tanks {
                 Ok(Outlet { factor: self.p.discharge * self.p.volume, flows: self.p.is_open })
             }
             fn initialize(&self, derived: &Outlet, state: &mut Levels<f64>) {
-                // A sum over calls, if it did not begin anew.
+                // Accumulates, unless the states start from the same values in each call.
                 state.level += self.p.volume / self.p.area;
                 state.sum += state.level + state.second + derived.factor;
-                state.second = -1.0; // is not calculated
+                state.second = -1.0; // ignored: this state is not calculated
             }
             fn initial_discrete_state(&self, at: At<f64, Self>) -> Alarm {
                 let is_high = at.state.level > 1.0;
@@ -239,7 +239,7 @@ impl Stateful for Store {
     }
 }
 
-/// Pseudorandom numbers (xorshift).
+/// Pseudorandom number generator (xorshift).
 struct Random(u64);
 
 impl Random {
@@ -259,7 +259,7 @@ impl Random {
     }
 }
 
-/// Actions of a run besides setting and stepping.
+/// Variations of a run that must not change its results.
 #[derive(Clone, Copy, Default, Debug)]
 struct Variation {
     reads: bool,
@@ -279,7 +279,7 @@ struct Run<E: Export> {
 impl<E: Export> Run<E> {
     fn instance(protocol: Protocol) -> Instance<E::Model> {
         let instance = Instance::new(protocol, E::description(), PathBuf::new());
-        // Event Mode, where version and model have it.
+        // Event Mode, if version and model have it.
         if protocol == Protocol::CS3 && E::Model::HAS_EVENTS { instance.with_event_mode() } else { instance }
     }
 
@@ -323,7 +323,7 @@ impl<E: Export> Run<E> {
         if self.variation.moves && self.random.below(3) == 0 {
             let snapshot = self.instance.snapshot().unwrap();
             let bytes = self.instance.serialize(&snapshot).unwrap();
-            // An instance with another past.
+            // Continues in an instance with a different history.
             let mut other = Self::instance(self.protocol);
             other.set_real(&[reference::<E>("volume")], &[7.0]).unwrap();
             other.enter_initialization().unwrap();
@@ -336,7 +336,7 @@ impl<E: Export> Run<E> {
             if self.random.below(2) == 0 {
                 self.instance = other;
             } else {
-                // Away and back.
+                // Restores an earlier state, then the present one.
                 let kept = self.instance.snapshot().unwrap();
                 self.instance.restore(&snapshot).unwrap();
                 self.instance.restore(&kept).unwrap();
@@ -344,7 +344,7 @@ impl<E: Export> Run<E> {
         }
     }
 
-    /// Sets random values of everything that may be set now.
+    /// Sets all variables that can be set now to random values.
     fn set(&mut self, values: &mut Random, is_before_start: bool) {
         let description = E::description();
         let mut sets = Vec::new();
@@ -401,7 +401,7 @@ impl<E: Export> Run<E> {
         if self.is_exchange() { self.instance.enter_continuous_time_mode() } else { self.instance.enter_step_mode() }
     }
 
-    /// Runs a whole simulation and returns the values at its end.
+    /// Runs a simulation and returns the values at its end.
     fn run(&mut self, seed: u64) -> Result<Vec<u64>, CallError> {
         let mut values = Random(seed);
         self.set(&mut values, true);
@@ -464,7 +464,7 @@ impl<E: Export> Run<E> {
 
 const CO_SIMULATION: [Protocol; 2] = [Protocol::CS2, Protocol::CS3];
 
-/// Number of seeds of each protocol; `FMU_TEST_FACTOR` multiplies it.
+/// Number of seeds for each protocol, multiplied by `FMU_TEST_FACTOR`.
 fn seeds() -> u64 {
     39 * std::env::var("FMU_TEST_FACTOR").map_or(1, |factor| factor.parse::<u64>().unwrap())
 }
@@ -495,7 +495,7 @@ fn check<E: Export>(protocols: &[Protocol]) {
 fn results_of_continuous_time_models_depend_on_the_values_alone() {
     check::<Classical>(&Protocol::ALL);
     check::<Controlled>(&Protocol::ALL);
-    // Model exchange has the solver of the importer.
+    // Not in model exchange, where the importer's solver is used.
     check::<Stiff>(&CO_SIMULATION);
 }
 
@@ -510,7 +510,7 @@ fn results_of_stateful_models_depend_on_the_values_alone() {
     check::<Store>(&CO_SIMULATION);
 }
 
-/// level(0) = volume/area, whatever was read before.
+/// level(0) = volume/area, independent of what was read before.
 #[test]
 fn calculated_states_follow_tunable_parameters() {
     for reads in [false, true] {
@@ -538,7 +538,7 @@ fn derived_parameters_follow_tunable_ones_after_the_start() {
     fmu.set_boolean("is_open", false).unwrap();
     assert_eq!((fmu.get("level"), fmu.get("factor")), (2.0, 0.25));
     assert!(!fmu.0.get_boolean(reference::<Classical>("flows")).unwrap());
-    // Nothing flows out: level' = (inflow + at_start/100)/area, and at_start = 0.25 + 0.6.
+    // No outflow: level' = (inflow + at_start/100)/area, at_start = 0.25 + 0.6.
     fmu.set("inflow", 0.0).unwrap();
     fmu.step(0.125).unwrap();
     assert!((fmu.get("level") - (2.0 + 0.125 * 0.0085 / 0.5)).abs() < 1e-15);
@@ -549,7 +549,7 @@ fn derived_parameters_follow_tunable_ones_after_the_start() {
     assert!((filter.get("y") - (1.0 + 0.3) * (1.0 - 0.6)).abs() < 1e-15);
 }
 
-/// A run in Rust has the bits of the FMU.
+/// A run in Rust is bit-identical to the FMU.
 #[test]
 fn derived_parameters_of_a_run_in_rust_follow_tunable_ones() {
     let tank = |discharge| Classical { p: Tank { volume: 2.0, area: 0.5, discharge, is_open: true } };
@@ -565,7 +565,8 @@ fn derived_parameters_of_a_run_in_rust_follow_tunable_ones() {
     }
 }
 
-/// FMI 2.0.4, sections 2.2.7 and 2.2.8: what changes with a tunable parameter is tunable, and depends on it at the start.
+/// FMI 2.0.4, sections 2.2.7 and 2.2.8: a variable that changes with a tunable parameter is tunable, and depends on it
+/// at the start.
 #[test]
 fn the_description_has_the_dependencies_on_tunable_parameters() {
     let xml = &Classical::description().xml;
@@ -598,7 +599,7 @@ fn the_tolerance_of_the_experiment_is_that_of_the_solver() {
             fmu.set("tolerance", set).unwrap();
         }
         if is_before {
-            // Also by way of bytes.
+            // Also after conversion to bytes.
             let snapshot = fmu.0.deserialize(&fmu.bytes()).unwrap();
             fmu = Fmu::new();
             fmu.0.restore(&snapshot).unwrap();
@@ -616,7 +617,7 @@ fn the_tolerance_of_the_experiment_is_that_of_the_solver() {
         assert_eq!(fine.get("tolerance"), 1e-9);
         assert_ne!(fine.get("level").to_bits(), usual.get("level").to_bits());
         assert_eq!(fine.bits(), starting(None, Some(1e-9), is_before).bits());
-        // The parameter takes precedence, even with the value that it has.
+        // Setting the parameter takes precedence, even to its present value.
         assert_eq!(starting(Some(1e-3), Some(1e-9), is_before).bits(), fine.bits());
         assert_eq!(starting(Some(1e-3), Some(1e-6), is_before).bits(), usual.bits());
     }
@@ -625,6 +626,6 @@ fn the_tolerance_of_the_experiment_is_that_of_the_solver() {
         let message = error_of(fmu.0.set_experiment(Function::SetupExperiment, 0.0, None, Some(tolerance)));
         assert!(message.contains("fmi2SetupExperiment: tolerance must be finite and above 0, got"), "{message}");
     }
-    // No solver uses it.
+    // This solver does not use the tolerance, so any value is accepted.
     Fmu::<Classical>::new().0.set_experiment(Function::SetupExperiment, 0.0, None, Some(0.0)).unwrap();
 }

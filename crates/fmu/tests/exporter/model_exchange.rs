@@ -1,5 +1,5 @@
-//! Model exchange through the safe instance, integrated by the small importer of this file. References: closed forms, the
-//! definition of a relation, and co-simulation of the same model.
+//! Model exchange with [`Instance`] and the small importer in this file. References: closed forms, the definition of a
+//! relation, and co-simulation of the same model.
 
 use std::path::PathBuf;
 
@@ -43,7 +43,7 @@ impl<E: Export> Importer<E> {
         importer
     }
 
-    /// Handles the events of the present time.
+    /// Handles the events at the present time.
     fn update(&mut self) {
         self.next_event = self.instance.new_discrete_states().unwrap().next_event_time;
         self.instance.enter_continuous_time_mode().unwrap();
@@ -135,8 +135,8 @@ fn discarded<V: std::fmt::Debug>(answer: Result<V, CallError>) -> String {
     }
 }
 
-/// A declared zero crossing is an event. The method is exact for a parabola, and the indicator of a bounce is 1e-9 of the
-/// nominal height off zero: at 3 m/s a bounce is found 3e-10 s late, and each bounce adds as much.
+/// A declared zero crossing is an event. The method is exact for a parabola. An event is detected 1e-9 nominal heights
+/// late, so at 3 m/s each bounce adds an error of 3e-10 s.
 #[test]
 fn a_bouncing_ball_follows_its_closed_form() {
     let mut importer = Importer::<EqualSteps>::starting(0.0, &[]);
@@ -228,7 +228,7 @@ fn relay(is_double: bool, state: [f64; 2], current: f64) -> Importer<Relay> {
 }
 
 proptest! {
-    /// Reference: the relations, written down again. The indicators that a mode of the model leaves over are 1.
+    /// Reference: the same relations, computed in the test. Unused indicators are 1.
     #[test]
     fn each_indicator_has_the_sign_of_its_relation(
         charge in -2.0..2.0, other in -2.0..2.0, current in -1.0..1.0, is_double: bool,
@@ -246,14 +246,14 @@ proptest! {
             prop_assert!(*indicator != 0.0);
         }
         prop_assert!(indicators[expected.len()..].iter().all(|&indicator| indicator == 1.0));
-        // Scaled by the change of the difference that belongs to the nominal values: 2 for the charge. PROBE of 1e-6
-        // leaves ten digits.
+        // The scale is the change of the difference if the charge changes by its nominal value, 2. With a PROBE of
+        // 1e-6, ten digits are correct.
         let scaled = (charge - 0.5) / 2.0;
         prop_assert!((indicators[0] - scaled).abs() < 1e-9 * (1.0 + scaled.abs()) + 1e-9);
     }
 }
 
-/// Between events the equations are those of the side the last event left, beyond the threshold too.
+/// Between events, relations keep their sides, even beyond the threshold.
 #[test]
 fn relations_keep_their_sides_between_events() {
     let mut importer = relay(false, [0.0, 1.0], 0.0);
@@ -271,8 +271,8 @@ fn relations_keep_their_sides_between_events() {
     assert_eq!((slope(&mut importer), importer.get("contact")), (-2.0, 1.0));
 }
 
-/// Closed form: the charge rises with slope 1 to the threshold, where slope -2 drives it back. From there on it slides along the
-/// threshold from event to event, within 1e-9 of its nominal value 2 C.
+/// Closed form: the charge rises with slope 1 to the threshold, where it falls with slope -2. From there it stays at
+/// the threshold, from event to event, within 1e-9 of its nominal value 2 C.
 #[test]
 fn a_relation_is_an_event_where_its_operands_are_equal() {
     let mut importer = relay(false, [0.0, 0.0], 0.0);
@@ -308,7 +308,7 @@ impl Continuous for Latch {
     }
 }
 
-/// Reference: the equations; one relation, or three.
+/// Reference: the equations have one relation or three.
 #[test]
 fn the_indicators_are_those_of_the_mode_with_the_most_relations() {
     assert_eq!(Latch::description().layout.indicators.total(), 3);
@@ -332,7 +332,7 @@ fn what_is_not_finite_is_discarded_so_that_a_solver_can_shorten_its_step() {
         "fmi2SetReal: 'charge' must be finite, got NaN"
     );
     importer.instance.set_real(&[reference::<Relay>("current")], &[f64::MAX]).unwrap();
-    // It goes on as if nothing had happened.
+    // The instance continues normally.
     importer.go_to(0.1, &[0.0, 0.5]);
     assert_eq!(importer.get("ratio"), 2.0);
     let mut cart = Importer::<CartPair>::starting(0.0, &[]);
@@ -341,7 +341,7 @@ fn what_is_not_finite_is_discarded_so_that_a_solver_can_shorten_its_step() {
     assert!(message.starts_with("fmi2GetDerivatives: 'der(cart_velocity.l)' = "), "{message}");
 }
 
-/// CasADi sets continuous states so. Reference: the closed form of an output, 1 / other.
+/// CasADi sets continuous states in this way. Reference: the closed form of an output, 1 / other.
 #[test]
 fn states_can_be_set_one_by_one() {
     let mut importer = relay(false, [0.0, 1.0], 0.0);
@@ -367,8 +367,8 @@ impl Continuous for Stop {
     }
 }
 
-/// Derivatives are those of the equations that a solver sees. Reference: closed form, -1 in front of the stop and -3 behind
-/// it; `max` is a kink and follows the values.
+/// Derivatives are computed for the equations that a solver sees, with frozen relations. Closed form: -1 in front of
+/// the stop and -3 behind it; `max` is not a relation and follows the values.
 #[test]
 fn directional_derivatives_keep_the_sides_of_relations() {
     let mut importer = Importer::<Stop>::starting(0.0, &[("charge", -1.0)]);
@@ -411,7 +411,7 @@ fn samples_are_time_events_with_the_bits_of_co_simulation() {
         for name in ["filter_output", "filter_time"] {
             assert_eq!(importer.get(name).to_bits(), co_simulation.get(name).to_bits(), "{name} at {time} s");
         }
-        // Between samples nothing changes, and a second event takes no second sample.
+        // Nothing changes between samples; an event there does not take a sample.
         importer.instance.set_time(time + 0.4 * period).unwrap();
         importer.event();
         assert_eq!(importer.get("filter_output").to_bits(), co_simulation.get("filter_output").to_bits());
@@ -429,7 +429,7 @@ fn declared_time_events_are_handled_at_their_times() {
     for k in 1..=40_i32 {
         pulses.run(f64::from(k) * 0.1 + 0.05, 0.03);
         assert_eq!((edges(&mut pulses), pulses.next_event), (k, Some(f64::from(k + 1) * 0.1)));
-        // The integral of a pulse train that is on in [T, 2T), [3T, 4T), …; sums of a few hundred terms, each rounded.
+        // The integral of a pulse train that is on in [T, 2T), [3T, 4T), …: a sum of a few hundred rounded terms.
         let charge = 0.1 * f64::from(k / 2) + if k % 2 == 1 { 0.05 } else { 0.0 };
         assert!((pulses.get("charge") - charge).abs() < 1e-12, "{} {charge}", pulses.get("charge"));
     }
@@ -437,7 +437,7 @@ fn declared_time_events_are_handled_at_their_times() {
     clocked.run(3.05, 0.07);
     assert_eq!(edges(&mut clocked), 21); // 1.0, 1.1, …, 3.0
 
-    // Due at the time of the saved state, and not handled yet.
+    // The event is due when the state is saved, but is not handled yet.
     let mut importer = Importer::<Pulses>::starting(0.0, &[]);
     let states = importer.states();
     importer.go_to(0.1, &states);
@@ -470,7 +470,7 @@ impl Continuous for Gears {
     }
 }
 
-/// Reference: the equations. A Boolean of the discrete state is tried with both values, an Integer keeps its value.
+/// Both values of a Boolean in the discrete state are tried; an Integer keeps its value.
 #[test]
 fn equations_need_not_work_for_every_integer_of_the_discrete_state() {
     assert_eq!(Gears::description().layout.indicators.total(), 1);
@@ -496,7 +496,7 @@ impl Continuous for Switches {
     }
 }
 
-/// Reference: the equations. Of 2^13 combinations the start values are tried, and each value alone.
+/// Of 2^13 combinations, only those are tried in which at most one parameter differs from its start value.
 #[test]
 fn with_many_parameters_the_start_values_count() {
     assert_eq!(Switches::description().layout.indicators.total(), 13);

@@ -1,4 +1,4 @@
-//! The system calls that the sandbox restricts, and the filter that finds them.
+//! The system calls that the sandbox restricts, and the filter for them.
 
 use libc::{c_long, sock_filter};
 
@@ -8,16 +8,16 @@ pub(super) enum Condition {
     Always,
     /// One of these bits of an argument is set.
     Bits(usize, u32),
-    /// An argument has this value under a mask.
+    /// An argument has this value after applying a mask (argument, mask, value).
     Is(usize, u32, u32),
-    /// An argument is neither 0 nor the number of the worker.
+    /// An argument is neither 0 nor the worker's process ID.
     OtherProcess(usize),
     /// A pointer is not null.
     Pointer(usize),
 }
 use Condition::{Always, Bits, Is, OtherProcess, Pointer};
 
-/// Arguments that name a file: the descriptor of the folder in which a relative path starts, and the path.
+/// Arguments that specify a file: the descriptor of the folder in which a relative path starts, and the path.
 pub(super) type Place = (Option<usize>, usize);
 
 /// The effect of a call, and its arguments.
@@ -25,23 +25,25 @@ pub(super) type Place = (Option<usize>, usize);
 pub(super) enum Kind {
     /// Starts a program.
     Program(Place),
-    /// Opens a way to other programs or machines. The argument is the address family.
+    /// Communicates with other programs or machines. The argument is the address family.
     Network(Option<usize>),
-    /// Opens a file, maybe to write. The argument has the flags; `None`: they start the structure behind the path.
+    /// Opens a file, maybe for writing. The argument contains the flags; if `None`, they are at the start of the
+    /// structure that follows the path.
     Open(Place, Option<usize>),
-    /// Makes, changes, removes or renames files.
+    /// Creates, changes, deletes or renames files.
     Change(&'static [Place]),
-    /// Changes mode, owner, times or attributes of a file, which Landlock does not control.
+    /// Changes the mode, owner, times or attributes of a file, which Landlock does not restrict.
     Attributes(Place),
-    /// The same, of an open file.
+    /// Like `Attributes`, for an open file.
     AttributesOfOpen(usize),
     /// Sends a signal (second argument) to a process or a group.
     Signal(usize, usize),
-    /// Sends a signal to the process of a descriptor.
+    /// Sends a signal to a process specified by a descriptor.
     SignalByDescriptor(usize),
-    /// Changes the scheduling of the process in the first argument, or in the second one if the first has this value.
+    /// Changes the scheduling of a process. With `None`, the first argument is the process. Otherwise it is the second
+    /// argument, and the first one must have this value.
     Schedule(Option<i32>),
-    /// Has no use in a harmless FMU.
+    /// Has no legitimate use in an FMU.
     Other,
 }
 use Kind::{Attributes, AttributesOfOpen, Change, Network, Open, Other, Program, Schedule, Signal, SignalByDescriptor};
@@ -54,10 +56,10 @@ pub(super) struct Call {
     pub(super) kind: Kind,
 }
 
-/// Flags of open(2) that ask for a change.
+/// Flags of open(2) for writing.
 pub(super) const WRITES: i32 = libc::O_WRONLY | libc::O_RDWR | libc::O_CREAT | libc::O_TRUNC;
 
-/// `AUDIT_ARCH_*` of this processor: the calls of no other interface of the kernel have these numbers.
+/// `AUDIT_ARCH_*` of this processor. Other system-call interfaces, with other numbers, are denied.
 const ARCHITECTURE: Option<u32> = if cfg!(target_arch = "x86_64") {
     Some(0xc000_003e)
 } else if cfg!(target_arch = "aarch64") {
@@ -66,7 +68,7 @@ const ARCHITECTURE: Option<u32> = if cfg!(target_arch = "x86_64") {
     None
 };
 
-/// Bit of the numbers of x32, another interface of the kernel for the same processor.
+/// Bit in the call numbers of x32, another system-call interface of the same processor.
 const X32: u32 = 0x4000_0000;
 
 macro_rules! calls {
@@ -80,7 +82,7 @@ macro_rules! calls {
     };
 }
 
-/// Another processor, whose calls are not listed here.
+/// The calls of other processors are not listed here.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 pub(super) fn restricted() -> Option<Vec<Call>> {
     None
@@ -88,7 +90,7 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
 
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 pub(super) fn restricted() -> Option<Vec<Call>> {
-    // Numbers without a name in the C libraries that programs are built with.
+    // Calls that are too new to have a name in the C library.
     let newer = [(452, "fchmodat2"), (463, "setxattrat"), (466, "removexattrat"), (468, "file_setattr")];
     let newer = newer.map(|(number, name)| Call { number, name, condition: Always, kind: Attributes((Some(0), 1)) });
     let mut list = newer.to_vec();
@@ -96,7 +98,7 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
         SYS_execve if Always => Program((None, 0)),
         SYS_execveat if Always => Program((Some(0), 1)),
         SYS_socket if Always => Network(Some(0)),
-        // A pair of sockets is connected within the process, but those of datagrams can be sent elsewhere.
+        // A pair of sockets is connected within the process, but datagram sockets can send to other addresses.
         SYS_socketpair if Is(1, 0xf, SOCK_DGRAM) => Network(Some(0)),
         SYS_connect | SYS_bind | SYS_listen | SYS_accept | SYS_accept4 if Always => Network(None),
         SYS_sendto if Pointer(4) => Network(None),
@@ -121,27 +123,27 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
         SYS_ioprio_set if OtherProcess(1) => Schedule(Some(IOPRIO_WHO_PROCESS)),
         SYS_ioprio_set if Is(0, u32::MAX, IOPRIO_WHO_USER) => Schedule(Some(IOPRIO_WHO_PROCESS)),
         SYS_prlimit64 if OtherProcess(0) => Other,
-        // Both put characters into the input of the terminal.
+        // Both can inject input into the terminal.
         SYS_ioctl if Is(1, u32::MAX, TIOCSTI) => Other,
         SYS_ioctl if Is(1, u32::MAX, TIOCLINUX) => Other,
-        // Other processes.
+        // Access to other processes.
         SYS_ptrace | SYS_process_vm_readv | SYS_process_vm_writev | SYS_process_madvise | SYS_pidfd_getfd
             if Always => Other,
         // Namespaces and file systems.
         SYS_setns | SYS_unshare | SYS_mount | SYS_umount2 | SYS_mount_setattr | SYS_move_mount | SYS_open_tree
             | SYS_fsopen | SYS_fspick | SYS_fsconfig | SYS_fsmount | SYS_pivot_root | SYS_chroot
             | SYS_open_by_handle_at | SYS_quotactl if Always => Other,
-        // The machine, its kernel and its keys. The requests of `io_uring` bypass the filter.
+        // The machine, its kernel and its keys; `io_uring`, whose requests bypass the filter.
         SYS_acct | SYS_swapon | SYS_swapoff | SYS_reboot | SYS_kexec_load | SYS_init_module | SYS_finit_module
             | SYS_delete_module | SYS_bpf | SYS_perf_event_open | SYS_userfaultfd | SYS_io_uring_setup
             | SYS_sethostname | SYS_setdomainname | SYS_settimeofday | SYS_clock_settime | SYS_clock_adjtime
             | SYS_adjtimex | SYS_syslog | SYS_vhangup | SYS_add_key | SYS_request_key | SYS_keyctl if Always => Other,
-        // Memory, messages and semaphores of other programs have no path, and their numbers can be guessed.
+        // Shared memory, messages and semaphores of other programs: these have no paths, and their IDs can be guessed.
         SYS_shmget | SYS_shmat | SYS_shmctl | SYS_msgget | SYS_msgsnd | SYS_msgrcv | SYS_msgctl | SYS_semget
             | SYS_semop | SYS_semtimedop | SYS_semctl | SYS_mq_open | SYS_mq_unlink | SYS_mq_notify
             | SYS_mq_timedreceive if Always => Other,
     });
-    // Later processors have none of these.
+    // Old calls, which newer processors do not have.
     #[cfg(target_arch = "x86_64")]
     list.extend(calls! {
         SYS_open if Bits(1, WRITES as u32) => Open((None, 0), Some(1)),
@@ -155,17 +157,17 @@ pub(super) fn restricted() -> Option<Vec<Call>> {
     Some(list)
 }
 
-// As constants of the arguments' type.
+// Constants converted to the type of arguments.
 const SOCK_DGRAM: u32 = libc::SOCK_DGRAM as u32;
 const TIOCSTI: u32 = libc::TIOCSTI as u32;
 const TIOCLINUX: u32 = libc::TIOCLINUX as u32;
-/// From `linux/resource.h` and `linux/ioprio.h`: the C libraries disagree about the types.
+/// From `linux/resource.h` and `linux/ioprio.h`. Defined here because their types differ between C libraries.
 const PRIO_PROCESS: i32 = 0;
 const PRIO_USER: u32 = 2;
 const IOPRIO_WHO_PROCESS: i32 = 1;
 const IOPRIO_WHO_USER: u32 = 3;
 
-/// Offsets in `struct seccomp_data`: number of the call, interface of the kernel, lower and upper half of an argument.
+/// Offsets in `struct seccomp_data`: call number, `AUDIT_ARCH_*`, and lower and upper half of an argument.
 const NUMBER: u32 = 0;
 const INTERFACE: u32 = 4;
 const fn lower(argument: usize) -> u32 {
@@ -187,14 +189,15 @@ fn statement(code: u32, k: u32) -> sock_filter {
     sock_filter { code: code as u16, jt: 0, jf: 0, k }
 }
 
-/// Jumps over `jt` instructions if the comparison holds, otherwise over `jf`.
+/// Skips `jt` instructions if the comparison is true, otherwise `jf` instructions.
 fn jump(comparison: u32, k: u32, jt: u8, jf: u8) -> sock_filter {
     sock_filter { code: (libc::BPF_JMP | comparison | libc::BPF_K) as u16, jt, jf, k }
 }
 
 const DENY: u32 = libc::SECCOMP_RET_ERRNO | libc::EPERM as u32;
 
-/// The filter. With `listens` restricted calls wait for the guard; without, they fail, except those that Landlock decides.
+/// The filter. With `listens`, restricted calls wait for the guard. Otherwise they fail, except those that Landlock
+/// restricts.
 pub(super) fn filter(calls: &[Call], worker: u32, listens: bool) -> Vec<sock_filter> {
     let allow = libc::SECCOMP_RET_ALLOW;
     let mut filter =
@@ -208,7 +211,7 @@ pub(super) fn filter(calls: &[Call], worker: u32, listens: bool) -> Vec<sock_fil
             Open(..) | Change(_) => continue,
             _ => DENY,
         };
-        // Each part ends in an action, or is jumped over.
+        // The instructions for a call return an action or fall through to the next call.
         let rest = match call.condition {
             Always => vec![finish(action)],
             Bits(argument, bits) => {

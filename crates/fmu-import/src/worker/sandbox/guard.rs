@@ -1,4 +1,4 @@
-//! Decides about restricted system calls, in the supervisor.
+//! Decides about restricted system calls; runs in the supervisor.
 
 use super::super::family;
 use super::super::setup::{Incident, note};
@@ -21,11 +21,11 @@ use std::os::unix::fs::FileExt as _;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 
-/// Most different incidents that are noted. An FMU may ask for a new file in each step.
+/// Maximum number of different incidents that are recorded. An FMU may try to write a new file in each step.
 const MAX_INCIDENTS: usize = 100;
-/// Most links that the kernel follows from one path.
+/// Maximum number of links that the kernel follows for a path.
 const MAX_LINKS: usize = 40;
-/// Longest path, bytes (`PATH_MAX`).
+/// Maximum length of a path, bytes (`PATH_MAX`).
 const MAX_PATH: usize = 4096;
 
 pub(super) fn hand_over(supervisor: &UnixStream, listener: &OwnedFd, has_landlock: bool) -> io::Result<()> {
@@ -41,24 +41,24 @@ pub(in super::super) struct Guard {
     listener: OwnedFd,
     calls: HashMap<i64, Call>,
     writable: Vec<PathBuf>,
-    /// True if the kernel decides about files, too.
+    /// True if Landlock also restricts changes to files.
     has_landlock: bool,
     board: File,
     noted: HashSet<Incident>,
 }
 
 enum Decision {
-    /// The kernel carries it out, within the limits of Landlock.
+    /// The call continues, within the limits of Landlock.
     GoesOn,
-    /// It fails; the text is noted.
+    /// The call fails with this error number, and the action is recorded.
     Denied(i32, String),
-    /// It fails, and nothing is noted.
+    /// The call fails with this error number.
     Fails(i32),
 }
 use Decision::{Denied, Fails, GoesOn};
 
 impl Guard {
-    /// Takes the listener that the worker hands over; `None`: it has none.
+    /// Receives the listener from the worker; `None` if the worker has none.
     pub(in super::super) fn receive(from: UnixStream, folders: &[PathBuf], board: &Path) -> io::Result<Option<Self>> {
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
         let mut message = RecvAncillaryBuffer::new(&mut space);
@@ -72,7 +72,7 @@ impl Guard {
         });
         let listener = descriptors.next().and_then(|mut descriptors| descriptors.next());
         let Some(listener) = listener.filter(|_| received.bytes == 1) else { return Ok(None) };
-        // With links resolved.
+        // Resolves links.
         let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
         let writable = folders.iter().map(PathBuf::as_path).chain(SINKS.map(Path::new)).map(real).collect();
         let calls = restricted().unwrap_or_default().into_iter().map(|call| (call.number, call)).collect();
@@ -80,7 +80,7 @@ impl Guard {
         Ok(Some(Self { listener, calls, writable, has_landlock: byte[0] != 0, board, noted: HashSet::new() }))
     }
 
-    /// Readable when a call waits.
+    /// A descriptor that is readable when a call waits.
     pub(in super::super) fn listener(&self) -> BorrowedFd<'_> {
         self.listener.as_fd()
     }
@@ -91,7 +91,7 @@ impl Guard {
             Some(call) => self.decision(call, Caller(&waiting)),
             None => Fails(libc::EPERM),
         };
-        // Otherwise the data belongs to another thread, and nobody waits for the answer.
+        // If the call no longer waits, its thread ID may belong to another thread, whose memory was read.
         if !linux::is_waiting(self.listener(), &waiting) {
             return;
         }
@@ -137,7 +137,7 @@ impl Guard {
                     Some(Err(error)) => return Fails(error),
                     None => return self.unknown(name),
                 };
-                // Without the file there is nothing to change, and the kernel reports the error.
+                // If the file does not exist and is not created, the kernel reports the error.
                 let is_missing = flags & libc::O_CREAT == 0 && !path.exists();
                 if is_missing || self.is_writable(&path) { GoesOn } else { denied_change(&path, name) }
             }
@@ -153,12 +153,12 @@ impl Guard {
                 GoesOn
             }
             Kind::Attributes(place) => {
-                // `utimensat` without a path is for the file of the descriptor.
+                // `utimensat` without a path changes the file of the descriptor.
                 let path = match (place.0, caller.0.arguments[place.1]) {
                     (Some(descriptor), 0) => caller.open_file(caller.integer(descriptor)),
                     _ => caller.path(place, true).and_then(Result::ok),
                 };
-                // Another thread might replace the path before the kernel reads it, so these calls never go on.
+                // These calls never continue, because another thread could replace the path before the kernel reads it.
                 match path {
                     Some(path) if path.exists() => denied_change(&path, name),
                     _ => Fails(libc::ENOENT),
@@ -185,7 +185,7 @@ impl Guard {
         }
     }
 
-    /// Decides about a file whose path cannot be read: with Landlock, the kernel decides.
+    /// Decides about a file whose path cannot be read: with Landlock, the call continues.
     fn unknown(&self, name: &str) -> Decision {
         if self.has_landlock {
             GoesOn
@@ -202,7 +202,7 @@ impl Guard {
         };
         match signal {
             _ if is_own => GoesOn,
-            // Tests whether the process exists.
+            // Signal 0 only tests if the process exists.
             0 => Fails(libc::EPERM),
             _ => {
                 let whom = match target {
@@ -217,7 +217,7 @@ impl Guard {
     }
 
     fn is_writable(&self, path: &Path) -> bool {
-        // Pipes, sockets and the like have names that are not paths; the caller has them open.
+        // Pipes and sockets, which the caller has open, have names that are not absolute paths.
         !path.is_absolute() || self.writable.iter().any(|folder| path.starts_with(folder))
     }
 }
@@ -239,7 +239,7 @@ fn family_name(family: i32) -> String {
 struct Caller<'a>(&'a Waiting);
 
 impl Caller<'_> {
-    /// The lower half of an argument.
+    /// The lower half of an argument, which is an `int` in C.
     #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
     fn integer(&self, argument: usize) -> i32 {
         self.0.arguments[argument] as u32 as i32
@@ -260,7 +260,7 @@ impl Caller<'_> {
         let mut text = Vec::new();
         let mut address = self.0.arguments[argument];
         while text.len() < MAX_PATH {
-            // Not beyond the end of a page: the next one may not be there.
+            // Does not read beyond the end of a page, because the next page may not be mapped.
             let mut bytes = vec![0; usize::try_from(256 - address % 256).ok()?];
             memory.read_exact_at(&mut bytes, address).ok()?;
             if let Some(end) = bytes.iter().position(|byte| *byte == 0) {
@@ -284,10 +284,11 @@ impl Caller<'_> {
         std::fs::read_link(format!("/proc/{}/{name}", self.0.thread)).ok()
     }
 
-    /// The real path of a file that arguments name; `follows`: also behind a link at its end. `None`: it cannot be read.
+    /// The real path of the file that the arguments specify; `None` if it cannot be read. With `follows`, resolves a
+    /// link at its end.
     ///
     /// # Errors
-    /// The number of the error that the call has: the folder of the file does not exist, for example.
+    /// The error number with which the call must fail, for example because the folder does not exist.
     fn path(&self, (folder, path): Place, follows: bool) -> Option<Result<PathBuf, i32>> {
         let path = PathBuf::from(self.text(path)?);
         let own = [("/dev/stdin", "fd/0"), ("/dev/stdout", "fd/1"), ("/dev/stderr", "fd/2")];
@@ -311,7 +312,7 @@ impl Caller<'_> {
         if follows && let Ok(real) = path.canonicalize() {
             return Some(Ok(real));
         }
-        // A link to a file that does not exist yet: the kernel makes that file.
+        // For a link to a file that does not exist, the kernel creates the file.
         let mut path = path;
         for _ in 0..MAX_LINKS {
             match path.read_link() {
