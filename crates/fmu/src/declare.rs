@@ -217,7 +217,7 @@ pub fn start<S>(start: impl Into<S>) -> S {
 /// A number as the start value of a variable of type `S`.
 #[doc(hidden)]
 #[diagnostic::on_unimplemented(
-    message = "a number is not a start value of a variable of type `{S}`",
+    message = "a number is not a start value for a variable of type `{S}`",
     label = "expected a value of type `{S}`"
 )]
 pub trait NumberFor<S> {

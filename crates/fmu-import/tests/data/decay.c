@@ -1,10 +1,10 @@
-/* A small FMU, written by hand, for co-simulation and model exchange, of FMI 2.0 or 3.0 (the macro FMI).
-   x' = -k x from x(0) = 1; as soon as x <= 0.5, an event adds 1 to x and to count. A step of co-simulation is exact:
-   x(t) = x(0) exp(-k t), so that events are at ln(x / 0.5) / k.
+/* A small hand-written FMU for co-simulation and model exchange. The macro FMI selects FMI 2.0 or 3.0.
+   x' = -k x, x(0) = 1; when x falls to 0.5, an event adds 1 to x and to count. Co-simulation uses the exact solution
+   x(t) = x(0) exp(-k t), so events are at ln(x / 0.5) / k.
    Outputs: y = x + u, w = x v (an array of 3), y32 = u / 2, not = !flag, next = mode + 1, sum = small + wide.
    Value references, the same in both versions (FMI 2.0 has the first 8 only):
    0 time, 1 x, 2 der(x), 3 k, 4 u, 5 y, 6 count, 7 crossing, 8 y32, 9 flag, 10 not, 11 label, 12 resources, 13 small,
-   14 wide, 15 sum, 16 mode, 17 next, 18 v, 19 w, 20 bits. Further macros make one defect each. */
+   14 wide, 15 sum, 16 mode, 17 next, 18 v, 19 w, 20 bits. Each of the other macros causes a defect. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -62,7 +62,7 @@ static void step(Instance *i, double h) {
     }
     i->m.x *= exp(-i->m.k * h);
 }
-/* Outcome of an update of the discrete states: needed again, terminate, nominals changed, states changed, time defined */
+/* Updates the discrete states. Results: needed again, terminate, nominals changed, states changed, time defined */
 static void update(Instance *i, int out[5]) {
 #ifdef FOREVER
     int again = 1;
@@ -136,7 +136,7 @@ static int restore(Instance *i, const void *s) {
     memcpy(&i->m, s, sizeof(Values));
     return 0;
 }
-/* What is written to the first element of an array that has none is a defect. */
+/* Minimum length of an array. With the defect LEAST=0, the FMU writes to the first element of an empty array. */
 #ifndef LEAST
 #define LEAST 1
 #endif
@@ -256,7 +256,7 @@ EXPORT int fmi2CompletedIntegratorStep(void *c, int final, int *enter, int *term
     *enter = *terminate = 0;
     return 0;
 }
-/* Of co-simulation, but of no use here */
+/* Functions for co-simulation that the tests do not use */
 EXPORT int fmi2SetRealInputDerivatives(void *c, const unsigned *r, size_t n, const int *o, const double *v) { (void)c, (void)r, (void)n, (void)o, (void)v; return 3; }
 EXPORT int fmi2GetRealOutputDerivatives(void *c, const unsigned *r, size_t n, const int *o, double *v) { (void)c, (void)r, (void)n, (void)o, (void)v; return 3; }
 EXPORT int fmi2CancelStep(void *c) { (void)c; return 3; }
@@ -304,7 +304,7 @@ EXPORT int fmi3EnterInitializationMode(void *c, bool td, double tol, double t0, 
     ((Instance *)c)->m.time = t0;
     return 0;
 }
-/* Values of each type, one element after the other; a reference of another type is an error. */
+/* Values of each type, element by element. A reference to another type is an error. */
 #define ACCESS(Name, type, get, set)                                                                              \
     EXPORT int fmi3Get##Name(void *c, const unsigned *r, size_t n, type *v, size_t nv) {                           \
         Instance *i = c;                                                                                          \
@@ -408,7 +408,7 @@ EXPORT int fmi3CompletedIntegratorStep(void *c, bool final, bool *enter, bool *t
 }
 EXPORT int fmi3GetNumberOfContinuousStates(void *c, size_t *n) { (void)c; *n = 1; return 0; }
 EXPORT int fmi3GetNumberOfEventIndicators(void *c, size_t *n) { (void)c; *n = 1; return 0; }
-/* Not offered */
+/* Not supported */
 #define NONE(Name) EXPORT int fmi3##Name(void) { return 3; }
 NONE(GetBinary) NONE(SetBinary) NONE(GetClock) NONE(SetClock) NONE(GetNumberOfVariableDependencies)
 NONE(GetVariableDependencies) NONE(EnterConfigurationMode) NONE(ExitConfigurationMode) NONE(GetIntervalDecimal)

@@ -1,5 +1,5 @@
-/* A small FMU 2.0 for co-simulation, written by hand: x' = gain * u by the explicit Euler method.
-   VERSION, GUID and the statement STEP are given by the compiler's command line.
+/* A small hand-written FMI 2.0 FMU for co-simulation: x' = gain * u, solved with the explicit Euler method.
+   The compiler's command line defines VERSION, GUID and the statement STEP.
    Real: 0 u, 1 x, 2 gain, 3 start; Integer: 0 failure, 1 count; Boolean: 0 inverted, 1 moved; String: 0 label.
    Further macros make one defect each. */
 #include <stdio.h>
@@ -100,7 +100,7 @@ EXPORT int fmi2Reset(void *c) {
     return 0;
 }
 
-/* What follows as soon as a value is set */
+/* Statement that is executed whenever a value is set */
 #ifndef FOLLOW
 #define FOLLOW (void)i
 #endif
@@ -138,7 +138,7 @@ EXPORT int fmi2SetString(void *c, const unsigned *r, size_t n, const char *const
     return 0;
 }
 
-/* failure 1: error at t = 0.5 with a message; 2: fatal; 3: discard; 5: pending */
+/* failure = 1: error at t = 0.5 with a message; 2: fatal; 3: discard; 5: pending */
 EXPORT int fmi2DoStep(void *c, double t, double h, int final) {
     (void)final;
     Instance *i = c;
@@ -212,7 +212,7 @@ EXPORT int fmi2DeSerializeFMUstate(void *c, const char *b, size_t n, void **s) {
 #endif
     return 0;
 }
-/* d(x')/d(u) and d(x')/d(gain); the unknown is 1 */
+/* d(x')/d(u) and d(x')/d(gain); the unknown must be 1 */
 EXPORT int fmi2GetDirectionalDerivative(void *c, const unsigned *u, size_t nu, const unsigned *k, size_t nk,
                                         const double *dk, double *du) {
     const double *r = ((Instance *)c)->v.real;
@@ -231,7 +231,7 @@ EXPORT int fmi2GetDirectionalDerivative(void *c, const unsigned *u, size_t nu, c
 }
 #endif
 #ifdef SLOPES
-/* Up to the order SLOPES */
+/* Supported up to order SLOPES */
 EXPORT int fmi2SetRealInputDerivatives(void *c, const unsigned *r, size_t n, const int *order, const double *v) {
     (void)c, (void)r, (void)n, (void)v;
     return order[0] > SLOPES ? 3 : 0;

@@ -168,7 +168,7 @@ fn variables_are_written_as_they_are_declared() {
     );
     assert_eq!(
         written("damper.on"),
-        "causality=parameter description=Dampers are there initial=exact name=damper.on variability=tunable | \
+        "causality=parameter description=Dampers are active initial=exact name=damper.on variability=tunable | \
          Boolean start=true"
     );
     assert_eq!(

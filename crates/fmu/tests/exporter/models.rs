@@ -50,7 +50,7 @@ pub(crate) struct CartPair {
     /// Damping
     #[var("damper.damping", unit = "N.s/m", start = 0.4, min = 0.0, max = 50.0, tunable)]
     pub(crate) c: f64,
-    /// Dampers are there
+    /// Dampers are active
     #[var("damper.on", start = true, tunable)]
     pub(crate) on: bool,
     /// Stiffness between the carts
@@ -109,7 +109,7 @@ thread_local! {
     static EVALUATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Integration steps since the last call: a Runge-Kutta step of order 4 evaluates the derivatives four times.
+/// Integration steps since the last call. A Runge-Kutta step evaluates the derivatives four times.
 pub(crate) fn integration_steps() -> u64 {
     let evaluations = EVALUATIONS.replace(0);
     assert_eq!(evaluations % 4, 0);
@@ -350,7 +350,7 @@ impl Discrete for Fragile {
     }
 }
 
-/// An instance whose variables are called by name.
+/// An instance whose variables are accessed by name.
 pub(crate) struct Fmu<E: Export>(pub(crate) Instance<E::Model>);
 
 /// The value reference of a variable.
@@ -395,7 +395,7 @@ impl<E: Export> Fmu<E> {
         Self::starting(0.0, &[])
     }
 
-    /// In Step Mode at a start time, with values that are set before.
+    /// In Step Mode at a start time; sets the values during initialization.
     pub(crate) fn starting(start: f64, values: &[(&str, f64)]) -> Self {
         let mut fmu = Self::initializing(start);
         for (name, value) in values {
@@ -445,7 +445,7 @@ impl<E: Export> Fmu<E> {
         self.0.do_step(time, step)
     }
 
-    /// The whole state as bytes.
+    /// The state as bytes.
     pub(crate) fn bytes(&self) -> Vec<u8> {
         self.0.serialize(&self.0.snapshot().unwrap()).unwrap()
     }

@@ -70,7 +70,7 @@ impl Discrete for DiscreteReader {
 #[test]
 fn a_model_is_described_with_the_resources_of_its_package() {
     let xml = &ContinuousReader::description().xml;
-    // Variable 1 is the step size of the solver; then u, other, y.
+    // Variables: 1 max_step, 2 u, 3 other, 4 y.
     assert!(xml.contains(r#"<Unknown index="4" dependencies="2"/>"#), "{xml}");
 }
 
@@ -83,6 +83,6 @@ fn a_simulation_reads_the_resources() {
     let error = |folder| DiscreteSimulation::with_resources(DiscreteReader, folder).unwrap_err();
     assert_eq!(error(elsewhere), "'' does not contain the file");
     assert_eq!(DiscreteSimulation::new(DiscreteReader).unwrap().sample(&U::default()).unwrap().y, 6.0);
-    // `derived` follows from `load`.
+    // `derived` calls `load`.
     assert_eq!(ContinuousReader.derived().unwrap().factor, 3.0);
 }

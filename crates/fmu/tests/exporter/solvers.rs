@@ -1,6 +1,5 @@
-//! Solvers: order, error control, stiff problems. References: closed forms, and for the problem of Robertson the values of
-//! Hairer and Wanner, "Solving Ordinary Differential Equations II", section IV.10, which the documentation of SUNDIALS
-//! prints too.
+//! Solvers: order, error control, stiff problems. References: closed forms; for Robertson's problem, Hairer and Wanner,
+//! "Solving Ordinary Differential Equations II", section IV.10 (the values are also in the SUNDIALS documentation).
 
 use std::cell::Cell;
 
@@ -17,7 +16,7 @@ struct One<T> {
 }
 
 thread_local! {
-    /// Evaluations of the derivatives by the present thread.
+    /// Number of evaluations of the derivatives in this thread.
     static EVALUATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
@@ -94,12 +93,12 @@ fn the_error_falls_with_the_order_of_the_method() {
         let errors = [0.05, 0.025, 0.0125].map(|step| error_of_steps::<E>(step, parameter, value(step)));
         for pair in errors.windows(2) {
             let ratio = pair[0] / pair[1];
-            // A step half as long divides the error by 2^order; 30 % for the terms of higher order.
+            // Halving the step divides the error by 2^order; terms of higher order are within 30 %.
             assert!((ratio / 2.0_f64.powi(order) - 1.0).abs() < 0.3, "order {order}: {ratio} of {errors:?}");
         }
     }
     check::<ClassicalGrowth>(4, "max_step", |step| step);
-    // A tolerance that accepts every step: each communication step but the first is one step of the solver.
+    // With a tolerance that accepts every step, each communication step except the first is one solver step.
     check::<ControlledGrowth>(5, "tolerance", |_| 1e6);
     check::<ImplicitGrowth>(4, "tolerance", |_| 1e6);
 }
@@ -112,7 +111,7 @@ fn error_control_keeps_the_tolerance() {
             let mut fmu = Fmu::<E>::starting(0.0, &[("tolerance", tolerance)]);
             fmu.step(10.0).unwrap();
             let error = (fmu.get("x") - 10.0_f64.sin().exp()).abs();
-            // The tolerance holds for each step; over 10 s the errors add up and grow by at most e^2.
+            // The tolerance applies to a step. Over 10 s, the errors add up and grow by at most e^2.
             assert!(error < 50.0 * tolerance, "{error} with a tolerance of {tolerance}");
             assert!(error < before);
             before = error;
@@ -129,7 +128,7 @@ fn a_stiff_problem_with_a_moving_solution_is_solved_in_few_steps() {
     EVALUATIONS.set(0);
     fmu.step(10.0).unwrap();
     assert!((fmu.get("x") - 10.0_f64.cos()).abs() < 1e-5, "{}", fmu.get("x") - 10.0_f64.cos());
-    // An explicit method is stable up to steps of 3.3/1000 s: 3000 steps of 6 evaluations.
+    // An explicit method is stable with steps up to 3.3/1000 s, and would need 3000 steps of 6 evaluations.
     assert!(EVALUATIONS.get() < 9000, "{}", EVALUATIONS.get());
 }
 
@@ -148,7 +147,7 @@ fn the_reaction_of_robertson_has_the_published_concentrations() {
             assert!(error < 1e-6, "{name}: {error} in {steps} steps");
         }
     }
-    // An explicit method must keep its steps short, but it does not give wrong values.
+    // An explicit method needs short steps, but its results are correct.
     let mut fmu = Fmu::<ExplicitRobertson>::ready();
     fmu.step(40.0).unwrap();
     assert!((fmu.get("a") / ROBERTSON[0] - 1.0).abs() < 1e-4);
@@ -197,7 +196,7 @@ fn a_restored_state_continues_with_the_step_of_the_solver() {
 
 #[test]
 fn short_communication_steps_and_steps_that_end_on_them_are_no_problem() {
-    // Limits of a few units in the last place of the time.
+    // Steps of a few units in the last place of the time.
     let mut fmu = Fmu::<ControlledGrowth>::starting(1e3, &[]);
     for _ in 0..100 {
         let time = fmu.0.time();

@@ -1,4 +1,4 @@
-//! A source: from Initialization Mode on its outputs are those of its first sample. Reference: the documentation of
+//! A source has the outputs of its first sample from Initialization Mode on. Reference: the documentation of
 //! `Discrete::SOURCE`, and FMI 2.0.4, section 2.2.8 (InitialUnknowns).
 
 use fmu::prelude::*;
@@ -61,18 +61,18 @@ impl Discrete for Lift {
 fn outputs_are_those_of_the_first_sample_from_initialization_mode_on() {
     let mut lift = Fmu::<Lift>::initializing(10.0);
     assert_eq!((lift.get("level"), lift.get("count")), (12.0, 0.0));
-    // They follow the parameters, not the inputs.
+    // The outputs depend on the parameters, not on the inputs.
     lift.set("height", 8.0).unwrap();
     lift.set("scale", 2.0).unwrap();
     lift.set("speed", 1e300).unwrap();
     assert_eq!(lift.get("level"), 14.0);
     lift.0.exit_initialization().unwrap();
     assert_eq!((lift.get("level"), lift.get("count")), (14.0, 0.0));
-    // Held: a tunable parameter acts from the next sample on, as in every discrete-time model.
+    // The outputs are held: as in every discrete-time model, a tunable parameter takes effect at the next sample.
     lift.set("scale", 4.0).unwrap();
     lift.set("speed", 5.0).unwrap();
     assert_eq!(lift.get("level"), 14.0);
-    // The first step takes the first sample, once.
+    // The first step takes the first sample only once.
     lift.step(0.1).unwrap();
     assert_eq!((lift.get("level"), lift.get("count")), (12.0, 0.0));
     lift.step(0.1).unwrap();
@@ -105,7 +105,7 @@ fn a_restored_state_before_the_start_follows_the_parameters_again() {
     assert_eq!(other.get("level"), 2.0);
     other.set("height", 7.0).unwrap();
     assert_eq!(other.get("level"), 7.0);
-    // After the start they are held, in a restored instance too.
+    // After the start the outputs are held, also in a restored instance.
     other.0.exit_initialization().unwrap();
     let saved = other.0.snapshot().unwrap();
     other.step(0.5).unwrap();
@@ -156,6 +156,6 @@ fn the_description_names_the_parameters_of_each_output() {
     let (_, initial) = structure.split_once("<InitialUnknowns>").unwrap();
     assert!(initial.contains(r#"index="5" dependencies="1 2 3""#), "{initial}");
     assert!(initial.contains(r#"index="6" dependencies="3""#), "{initial}");
-    // Between steps they depend on nothing.
+    // Between steps, outputs have no dependencies.
     assert!(structure.contains(r#"index="5" dependencies="""#), "{structure}");
 }

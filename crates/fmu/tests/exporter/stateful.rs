@@ -8,7 +8,7 @@ use fmu::testing::abi::Export;
 
 use crate::models::{Fmu, error_of, reference};
 
-/// A list whose end is boxed.
+/// A recursive type.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Behavior {
@@ -17,7 +17,7 @@ enum Behavior {
     Then(Box<Behavior>, Box<Behavior>),
 }
 
-/// Storage with stock by name, a history of any length and nested behavior.
+/// A simulation with a map, a list of any length and a recursive type.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Warehouse {
@@ -136,14 +136,14 @@ fn run<E: Export>() -> Fmu<E> {
     assert_eq!(read(&mut fmu), (4.5, 1, false, "steel".to_owned()));
     fmu.set_string("good", "wood").unwrap();
     fmu.set("inflow", 8.0).unwrap();
-    // Outputs are those of the last step.
+    // The outputs belong to the last step.
     assert_eq!(read(&mut fmu), (4.5, 1, false, "steel".to_owned()));
     fmu.step(1.0).unwrap();
     assert_eq!(read(&mut fmu), (12.5, 2, false, "wood".to_owned()));
     fmu
 }
 
-/// The next steps.
+/// Outputs in the next steps.
 fn follow<E: Export>(fmu: &mut Fmu<E>) -> Vec<(f64, i32, bool, String)> {
     let mut seen = vec![read(fmu)];
     for step in [0.5, 0.25, 1.0] {

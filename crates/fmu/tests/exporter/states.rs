@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use crate::models::{CartPair, Fmu, Fragile, Sampler, error_of};
 
-/// An instance with a past, in Step Mode.
+/// An instance in Step Mode after some steps.
 fn with_a_past() -> Fmu<Sampler> {
     let mut fmu = Fmu::<Sampler>::new();
     fmu.0.setup_experiment(1.5, Some(100.0)).unwrap();
@@ -23,7 +23,7 @@ fn with_a_past() -> Fmu<Sampler> {
     fmu
 }
 
-/// The checksum of the format (FNV-1a, 64 bits), computed anew over all bytes but the last eight.
+/// Replaces the last eight bytes with a valid checksum (FNV-1a, 64 bits).
 fn with_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
     let body = bytes.len() - 8;
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
@@ -50,7 +50,7 @@ fn a_state_can_be_saved_in_every_mode_and_goes_on_where_it_was_saved() {
             }
             let bytes = fmu.bytes();
             assert_eq!(fmu.0.mode(), mode);
-            // Into another instance, whatever it did before.
+            // Restores the state in another instance.
             let mut other = Fmu::<E>::ready();
             other.step(0.75).unwrap();
             let snapshot = other.0.deserialize(&bytes).unwrap();
@@ -115,7 +115,7 @@ fn the_calculated_parameters_of_a_restored_state_are_those_of_its_parameters() {
     fmu.step(0.5).unwrap();
     heavy.step(0.5).unwrap();
     assert_eq!(fmu.bits(), heavy.bits());
-    // In Initialization Mode the derived parameters follow the next fixed parameter again.
+    // In Initialization Mode, setting a fixed parameter changes the derived parameters again.
     let mut fmu = Fmu::<CartPair>::initializing(0.0);
     assert_eq!(fmu.get("spring.frequency.l"), 2.0);
     let snapshot = fmu.0.snapshot().unwrap();
@@ -146,7 +146,7 @@ fn truncated_and_extended_bytes_are_rejected() {
     let bytes = fmu.bytes();
     for length in 0..bytes.len() {
         error_of(fmu.0.deserialize(&bytes[..length]).map(drop));
-        // Also with a checksum that fits.
+        // Also with a valid checksum.
         if length >= 8 {
             error_of(fmu.0.deserialize(&with_checksum(bytes[..length].to_vec())).map(drop));
         }
@@ -190,7 +190,7 @@ fn bytes_of_another_kind_say_what_they_are() {
 fn a_state_without_derived_parameters_is_rejected() {
     let fmu = Fmu::<CartPair>::ready();
     let bytes = fmu.bytes();
-    // The stiffness 8 N/m where it stands among the parameters, replaced by one that `derived` rejects.
+    // Replaces the stiffness, 8 N/m, with a value that `derived` rejects.
     let at = bytes.windows(8).position(|window| window == 8.0_f64.to_le_bytes()).unwrap();
     let mut crafted = bytes;
     crafted[at..at + 8].copy_from_slice(&2e6_f64.to_le_bytes());
@@ -207,7 +207,7 @@ fn a_state_without_derived_parameters_is_rejected() {
 
 #[test]
 fn a_state_brings_no_parameter_that_could_not_be_set() {
-    // The fuzzer of the package `tests` found a limit below 0 in a crafted state, on which a model panicked.
+    // The fuzzer of the package `tests` crafted a state with a limit below 0, on which a model panicked.
     let fmu = with_a_past();
     let bytes = fmu.bytes();
     let at = bytes.windows(8).position(|window| window == (-1.25_f64).to_le_bytes()).unwrap();
@@ -235,7 +235,7 @@ fn a_state_brings_no_mass_of_0() {
 
 #[test]
 fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
-    // The count stands before the reals, the time before it (see `state_bytes`).
+    // The bytes contain the time, then the count, then the reals (see `state_bytes`).
     let fmu = with_a_past();
     let bytes = fmu.bytes();
     let first = fmu.0.time().to_le_bytes();
@@ -249,7 +249,7 @@ fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
         let start = format!("fmi2DeSerializeFMUstate: the sample counter is {other}, but from ");
         assert!(message.starts_with(&start) && message.ends_with(&format!("there are {count} samples")), "{message}");
     }
-    // A continuous-time model takes no samples.
+    // A continuous-time model does not take samples.
     let fmu = Fmu::<CartPair>::starting(3.25, &[]);
     let mut crafted = fmu.bytes();
     let at = crafted.windows(8).rposition(|window| window == 3.25_f64.to_le_bytes()).unwrap() + 8;
@@ -258,8 +258,8 @@ fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
     assert!(message.ends_with("the sample counter is 1, but from 3.25 s to 3.25 s there are 0 samples"), "{message}");
 }
 
-/// The fuzzer of the package `tests` crafted Event Mode, in which a discrete-time model took its first sample before the first step; what
-/// the instance saved later was rejected.
+/// The fuzzer of the package `tests` crafted a state in Event Mode. In this mode, a discrete-time model took its first
+/// sample before the first step, and states that were saved later were rejected.
 #[test]
 fn a_state_brings_no_event_mode_that_the_model_does_not_have() {
     let folder = std::path::PathBuf::new();
@@ -268,7 +268,7 @@ fn a_state_brings_no_event_mode_that_the_model_does_not_have() {
     instance.enter_initialization().unwrap();
     instance.exit_initialization().unwrap();
     let mut bytes = instance.serialize(&instance.snapshot().unwrap()).unwrap();
-    // The number of the mode stands before the start time.
+    // The mode is before the start time.
     let at = bytes.windows(8).position(|window| window == 1.5_f64.to_le_bytes()).unwrap() - 4;
     assert_eq!(bytes[at..at + 4], (Mode::Step as u32).to_le_bytes());
     bytes[at..at + 4].copy_from_slice(&(Mode::Event as u32).to_le_bytes());
@@ -282,7 +282,7 @@ fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {
     proptest::collection::vec((1e-4..0.05_f64, -2.0..2.0_f64), 1..20)
 }
 
-/// Runs on from the present state and tells all that can be seen.
+/// Continues from the present state and returns all observable values.
 fn follow<E: Export>(fmu: &mut Fmu<E>, input: &str, steps: &[(f64, f64)]) -> Vec<Vec<u64>> {
     let mut seen = Vec::new();
     for (step, value) in steps {
@@ -330,8 +330,8 @@ proptest! {
         a_saved_state_goes_on_bit_by_bit::<Sampler>("filter_input", start, &before, &after)?;
     }
 
-    /// A discrete-time model has the same results however a time is split into communication steps, as long as its input stands
-    /// still: the split is in whole milliseconds, so that no boundary comes within the slack of a sample by chance.
+    /// With constant inputs, the results of a discrete-time model do not depend on the communication steps. The steps
+    /// are whole milliseconds, so that a step cannot end within the tolerance of a sample by accident.
     #[test]
     fn splitting_steps_does_not_change_a_discrete_model(
         start in prop_oneof![Just(0.0), Just(1e4), -100.0..100.0_f64],
@@ -352,8 +352,7 @@ proptest! {
         prop_assert_eq!(split.bits(), whole.bits());
     }
 
-    /// Bytes crafted with a matching checksum are error_of or make an instance that keeps to its contract:
-    /// nothing panics.
+    /// Crafted bytes with a valid checksum are rejected, or the restored instance works correctly; nothing panics.
     #[test]
     fn crafted_bytes_are_rejected_or_harmless(
         changes in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 1..4),

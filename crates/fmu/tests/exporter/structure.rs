@@ -5,7 +5,7 @@ use fmu::testing::abi::Export;
 
 use crate::models::reference;
 
-/// Names of the variables that `name` depends on, in the list of outputs or derivatives.
+/// Names of the variables on which the output or derivative `name` depends.
 fn dependencies<E: Export>(name: &str) -> Vec<String> {
     let description = E::description();
     let index = description.layout.structure_index(reference::<E>(name));
@@ -154,7 +154,7 @@ fn every_branch_on_a_boolean_an_enumeration_and_a_bounded_integer_counts() {
         ("constant", &[]),
     ] {
         let mut expected: Vec<_> = inputs.iter().map(|i| format!("u[{i}]")).collect();
-        // The input counts where its values lead to other expressions.
+        // The input is a dependency if its value changes the expression.
         if name == "by_input" {
             expected.push("on".to_owned());
         }
@@ -208,7 +208,7 @@ impl Continuous for Valve {
     }
 }
 
-/// The discrete state starts with one value of each; the equations use others after events.
+/// The discrete state starts with one value per field; after events, the equations use other values.
 #[test]
 fn every_branch_on_the_discrete_state_counts() {
     assert_eq!(dependencies::<Valve>("y"), ["u[1]", "u[2]", "u[3]"]);
@@ -358,12 +358,12 @@ mod sums {
     }
 }
 
-/// `Sum` works for references, too, with every number type.
+/// `Sum` also works for references, with every number type.
 #[test]
 fn a_sum_depends_on_its_terms() {
     use fmu::testing::abi::Export as _;
     let xml = &sums::Sums::description().xml;
-    // Variable 1 is the step size of the solver; then the inputs and the sum.
+    // Variables: 1 max_step, 2 to 4 the inputs, 5 the sum.
     assert!(xml.contains(r#"<Unknown index="5" dependencies="2 3"/>"#), "{xml}");
     let mut run = fmu::simulation::ContinuousSimulation::new(sums::Sums).unwrap();
     assert_eq!(run.outputs(&sums::U { forces: [1.0, 2.0], other: 4.0 }).sum, 3.0);
@@ -465,7 +465,7 @@ fn outputs_of_other_types_depend_on_what_they_follow() {
     assert_eq!(dependencies::<Others>("y"), ["u[3]"]);
 }
 
-/// The reason and the remedy of a dense structure.
+/// The notes contain the reason for too many dependencies, and the remedy.
 #[test]
 fn what_makes_a_structure_dense_is_named() {
     let note = |description: std::sync::Arc<fmu::testing::description::Description>| description.notes.join("; ");

@@ -1,4 +1,4 @@
-//! Time: integration steps, samples, error_of steps, order of the integrator.
+//! Time: integration steps, samples, rejected steps, order of the integrator.
 
 use fmu::testing::calls::Mode;
 
@@ -41,7 +41,7 @@ fn a_step_computed_as_a_difference_of_times_gets_no_extra_part() {
 
 #[test]
 fn samples_are_due_at_multiples_of_the_sample_time_after_the_start() {
-    // Steps of 3 ms, samples every 10 ms: before t = 3k ms there are ceil(3k/10) of them, in whole numbers.
+    // Steps of 3 ms, samples every 10 ms: in exact arithmetic, ceil(3k/10) samples are before t = 3k ms.
     for start in [0.0, 1e4, -7.5] {
         let mut fmu = Fmu::<Sampler>::starting(start, &[]);
         for k in 0..1000_u32 {
@@ -60,9 +60,9 @@ fn a_long_step_takes_all_samples_that_are_due_with_the_same_inputs() {
     fmu.step(0.095).unwrap();
     assert_eq!(fmu.get("filter_count"), 10.0);
     assert_eq!(fmu.get("filter_time"), 9.0 * 0.01);
-    // Sum of 10 products 2*0.4*0.01, plus two past inputs times 0.05 s, plus the offset 1; a few roundings.
+    // Sum of 10 products 2*0.4*0.01, two past inputs times 0.05 s, and the offset 1, with a few roundings.
     assert!((fmu.get("filter_output") - (0.08 + 0.04 + 1.0)).abs() < 1e-15);
-    // The next sample is due at 0.1 s: a step to just there does not take it, the next one does.
+    // The next sample is due at 0.1 s. A step that ends there does not take it, but the following step does.
     fmu.step(0.005).unwrap();
     assert_eq!(fmu.get("filter_count"), 10.0);
     fmu.step(1e-6).unwrap();
@@ -71,7 +71,7 @@ fn a_long_step_takes_all_samples_that_are_due_with_the_same_inputs() {
 
 #[test]
 fn a_sample_within_the_slack_before_the_end_of_a_step_belongs_to_the_next_one() {
-    // Slack: 1e-6 min(sample_time, h) = 1e-8 s here.
+    // Tolerance: 1e-6 min(sample_time, h) = 1e-8 s.
     for (over, count) in [(0.9e-8, 1.0), (1.1e-8, 2.0)] {
         let mut fmu = Fmu::<Sampler>::ready();
         fmu.step(0.01 + over).unwrap();
@@ -83,7 +83,7 @@ fn a_sample_within_the_slack_before_the_end_of_a_step_belongs_to_the_next_one() 
 
 #[test]
 fn one_sample_per_step_over_a_long_run_whose_times_are_sums() {
-    // The master's sum of 1e5 roundings drifts by far less than the slack of 1e-9 s.
+    // 1e5 rounding errors in the master's sum are far less than the tolerance of 1e-9 s.
     let mut fmu = Fmu::<Sampler>::starting(0.0, &[("sample_time", 1e-3)]);
     let mut time = 0.0;
     for k in 1..=100_000 {
@@ -93,12 +93,12 @@ fn one_sample_per_step_over_a_long_run_whose_times_are_sums() {
     }
 }
 
-/// Ten days, and a Unix time of 2023; start + k h is rounded to 2e-9 and 2e-7 s there.
+/// 1e7 s (about 116 days), and a Unix time in 2023. There, start + k h is rounded to 2e-9 and 2e-7 s.
 const LARGE: [f64; 2] = [1e7, 1.7e9];
 
 #[test]
 fn steps_and_samples_are_counted_at_large_times_too() {
-    // Steps and sample times in units of 0.1 ms: equal, shorter, longer, without a common multiple.
+    // Steps and sample times in units of 0.1 ms: equal, shorter, longer, not multiples of each other.
     for (step, sample) in [(10, 10), (10, 100), (30, 100), (7, 10), (100, 10), (13, 7)] {
         for start in LARGE {
             let mut fmu = Fmu::<Sampler>::starting(start, &[("sample_time", f64::from(sample) * 1e-4)]);
@@ -118,11 +118,11 @@ fn large_times_are_those_of_the_instance_within_four_units_in_the_last_place() {
         let ulp = start.next_up() - start;
         for (offset, is_accepted) in [(4.0, true), (-4.0, true), (5.0, false), (-5.0, false)] {
             let mut fmu = Fmu::<CartPair>::starting(start, &[]);
-            // 1e-6 of the step is less than a unit in the last place.
+            // Here, 1e-6 of the step is less than a unit in the last place.
             let result = fmu.0.do_step(start + offset * ulp, 1e-4);
             assert_eq!(result.is_ok(), is_accepted, "{offset} units at {start} s");
         }
-        // Up to the stop time, whatever the roundings, and no step further.
+        // Steps reach the stop time in spite of rounding errors; a further step is rejected.
         let mut fmu = Fmu::<Sampler>::new();
         fmu.0.setup_experiment(start, Some(start + 1.0)).unwrap();
         fmu.0.enter_initialization().unwrap();
@@ -156,7 +156,7 @@ fn outputs_hold_their_start_values_until_the_first_sample() {
     assert_eq!((fmu.get("filter_count"), fmu.get("filter_time")), (1.0, 0.0));
     let held = fmu.get("filter_output");
     assert_ne!(held, 0.5);
-    // Held between samples, whatever the input.
+    // Outputs are held between samples, even if an input changes.
     fmu.set("filter_input", -3.0).unwrap();
     fmu.step(0.005).unwrap();
     assert_eq!(fmu.get("filter_output"), held);
@@ -268,7 +268,7 @@ fn an_impossible_experiment_is_rejected() {
         );
     }
     assert_eq!(fmu.bytes(), before);
-    // The last one counts; the stop time may be the start time.
+    // The last call applies; the stop time may equal the start time.
     fmu.0.setup_experiment(1.0, Some(1.0)).unwrap();
     fmu.0.setup_experiment(3.0, None).unwrap();
     assert_eq!(fmu.0.time(), 3.0);
@@ -291,20 +291,20 @@ fn position_after_one_second(max_step: f64) -> f64 {
 
 #[test]
 fn the_integrator_has_order_four() {
-    // A step half as long makes the error 16 times smaller; 10 % for the terms of higher order.
+    // Halving the step divides the error by 16; terms of higher order are within 10 %.
     let exact = closed_form(2.0, 0.4, 8.0, 1.5, 0.3);
     let errors = [0.1, 0.05, 0.025].map(|step| (position_after_one_second(step) - exact).abs());
     for pair in errors.windows(2) {
         let ratio = pair[0] / pair[1];
         assert!((ratio - 16.0).abs() < 1.6, "{ratio} of {errors:?}");
     }
-    // 1000 steps: the error of the method is below 1e-13, that of the roundings of the order of 1000 * 1e-16.
+    // 1000 steps: the error of the method is below 1e-13, the rounding error about 1000 * 1e-16.
     assert!((position_after_one_second(1e-3) - exact).abs() < 5e-13);
 }
 
 #[test]
 fn communication_steps_of_a_continuous_model_do_not_matter_where_the_integration_steps_are_the_same() {
-    // The same substeps, so the same roundings; 1/128 s is exact in binary.
+    // 1/128 s is exact in binary, so the integration steps and their rounding errors are the same.
     let run = |steps: u32| {
         let mut fmu = Fmu::<CartPair>::starting(0.0, &[("max_step", 1.0 / 128.0)]);
         for _ in 0..steps {

@@ -1,5 +1,4 @@
-//! Time events that are due at once or before the present time, in every interface. References: the times of the events in closed
-//! form.
+//! Time events at or before the present time, in every interface. References: the times of the events in closed form.
 
 use std::path::PathBuf;
 
@@ -70,7 +69,7 @@ counting! {
         let times = [f64::from(at.discrete.count + 1) * p.period, f64::from(at.discrete.other + 1) * 3.0 * p.period];
         Some(times[0].min(times[1]))
     }, |event| {
-        // One timer for each event.
+        // Each event belongs to one timer.
         if f64::from(event.discrete.other + 1) * 3.0 < f64::from(event.discrete.count + 1) {
             event.discrete.other += 1;
         } else {
@@ -120,7 +119,7 @@ impl<E: Export> Run<E> {
         self.protocol.interface == Interface::ModelExchange
     }
 
-    /// Handles the events of the present time.
+    /// Handles the events at the present time.
     fn update(&mut self) -> Result<(), CallError> {
         self.next_event = self.instance.new_discrete_states()?.next_event_time;
         if self.is_exchange() { self.instance.enter_continuous_time_mode() } else { self.instance.enter_step_mode() }
@@ -202,7 +201,7 @@ fn an_event_that_stays_due_is_an_error() {
     }
 }
 
-/// Sets the period where the interface allows it, at 330 s: the last event was at 300 s.
+/// Sets the period at 330 s, if the interface allows it. The last event was at 300 s.
 fn shortened<E: Export>(protocol: Protocol, has_events: bool, period: f64) -> Result<Run<E>, CallError> {
     let mut run = Run::<E>::starting(protocol, has_events, 0.0).unwrap();
     run.run(330.0).unwrap();
@@ -222,13 +221,13 @@ fn shortened<E: Export>(protocol: Protocol, has_events: bool, period: f64) -> Re
 #[test]
 fn a_period_that_is_shortened_takes_effect_at_once() {
     for (protocol, has_events) in INTERFACES {
-        // 300 s + 20 s has passed: at 330 s, then every 20 s.
+        // 300 s + 20 s is in the past, so the next event is at 330 s, followed by events every 20 s.
         let mut run = shortened::<Relative>(protocol, has_events, 20.0).unwrap();
         for (end, count) in [(331.0, 6), (349.0, 6), (350.0, 7), (390.0, 9)] {
             run.run(end).unwrap();
             assert_eq!(run.count(), count, "{protocol:?}, {end} s");
         }
-        // The sixth one at 180 s, at 312 s: before the present time. At 330 s: now.
+        // The sixth event would be at 180 s or 312 s, before the present time. At 330 s, it is due now.
         for (period, next) in [(30.0, "180 s"), (52.0, "312 s")] {
             let message = error_of(shortened::<Shortened>(protocol, has_events, period).map(|_| ()));
             assert!(message.contains("present one, 330 s") && message.contains(next), "{protocol:?}: {message}");
@@ -251,7 +250,7 @@ fn model_exchange_handles_an_announced_event_late() {
     assert_eq!((run.count(), run.next_event), (2, Some(180.0)));
 }
 
-/// The instance that continues from bytes is told of no event, but knows what was announced.
+/// An instance that is restored from bytes knows which event was announced, although it did not handle an event.
 #[test]
 fn a_restored_instance_has_the_same_time_events() {
     for (protocol, has_events) in INTERFACES {

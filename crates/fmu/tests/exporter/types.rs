@@ -1,5 +1,5 @@
-//! All types of variables as parameters, inputs, outputs and discrete state of all kinds of models. Reference: the equations,
-//! and FMI 2.0.4, sections 2.2.3 (types) and 2.2.7 (variables).
+//! All types of variables, as parameters, inputs, outputs and discrete state, in all kinds of models. Reference: the
+//! equations, and FMI 2.0.4, sections 2.2.3 (types) and 2.2.7 (variables).
 
 use std::path::Path;
 
@@ -111,7 +111,7 @@ impl Sums {
         self.string.push_str(&u.string);
         self.named = u.named;
     }
-    /// Outputs that follow from parameters and sums.
+    /// Outputs computed from parameters and sums.
     fn outputs<T: Scalar>(&self, p: &All) -> Y<T> {
         Y {
             real: T::from(p.real + self.real),
@@ -249,7 +249,7 @@ fn check<E: Export>(is_serializable: bool) {
     assert_eq!((seen(&mut fmu, "p"), seen(&mut fmu, "u")), (p.clone(), u.clone()));
     fmu.0.exit_initialization().unwrap();
 
-    // A sample is due at the start of a step, an event or the result of a step at its end: the same number of both.
+    // A discrete-time model takes samples at 0 and 0.125 s, a continuous-time model has events at 0.125 and 0.25 s.
     fmu.step(0.25).unwrap();
     let count = if E::description().xml.contains("Adds its inputs in steps") { 1 } else { 2 };
     let expected = match count {

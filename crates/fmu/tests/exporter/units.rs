@@ -6,7 +6,7 @@ use fmu::prelude::*;
 use fmu::testing::abi::Export;
 use fmu::testing::description::{Description, Format};
 
-/// An old unit of length; its rate has a name of its own.
+/// An old unit of length; the unit of its time derivative is declared.
 const FURLONG: Unit = Unit { name: "furlong", factor: 201.168, display: &[], rate: Some(&SPEED), ..fmu::unit!("m") };
 const SPEED: Unit = Unit { name: "furlong/s", factor: 201.168, display: &[], rate: None, ..fmu::unit!("m/s") };
 
@@ -69,7 +69,7 @@ impl Continuous for Units {
     }
 }
 
-/// The definition of a unit without line breaks.
+/// The definition of a unit, without line breaks.
 fn unit(name: &str) -> String {
     let xml = &Units::description().xml;
     let (_, rest) = xml.split_once(&format!("<Unit name=\"{name}\">")).unwrap_or_else(|| panic!("no unit {name}"));
@@ -173,7 +173,7 @@ fn a_variable_can_leave_its_unit_open() {
         let xml = Description::of::<<Follower as Export>::Model>(format, Path::new("")).xml;
         let written = |name: &str| {
             let (_, rest) = xml.split_once(&format!(" name=\"{name}\"")).unwrap_or_else(|| panic!("no {name}"));
-            // Up to the next variable, or the end of all.
+            // Up to the next variable or the end of the list.
             rest.split(" name=\"").next().and_then(|text| text.split("</ModelVariables>").next()).unwrap().to_owned()
         };
         let error = if format.arrays { "error" } else { "error[1]" };

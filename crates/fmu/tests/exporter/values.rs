@@ -90,7 +90,7 @@ fn outputs_with_a_start_value_may_be_set_before_the_start() {
 #[test]
 fn every_function_keeps_to_the_table_of_calls() {
     for mode in REACHABLE {
-        // A call that is allowed succeeds or fails for another reason; one that is not reports the rule.
+        // An allowed call succeeds or fails for another reason. A forbidden call reports the rule.
         type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::testing::instance::CallError>);
         let calls: [Call; 12] = [
             (Function::SetupExperiment, |u| u.0.setup_experiment(0.0, None)),
@@ -139,7 +139,7 @@ fn limits_and_numbers_that_are_not_finite_are_rejected() {
     for value in [0.0, 50.0] {
         fmu.set("damper.damping", value).unwrap();
     }
-    // Inputs carry no limits.
+    // Inputs have no limits.
     fmu.set("cart_force.l", -f64::MAX).unwrap();
 }
 
@@ -265,7 +265,7 @@ fn tunable_parameters_act_from_the_next_step_on() {
     // 0.01 + 4*0.5*0.01 + (0.5 + 0.5)*0.05 - 2.
     assert!((fmu.get("filter_output") + 1.92).abs() < 1e-15);
 
-    // The outputs of a continuous-time model follow its parameters and inputs at once.
+    // In a continuous-time model, outputs change immediately with parameters and inputs.
     let mut carts = Fmu::<CartPair>::starting(0.0, &[("cart_velocity.l", 1.0)]);
     assert_eq!(carts.get("cart_acceleration.l"), (-0.8 - 0.4) / 2.0);
     carts.set("damper.damping", 2.4).unwrap();
@@ -311,7 +311,7 @@ fn the_end_of_initialization_rejects_parameters_without_derived_ones() {
     );
     fmu.set("cart.mass", 2.0).unwrap();
     fmu.0.exit_initialization().unwrap();
-    // The same holds for a discrete state that does not start finite.
+    // The same applies to an initial discrete state that is not finite.
     let mut fmu = Fmu::<Fragile>::initializing(0.0);
     fmu.set("product.scale", 0.0).unwrap();
     let before = fmu.bits();
@@ -331,11 +331,11 @@ fn what_must_be_positive_is_at_least_a_millionth_at_any_time() {
     assert_eq!(error_of(fmu.set("filter.length", 0.0)), expected);
     fmu.0.enter_initialization().unwrap();
     assert_eq!(error_of(fmu.set("filter.length", 0.0)), expected);
-    // So are the times, of which a step of 1 s has then at most a million.
+    // The sample time also has this limit; a step of 1 s therefore has at most a million samples.
     assert!(error_of(fmu.set("sample_time", 0.9e-6)).contains("[0.000001, inf]"));
     fmu.set("sample_time", 1e-6).unwrap();
     fmu.0.exit_initialization().unwrap();
-    // Tunable.
+    // Tunable parameters keep the limit after the start.
     assert_eq!(error_of(fmu.set("filter.length", 0.0)), expected);
     fmu.step(1.0).unwrap();
     assert_eq!(fmu.get("filter_count"), 1e6);
@@ -357,7 +357,7 @@ fn an_output_of_a_continuous_model_that_is_not_finite_is_no_value() {
         "fmi2GetReal: 'distance' = inf at time 0 s, not a finite number"
     );
     assert_eq!(values, [7.0, 7.0]);
-    // Nothing else is affected.
+    // Other variables are not affected.
     assert_eq!(fmu.get("cart_position.l"), 0.1);
     fmu.step(0.01).unwrap();
     fmu.set("scale", 2.0).unwrap();
