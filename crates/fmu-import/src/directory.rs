@@ -9,7 +9,6 @@
 use std::collections::HashSet;
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// Maximum number of entries.
 pub(crate) const MAX_ENTRIES: u64 = 100_000;
 /// Maximum size of the central directory, bytes. An entry usually has about 100 bytes.
 const MAX_DIRECTORY: u64 = 64 << 20;
@@ -29,13 +28,10 @@ const LOCATOR_64_BYTES: usize = 20;
 
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum DirectoryError {
-    /// The file cannot be read.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// The file is not a zip archive, or it is damaged.
     #[error("not a readable FMU: not a zip archive, or truncated or damaged ({0})")]
     Damaged(String),
-    /// Zip readers disagree about the archive, or it exceeds a limit.
     #[error("rejected: {0}")]
     Rejected(String),
 }
@@ -172,7 +168,6 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     Ok(place)
 }
 
-/// Length of the comment after an end record, bytes.
 fn comment(end: &[u8]) -> usize {
     Record(end).length(20)
 }

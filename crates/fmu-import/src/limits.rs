@@ -79,7 +79,6 @@ mod files {
         if size > limit { Err(too_large(Some(size), limit)) } else { Ok(text.clone().into_bytes()) }
     }
 
-    /// Removes `.` and `..` from a path.
     fn plain(path: &Path) -> String {
         let mut parts: Vec<String> = Vec::new();
         for part in path.components() {

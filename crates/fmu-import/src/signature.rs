@@ -23,7 +23,6 @@ pub(crate) struct Signature {
 /// Greater value references have no bit and are looked up in the table.
 const MARKED: Reference = 1 << 16;
 
-/// A variable that the plain getters and setters cannot transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Special {
     pub(crate) data_type: DataType,
@@ -92,7 +91,6 @@ impl Signature {
         self.is_special(reference).then(|| self.special.get(&reference).copied()).flatten()
     }
 
-    /// Start values of an array; empty if there are none.
     pub(crate) fn starts(&self, array: Reference) -> &[Value] {
         self.starts.get(&array).map_or(&[], Vec::as_slice)
     }

@@ -139,7 +139,6 @@ fn make_private(path: &Path) -> io::Result<()> {
     std::fs::DirBuilder::new().mode(0o700).create(path)
 }
 
-/// See [`is_same_owner`].
 #[cfg(not(unix))]
 fn make_private(path: &Path) -> io::Result<()> {
     std::fs::create_dir(path)

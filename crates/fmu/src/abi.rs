@@ -221,7 +221,6 @@ impl<E: Export> Call<E> {
         })
     }
 
-    /// The caller's array.
     #[inline]
     unsafe fn array<'a, T>(&self, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], CallError> {
         if length == 0 {
@@ -232,7 +231,6 @@ impl<E: Export> Call<E> {
         Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
     }
 
-    /// The caller's array to write to.
     #[inline]
     unsafe fn array_mut<'a, T>(&self, name: &str, pointer: *mut T, length: usize) -> Result<&'a mut [T], CallError> {
         if length == 0 {
@@ -243,7 +241,6 @@ impl<E: Export> Call<E> {
         Ok(unsafe { std::slice::from_raw_parts_mut(pointer, length) })
     }
 
-    /// The caller's variable to write to.
     unsafe fn target<'a, T>(&self, name: &str, pointer: *mut T) -> Result<&'a mut T, CallError> {
         // SAFETY: an array of one value.
         unsafe { self.array_mut(name, pointer, 1) }.map(|array| &mut array[0])
@@ -305,7 +302,6 @@ macro_rules! functions {
 }
 use functions;
 
-/// The caller's string.
 unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
     if pointer.is_null() {
         return Err("a null pointer");

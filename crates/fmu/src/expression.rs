@@ -26,17 +26,14 @@ const FIRST: u128 = 0x243f_6a88_85a3_08d3_1319_8a2e_0370_7345;
 const SECOND: u128 = 0xa409_3822_299f_31d0_082e_fa98_ec4e_6c89;
 
 impl Expression {
-    /// The known variable `index`.
     pub(crate) fn known(index: usize) -> Self {
         Self::hash("known", [index as u128])
     }
 
-    /// A String.
     pub(crate) fn text(text: &str) -> Self {
         Self::hash(text, [])
     }
 
-    /// The operation `name` on hashes.
     fn hash<const N: usize>(name: &str, operands: [u128; N]) -> Self {
         let mix = |hash: u128, word: u128| {
             let hash = (hash ^ word).wrapping_mul(FIRST);

@@ -35,7 +35,6 @@ impl From<String> for CallError {
     }
 }
 
-/// Result of a call.
 type CallResult<T = ()> = Result<T, CallError>;
 
 /// The complete state of an instance, to which an fmi2FMUstate points.
@@ -43,7 +42,6 @@ pub struct Snapshot<M: Model> {
     pub(crate) mode: Mode,
     pub(crate) clock: Clock,
     pub(crate) values: ValueStore,
-    /// True if the parameter `tolerance` was set.
     pub(crate) is_tolerance_set: bool,
     pub(crate) run: Option<M::RunnerState>,
     pub(crate) derived: Option<Arc<M::Derived>>,
@@ -118,7 +116,6 @@ impl<M: Model> Instance<M> {
         self.mode
     }
 
-    /// Changes the mode.
     fn enter(&mut self, mode: Mode) {
         self.mode = mode;
         self.allowed = ALLOWED[self.protocol.column()][mode as usize];
@@ -133,12 +130,10 @@ impl<M: Model> Instance<M> {
         Err(function.out_of_order(self.protocol, self.mode).into())
     }
 
-    /// An error whose message contains the function's name.
     fn error(&self, function: Function, message: impl std::fmt::Display) -> CallError {
         CallError::Error(format!("{}: {message}", function.name(self.protocol.version)))
     }
 
-    /// Returns true if the initialization has not ended.
     fn is_before_start(&self) -> bool {
         matches!(self.mode, Mode::Instantiated | Mode::Initialization)
     }
@@ -269,7 +264,6 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The error for a value that is not finite at the start.
     fn no_start(rule: std::fmt::Arguments<'_>, value: f64) -> CallError {
         format!("{}: {rule}, got {value}; check the parameters", M::INFO.name).into()
     }
@@ -363,7 +357,6 @@ impl<M: Model> Instance<M> {
         self.has_not_finite = false;
     }
 
-    /// Returns true if outputs must be computed before they are read.
     #[inline]
     fn outputs_are_due(&self) -> bool {
         // A source computes its outputs up to the start and then holds them. A stateful model computes them in each

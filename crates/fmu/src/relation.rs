@@ -49,7 +49,6 @@ thread_local! {
     static IN_USE: RefCell<ManuallyDrop<Relations>> = RefCell::new(ManuallyDrop::new(Relations::default()));
 }
 
-/// Swaps `relations` with the relations in use.
 fn swap(relations: &mut Relations) {
     IN_USE.with_borrow_mut(|in_use| std::mem::swap(&mut **in_use, relations));
 }
@@ -64,7 +63,6 @@ impl Drop for Loan<'_> {
 }
 
 impl Relations {
-    /// Allocates memory for `capacity` relations.
     pub(crate) fn with_capacity(capacity: usize) -> Self {
         let zeros = || vec![0.0; capacity].into_boxed_slice();
         Self {
@@ -115,7 +113,6 @@ impl Relations {
         }
     }
 
-    /// Completes the scales.
     pub(crate) fn end_scales(&mut self) {
         for (scale, operand) in self.scales.iter_mut().zip(&self.operands) {
             *scale = scale.max(LEAST_SCALE * operand);
@@ -134,7 +131,6 @@ impl Relations {
         }
     }
 
-    /// Passes the contents of a saved state to the sink.
     pub(crate) fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Whole(self.sides.len() as u64));
         for (&side, &scale) in self.sides.iter().zip(&self.scales) {
@@ -143,7 +139,6 @@ impl Relations {
         }
     }
 
-    /// Restores the contents of a saved state. Fails if a value is missing or impossible.
     pub(crate) fn restore(&mut self, source: &mut Words<'_>) -> Result<(), String> {
         let count = source.whole("number of relations")?;
         if count != self.sides.len() as u64 {

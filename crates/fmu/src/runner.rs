@@ -224,13 +224,11 @@ fn layout(mut declared: Declarations, solver: Option<(Definition, f64)>) -> Layo
     Layout::new(declared)
 }
 
-/// The error for a number that is not finite.
 #[cold]
 fn became(name: &str, value: f64, time: f64) -> String {
     format!("'{name}' became {value} at {time} s")
 }
 
-/// Fails if a real in the block is not finite.
 #[inline]
 fn check_reals(layout: &Layout, block: Block, reals: &[f64], time: f64) -> Result<(), String> {
     if are_finite(&reals[block.reals()]) {
@@ -240,7 +238,6 @@ fn check_reals(layout: &Layout, block: Block, reals: &[f64], time: f64) -> Resul
     Err(became(layout.real_name(index), reals[index], time))
 }
 
-/// Fails if a number in the discrete state is not finite.
 #[inline]
 fn check_discrete(state: &impl DiscreteState, time: f64) -> Result<(), String> {
     state.not_finite().map_or(Ok(()), |(name, value)| Err(became(name, value, time)))

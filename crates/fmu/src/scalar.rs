@@ -190,11 +190,9 @@ pub(crate) use assign_and_sum;
 
 /// A symbolic number type: represents the expression of a number instead of its value.
 pub(crate) trait Symbol: From<f64> {
-    /// The result of an operation.
     fn of<const N: usize>(operation: &str, operands: [Self; N]) -> Self;
     /// The value of the table at `self`.
     fn look_up(self, table: &Table) -> Self;
-    /// Records that the equations read a value.
     fn inspect();
 }
 
@@ -306,7 +304,6 @@ impl Scalar for f64 {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Dependencies(u32);
 
-/// The nodes that represent sets.
 #[derive(Debug, Default)]
 struct Trace {
     /// Unions of two sets. Index `i` is set `i + 1`; set 0 is empty.
@@ -372,7 +369,6 @@ impl Dependencies {
         TRACE.with_borrow_mut(|trace| trace.push((index, VARIABLE)))
     }
 
-    /// The known variables in the set.
     fn variables(self) -> BTreeSet<usize> {
         TRACE.with_borrow(|trace| {
             let mut all = BTreeSet::new();
@@ -383,7 +379,6 @@ impl Dependencies {
         })
     }
 
-    /// Returns the union of both sets.
     pub(crate) fn union(self, other: Self) -> Self {
         match (self.0, other.0) {
             (one, other) if one == other => self,
@@ -434,7 +429,6 @@ impl DependencySet {
         Self((0..count as u32).collect())
     }
 
-    /// Returns true if the known variable `index` is in the set.
     pub(crate) fn contains(&self, index: usize) -> bool {
         self.0.binary_search_by(|&other| (other as usize).cmp(&index)).is_ok()
     }

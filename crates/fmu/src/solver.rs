@@ -154,7 +154,6 @@ impl<M: Continuous> Problem<'_, M> {
     }
 }
 
-/// Converts the inputs to another number type.
 fn inputs_of<T: Scalar, M: Continuous>(
     inputs: &M::Inputs<f64>,
     memory: &mut Inputs,
@@ -176,11 +175,8 @@ const LEAST_SPARSE: usize = 32;
 
 /// Storage of states during the integration.
 pub(crate) trait Keep<M: Continuous> {
-    /// A state.
     type State;
-    /// Reads the state from the values of an instance.
     fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State;
-    /// Writes a state to the values of an instance.
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts);
     /// Passes a state to the model.
     fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R;
@@ -207,7 +203,6 @@ pub(crate) trait Keep<M: Continuous> {
     fn recycle(_x: Self::State, _scratch: &mut Scratch) {}
 }
 
-/// Returns true if the integration stores states as the model's struct.
 pub(crate) const fn is_in_place<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::RungeKutta | Solver::Exact) && M::State::<f64>::COUNTS.reals <= MOST_IN_PLACE
 }
@@ -427,7 +422,6 @@ impl Jacobian {
     }
 }
 
-/// Memory for converting inputs.
 pub(crate) type Inputs = ByType<Vec<f64>, Vec<i32>, Vec<bool>, Vec<String>>;
 
 /// Working memory of the solvers. Data that remains valid from one step to the next depends only on the equations.
@@ -500,7 +494,6 @@ impl Scratch {
         !is_in_place::<M>() && self.nominals.len() < M::State::<f64>::COUNTS.reals
     }
 
-    /// Memory for a state.
     fn take(&mut self) -> Vec<f64> {
         self.states.pop().unwrap_or_else(|| vec![0.0; self.n])
     }

@@ -307,12 +307,10 @@ impl Layout {
         &self.variables[self.positions[index]]
     }
 
-    /// The state of a derivative.
     pub(crate) fn state_of(&self, derivative: &Variable) -> &Variable {
         self.real(self.states.at.reals + derivative.index - self.derivatives.at.reals)
     }
 
-    /// Nominal value of the real variable `index`.
     pub(crate) fn nominal(&self, index: usize) -> f64 {
         match &self.real(index).declaration.kind {
             Kind::Real(real) => real.nominal.unwrap_or(1.0),
@@ -356,7 +354,6 @@ impl ValueStore {
         Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
     }
 
-    /// Returns true if the variable has another value in `other`.
     pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
         let index = variable.index;
         match variable.declaration.kind {
@@ -369,7 +366,6 @@ impl ValueStore {
 }
 
 impl Real {
-    /// Valid values.
     pub(crate) fn range(&self) -> RangeInclusive<f64> {
         self.min.unwrap_or(f64::NEG_INFINITY)..=self.max.unwrap_or(f64::INFINITY)
     }
@@ -405,7 +401,6 @@ impl Kind {
             Self::String { .. } => Counts::STRING,
         }
     }
-    /// Selects the count of this type.
     pub(crate) const fn of(&self, counts: Counts) -> usize {
         match self {
             Self::Real(_) => counts.reals,

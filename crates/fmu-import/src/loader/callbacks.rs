@@ -14,7 +14,6 @@ const KEPT_MESSAGES: usize = 100;
 /// Maximum length of a message, bytes.
 const MAX_MESSAGE: usize = 10_000;
 
-/// Messages from one instance.
 pub(super) struct Log {
     instance: String,
     // FMUs may log from their own threads.

@@ -97,7 +97,6 @@ const FUNCTION_BITS: u32 = 8;
 const FUNCTIONS: u64 = 127;
 const _: () = assert!(NAMES.len() as u64 <= FUNCTIONS);
 
-/// Words of the board, in order.
 #[derive(Clone, Copy)]
 enum Word {
     /// The present call; 0 if there is none.
@@ -193,7 +192,6 @@ impl Board {
         self.set(Word::Call, component << FUNCTION_BITS | number);
     }
 
-    /// Records that the process loads the library of the present component.
     pub(super) fn load(&self) {
         self.set(Word::Call, self.current() << FUNCTION_BITS | LOADING);
     }

@@ -7,9 +7,7 @@ use std::io;
 use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 
 pub(crate) enum Forked {
-    /// In the calling process: the ID of the child.
     Parent(Pid),
-    /// In the new process.
     Child,
 }
 
@@ -63,7 +61,6 @@ pub(crate) fn filter_calls(filter: &[sock_filter], listens: bool) -> io::Result<
     }
 }
 
-/// A system call that waits for an answer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Waiting {
     id: u64,

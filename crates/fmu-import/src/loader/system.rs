@@ -30,7 +30,6 @@ pub(super) unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Option<T>
     unsafe { library.get::<T>(name) }.ok().map(|symbol| *symbol)
 }
 
-/// Returns true if a library or one of its dependencies exports a function.
 pub(super) fn exports(library: &Library, name: &str) -> bool {
     // SAFETY: the symbol is only looked up, not used.
     unsafe { library.get::<*const c_void>(name) }.is_ok()

@@ -10,10 +10,8 @@ use std::io;
 use std::io::{Read as _, Write as _};
 use std::process::{Child, Command};
 
-/// An end of the connection.
 #[cfg(unix)]
 pub(super) type Connection = std::os::unix::net::UnixStream;
-/// An end of the connection.
 #[cfg(not(unix))]
 pub(super) type Connection = std::net::TcpStream;
 
@@ -22,7 +20,6 @@ pub(super) fn is_patience_over(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
 }
 
-/// Starts a worker and connects to it.
 #[cfg(unix)]
 pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     let (ours, theirs) = Connection::pair()?;
@@ -31,7 +28,6 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     Ok((child, ours))
 }
 
-/// Connects to the parent process.
 #[cfg(unix)]
 pub(super) fn accept() -> io::Result<Connection> {
     use std::os::fd::AsFd as _;
@@ -45,7 +41,6 @@ pub(super) fn accept() -> io::Result<Connection> {
 #[cfg(not(unix))]
 const CALLBACK: &str = "CHASSIS_FMU_WORKER";
 
-/// Starts a worker and waits until it connects.
 #[cfg(not(unix))]
 pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     use std::hash::{BuildHasher as _, RandomState};
@@ -75,7 +70,6 @@ pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
     }
 }
 
-/// Connects to the parent process.
 #[cfg(not(unix))]
 pub(super) fn accept() -> io::Result<Connection> {
     let callback = std::env::var(CALLBACK).map_err(io::Error::other)?;

@@ -37,7 +37,6 @@ pub(super) fn members() -> impl Iterator<Item = (Pid, Status)> {
     members.filter_map(|id| Some((Pid::from_raw(id)?, Status::read(id).filter(|status| !status.is_over)?)))
 }
 
-/// Returns true if a process or thread descends from this process.
 pub(super) fn is_member(id: i32) -> bool {
     // Process IDs can be reused while they are read; the limit prevents an endless loop.
     const DEEPEST: usize = 1000;

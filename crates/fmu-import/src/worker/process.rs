@@ -122,7 +122,6 @@ impl Watch {
         self.since = Instant::now();
     }
 
-    /// Returns true if there was no progress for too long.
     fn is_over(&mut self, pulse: u64) -> bool {
         if self.pulse.replace(pulse) != Some(pulse) && self.is_per_step {
             self.restart();
@@ -266,7 +265,6 @@ impl Process {
         None
     }
 
-    /// Ends the worker and all its descendants.
     #[cfg(target_os = "linux")]
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process};
@@ -283,7 +281,6 @@ impl Process {
         self.kill_child();
     }
 
-    /// Ends the worker and its process group.
     #[cfg(all(unix, not(target_os = "linux")))]
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process_group};

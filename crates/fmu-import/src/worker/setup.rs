@@ -15,7 +15,6 @@ pub(super) struct Setup {
     pub(super) memory: Option<u64>,
 }
 
-/// File name of the rules, next to the call board.
 const RULES: &str = "setup";
 const INCIDENTS: &str = "incidents";
 
@@ -109,7 +108,6 @@ impl fmt::Display for Incident {
 
 const GIB: f64 = (1_u64 << 30) as f64;
 
-/// Reads incidents while they are written.
 #[derive(Debug)]
 pub(super) struct Incidents {
     file: File,

@@ -12,7 +12,6 @@ use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
 use crate::instance::Instance;
 use crate::runner::Model as _;
 
-/// Returns true if the FMU provides an interface.
 pub(super) fn provides<E: Export>(interface: Interface) -> bool {
     E::FORMAT.interfaces.contains(interface) && (E::Model::MODEL_EXCHANGE || interface == Interface::CoSimulation)
 }

@@ -21,7 +21,6 @@ pub(super) fn enter() -> Option<Register> {
     Some(callers)
 }
 
-/// Restores the caller's environment.
 #[inline(always)]
 pub(super) fn leave(callers: Option<Register>) {
     if let Some(callers) = callers {

@@ -71,7 +71,6 @@ fn resources_path(uri: &str) -> PathBuf {
     PathBuf::from(String::from_utf8_lossy(&decoded).into_owned())
 }
 
-/// The interface of an fmi2Type.
 fn interface_of<E: Export>(fmu_type: c_int) -> Result<Interface, String> {
     let all = [(0, Interface::ModelExchange), (1, Interface::CoSimulation)];
     let provided = || all.into_iter().filter(|(_, interface)| common::provides::<E>(*interface));

@@ -55,7 +55,6 @@ impl Arguments {
         Log { logger, name: CString::default(), wanted: [wants_all; LOG_CATEGORIES.len()] }
     }
 
-    /// Logs why the instance could not be created.
     unsafe fn reject<E: Export>(self, function: &str, message: &str) -> Component {
         unsafe { common::create::<E>(function, self.log(true), self.name, || Err(message.to_owned())) }
     }

@@ -55,7 +55,6 @@ const fn name_of_values<E: Export>() -> &'static str {
     if matches!(E::FORMAT.version, Version::Fmi3) { "values" } else { "value" }
 }
 
-/// Lets `read` fill the caller's array.
 #[inline(always)]
 unsafe fn get<E: Export, V>(
     component: Component,
@@ -73,7 +72,6 @@ unsafe fn get<E: Export, V>(
     }
 }
 
-/// Passes the caller's array to `write`.
 #[inline(always)]
 unsafe fn set<E: Export, V>(
     component: Component,

@@ -180,7 +180,6 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
 /// Side of the icon in the coordinates of terminalsAndIcons.xml.
 const SIDE: &str = "100.0";
 
-/// terminalsAndIcons.xml.
 pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<u8>> {
     // Elements in the order of their first variable.
     let mut terminals: Vec<(&str, Vec<(&str, &Variable)>)> = Vec::new();

@@ -10,7 +10,6 @@ use crate::store::{Counts, ValueStore};
 use crate::variable::{Kind, Layout, Role, Variable};
 use crate::variables::Parameters;
 
-/// Structure of the equations.
 #[derive(Default)]
 pub(super) struct Structure {
     /// Dependencies of the real outputs, then of the derivatives, on real inputs, states and time.
@@ -185,7 +184,6 @@ fn influences(expressions: &[Vec<Expression>], stride: usize, size: usize, mut f
     }
 }
 
-/// Inputs of other types than Real.
 fn other_inputs(layout: &Layout) -> impl Iterator<Item = &Variable> {
     let is_other = |v: &&Variable| v.role == Role::Input && !matches!(v.declaration.kind, Kind::Real(_));
     layout.variables.iter().filter(is_other)
@@ -214,7 +212,6 @@ fn too_many_values<M: Model>(variable: &Variable) -> Option<String> {
     }
 }
 
-/// The name of the field that holds a parameter.
 fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
     let kind = &variable.declaration.kind;
     let mut end = Counts::ZERO;
@@ -227,7 +224,6 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
         .map(|(name, _)| *name)
 }
 
-/// An unknown of the model structure with its dependencies.
 pub(super) struct Unknown<'a> {
     pub(super) variable: &'a Variable,
     /// Ordered as in the model description.
@@ -236,7 +232,6 @@ pub(super) struct Unknown<'a> {
     pub(super) on_time: bool,
 }
 
-/// The lists in the element ModelStructure.
 pub(super) struct Unknowns<'a> {
     pub(super) outputs: Vec<Unknown<'a>>,
     pub(super) derivatives: Vec<Unknown<'a>>,

@@ -17,14 +17,12 @@ pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// Numbers separated by spaces.
 pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
     numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
 }
 
 pub(super) type Written = std::io::Result<()>;
 pub(super) type Xml = Writer<Vec<u8>>;
-/// Attributes of an element with their values.
 pub(super) type Attributes = Vec<(&'static str, String)>;
 
 pub(super) fn borrowed(attributes: &Attributes) -> Vec<(&str, &dyn Display)> {
@@ -36,12 +34,10 @@ fn open<'x>(xml: &'x mut Xml, name: &'x str, attributes: &[(&str, &dyn Display)]
     attributes.iter().fold(element, |element, (name, value)| element.with_attribute((*name, &*value.to_string())))
 }
 
-/// Writes an element without content.
 pub(super) fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &dyn Display)]) -> Written {
     open(xml, name, attributes).write_empty().map(drop)
 }
 
-/// Writes an element with content.
 pub(super) fn element(
     xml: &mut Xml,
     name: &str,
@@ -51,7 +47,6 @@ pub(super) fn element(
     open(xml, name, attributes).write_inner_content(content).map(drop)
 }
 
-/// A document with one element.
 pub(super) fn document(
     name: &str,
     attributes: &Attributes,
@@ -101,7 +96,6 @@ fn is_structured(name: &str) -> bool {
     name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(name).split('.').all(is_part)
 }
 
-/// Returns true if XML can contain a character.
 pub(super) fn is_xml(c: char) -> bool {
     !(c < ' ' && !"\t\n\r".contains(c) || c == '\u{fffe}' || c == '\u{ffff}')
 }
@@ -209,7 +203,6 @@ pub(super) fn attributes<M: Model>(
     (attributes.collect(), initial != "calculated")
 }
 
-/// Attributes of the type of a variable in both versions.
 pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attributes {
     let mut attributes = Vec::new();
     match &variable.declaration.kind {
@@ -284,7 +277,6 @@ pub(super) fn type_definitions(
     })
 }
 
-/// Writes the element for an interface, with its capabilities.
 pub(super) fn interface(xml: &mut Xml, name: &str, info: &Info, capabilities: &[(&str, bool)]) -> Written {
     let capabilities = capabilities.iter().filter(|(_, has)| *has);
     let mut attributes: Vec<(&str, &dyn Display)> = vec![("modelIdentifier", &info.name)];
@@ -292,7 +284,6 @@ pub(super) fn interface(xml: &mut Xml, name: &str, info: &Info, capabilities: &[
     empty(xml, name, &attributes)
 }
 
-/// Writes the items of an enumeration.
 pub(super) fn items(xml: &mut Xml, items: &[Item]) -> Written {
     items.iter().try_for_each(|item| {
         empty(xml, "Item", &[("name", &item.name), ("value", &item.value), ("description", &item.description)])

@@ -162,7 +162,6 @@ impl<M: Model> Instance<M> {
         Ok(slopes)
     }
 
-    /// Positions of inputs and states in a direction.
     fn knowns(&self, function: Function, references: &[u32]) -> CallResult<Vec<usize>> {
         if M::KIND != ModelKind::Continuous {
             return Err(self.error(function, "not provided: only continuous-time models have derivatives"));
@@ -204,7 +203,6 @@ impl<M: Model> Instance<M> {
         Err(self.error(function, format_args!("seed of '{name}' must be finite, got {slope}")))
     }
 
-    /// Name of a variable, or of the time.
     fn name_of(&self, reference: u32) -> &str {
         self.layout().by_reference(reference).map_or("time", |variable| &variable.declaration.name)
     }

@@ -71,7 +71,6 @@ pub(crate) fn write<M: Model>(
     Ok(out)
 }
 
-/// Returns true if the initialization has ended.
 fn is_initialized(mode: Mode) -> bool {
     !matches!(mode, Mode::Instantiated | Mode::Initialization)
 }
@@ -105,7 +104,6 @@ fn read_text(source: &mut Words<'_>) -> Result<String, String> {
     String::from_utf8(source.bytes_of(length.into())?.to_vec()).map_err(|_| "a string is not UTF-8".to_owned())
 }
 
-/// Reads a snapshot from its bytes.
 pub(crate) fn read<M: Model>(
     protocol: Protocol,
     guid: &str,

@@ -95,7 +95,6 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Number of values of the variable with this reference.
     pub(crate) fn length_of(&self, reference: u32) -> u32 {
         self.description.lengths.get(reference as usize).copied().unwrap_or(1)
     }
@@ -120,7 +119,6 @@ impl<M: Model> Instance<M> {
         format!("'{name}' = {value} at time {time} s, not a finite number")
     }
 
-    /// Index of a value that is not a real number.
     fn other(&self, function: Function, reference: u32, first: u32, end: u32, expected: &str) -> CallResult<usize> {
         if (first..end).contains(&reference) {
             Ok((reference - first) as usize)
@@ -178,7 +176,6 @@ impl<M: Model> Instance<M> {
         Ok(index)
     }
 
-    /// Rejects variables that may not be set now.
     fn settable(&self, function: Function, reference: u32) -> CallResult<&Variable> {
         let Some(variable) = self.layout().by_reference(reference) else {
             return Err(self.unknown_reference(function, reference, type_set_by(function)));

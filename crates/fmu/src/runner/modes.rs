@@ -33,7 +33,6 @@ impl Modes {
     }
 }
 
-/// The bytes of each field.
 fn words<D: DiscreteState>(discrete: &D) -> Vec<Vec<u8>> {
     let mut words = Vec::new();
     discrete.save(&mut |word| words.push(bytes(word)));

@@ -16,7 +16,6 @@ pub(super) struct Type<'a> {
 pub(super) type Types<'a> = HashMap<&'a str, Type<'a>>;
 
 impl<'a> Type<'a> {
-    /// The type that an element defines.
     pub(super) fn new(element: &'a Element, data_type: DataType) -> Result<Self, XmlError> {
         let items = if data_type == DataType::Enumeration { items(element)? } else { Arc::default() };
         Ok(Self { element, data_type, items })

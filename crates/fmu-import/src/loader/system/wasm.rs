@@ -19,7 +19,6 @@ unsafe extern "C" {
     fn close_library(library: usize);
 }
 
-/// An instance of a module.
 pub(super) struct Library(usize);
 
 impl Drop for Library {

@@ -2,7 +2,6 @@
 
 use libc::{c_long, sock_filter};
 
-/// Condition under which a call is restricted.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Condition {
     Always,

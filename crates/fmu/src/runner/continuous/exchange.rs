@@ -8,7 +8,6 @@ use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::variable::Layout;
 use crate::variables::Variables as _;
 
-/// Data of a continuous-time model in model exchange.
 #[derive(Clone, Debug)]
 pub(super) struct Exchange {
     pub(super) relations: Relations,
@@ -42,7 +41,6 @@ impl Exchange {
         }
     }
 
-    /// Copies inputs and states from the values.
     pub(super) fn read(&mut self, layout: &Layout, values: &ValueStore) {
         let indices = layout.inputs.reals().chain(layout.states.reals());
         for (known, index) in self.known.iter_mut().zip(indices) {
@@ -79,7 +77,6 @@ impl Exchange {
     }
 }
 
-/// A function of a model.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     Derivatives,

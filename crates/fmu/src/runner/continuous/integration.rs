@@ -39,7 +39,6 @@ pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> R
     Ok(next)
 }
 
-/// Error for an endless series of time events at one time.
 pub(super) fn too_many_at(time: f64) -> String {
     format!("more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns")
 }
