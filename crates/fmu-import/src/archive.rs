@@ -108,8 +108,7 @@ impl Archive {
     ///
     /// # Errors
     /// The file cannot be read or is not a zip archive. It has too many entries, or an entry that is too large. Two
-    /// entries have the same name or overlap. An entry is encrypted or a link, or its name is not a path within the
-    /// archive.
+    /// entries have the same name or overlap. An entry is encrypted, a link, or not a path within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let file = File::open(path).map_err(at(path))?;
         if file.metadata().map_err(at(path))?.is_dir() {
@@ -207,8 +206,7 @@ impl<R: Read + Seek> Archive<R> {
         platforms
     }
 
-    /// Unpacks the resources and the binaries for this platform into a new temporary folder. `description` must come
-    /// from this archive.
+    /// Unpacks resources and binaries for this platform. `description` must come from this archive.
     ///
     /// # Errors
     /// The FMU does not have the interface or a binary for this platform, the archive is damaged, or the temporary
@@ -298,8 +296,7 @@ fn is_whole(library: &Path) -> io::Result<bool> {
     Ok(library.segments().all(|segment| is_there(segment.file_range())))
 }
 
-/// Checks the declared unpacked size of each entry and the total. [`Archive::unpack`] does not write more bytes than
-/// declared.
+/// Checks the declared unpacked size of each entry and the total; [`Archive::unpack`] does not write more.
 fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     let is_bomb = |size: u64, compressed: u64| size > ANY_RATIO && size / MAX_RATIO > compressed;
     let (mut size, mut compressed) = (0_u64, 0_u64);
@@ -331,8 +328,8 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the paths of the entries. Fails if the `zip` crate sees other entries, or if an entry is not a file or
-/// folder within the archive.
+/// Returns the paths of the entries. Fails if the `zip` crate sees other entries, or if a path leads out of the
+/// archive.
 fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<Vec<String>, String> {
     if zip.len() != entries.len() {
         return Err(format!("it lists {} entries, but {} can be read", entries.len(), zip.len()));

@@ -167,8 +167,7 @@ pub enum Initial {
 
 /// Base type in the C interface of FMI 2.0, where the values of enumerations are integers.
 ///
-/// FMI 3.0 distinguishes more types, see [`Variable::data_type`]: a Real is a Float64 or Float32, an Integer is one of
-/// eight integer types.
+/// In FMI 3.0, a Real is a Float64 or Float32, and an Integer is one of eight types: see [`Variable::data_type`].
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -231,8 +230,7 @@ impl std::fmt::Display for BaseType {
 
 /// A value of a base type.
 ///
-/// JSON contains only the value, and the first variant that fits is read. A Real always has a decimal point or an
-/// exponent.
+/// JSON contains only the value; a Real always has a decimal point or an exponent.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum Value {

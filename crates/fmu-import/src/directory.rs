@@ -215,8 +215,7 @@ fn entries(mut directory: &[u8], count: u64) -> Result<Vec<Entry>, DirectoryErro
     Ok(entries)
 }
 
-/// Replaces numbers that do not fit in 32 bits with the numbers in the zip64 field, which contains only these, in this
-/// order.
+/// Replaces numbers that do not fit in 32 bits with the numbers in the zip64 field, which contains only these.
 fn widen(mut extra: &[u8], numbers: [&mut u64; 3]) {
     const ZIP_64: u64 = 1;
     while extra.len() >= 4 {

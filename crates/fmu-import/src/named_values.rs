@@ -25,8 +25,7 @@ pub fn listed(values: &[(i32, &str)]) -> String {
     values.join(", ")
 }
 
-/// Parses the list in parentheses at the end of a text. Every entry must be a whole number and an identifier, and must
-/// not be repeated.
+/// Parses the list in parentheses at the end of a text; an entry is a whole number and an identifier, both unique.
 fn list_at_end(text: &str) -> Option<Vec<(i32, &str)>> {
     let (_, list) = text.strip_suffix(')')?.rsplit_once('(')?;
     let mut values: Vec<(i32, &str)> = Vec::new();

@@ -19,8 +19,7 @@ pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>)
         .map(|(_, nearest)| format!("did you mean `{nearest}`?"))
 }
 
-/// Like [`suggestion`]; if no candidate is similar enough, lists those that have the most words in common with the
-/// name.
+/// Like [`suggestion`], but if no candidate is similar enough, lists those that share the most words with the name.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + Clone) -> Option<String> {
     const SHOWN: usize = 4;
     // Shorter words match by accident.

@@ -4,8 +4,7 @@ use object::{Object as _, ObjectSymbol as _, ReadCache};
 use std::fs::File;
 use std::path::Path;
 
-/// The first symbol of Python's C interface that an ELF library uses without defining it. `None` if there is none, or
-/// if the library has another format.
+/// The first symbol of Python's C interface that an ELF library uses without defining it; `None` for other formats.
 pub(crate) fn undefined_symbol(library: &Path) -> Option<String> {
     let content = ReadCache::new(File::open(library).ok()?);
     let parsed = object::File::parse(&content).ok()?;

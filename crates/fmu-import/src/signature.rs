@@ -95,8 +95,7 @@ impl Signature {
         self.starts.get(&array).map_or(&[], Vec::as_slice)
     }
 
-    /// For the reference of an array element ([`ModelDescription::with_elements`]): its array, and the number of
-    /// elements.
+    /// For a reference from [`ModelDescription::with_elements`]: its array, and the number of elements.
     pub(crate) fn element(&self, reference: Reference) -> Option<(ArrayElement, usize)> {
         self.special(reference)?.element
     }

@@ -1,7 +1,6 @@
 //! WebAssembly modules as binaries of FMUs: their path in an archive, and the names that they import and export.
 //!
-//! FMI does not define such binaries; the folder is a convention of this project. The draft FMI-LS-WASM covers FMI 3.0
-//! and WASI components.
+//! The folder is a convention of this project; the draft FMI-LS-WASM covers only FMI 3.0 and WASI components.
 
 /// Folder in `binaries/`, for FMI 2.0 and 3.0.
 pub const FOLDER: &str = "wasm32-unknown-unknown";

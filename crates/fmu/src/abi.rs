@@ -1,5 +1,4 @@
-//! The C interface. All unsafe code of an FMU is in this module: code for both FMI versions here, the functions of each
-//! version in [`fmi2`] and [`fmi3`].
+//! The C interface. All unsafe code of an FMU is in this module; the functions are in [`fmi2`] and [`fmi3`].
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
 //! [`Instance`]. An error is logged through the caller's logger and becomes a status; a
@@ -62,8 +61,7 @@ pub trait Export: 'static {
     const FORMAT: Format = Format::FMI2;
     /// Returns the library's data.
     fn library() -> &'static Library;
-    /// Returns the description, which is computed on first use and shared by all instances. Panics like
-    /// [`Description::of`].
+    /// Returns the description, computed on first use and shared by all instances. Panics like [`Description::of`].
     fn description() -> Arc<Description> {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {
@@ -71,9 +69,10 @@ pub trait Export: 'static {
                 Some(guid) => Description::packed::<Self::Model>(Self::FORMAT, guid, Self::EVENT_INDICATORS),
                 None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::Model::INFO.resources)),
             });
-            // On Linux, `unloading!` registers the function. SAFETY: the function belongs to this library and is called
-            // when the library is unloaded or the process ends. If the registration fails, only the description is
-            // leaked.
+            // On Linux, `unloading!` registers the function.
+
+            // SAFETY: the function belongs to this library and is called when the library is unloaded or the process
+            // ends. If the registration fails, the description is leaked.
             #[cfg(not(any(target_os = "linux", target_family = "wasm")))]
             unsafe {
                 libc::atexit(forget::<Self>)
@@ -284,12 +283,10 @@ unsafe fn call<E: Export>(
     status
 }
 
-/// Defines functions of the C interface for a model `E` from their entries in the table of calls. The body gets the [`Handle`] of the
-/// component and the [`Call`].
+/// Defines functions of the C interface for a model `E`. A body gets the [`Handle`] of the component and the [`Call`].
 ///
-/// Safety: the bodies are unsafe. They read and write through pointers that the caller must pass according to the
-/// standard: a component of this library, arrays of the given lengths, strings that end with a zero, states of this
-/// component.
+/// Safety: the bodies are unsafe. They use pointers that the caller must pass according to the standard: a component of
+/// this library, arrays of the given lengths, strings that end with a zero, states of this component.
 macro_rules! functions {
     ($($(#[$attribute:meta])* fn $name:ident[$function:ident]($h:pat, $call:pat
         $(, $argument:ident: $type:ty)* $(,)?) $body:block)*) => {$(

@@ -292,8 +292,7 @@ impl Function {
     }
 }
 
-/// The table of calls by column and mode, with a bit for each allowed function. An instance keeps the bits of its mode;
-/// a call tests only one bit.
+/// The table of calls by column and mode, with a bit for each allowed function: a call tests only one bit.
 pub(crate) static ALLOWED: [[u128; Mode::ALL.len()]; Protocol::ALL.len()] = {
     let mut table = [[0; Mode::ALL.len()]; Protocol::ALL.len()];
     let mut place = 0;

@@ -1,6 +1,5 @@
-//! Comparisons in equations. [`model`](macro@crate::model) replaces the operators with these functions. They do the
-//! same as `PartialOrd` and `PartialEq`, but give a specific error message for the generic number type of the
-//! equations.
+//! Comparisons in equations. [`model`](macro@crate::model) replaces the operators with these functions, which do the
+//! same but have a specific error message for the generic number type of the equations.
 
 /// Operands of `<`, `<=`, `>` and `>=`.
 #[diagnostic::on_unimplemented(

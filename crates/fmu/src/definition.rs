@@ -19,8 +19,7 @@ pub struct Definition {
     pub description: &'static str,
 }
 
-/// Minimum of a parameter that must be above zero, in its unit. FMI has no exclusive limits, and dividing by a power of
-/// a smaller number can overflow.
+/// Minimum of a parameter that must be above zero, in its unit: FMI has no exclusive limits.
 pub const LEAST_POSITIVE: f64 = 1e-6;
 
 /// The values a parameter may have.
@@ -36,8 +35,7 @@ pub enum Range {
     AtLeast(f64),
 }
 
-/// Minimum of the integration step and the sample time in s: a communication step of 1 s then has 10^6 parts, which is
-/// the limit.
+/// Minimum of the integration step and the sample time in s. A communication step of 1 s then has at most 10^6 parts.
 const LEAST_STEP: f64 = 1e-6;
 
 /// Time from one sample of a discrete-time model to the next.

@@ -94,8 +94,7 @@ impl Description {
         };
         let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
         let xml = with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"));
-        // The GUID is the hash of the description with an empty GUID. It is in the first element, so the first match is
-        // replaced.
+        // The GUID is the hash of the description with an empty GUID, which is in the first element.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
         let name = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
@@ -104,8 +103,7 @@ impl Description {
     }
 
     /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common,
-    /// such as a wheel or an axle. Empty if there is none. Native arrays have no terminals, because a terminal cannot
-    /// contain a part of a variable.
+    /// such as a wheel or an axle; empty if there is none. A terminal cannot contain an element of a native array.
     pub fn terminals(&self, format: Format) -> String {
         let xml = fmi3::terminals(&self.layout, format).expect("writing to memory does not fail");
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))

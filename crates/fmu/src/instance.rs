@@ -159,8 +159,7 @@ impl<M: Model> Instance<M> {
         self.run.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
     }
 
-    /// fmi2SetupExperiment, without a tolerance. Fails if the start time is not finite, or if the stop time is NaN or
-    /// before the start time.
+    /// fmi2SetupExperiment without a tolerance, see [`Self::set_experiment`].
     #[cfg(feature = "testing")]
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         let function = Function::SetupExperiment;
@@ -170,8 +169,7 @@ impl<M: Model> Instance<M> {
 
     /// Sets start time, stop time and relative tolerance; errors contain the name of `function`. A solver with error
     /// control uses the tolerance, unless the parameter `tolerance` was set. Fails if the start time is not finite, if
-    /// the stop time is NaN or before the start time, or if such a solver gets a tolerance that is not finite and above
-    /// 0.
+    /// the stop time is NaN or before the start time, or if such a solver gets an invalid tolerance.
     pub fn set_experiment(
         &mut self,
         function: Function,
@@ -225,8 +223,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2ExitInitializationMode: computes the derived parameters. If the parameters are inconsistent, fails and keeps
-    /// the mode.
+    /// fmi2ExitInitializationMode: computes the derived parameters. Fails if the parameters are inconsistent.
     pub fn exit_initialization(&mut self) -> CallResult {
         let function = Function::ExitInitializationMode;
         self.check(function)?;
@@ -359,8 +356,7 @@ impl<M: Model> Instance<M> {
 
     #[inline]
     fn outputs_are_due(&self) -> bool {
-        // A source computes its outputs up to the start and then holds them. A stateful model computes them in each
-        // step.
+        // A source computes outputs up to the start and then holds them; a stateful model computes them in each step.
         let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && self.is_before_start());
         are_computed && self.outputs_are_old
     }
@@ -385,8 +381,7 @@ impl<M: Model> Instance<M> {
         if calculated || outputs || derivatives { self.compute(outputs, derivatives) } else { Ok(()) }
     }
 
-    /// Computes outputs and derivatives. If derived parameters and the state of the run are out of date, computes them
-    /// first.
+    /// Computes outputs and derivatives; if necessary, first the derived parameters and the state of the run.
     fn compute(&mut self, outputs: bool, derivatives: bool) -> CallResult {
         if self.is_stale() {
             self.derive()?;

@@ -6,8 +6,7 @@ use crate::discrete_state::DiscreteState;
 use crate::scalar::Scalar;
 use crate::variables::{ContinuousState, Derived, Parameters, Variables};
 
-/// Metadata of a model. [`model`](macro@crate::model) takes it from its arguments, the doc comment and the manifest of
-/// the package.
+/// Metadata of a model. [`model`](macro@crate::model) takes it from its arguments, the doc comment and the manifest.
 #[derive(Clone, Copy, Debug)]
 pub struct Info {
     /// Name of the FMU: model identifier, file stem and name of the library.
@@ -197,8 +196,7 @@ pub trait Continuous: Parameters {
     fn advance(&self, at: At<'_, f64, Self>, _step: f64) -> Self::State<f64> {
         at.state.copied()
     }
-    /// Quantities whose sign changes are state events. The time of an event is accurate to 10^-15 of the integration
-    /// step.
+    /// Quantities whose sign changes are state events, located to 10^-15 of the integration step.
     ///
     /// # Panics
     /// The default panics. It is called only if the model declares [`Self::Crossings`].
@@ -215,8 +213,7 @@ pub trait Continuous: Parameters {
 }
 
 /// Takes the names of an output of a source and of a parameter, in [`Discrete::FOLLOWS`] of an input. Returns `true` if
-/// the output can depend on it at some time of a run, for some values of the other parameters. Tools read this from the
-/// model structure.
+/// the output can depend on it, at some time and for some other parameters. Tools read this from the model structure.
 pub type Influence = fn(output: &str, parameter: &str) -> bool;
 
 /// A sample of a discrete-time model.
@@ -235,8 +232,7 @@ pub struct Sample<'a, M: Discrete> {
 /// A discrete-time model: a controller, or a signal source. The struct that implements it holds the parameters.
 ///
 /// Sample n is due at start + n * `sample_time`. It reads the inputs that were set before the step; its outputs are
-/// held until the next sample. If the model has no field `sample_time`, it gets this parameter with the start value
-/// `step_size`.
+/// held until the next sample. Without a field `sample_time`, the parameter is added and starts with `step_size`.
 pub trait Discrete: Parameters {
     /// Facts about the model.
     const INFO: Info;
@@ -249,8 +245,7 @@ pub trait Discrete: Parameters {
     /// Derived parameters.
     type Derived: Derived;
 
-    /// `Some` makes the model a source: from Initialization Mode until the first sample, its outputs have the values of
-    /// [`Self::start`].
+    /// `Some` makes the model a source: its outputs are those of [`Self::start`] from Initialization Mode on.
     const SOURCE: Option<Influence> = None;
     /// Takes the names of an output and an input. Returns `true` if the output in [`Self::start`] depends on the input.
     /// Tools read this from the model structure.
@@ -317,8 +312,7 @@ pub trait Stateful: Parameters {
     /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs.
     ///
     /// # Errors
-    /// The reason why the simulation cannot continue. The instance can then only be reset or restored from a saved
-    /// state.
+    /// The reason why the simulation cannot continue. The instance must then be reset or restored from a saved state.
     fn step(
         &self,
         simulation: &mut Self::Simulation,

@@ -18,8 +18,7 @@ use crate::table::Table;
 /// beyond the equality, so that rounding errors at an event do not cause a second one.
 const BAND: f64 = 1e-9;
 
-/// Minimum of a relation's scale, relative to the greater operand. It keeps rounding errors of the operands far below
-/// [`BAND`] times the scale.
+/// Minimum scale relative to the greater operand, whose rounding errors are then far below [`BAND`] times the scale.
 const LEAST_SCALE: f64 = 1e-3;
 
 /// To find a scale, states and inputs are changed by this fraction of their nominal values.

@@ -142,15 +142,13 @@ pub trait Model: Sized + 'static {
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
     /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early,
-    /// if any. Fails if a number is not finite or the model rejects the step; `values` is then unchanged, the state of
-    /// the run may not be.
+    /// if any. Fails, without changing `values`, if a number is not finite or the model rejects the step.
     fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String>;
     /// Co-simulation without Event Mode: handles the time events at the start. Fails like [`Self::handle_events`].
     fn init_steps(_: Run<'_, Self>) -> Result<(), String> {
         Ok(())
     }
-    /// Prepares the state of the run, if necessary, for events that the importer handles. Events up to `time` have been
-    /// handled.
+    /// Prepares the state of the run, if necessary, for events after `time` that the importer handles.
     fn init_events(_: &mut Self::RunnerState, _: &Layout, _time: f64) {}
     /// Computes the outputs; for a source, those of its first sample.
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore);
@@ -183,11 +181,9 @@ pub trait Model: Sized + 'static {
     fn count_relations(_: Context<'_, Self>, _: &Self::RunnerState, _: &ValueStore) -> usize {
         0
     }
-    /// Model exchange: handles the events at the present time. If a number is not finite or the model rejects the
-    /// event, fails and changes nothing.
+    /// Model exchange: handles the present events. Fails, without changes, for non-finite numbers or rejected events.
     fn handle_events(run: Run<'_, Self>, clock: &mut Clock) -> Result<Update, String>;
-    /// Model exchange: sets the side of every relation from the present values, and computes the scales of the
-    /// indicators.
+    /// Model exchange: sets the sides of relations from the present values, and computes the scales of indicators.
     fn freeze_relations(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore) {}
     /// Model exchange: computes the outputs or the derivatives with frozen relations.
     fn eval_frozen(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &mut ValueStore, _outputs: bool) {}
@@ -197,8 +193,7 @@ pub trait Model: Sized + 'static {
     }
     /// Passes every value of the state to the sink. Fails if the simulation cannot be serialized.
     fn save(run: &Self::RunnerState, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String>;
-    /// Restores the state of a run. `run` must be the state at the start. Fails if a value is missing, has another
-    /// type, or is invalid.
+    /// Restores the state of a run; `run` must be the state at the start. Fails for a missing or invalid value.
     fn restore(run: &mut Self::RunnerState, layout: &Layout, source: &mut Words<'_>) -> Result<(), String>;
     /// Name and value of the first number in the state that is not finite.
     fn not_finite(_: &Self::RunnerState) -> Option<(&'static str, f64)> {

@@ -7,11 +7,9 @@
 //! [`Scalar`] has no comparison operators, because a branch on a value would hide the other branch from `Dependencies`.
 //! Use [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`]. You can branch
 //! on a Boolean, an enumeration or a bounded Integer, because the model structure is the union over all their values.
-//! [`Scalar::value`] returns a plain number that can be compared; the model structure then declares that everything
-//! depends on everything.
+//! [`Scalar::value`] returns a plain number that can be compared; then everything depends on everything.
 //!
-//! In operations with a plain number, the `T` is on the left: `x * 2.0`, `-x + 1.0`. Otherwise write `T::from(1.0) -
-//! x`.
+//! In operations with a plain number, the `T` is on the left: `x * 2.0`, `-x + 1.0`; or write `T::from(1.0) - x`.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;

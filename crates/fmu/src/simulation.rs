@@ -222,8 +222,7 @@ impl<M: Discrete> std::fmt::Debug for DiscreteSimulation<M> {
 }
 
 impl<M: Discrete> DiscreteSimulation<M> {
-    /// Starts before the first sample, which is due at time 0. Files are read from the folder `resources` of the
-    /// package.
+    /// Starts before the first sample, which is due at time 0. Files are read from the package's folder `resources`.
     ///
     /// # Errors
     /// The parameters are inconsistent.

@@ -166,8 +166,7 @@ fn inputs_of<T: Scalar, M: Continuous>(
     M::Inputs::read(Values { reals: typed, integers, booleans, strings }, Counts::ZERO)
 }
 
-/// With a fixed step and at most this many states, states are stored as the model's struct, in registers or on the
-/// stack.
+/// With a fixed step and at most this many states, states are stored as the model's struct, without the heap.
 const MOST_IN_PLACE: usize = 64;
 
 /// Stiff models with at least this many states use the structure of the Jacobian.
@@ -189,8 +188,7 @@ pub(crate) trait Keep<M: Continuous> {
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State;
-    /// One step of a solver with error control. Writes the estimated error to `scratch`. Returns `None` if the matrix
-    /// of the step is singular.
+    /// One step of a solver with error control; its error is in `scratch`. `None` if the step's matrix is singular.
     fn estimated(
         problem: &Problem<'_, M>,
         x: &Self::State,

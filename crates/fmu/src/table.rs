@@ -34,8 +34,7 @@ impl Table {
     /// comma. The first line can contain the column names. Blank lines and lines that start with `#` are skipped.
     ///
     /// # Errors
-    /// The file cannot be read, a line does not contain two numbers, or [`Self::new`] rejects the points. The message
-    /// contains path and line.
+    /// The file cannot be read, a line does not contain two numbers, or [`Self::new`] rejects the points.
     pub fn from_csv(path: impl AsRef<Path>) -> Result<Self, String> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|error| {
@@ -53,8 +52,7 @@ impl Table {
         Self::new(rows.into_iter().map(|(_, x, y)| (x, y))).map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Hash of the points, the same on every platform. Return it from `fingerprint` of the model: a saved state is then
-    /// restored only with the same table.
+    /// Hash of the points for `fingerprint` of the model, the same on every platform.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         // FNV-1a over the bytes of all numbers.

@@ -47,8 +47,7 @@ impl Unit {
         display: &[DisplayUnit { name: "ms", factor: 1e3, offset: 0.0 }],
         ..Self::NONE
     };
-    /// For a variable without a fixed unit: the unit depends on another variable or on the connected signal. The model
-    /// description declares no unit.
+    /// For a variable whose unit depends on another variable or on the connected signal: declares no unit.
     pub const NONE: Self = Self { name: "", exponents: [0; 8], factor: 1.0, offset: 0.0, display: &[], rate: None };
 
     /// Returns true if the model description declares the unit.

@@ -159,8 +159,7 @@ pub fn declare_elements<T, F: Field<T>, const N: usize>(
 ) where
     F::Start: Clone,
 {
-    // An `Option` of the iterator would compile to a branch on an uninitialized value. That is harmless, but valgrind
-    // reports it.
+    // An `Option` of the iterator would compile to a harmless branch on an uninitialized value, which valgrind reports.
     let mut starts = start.map_or_else(Vec::new, Starts::each).into_iter();
     let first = all.len();
     for i in 0..N {
@@ -414,8 +413,7 @@ impl<T: Scalar> ContinuousState<T> for () {
 
 impl Derived for () {}
 
-/// The names in a struct of variables. If the struct has no derive, the list is empty ([`NoNames`]): the missing derive
-/// is reported elsewhere.
+/// The names in a struct of variables. Without a derive, which is reported elsewhere, there are none ([`NoNames`]).
 pub struct NamesOf<V>(PhantomData<V>);
 
 impl<V: Variables<f64>> NamesOf<V> {

@@ -8,8 +8,7 @@ use crate::c_api::Reference;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// Maximum number of elements that become variables. Further arrays stay arrays, because millions of variables would
-/// need too much memory.
+/// Maximum number of elements that become variables, which limits the memory. Further arrays stay arrays.
 const MAX_ELEMENTS: usize = 20_000;
 /// Maximum number of dependencies that are listed element by element. Above it, unknowns depend on all knowns.
 const MAX_DEPENDENCIES: usize = 1_000_000;

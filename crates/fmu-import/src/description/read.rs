@@ -22,8 +22,7 @@ const MAX_IDENTIFIER: usize = 240;
 const MAX_INHERITED: usize = 200;
 /// Maximum number of display units of a unit. Every recorded signal has a copy.
 const MAX_DISPLAY_UNITS: usize = 100;
-/// Maximum number of elements in all arrays, and in the lists of states and event indicators. Their values are kept in
-/// memory.
+/// Maximum number of elements, whose values are kept in memory, in all arrays and in lists of the model structure.
 const MAX_ELEMENTS: usize = 10_000_000;
 
 #[derive(Default)]
@@ -138,8 +137,7 @@ fn children<'a>(parent: &'a Element, list: &str, name: &'a str) -> impl Iterator
     parent.child(list).into_iter().flat_map(|l| &l.children).filter(move |c| c.name == name)
 }
 
-/// The model identifier, which becomes part of a path. It need not be a C identifier, because many tools write others;
-/// `cargo fmu check` reports them.
+/// The model identifier, part of a path. It need not be a C identifier: many tools write others, which `check` reports.
 fn identifier(element: &Element) -> Result<String, XmlError> {
     let text = bounded(element, "modelIdentifier", MAX_IDENTIFIER)?;
     let leads_elsewhere = text.contains(['/', '\\', ':']) || matches!(text, "" | "." | "..");

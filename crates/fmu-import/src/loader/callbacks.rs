@@ -73,9 +73,8 @@ impl Log {
     }
 }
 
-/// Adds a message to the log with this environment. Some FMUs pass another environment than the one they got, so it is
-/// never dereferenced. A message with an unknown environment goes to the only instance, or to the only instance with
-/// its name; otherwise it is printed.
+/// Adds a message to the log with this environment. It is never dereferenced, because some FMUs pass a wrong one. Such
+/// a message goes to the only instance, or to the only instance with its name; otherwise it is printed.
 fn keep(environment: *mut c_void, instance: &str, status: RawStatus, category: String, mut text: String) {
     if text.len() > MAX_MESSAGE {
         let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
@@ -107,8 +106,7 @@ unsafe extern "C" {
     );
 }
 
-/// Receives a formatted message, in which `##` means `#` (FMI 2.0.4, section 2.1.5). References to variables such as
-/// `#r1#` are not replaced.
+/// Receives a formatted message, in which `##` means `#` (FMI 2.0.4, section 2.1.5). `#r1#` is not replaced.
 #[cfg(log_arguments)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmu_import_message(
@@ -143,9 +141,8 @@ pub(super) fn logger() -> c_api::Logger {
     #[cfg(not(log_arguments))]
     {
         type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
-        // SAFETY: in the C calling conventions of the supported platforms, the named arguments of a variadic call are
-        // passed as in an ordinary call, and the caller removes all arguments. The callee can therefore ignore the
-        // others.
+        // SAFETY: in the C calling conventions of the supported platforms, named arguments of a variadic call are
+        // passed as in an ordinary call, and the caller removes all arguments, so the callee can ignore the others.
         return unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_format as Fixed) };
     }
 }

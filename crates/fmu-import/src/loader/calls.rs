@@ -1,8 +1,7 @@
 //! The call board: a file that contains the function and component that a process is executing.
 //!
 //! A worker maps the file into memory and writes to it before and after every call to an FMU. This costs two stores and
-//! no system call. The parent process can read the file even after the worker has crashed, and report what it was
-//! doing.
+//! no system call. If the worker crashes, its parent reads the file and reports what the worker was doing.
 
 use crate::description::{FmiVersion, Interface};
 use std::fs::File;
@@ -91,8 +90,7 @@ impl Function {
 
 /// Function number while a library is loaded, which runs the library's initializers.
 const LOADING: u64 = 0xff;
-/// Number of bits for the function in [`Word::Call`]; functions are numbered from 1. The component is in the upper
-/// bits.
+/// Number of bits for the function, from 1, in [`Word::Call`]. The component is in the upper bits.
 const FUNCTION_BITS: u32 = 8;
 const FUNCTIONS: u64 = 127;
 const _: () = assert!(NAMES.len() as u64 <= FUNCTIONS);
@@ -136,8 +134,7 @@ pub fn publish(file: &File) -> io::Result<()> {
     }
     // SAFETY: the file is private to this process and its parent, which reads the file but does not truncate it.
     let map = Box::leak(Box::new(unsafe { memmap2::MmapMut::map_mut(file) }?));
-    // SAFETY: the map is page-aligned, as long as the file, and never unmapped. It is accessed only through these
-    // atomic words.
+    // SAFETY: the map is page-aligned, as long as the file, never unmapped, and accessed only with these atomics.
     let words = unsafe { &*map.as_mut_ptr().cast::<[AtomicU64; WORDS]>() };
     BOARD.set(Board(words)).map_err(|_| io::Error::other("this process already has a call board"))?;
     board().into_iter().for_each(Board::begin);

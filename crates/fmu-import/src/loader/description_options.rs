@@ -1,5 +1,4 @@
-//! Options for the description that a library of this exporter returns. Pass their sum to
-//! `fmu::abi::model_description`.
+//! Options for the description that a library of this exporter returns. `fmu::abi::model_description` takes their sum.
 
 /// Provide co-simulation.
 pub const CO_SIMULATION: i32 = 1;
@@ -9,6 +8,5 @@ pub const MODEL_EXCHANGE: i32 = 2;
 pub const ARRAYS: i32 = 4;
 /// Return terminalsAndIcons.xml instead of the model description (FMI 3.0).
 pub const TERMINALS: i32 = 8;
-/// Return the reasons why the model structure lists too many dependencies, one per line, instead of the model
-/// description.
+/// Instead of the model description, return the reasons for too many dependencies in the model structure, one per line.
 pub const NOTES: i32 = 16;

@@ -19,8 +19,7 @@ pub enum LoadError {
     /// The library was built for other types or another FMI version.
     #[error("{0}")]
     Version(String),
-    /// The system cannot load the library, the declarations of a model in it are inconsistent, or it calls Python and
-    /// the process has not loaded Python.
+    /// The system cannot load the library, its model declarations are inconsistent, or it needs Python.
     #[error("{0}")]
     Other(String),
 }

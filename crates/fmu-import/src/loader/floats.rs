@@ -23,8 +23,7 @@ pub(super) struct FloatEnvironment(u64);
 /// Functions that changed the environment, and what they changed.
 static RESTORED: Mutex<BTreeSet<(&'static str, &'static str)>> = Mutex::new(BTreeSet::new());
 
-/// Returns the functions of FMUs that changed the floating-point environment, and what they changed, since the last
-/// call to this function.
+/// Returns the functions of FMUs that changed the environment since the last call, and what they changed.
 pub fn take_restored() -> BTreeSet<(&'static str, &'static str)> {
     std::mem::take(&mut *RESTORED.lock().unwrap_or_else(PoisonError::into_inner))
 }

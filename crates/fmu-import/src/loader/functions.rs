@@ -103,9 +103,8 @@ macro_rules! table {
             $($more:ident: $more_type:ty = $more_name:literal,)*
         })*
     ) => {
-        /// The functions in a library. `required` and `needed` functions must be present. All others are optional here:
-        /// the standard requires them, but many FMUs do not have them. Functions of the other interface are not looked
-        /// up.
+        /// The functions in a library. The standard requires all of them for an interface, but many FMUs have only the
+        /// `required` and `needed` ones.
         pub(in super::super) struct Functions {
             $(pub(in super::super) $field: $type,)*
             $(pub(in super::super) $other: Option<$other_type>,)*

@@ -65,9 +65,8 @@ pub struct Instance {
 unsafe impl Send for Instance {}
 
 impl Instance {
-    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the interface for which
-    /// the library was unpacked. Sets `visible` to false, and uses neither Event Mode in co-simulation nor early
-    /// return.
+    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the library's interface.
+    /// Sets `visible` to false, and uses neither Event Mode in co-simulation nor early return.
     ///
     /// `logging` requests messages other than errors.
     ///
@@ -328,8 +327,7 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetupExperiment` without a tolerance; times in s. In FMI 3.0, the times are passed to
-    /// `fmi3EnterInitializationMode`.
+    /// `fmi2SetupExperiment` without a tolerance, times in s. In FMI 3.0, `fmi3EnterInitializationMode` passes them on.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
         self.experiment = (start, stop);
         // SAFETY: live instance.

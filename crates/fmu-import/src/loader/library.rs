@@ -22,8 +22,7 @@ pub struct Library {
     pub(super) functions: Functions,
     // Must be declared before `_unpacked`: the library is closed before its file is deleted.
     library: system::Library,
-    /// A URI (FMI 2.0) or a path (FMI 3.0). The folder exists even for an FMU without resources, because some FMI 3.0
-    /// FMUs crash without a path.
+    /// A URI (FMI 2.0) or a path (FMI 3.0). The folder always exists, because some FMI 3.0 FMUs crash without it.
     pub(super) resources: CString,
     pub(super) signature: Signature,
     pub(super) instances: AtomicUsize,
@@ -40,9 +39,8 @@ impl Library {
     /// Loads the library of an unpacked FMU.
     ///
     /// # Errors
-    /// The system cannot load the library, it needs a Python library that is not loaded, a function of the interface is
-    /// missing, or the library has another FMI version than the description, or (FMI 2.0) another types platform than
-    /// `default`.
+    /// The system cannot load the library, it needs Python, a function of the interface is missing, or the library has
+    /// another FMI version than the description, or another types platform than `default` (FMI 2.0).
     pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
         let board = calls::board();
         if let Some(board) = board {
@@ -74,8 +72,7 @@ impl Library {
         }
         let library = opened.map_err(|reason| LoadError::of_system(path, reason))?;
         let signature = unpacked.signature.clone();
-        // SAFETY: the signatures come from the FMI headers; the table is stored together with the library and is used
-        // only by `Library` and `Instance`.
+        // SAFETY: the signatures come from the FMI headers; the table is stored together with the library.
         let functions = unsafe { Functions::load(&library, signature.fmi, signature.interface) }
             .map_err(|function| LoadError::Missing { path: path.clone(), function })?;
         let answers = match &functions {
@@ -162,8 +159,7 @@ pub fn exported_descriptions(
     let library = system::open(path).map_err(failed)?;
     let mut descriptions = Vec::new();
     for name in names {
-        // SAFETY: the exporter defines these functions with these arguments. They return null, or a string that lives
-        // until the next call.
+        // SAFETY: the exporter defines these functions with these arguments; a string lives until the next call.
         let description = unsafe {
             let function = system::symbol::<unsafe extern "C" fn(i32, i32) -> *const c_char>(&library, &name);
             function.map(|function| text(function(version, options)))

@@ -37,8 +37,7 @@ pub(crate) fn most_memory_of_children() -> u64 {
 }
 
 /// Permanently filters the system calls of this thread and of all threads and processes that it creates. With
-/// `listens`, calls for which the filter returns `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned
-/// listener.
+/// `listens`, calls with the result `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned listener.
 ///
 /// # Errors
 /// The system does not support such filters, this process already has a listener, or `no_new_privs` is not set.

@@ -98,8 +98,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Gets the values of an array before the initialization: the values that were set, or the start values. Returns
-    /// false if there are none.
+    /// Gets the set values or start values of an array before the initialization; returns false if there are none.
     fn given<T: Kept>(&mut self, array: Reference, values: &mut [T]) -> bool {
         if let Some(given) = T::part(&mut self.whole).given.get(&array) {
             values.copy_from_slice(given);

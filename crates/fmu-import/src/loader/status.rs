@@ -33,8 +33,7 @@ impl Instance {
         Ok(value)
     }
 
-    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the last `fmi3DoStep`: true if the FMU requests the end
-    /// of the simulation.
+    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the last `fmi3DoStep`.
     pub fn wants_termination(&mut self) -> Result<bool, CallError> {
         if self.fmi() == FmiVersion::V3 {
             return Ok(self.step_end.terminate != 0);

@@ -56,8 +56,7 @@ impl Instance {
         self.get_plain(Function::GetReal, refs, values, |f| f.get_real, |f| f.get_float64)
     }
 
-    /// `fmi2GetInteger`, `fmi3GetInt32`; also reads enumerations and the other integer types of FMI 3.0. `T` is `i32`,
-    /// `i64` or `f64`.
+    /// `fmi2GetInteger`, `fmi3GetInt32`; also reads enumerations and the other integer types of FMI 3.0.
     ///
     /// # Errors
     /// Also fails if a value does not fit in `T`.
@@ -144,8 +143,8 @@ impl Instance {
         in_v3: impl FnOnce(&v3::Functions) -> c_api::v3::Set<T>,
     ) -> Result<(), CallError> {
         assert!(values.len() >= refs.len(), "a value for each variable");
-        // SAFETY: live instance; both arrays have the stated length, because of the assertion for FMI 2.0. Strings of
-        // the caller outlive the call.
+        // SAFETY: live instance; both arrays have the stated length (FMI 2.0: by the assertion); strings outlive the
+        // call.
         self.call(function, |f, c| unsafe {
             match f {
                 Functions::V2(f) => in_v2(f)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
@@ -166,8 +165,7 @@ impl Instance {
         self.set_plain(Function::SetReal, refs, values, |f| f.set_real, |f| f.set_float64)
     }
 
-    /// `fmi2SetInteger`, `fmi3SetInt32`; also sets enumerations and the other integer types of FMI 3.0. `T` is `i32`,
-    /// `i64` or `f64`.
+    /// `fmi2SetInteger`, `fmi3SetInt32`; also sets enumerations and the other integer types of FMI 3.0.
     ///
     /// # Errors
     /// Also fails if a value does not fit in the variable's type.
@@ -272,8 +270,7 @@ impl Instance {
         })
     }
 
-    /// `fmi3GetAdjointDerivative`: `result` = `seed` * d(unknowns)/d(knowns). An array has one number per element in
-    /// `seed` and `result`.
+    /// `fmi3GetAdjointDerivative`: `result` = `seed` * d(unknowns)/d(knowns), with one number per array element.
     pub fn get_adjoint_derivative(
         &mut self,
         unknowns: &[Reference],

@@ -45,8 +45,7 @@ pub(super) fn is_member(id: i32) -> bool {
     id > 1 && id != own && parents.take(DEEPEST).take_while(|id| *id > 1).any(|id| id == own)
 }
 
-/// Name of a process's program. If an FMU forks without starting another program, the process is a copy of this
-/// program.
+/// Name of a process's program, or "a copy of" this program, if an FMU forks without starting another program.
 pub(super) fn name(id: Pid, program: String) -> String {
     let file = |process: &str| std::fs::read_link(format!("/proc/{process}/exe")).ok();
     let is_copy = match file(&id.as_raw_nonzero().to_string()) {

@@ -12,8 +12,7 @@ const LEAST: u64 = 1 << 30;
 pub fn memory_share(workers: NonZeroUsize) -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").as_deref().and_then(total)?;
-    // Limit of a container, in version 2 or 1 of control groups. Without a limit, the file contains a word or a number
-    // greater than the machine's memory.
+    // Limit of a container (control groups, version 2 or 1): a word or a huge number if there is none.
     let limits = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let limits = limits.iter().filter_map(|path| text(path)?.trim().parse().ok());
     Some(share(limits.fold(machine, u64::min), workers))

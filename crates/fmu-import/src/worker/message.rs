@@ -4,8 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::io::{self, Read, Write};
 
-/// Maximum length of a header, bytes. Log messages are the longest part: up to 100 messages of 10,000 bytes per
-/// instance.
+/// Maximum length of a header, bytes. An instance can have 100 log messages of 10,000 bytes.
 const MAX_HEADER: u32 = 256 << 20;
 /// Maximum number of numbers in a body: 8 GB, more than a run can record.
 const MAX_NUMBERS: u64 = 1 << 30;

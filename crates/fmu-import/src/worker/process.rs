@@ -157,8 +157,7 @@ impl Process {
         if let Some(directory) = &directory {
             command.current_dir(directory);
         }
-        // In a separate process group, a worker gets no keyboard signals, and signals to its group do not reach this
-        // process.
+        // In a separate group, a worker gets no keyboard signals; signals to its group do not reach this process.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         if let Some(library) = settings.libpython.as_ref().filter(|_| with_python) {

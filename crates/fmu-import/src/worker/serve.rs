@@ -81,9 +81,8 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
     Ok(())
 }
 
-/// Replaces this program with another one that serves requests under the same rules. Two arguments are appended: the
-/// path of the call board, and a JSON list of the functions' names in FMI 2.0 and FMI 3.0, in the order of their
-/// numbers on the board.
+/// Replaces this program with another one that serves requests under the same rules. Appends two arguments: the path of
+/// the call board, and a JSON list of the functions' names in FMI 2.0 and 3.0, in the order of their numbers.
 ///
 /// # Errors
 /// The process was not started by a [`super::Process`], or the program cannot be started.

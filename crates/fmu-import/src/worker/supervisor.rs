@@ -3,7 +3,7 @@
 //! A worker starts as one process and forks: the first process becomes the supervisor, the second one the worker. If
 //! the parent of a process that an FMU started ends, the process becomes a child of the supervisor
 //! (`PR_SET_CHILD_SUBREAPER`). Therefore no process outlives the worker, even in another process group or as a daemon.
-//! The supervisor ends with the worker's exit code or signal. On SIGTERM, it ends all processes. If the supervisor is
+//! The supervisor ends with the worker's exit code or signal, and on SIGTERM, ends all processes. If the supervisor is
 //! killed, so is the worker.
 
 use super::family;
@@ -30,8 +30,7 @@ const GRACE: Duration = Duration::from_millis(50);
 /// If a worker used more than this share of its memory limit, its end is reported as possibly caused by the limit.
 const NEARLY_ALL: f64 = 0.8;
 
-/// Forks this process, which must have only one thread, and returns in the worker. If this fails, the worker continues
-/// without a supervisor.
+/// Forks this process, which must have only one thread, and returns in the worker; if that fails, without supervision.
 pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
     let incidents = Setup::incidents(board)?;
     let (ours, theirs) = UnixStream::pair()?;
@@ -177,8 +176,7 @@ fn end_all(worker: Pid, incidents: &File) {
             }
             _ => (),
         }
-        // All processes are stopped before the first is killed, because a running process could react to the end of
-        // another by starting a new one.
+        // All processes are stopped before the first is killed: a running one could react by starting a new process.
         let before = found.len();
         for (id, process) in family::members().filter(|(id, _)| *id != worker) {
             if let Entry::Vacant(entry) = found.entry(id) {

@@ -1,9 +1,8 @@
 //! The floating-point environment in which an FMU computes.
 //!
 //! A host can unmask exceptions (as Delphi and gfortran's `-ffpe-trap` do), choose another rounding mode, or flush
-//! subnormal numbers to zero. Rust code and models assume the default of IEEE 754: unmasked exceptions would end the
-//! host, another rounding mode would change the results. Calls that compute run in the default environment and restore
-//! the caller's.
+//! subnormal numbers to zero. Unmasked exceptions would end the host, another rounding mode would change the results.
+//! Calls that compute therefore run in the default environment of IEEE 754 and restore the caller's.
 
 use control::{DEFAULT, FLAGS, Register, read, write};
 
@@ -34,8 +33,7 @@ fn change(register: Register) {
     write(register);
 }
 
-/// Keeps the compiler from moving operations on an argument of the call out of the code between [`enter`] and
-/// [`leave`].
+/// Keeps the compiler from moving operations on an argument out of the code between [`enter`] and [`leave`].
 #[inline(always)]
 #[cfg_attr(not(target_arch = "x86_64"), expect(unused_mut, reason = "only assembly changes it"))]
 pub(super) fn argument(mut number: f64) -> f64 {

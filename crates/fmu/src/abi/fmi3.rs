@@ -1,5 +1,4 @@
-//! The functions of FMI 3.0. All must be exported. The functions for interfaces and types that the FMU does not have
-//! return errors.
+//! The functions of FMI 3.0. All must be exported; those for missing interfaces and types return errors.
 
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -95,8 +94,7 @@ pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Com
     unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false) }
 }
 
-/// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. Without early return, events inside a step
-/// are handled in the step.
+/// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. Without early return, steps handle events.
 pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,
@@ -198,8 +196,7 @@ pub unsafe fn get_derivative<E: Export>(
 }
 
 functions! {
-    /// fmi3EnterInitializationMode. A solver with error control uses the tolerance, unless the parameter `tolerance`
-    /// was set.
+    /// fmi3EnterInitializationMode; for the tolerance, see [`super::fmi2::setup_experiment`].
     fn enter_initialization_mode[EnterInitializationMode](
         h, call, tolerance_defined: Boolean, tolerance: f64, start: f64, stop_defined: Boolean, stop: f64
     ) {

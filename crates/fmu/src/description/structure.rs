@@ -29,9 +29,8 @@ pub(super) struct Structure {
 ///
 /// An unknown depends on a Boolean or Integer input if changing the input changes the unknown's expression. This is
 /// tested with the start values of the real parameters and with other values, because the input may select between two
-/// parameters with equal start values. Strings and Integers without limits have too many values to try. As parameters
-/// they are left out if the equations do not read them, like real parameters: the results of `load` and `derived` are
-/// constants in the equations.
+/// parameters with equal start values. Strings and Integers without limits have too many values to try; such parameters
+/// are ignored if only `load` and `derived` read them, whose results are constants in the equations.
 pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
     let start = ValueStore::start(layout);
     let mut values = start.clone();
@@ -278,8 +277,7 @@ impl<'a> Unknowns<'a> {
             Unknown { variable, dependencies: sorted(all), on_time: set.contains(known.len()) }
         };
         let is_output = |v: &&Variable| v.role == Role::Output || (v.role == Role::State && !v.declaration.local);
-        // At the start, every unknown may also depend on any parameter; an output of a source only on those that it
-        // declares.
+        // At the start, unknowns may also depend on any parameter; outputs of a source only on those that it declares.
         let can_follow = |v: &Variable, parameter: &Variable| match (v.role, M::SOURCE) {
             (Role::Output, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
             _ => true,

@@ -12,8 +12,7 @@ impl<M: Model> Instance<M> {
         self.advance(time, step, false).map(drop)
     }
 
-    /// fmi3DoStep for an importer that handles events: the step ends at the first event. Returns true if there was one.
-    /// Fails like [`Self::do_step`].
+    /// fmi3DoStep that ends at the first event. Returns true if there was one. Fails like [`Self::do_step`].
     pub fn do_step_to_event(&mut self, time: f64, step: f64) -> CallResult<bool> {
         self.advance(time, step, M::HAS_EVENTS)
     }

@@ -69,8 +69,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetAdjointDerivative: the transposed matrix of derivatives times the seed, column by column. Fails like
-    /// [`Self::directional_derivative`].
+    /// fmi3GetAdjointDerivative: the transposed matrix times the seed. Fails like [`Self::directional_derivative`].
     pub fn adjoint_derivative(
         &mut self,
         unknown: &[u32],
@@ -118,9 +117,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Dependencies of each unknown on the known variables, by their positions in `knowns`. If there are only a few
-    /// known variables, one evaluation for each is as fast as finding the structure, so all unknowns depend on all of
-    /// them.
+    /// Dependencies of each unknown on the known variables, by their positions in `knowns`. For a few known variables,
+    /// which are quickly evaluated one by one, all dependencies are assumed.
     fn structure(&mut self, unknowns: &[Unknown], knowns: &[usize]) -> CallResult<Structure> {
         const FEW: usize = 16;
         let mut rows = Structure::default();

@@ -45,8 +45,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetTime. A solver may evaluate the equations after the stop time. Fails if the time is not finite or is
-    /// before the start.
+    /// fmi2SetTime; also after the stop time. Fails if the time is not finite or before the start.
     pub fn set_time(&mut self, time: f64) -> CallResult {
         let function = Function::SetTime;
         self.check(function)?;
@@ -94,8 +93,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetDerivatives. Fails if the number of states is wrong. Returns fmi2Discard if a derivative is not finite: a
-    /// solver can then shorten its step.
+    /// fmi2GetDerivatives. Fails if the number of states is wrong. Returns fmi2Discard if a derivative is not finite.
     pub fn state_derivatives(&mut self, derivatives: &mut [f64]) -> CallResult {
         let function = Function::GetDerivatives;
         let range = self.range(function, self.layout().derivatives, derivatives)?;

@@ -49,8 +49,7 @@ impl<M: Model> Instance<M> {
             .map_err(|message| self.error(Function::SerializeFMUstate, message))
     }
 
-    /// Reads a snapshot from bytes. Fails if they are damaged or come from another format or FMU, or if files that the
-    /// model reads have changed.
+    /// Reads a snapshot. Fails if the bytes are damaged or from another format or FMU, or if a file has changed.
     pub fn deserialize(&self, bytes: &[u8]) -> CallResult<Snapshot<M>> {
         self.check(Function::DeSerializeFMUstate)?;
         state_bytes::read::<M>(self.protocol, &self.description.guid, self.layout(), &self.resources, bytes)

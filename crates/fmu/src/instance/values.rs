@@ -37,8 +37,7 @@ impl<M: Model> Instance<M> {
         self.error(function, message)
     }
 
-    /// fmi2GetReal. If a reference is unknown, the parameters are inconsistent, or a result is not finite, fails and
-    /// leaves `values` unchanged.
+    /// fmi2GetReal. Fails, without writing, for an unknown reference, inconsistent parameters, or a non-finite result.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         self.check(Function::GetReal)?;
         let layout = self.layout();
@@ -305,8 +304,7 @@ impl<M: Model> Instance<M> {
         self.set_others(function, references, values, Self::integer, rule, |all| &mut all.integers)
     }
 
-    /// fmi2SetBoolean. Fails, without setting anything, if a reference is unknown or a variable cannot be set in this
-    /// mode.
+    /// fmi2SetBoolean. Fails, without setting anything, if a reference is unknown or cannot be set in this mode.
     pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
         let (function, rule) = (Function::SetBoolean, |_: &Kind, _: &bool| Ok(()));
         self.set_others(function, references, values, Self::boolean, rule, |all| &mut all.booleans)

@@ -28,8 +28,7 @@ use crate::variables::{Derived as _, Variables as _};
 /// Runs a [`Continuous`] model, with or without model exchange.
 pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
-/// Discrete state, solver and events of a continuous-time model. `clone` leaves the solver's working memory empty;
-/// `clone_from` keeps the target's.
+/// Discrete state, solver and events. `clone` leaves the solver's memory empty; `clone_from` keeps the target's.
 pub struct RunnerState<D> {
     discrete: D,
     /// Next step in s proposed by a solver with error control; 0 before the first step.
@@ -65,8 +64,7 @@ const fn is_stiff<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::Rosenbrock { .. })
 }
 
-/// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state. Similar to
-/// FNV-1a with 64 bits.
+/// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state.
 fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);

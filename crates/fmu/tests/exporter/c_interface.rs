@@ -413,7 +413,9 @@ fn the_categories_decide_what_is_logged_and_errors_always_are() {
         unsafe { fmi2::set_debug_logging::<Sampler>(fmu.component, c_int::from(on), names.len(), pointer) }
     };
     let kinds = |fmu: &C<Sampler>| {
-        // Two events, a request for information that does not exist, an error. SAFETY: the component lives.
+        // Two events, a request for information that does not exist, an error.
+
+        // SAFETY: the component lives.
         unsafe { fmi2::reset::<Sampler>(fmu.component) };
         fmu.initialize();
         discarded(fmu);

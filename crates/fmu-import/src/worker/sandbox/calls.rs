@@ -26,8 +26,8 @@ pub(super) enum Kind {
     Program(Place),
     /// Communicates with other programs or machines. The argument is the address family.
     Network(Option<usize>),
-    /// Opens a file, maybe for writing. The argument contains the flags; if `None`, they are at the start of the
-    /// structure that follows the path.
+    /// Opens a file, maybe for writing. Argument with the flags, or `None` if a structure after the path starts with
+    /// them.
     Open(Place, Option<usize>),
     /// Creates, changes, deletes or renames files.
     Change(&'static [Place]),
@@ -195,8 +195,7 @@ fn jump(comparison: u32, k: u32, jt: u8, jf: u8) -> sock_filter {
 
 const DENY: u32 = libc::SECCOMP_RET_ERRNO | libc::EPERM as u32;
 
-/// The filter. With `listens`, restricted calls wait for the guard. Otherwise they fail, except those that Landlock
-/// restricts.
+/// The filter. With `listens`, restricted calls wait for the guard. Otherwise they fail, or Landlock restricts them.
 pub(super) fn filter(calls: &[Call], worker: u32, listens: bool) -> Vec<sock_filter> {
     let allow = libc::SECCOMP_RET_ALLOW;
     let mut filter =

@@ -284,8 +284,7 @@ impl Caller<'_> {
         std::fs::read_link(format!("/proc/{}/{name}", self.0.thread)).ok()
     }
 
-    /// The real path of the file that the arguments specify; `None` if it cannot be read. With `follows`, resolves a
-    /// link at its end.
+    /// The real path that the arguments specify; `None` if it cannot be read. `follows` resolves a link at its end.
     ///
     /// # Errors
     /// The error number with which the call must fail, for example because the folder does not exist.

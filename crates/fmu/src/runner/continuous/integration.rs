@@ -10,8 +10,7 @@ use crate::runner::MOST_PARTS;
 use crate::solver::{Interval, Keep, Problem, Scratch};
 use crate::variables::Variables as _;
 
-/// Maximum number of events in one communication step. More would mean ever shorter intervals between events (Zeno
-/// behavior).
+/// Maximum number of events in one communication step, to detect ever shorter intervals (Zeno behavior).
 pub(super) const MOST_EVENTS: u32 = 10_000;
 
 /// Takes one solver step from a time and state, with a maximum length in s. Returns the new state and the length.
@@ -198,8 +197,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         }
     }
 
-    /// Handles an event at the start of a step if inputs or parameters have changed the sign of a zero crossing since
-    /// the last step.
+    /// Handles an event at the start of a step if inputs or parameters have changed the sign of a zero crossing.
     fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), String> {
         let now = self.crossings(time, x);
         if self.run.crossings.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now)) {
@@ -337,8 +335,7 @@ impl<M: Continuous> Crossings<M> {
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// Advances the states. If this fails, the values are unchanged, and the discrete state is the state at the
-    /// failure.
+    /// Advances the states. If this fails, the values are unchanged; the discrete state may have changed.
     #[inline]
     pub(super) fn advance<K: Keep<M>>(
         Run { ctx, run, values }: Run<'_, Self>,
