@@ -104,11 +104,9 @@ impl Unpacked {
 }
 
 impl Archive {
-    /// Opens an archive and checks the names of its entries and their declared sizes.
-    ///
-    /// # Errors
-    /// The file cannot be read or is not a zip archive. It has too many entries, or an entry that is too large. Two
-    /// entries have the same name or overlap. An entry is encrypted, a link, or not a path within the archive.
+    /// Opens an archive and checks the names of its entries and their declared sizes. Fails if the file cannot be read
+    /// or is not a zip archive. It has too many entries, or an entry that is too large. Two entries have the same name
+    /// or overlap. An entry is encrypted, a link, or not a path within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let file = File::open(path).map_err(at(path))?;
         if file.metadata().map_err(at(path))?.is_dir() {
@@ -141,10 +139,7 @@ impl<R: Read + Seek> Archive<R> {
         self.names.iter().position(|known| known == name)
     }
 
-    /// The text of `modelDescription.xml`.
-    ///
-    /// # Errors
-    /// The entry is missing, unreadable, too large, or not UTF-8.
+    /// The text of `modelDescription.xml`. Fails if the entry is missing, unreadable, too large, or not UTF-8.
     pub fn description_text(&mut self) -> Result<String, ArchiveError> {
         const NAME: &str = "modelDescription.xml";
         let limit = crate::xml::MAX_BYTES as u64;
@@ -181,10 +176,7 @@ impl<R: Read + Seek> Archive<R> {
         if bytes.len() as u64 == stated { Ok(bytes) } else { Err(other_size(path, what, stated)) }
     }
 
-    /// Reads and parses `modelDescription.xml`.
-    ///
-    /// # Errors
-    /// As for [`Self::description_text`], or the text is not a model description of FMI 2.0 or 3.0.
+    /// Reads and parses `modelDescription.xml`. Fails like [`Self::description_text`] and [`ModelDescription::parse`].
     pub fn description(&mut self) -> Result<ModelDescription, ArchiveError> {
         let text = self.description_text()?;
         ModelDescription::parse(&text)
@@ -206,11 +198,9 @@ impl<R: Read + Seek> Archive<R> {
         platforms
     }
 
-    /// Unpacks resources and binaries for this platform. `description` must come from this archive.
-    ///
-    /// # Errors
-    /// The FMU does not have the interface or a binary for this platform, the archive is damaged, or the temporary
-    /// folder cannot be written.
+    /// Unpacks resources and binaries for this platform. `description` must come from this archive. Fails if the FMU
+    /// does not have the interface or a binary for this platform, the archive is damaged, or the temporary folder
+    /// cannot be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
         let identifier = description.model_identifier(interface).ok_or_else(|| {
             let mut found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();

@@ -63,10 +63,7 @@ impl Binary {
         self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone(), self.signature.clone()).into())
     }
 
-    /// Creates an instance.
-    ///
-    /// # Errors
-    /// The FMU returns no instance, or an instance exists and the FMU allows only one.
+    /// Creates an instance. Fails if the FMU returns no instance, or an instance exists and the FMU allows only one.
     pub fn instantiate(&self, library: &Arc<Library>, name: &str) -> Result<Instance, FmuError> {
         if self.only_once && library.instances() > 0 {
             return Err(FmuError::OnlyOnce(self.fmu.clone()));
@@ -166,10 +163,8 @@ impl Fmu {
         &self.0.binary.fmu
     }
 
-    /// Creates an instance, which keeps the library loaded.
-    ///
-    /// # Errors
-    /// The binary cannot be loaded, the FMU returns no instance, or an instance exists and the FMU allows only one.
+    /// Creates an instance, which keeps the library loaded. Fails if the binary cannot be loaded, the FMU returns no
+    /// instance, or an instance exists and the FMU allows only one.
     pub fn instantiate(&self, name: &str) -> Result<Instance, FmuError> {
         self.0.binary.instantiate(self.library()?, name)
     }

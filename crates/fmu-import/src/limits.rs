@@ -16,10 +16,8 @@ pub const RECORDED: u64 = 125_000_000;
 /// Maximum number of runs in a scenario: cases times points times seeds.
 pub const RUNS: usize = 10_000;
 
-/// Reads a text file with at most `limit` bytes, in lines of at most [`LINE`] bytes.
-///
-/// # Errors
-/// The file cannot be read, is larger, has a longer line, or is not UTF-8.
+/// Reads a text file with at most `limit` bytes, in lines of at most [`LINE`] bytes. Fails if the file cannot be read,
+/// is larger, has a longer line, or is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     let reject = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
     let text = String::from_utf8(read_bytes(path, limit)?).map_err(|error| reject(error.to_string()))?;

@@ -9,10 +9,7 @@ pub trait DiscreteState: 'static {
     /// Passes every value to the sink.
     #[doc(hidden)]
     fn save(&self, _sink: &mut dyn FnMut(Word<'_>)) {}
-    /// Restores the values in the same order.
-    ///
-    /// # Errors
-    /// A value is missing, of another type, or impossible.
+    /// Restores the values in the same order. Fails if a value is missing, of another type, or impossible.
     #[doc(hidden)]
     fn load(&mut self, _source: &mut Words<'_>) -> Result<(), String> {
         Ok(())
@@ -82,30 +79,21 @@ impl<'a> Words<'a> {
             [kind] => Err(format!("unknown kind of value {kind}")),
         }
     }
-    /// Reads a real number.
-    ///
-    /// # Errors
-    /// The next value is missing or has another type.
+    /// Reads a real number. Fails if the next value is missing or has another type.
     pub fn real(&mut self, name: &str) -> Result<f64, String> {
         match self.next()? {
             Word::Real(value) => Ok(value),
             other => Err(format!("'{name}' must be a real number, got {other:?}")),
         }
     }
-    /// Reads a whole number.
-    ///
-    /// # Errors
-    /// As for [`Self::real`].
+    /// Reads a whole number. Fails like [`Self::real`].
     pub fn whole(&mut self, name: &str) -> Result<u64, String> {
         match self.next()? {
             Word::Whole(value) => Ok(value),
             other => Err(format!("'{name}' must be a whole number, got {other:?}")),
         }
     }
-    /// Reads bytes.
-    ///
-    /// # Errors
-    /// As for [`Self::real`].
+    /// Reads bytes. Fails like [`Self::real`].
     pub fn bytes(&mut self, name: &str) -> Result<&'a [u8], String> {
         match self.next()? {
             Word::Bytes(value) => Ok(value),
@@ -123,10 +111,7 @@ impl<'a> Words<'a> {
 pub trait StateField {
     /// Passes every value to the sink.
     fn save(&self, sink: &mut dyn FnMut(Word<'_>));
-    /// Restores its values.
-    ///
-    /// # Errors
-    /// A value is missing, of another type, or impossible.
+    /// Restores the field. Fails if a value is missing, of another type, or impossible.
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String>;
     /// The first real number that is not finite.
     #[inline]

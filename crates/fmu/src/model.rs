@@ -155,15 +155,11 @@ pub trait Continuous: Parameters {
     /// The quantities whose zero crossings are events, `[f64; N]`.
     type Crossings: AsRef<[f64]>;
 
-    /// Computes the derived parameters. Called again after a tunable parameter has changed.
-    ///
-    /// # Errors
-    /// A sentence with the parameter's name, its value and the rule.
+    /// Computes the derived parameters. Called again after a tunable parameter has changed. An error is a sentence with
+    /// the parameter's name, its value and the rule.
     fn derived(&self) -> Result<Self::Derived, String>;
-    /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU.
-    ///
-    /// # Errors
-    /// As for [`Self::derived`].
+    /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU. Fails like
+    /// [`Self::derived`].
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
         self.derived()
     }
@@ -251,10 +247,8 @@ pub trait Discrete: Parameters {
     /// Tools read this from the model structure.
     const FOLLOWS: Influence = |_, _| false;
 
-    /// Computes the derived parameters. Called again after a tunable parameter has changed.
-    ///
-    /// # Errors
-    /// A sentence with the parameter's name, its value and the rule.
+    /// Computes the derived parameters. Called again after a tunable parameter has changed. An error is a sentence with
+    /// the parameter's name, its value and the rule.
     fn derived(&self) -> Result<Self::Derived, String>;
     /// Outputs of a source until its first sample. The default returns the outputs of the first sample, without
     /// changing the state of the run. If the outputs depend on inputs, declare the inputs in [`Self::FOLLOWS`].
@@ -262,10 +256,8 @@ pub trait Discrete: Parameters {
         let state = &mut self.initial_state(derived);
         self.update(Sample { time, state, inputs, derived })
     }
-    /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU.
-    ///
-    /// # Errors
-    /// As for [`Self::derived`].
+    /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU. Fails like
+    /// [`Self::derived`].
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
         self.derived()
     }
@@ -277,10 +269,8 @@ pub trait Discrete: Parameters {
     fn initial_state(&self, _derived: &Self::Derived) -> Self::State {
         Self::State::default()
     }
-    /// Checks a sample before it is taken. A model that cannot process every finite input rejects the step here.
-    ///
-    /// # Errors
-    /// A sentence with the input's name, its value and the rule.
+    /// Checks a sample before it is taken. A model that cannot process every finite input rejects the step here, with a
+    /// sentence that contains the input's name, its value and the rule.
     fn check(&self, _sample: &Sample<'_, Self>) -> Result<(), String> {
         Ok(())
     }
@@ -304,15 +294,11 @@ pub trait Stateful: Parameters {
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
     /// Creates the simulation; `resources` is the resources folder of the FMU. Changes to tunable parameters after the
-    /// start reach only [`Self::step`] and [`Self::outputs`].
-    ///
-    /// # Errors
-    /// A sentence with the parameter's name, its value and the rule.
+    /// start reach only [`Self::step`] and [`Self::outputs`]. An error is a sentence with the parameter's name, its
+    /// value and the rule.
     fn start(&self, resources: &Path) -> Result<Self::Simulation, String>;
-    /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs.
-    ///
-    /// # Errors
-    /// The reason why the simulation cannot continue. The instance must then be reset or restored from a saved state.
+    /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs. An error is the reason
+    /// why it cannot continue; the instance must then be reset or restored from a saved state.
     fn step(
         &self,
         simulation: &mut Self::Simulation,

@@ -78,17 +78,12 @@ impl<M: Continuous> std::fmt::Debug for ContinuousSimulation<M> {
 
 impl<M: Continuous> ContinuousSimulation<M> {
     /// Starts at time 0 with the start values of the states. Files are read from the folder `resources` of the package.
-    ///
-    /// # Errors
-    /// The parameters are inconsistent.
+    /// Fails if the parameters are inconsistent.
     pub fn new(model: M) -> Result<Self, String> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }
 
-    /// Like [`Self::new`], with files from another folder.
-    ///
-    /// # Errors
-    /// The parameters are inconsistent, or a file cannot be read.
+    /// Like [`Self::new`], with files from another folder. Also fails if a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = Runner::<M>::layout();
         let derived = model.load(resources)?;
@@ -132,10 +127,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
         }
     }
 
-    /// Replaces the tunable parameters and computes the derived parameters again.
-    ///
-    /// # Errors
-    /// A fixed parameter differs, or the parameters are inconsistent.
+    /// Replaces the tunable parameters and computes the derived parameters again. Fails if a fixed parameter differs,
+    /// or the parameters are inconsistent.
     pub fn set_parameters(&mut self, model: M) -> Result<(), String> {
         let mut values = self.values.clone();
         model.write(&mut values.view_mut(), Counts::ZERO);
@@ -173,10 +166,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
         M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
 
-    /// Advances by `step` in s, with constant inputs.
-    ///
-    /// # Errors
-    /// A state is not finite, the solver cannot keep its tolerance, or there are too many events.
+    /// Advances by `step` in s, with constant inputs. Fails if a state is not finite, the solver cannot keep its
+    /// tolerance, or there are too many events.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let run = self.context();
@@ -222,18 +213,12 @@ impl<M: Discrete> std::fmt::Debug for DiscreteSimulation<M> {
 }
 
 impl<M: Discrete> DiscreteSimulation<M> {
-    /// Starts before the first sample, which is due at time 0. Files are read from the package's folder `resources`.
-    ///
-    /// # Errors
-    /// The parameters are inconsistent.
+    /// Starts before the first sample, which is due at time 0, like [`ContinuousSimulation::new`].
     pub fn new(model: M) -> Result<Self, String> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }
 
-    /// Like [`Self::new`], with files from another folder.
-    ///
-    /// # Errors
-    /// The parameters are inconsistent, or a file cannot be read.
+    /// Like [`Self::new`], with files from another folder. Also fails if a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = DiscreteModel::<M, false>::layout();
         let mut values = ValueStore::start(&layout);
@@ -256,10 +241,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
         &self.state
     }
 
-    /// Takes the next sample.
-    ///
-    /// # Errors
-    /// The model rejects the inputs.
+    /// Takes the next sample. Fails if the model rejects the inputs.
     pub fn sample(&mut self, inputs: &M::Inputs) -> Result<M::Outputs, String> {
         let Self { model, derived, state, sample_time, samples } = self;
         let time = *samples as f64 * *sample_time;

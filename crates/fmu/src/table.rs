@@ -10,10 +10,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table from points with increasing `x`.
-    ///
-    /// # Errors
-    /// There are no points, a number is not finite, or `x` does not increase.
+    /// A table from points with increasing `x`. Fails if there are no points, a number is not finite, or `x` does not
+    /// increase.
     pub fn new(points: impl IntoIterator<Item = (f64, f64)>) -> Result<Self, String> {
         let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
         if x.is_empty() {
@@ -31,10 +29,8 @@ impl Table {
     /// Reads a table from a text file with two columns. Call it in `load` to read a file from the FMU's resources.
     ///
     /// The columns are separated by commas, semicolons or tabs. With semicolons or tabs, numbers can have a decimal
-    /// comma. The first line can contain the column names. Blank lines and lines that start with `#` are skipped.
-    ///
-    /// # Errors
-    /// The file cannot be read, a line does not contain two numbers, or [`Self::new`] rejects the points.
+    /// comma. The first line can contain the column names. Blank lines and lines that start with `#` are skipped. Fails
+    /// if the file cannot be read, a line does not contain two numbers, or [`Self::new`] rejects the points.
     pub fn from_csv(path: impl AsRef<Path>) -> Result<Self, String> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|error| {

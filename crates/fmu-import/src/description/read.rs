@@ -51,12 +51,9 @@ struct Structure {
 }
 
 impl ModelDescription {
-    /// Parses the text of a `modelDescription.xml`.
-    ///
-    /// # Errors
-    /// The XML is not well-formed or hostile (document type declaration, excessive size or nesting), the FMI version is
-    /// not supported, an attribute is missing or malformed, a type or variable does not exist, or a name occurs twice.
-    /// The error contains line and column.
+    /// Parses the text of a `modelDescription.xml`. Fails if the XML is not well-formed or hostile (document type
+    /// declaration, excessive size or nesting), the FMI version is not supported, an attribute is missing or malformed,
+    /// a type or variable does not exist, or a name occurs twice. The error contains line and column.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if root.name != "fmiModelDescription" {

@@ -123,10 +123,8 @@ pub fn board() -> Option<&'static Board> {
     BOARD.get()
 }
 
-/// Makes a file the board of this process until the process ends.
-///
-/// # Errors
-/// The file is not from [`create`] or cannot be mapped.
+/// Makes a file the board of this process until the process ends. Fails if the file is not from [`create`] or cannot be
+/// mapped.
 #[cfg(not(target_family = "wasm"))]
 pub fn publish(file: &File) -> io::Result<()> {
     if file.metadata()?.len() != SIZE as u64 {

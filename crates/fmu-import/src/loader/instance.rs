@@ -68,10 +68,8 @@ impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the library's interface.
     /// Sets `visible` to false, and uses neither Event Mode in co-simulation nor early return.
     ///
-    /// `logging` requests messages other than errors.
-    ///
-    /// # Errors
-    /// The FMU returns no instance, or a name contains a zero byte.
+    /// `logging` requests messages other than errors. Fails if the FMU returns no instance, or a name contains a zero
+    /// byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {
@@ -377,10 +375,8 @@ impl Instance {
         self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })
     }
 
-    /// `fmi2DoStep` from `time` to `time + step`, both in s. No earlier state may be restored afterwards.
-    ///
-    /// # Errors
-    /// Also fails if the FMU has not finished the step, or ends the simulation.
+    /// `fmi2DoStep` from `time` to `time + step`, both in s. No earlier state may be restored afterwards. Also fails if
+    /// the FMU has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let mut end = StepEnd { time, ..StepEnd::default() };
         // SAFETY: live instance; the end of the step is written through valid pointers.

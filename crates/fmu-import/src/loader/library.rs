@@ -36,11 +36,8 @@ impl std::fmt::Debug for Library {
 }
 
 impl Library {
-    /// Loads the library of an unpacked FMU.
-    ///
-    /// # Errors
-    /// The system cannot load the library, it needs Python, a function of the interface is missing, or the library has
-    /// another FMI version than the description, or another types platform than `default` (FMI 2.0).
+    /// Loads the library of an unpacked FMU. Fails if the system cannot load it, it needs Python, a function is
+    /// missing, or it has another FMI version than the description or (FMI 2.0) another types platform than `default`.
     pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
         let board = calls::board();
         if let Some(board) = board {
@@ -144,10 +141,8 @@ fn exported(library: &std::path::Path) -> Result<BTreeSet<String>, LoadError> {
 
 /// Returns the model descriptions from a library built with this project's exporter, each with the name of the model's
 /// type. Empty for other libraries. `version` is the FMI version, 2 or 3; `options` is a sum of
-/// [`description_options`](super::description_options).
-///
-/// # Errors
-/// The system cannot load the library, or the declarations of a model are inconsistent.
+/// [`description_options`](super::description_options). Fails if the system cannot load the library, or the
+/// declarations of a model are inconsistent.
 pub fn exported_descriptions(
     path: &std::path::Path,
     version: i32,

@@ -11,10 +11,7 @@ pub(crate) enum Forked {
     Child,
 }
 
-/// Forks this process.
-///
-/// # Errors
-/// The process has several threads, which would not exist in the child, or the system cannot create another process.
+/// Forks this process. Fails if it has several threads, which would not exist in the child, or if the system refuses.
 pub(crate) fn fork() -> io::Result<Forked> {
     if std::fs::read_dir("/proc/self/task")?.count() != 1 {
         return Err(io::Error::other("this process has several threads"));
@@ -37,10 +34,8 @@ pub(crate) fn most_memory_of_children() -> u64 {
 }
 
 /// Permanently filters the system calls of this thread and of all threads and processes that it creates. With
-/// `listens`, calls with the result `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned listener.
-///
-/// # Errors
-/// The system does not support such filters, this process already has a listener, or `no_new_privs` is not set.
+/// `listens`, calls with the result `SECCOMP_RET_USER_NOTIF` wait for an answer from the returned listener. Fails if
+/// the system does not support such filters, this process already has a listener, or `no_new_privs` is not set.
 pub(crate) fn filter_calls(filter: &[sock_filter], listens: bool) -> io::Result<Option<OwnedFd>> {
     let program =
         sock_fprog { len: u16::try_from(filter.len()).map_err(io::Error::other)?, filter: filter.as_ptr().cast_mut() };
@@ -68,10 +63,8 @@ pub(crate) struct Waiting {
     pub(crate) arguments: [u64; 6],
 }
 
-/// Receives the next call that waits for an answer.
-///
-/// # Errors
-/// The call no longer waits, or all processes with this filter have ended.
+/// Receives the next call that waits for an answer. Fails if the call no longer waits, or all processes with this
+/// filter have ended.
 pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
     // SAFETY: all zeros are a valid value of this type; the system requires them.
     let mut notice: libc::seccomp_notif = unsafe { std::mem::zeroed() };

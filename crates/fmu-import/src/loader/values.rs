@@ -56,10 +56,8 @@ impl Instance {
         self.get_plain(Function::GetReal, refs, values, |f| f.get_real, |f| f.get_float64)
     }
 
-    /// `fmi2GetInteger`, `fmi3GetInt32`; also reads enumerations and the other integer types of FMI 3.0.
-    ///
-    /// # Errors
-    /// Also fails if a value does not fit in `T`.
+    /// `fmi2GetInteger`, `fmi3GetInt32`; also reads enumerations and the other integer types of FMI 3.0. Also fails if
+    /// a value does not fit in `T`.
     pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -165,10 +163,8 @@ impl Instance {
         self.set_plain(Function::SetReal, refs, values, |f| f.set_real, |f| f.set_float64)
     }
 
-    /// `fmi2SetInteger`, `fmi3SetInt32`; also sets enumerations and the other integer types of FMI 3.0.
-    ///
-    /// # Errors
-    /// Also fails if a value does not fit in the variable's type.
+    /// `fmi2SetInteger`, `fmi3SetInt32`; also sets enumerations and the other integer types of FMI 3.0. Also fails if a
+    /// value does not fit in the variable's type.
     pub fn set_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &[T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {

@@ -40,10 +40,8 @@ impl Replies {
 
 /// Serves the requests of the parent process. This process ends when the connection is closed.
 ///
-/// `board` is the file of the call board; `respond` gets every request with its numbers.
-///
-/// # Errors
-/// The process was not started by a [`super::Process`], or the connection is broken.
+/// `board` is the file of the call board; `respond` gets every request with its numbers. Fails if the process was not
+/// started by a [`super::Process`], or the connection is broken.
 pub fn serve<R: DeserializeOwned + Send + 'static>(
     board: &Path,
     mut respond: impl FnMut(R, &[f64], &mut Replies) -> io::Result<()>,
@@ -82,10 +80,8 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
 }
 
 /// Replaces this program with another one that serves requests under the same rules. Appends two arguments: the path of
-/// the call board, and a JSON list of the functions' names in FMI 2.0 and 3.0, in the order of their numbers.
-///
-/// # Errors
-/// The process was not started by a [`super::Process`], or the program cannot be started.
+/// the call board, and a JSON list of the functions' names in FMI 2.0 and 3.0, in the order of their numbers. Fails if
+/// the process was not started by a [`super::Process`], or the program cannot be started.
 pub fn hand_over(board: &Path, mut command: Command) -> io::Result<()> {
     let setup = Setup::read(board)?;
     #[cfg(target_os = "linux")]

@@ -284,10 +284,8 @@ impl Caller<'_> {
         std::fs::read_link(format!("/proc/{}/{name}", self.0.thread)).ok()
     }
 
-    /// The real path that the arguments specify; `None` if it cannot be read. `follows` resolves a link at its end.
-    ///
-    /// # Errors
-    /// The error number with which the call must fail, for example because the folder does not exist.
+    /// The real path that the arguments specify; `None` if it cannot be read. `follows` resolves a link at its end. The
+    /// error is the error number of the call, for example if the folder does not exist.
     fn path(&self, (folder, path): Place, follows: bool) -> Option<Result<PathBuf, i32>> {
         let path = PathBuf::from(self.text(path)?);
         let own = [("/dev/stdin", "fd/0"), ("/dev/stdout", "fd/1"), ("/dev/stderr", "fd/2")];
