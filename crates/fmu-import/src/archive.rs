@@ -105,8 +105,8 @@ impl Unpacked {
 
 impl Archive {
     /// Opens an archive and checks the names of its entries and their declared sizes. Fails if the file cannot be read
-    /// or is not a zip archive. It has too many entries, or an entry that is too large. Two entries have the same name
-    /// or overlap. An entry is encrypted, a link, or not a path within the archive.
+    /// or is not a zip archive, if there are too many entries, if two have the same name or overlap, or if an entry is
+    /// too large, encrypted, a link, or not a path within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let file = File::open(path).map_err(at(path))?;
         if file.metadata().map_err(at(path))?.is_dir() {

@@ -87,8 +87,8 @@ struct Place {
     size: u64,
 }
 
-/// Reads all entries, in the order of the central directory. Fails if the file cannot be read or is not a zip archive;
-/// it is ambiguous; it has more than [`MAX_ENTRIES`] entries.
+/// Reads all entries, in the order of the central directory. Fails if the file cannot be read, is not a zip archive, is
+/// ambiguous, or has more than [`MAX_ENTRIES`] entries.
 pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<Vec<Entry>, DirectoryError> {
     let place = find(file)?;
     if place.entries > MAX_ENTRIES {

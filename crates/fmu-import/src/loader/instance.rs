@@ -66,10 +66,8 @@ unsafe impl Send for Instance {}
 
 impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the library's interface.
-    /// Sets `visible` to false, and uses neither Event Mode in co-simulation nor early return.
-    ///
-    /// `logging` requests messages other than errors. Fails if the FMU returns no instance, or a name contains a zero
-    /// byte.
+    /// Sets `visible` to false, and uses neither Event Mode in co-simulation nor early return. `logging` requests
+    /// messages other than errors. Fails if the FMU returns no instance, or if a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {

@@ -196,8 +196,8 @@ impl Process {
         let _ = message::write(&mut self.connection, request, &[body]);
     }
 
-    /// Waits for a response, and regularly passes the number of completed steps to `steps`. Fails if the worker ended,
-    /// or was ended because it took too long.
+    /// Waits for a response, and regularly passes the number of completed steps to `steps`. Fails if the worker ends,
+    /// or is ended because it takes too long.
     pub fn receive<R: DeserializeOwned>(&mut self, watch: &mut Watch, steps: &mut dyn FnMut(u64)) -> Result<R, Ended> {
         loop {
             match self.reader.read(&mut self.connection) {
