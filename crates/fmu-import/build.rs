@@ -1,13 +1,13 @@
-//! Compiles the logger of FMI 2.0, whose calls have a variable number of arguments: stable Rust cannot define such a function.
+//! Compiles the logger for FMI 2.0, which is a variadic function: stable Rust cannot define one.
 //!
-//! Without a C compiler for the target, messages contain the conversions instead of their arguments.
+//! Without a C compiler for the target, messages contain the format specifiers instead of the arguments.
 
 use std::env;
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(log_arguments)");
     println!("cargo::rerun-if-changed=src/loader/logger.c");
-    // When cross-compiling, the C compiler found may be that of the host.
+    // When cross-compiling, the C compiler may produce code for the host.
     if env::var("TARGET") != env::var("HOST") {
         return;
     }

@@ -135,7 +135,7 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     let at = match ends[..] {
         [] => return Err(damaged("the end record is missing")),
         [at] if signed.last() == Some(&at) => at,
-        // An end record is in the comment of another. Some readers use the first, some the last.
+        // One end record is in the comment of another. Some readers use the first, some the last.
         _ => return Err(rejected("it has several end records; other programs may find other files in it")),
     };
     let end = Record(&tail[at..]);
@@ -375,7 +375,7 @@ mod tests {
             let read = zip::ZipArchive::new(io::Cursor::new(bytes)).unwrap();
             assert_eq!(read.file_names().map(Result::unwrap).collect::<Vec<_>>(), ["a", "b"]);
         }
-        // An uncompressed zip file in an archive contains records.
+        // An uncompressed zip file inside the archive contains zip records, too.
         let mut outer = Zip::default();
         outer.add("inner.zip", &zip.finished(b""));
         assert_eq!(names(outer.finished(b"")), ["inner.zip"]);

@@ -361,8 +361,9 @@ impl<M: Model> Instance<M> {
         are_computed && self.outputs_are_old
     }
 
-    /// Returns true if a call may do floating-point arithmetic. Setting real values only compares finite numbers.
-    /// Reading them after the start computes nothing in discrete-time and stateful models.
+    /// Returns true if a call may do arithmetic, and so needs the default floating-point environment. Setting real
+    /// values only compares finite numbers. Reading them after the start computes nothing in discrete-time and stateful
+    /// models.
     #[inline]
     pub(crate) fn may_compute(&self, function: Function) -> bool {
         match function {

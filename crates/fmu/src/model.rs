@@ -132,7 +132,7 @@ pub(crate) fn is_crossing(before: f64, after: f64) -> bool {
 /// and finds the dependencies of every result. Write either [`Self::derivatives`] and [`Self::outputs`], or
 /// [`Self::evaluate`], which returns both. [`model`](macro@crate::model) adds default items.
 pub trait Continuous: Parameters {
-    /// Facts about the model.
+    /// Metadata of the model.
     const INFO: Info;
     /// Solver of the state.
     const SOLVER: Solver = Solver::RungeKutta;
@@ -230,7 +230,7 @@ pub struct Sample<'a, M: Discrete> {
 /// Sample n is due at start + n * `sample_time`. It reads the inputs that were set before the step; its outputs are
 /// held until the next sample. Without a field `sample_time`, the parameter is added and starts with `step_size`.
 pub trait Discrete: Parameters {
-    /// Facts about the model.
+    /// Metadata of the model.
     const INFO: Info;
     /// The inputs.
     type Inputs: Variables<f64>;
@@ -282,7 +282,7 @@ pub trait Discrete: Parameters {
 ///
 /// The simulation must implement `Clone`: the exporter clones it to save and restore its state.
 pub trait Stateful: Parameters {
-    /// Facts about the model.
+    /// Metadata of the model.
     const INFO: Info;
     /// The inputs.
     type Inputs: Variables<f64>;

@@ -96,7 +96,7 @@ pub struct Run<'a, M: Model> {
 
 /// Interface between a model and its instances.
 pub trait Model: Sized + 'static {
-    /// Facts about the model.
+    /// Metadata of the model.
     const INFO: Info;
     /// Kind of model.
     const KIND: Kind;

@@ -75,8 +75,8 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// The header of the next message; `None` if the connection was closed before the message was complete. Also fails
-    /// if the data is not a message. After a timeout, the call can be repeated.
+    /// The header of the next message; `None` if the connection was closed before the message was complete. Fails if
+    /// the connection does, or if the data is not a message. After a timeout, the call can be repeated.
     pub fn read<T: DeserializeOwned>(&mut self, from: &mut impl Read) -> io::Result<Option<T>> {
         if self.body.take().is_some() {
             self.received = 0;

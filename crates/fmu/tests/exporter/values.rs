@@ -4,7 +4,7 @@ use fmu::testing::calls::{Function, Mode, Protocol, Version};
 
 use crate::models::{CartPair, Fmu, Fragile, Sampler, error_of, reference};
 
-/// An instance in each mode that a master can bring it to.
+/// An instance in one of the modes that a master can reach.
 fn in_mode(mode: Mode) -> Fmu<CartPair> {
     let mut fmu = Fmu::<CartPair>::new();
     if mode == Mode::Instantiated {
