@@ -298,7 +298,7 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
         }
         if is_bomb(entry.size, entry.compressed) {
             return Err(format!(
-                "the entry `{}` unpacks from {} to {} bytes; above {ANY_RATIO} bytes, at most {MAX_RATIO} times as many are accepted",
+                "the entry `{}` unpacks from {} to {} bytes; above {ANY_RATIO} bytes, the ratio must not exceed {MAX_RATIO}",
                 name(),
                 entry.compressed,
                 entry.size
@@ -312,7 +312,7 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     }
     if is_bomb(size, compressed) {
         return Err(format!(
-            "its entries unpack from {compressed} to {size} bytes; above {ANY_RATIO} bytes, at most {MAX_RATIO} times as many are accepted"
+            "its entries unpack from {compressed} to {size} bytes; above {ANY_RATIO} bytes, the ratio must not exceed {MAX_RATIO}"
         ));
     }
     Ok(())
@@ -500,7 +500,7 @@ mod tests {
         let message = rejected(&[entry(1 << 30, 1 << 30), entry(1 << 30, 1 << 30), entry(1, 1)]);
         assert_eq!(message, "its entries unpack to 2147483649 bytes, at most 2147483648 are accepted");
         let message = rejected(&[entry(1_000_000, 300_000_000)]);
-        let ratio = "; above 67108864 bytes, at most 200 times as many are accepted";
+        let ratio = "; above 67108864 bytes, the ratio must not exceed 200";
         assert_eq!(message, format!("the entry `x` unpacks from 1000000 to 300000000 bytes{ratio}"));
         let message = rejected(&[entry(100_000, 60_000_000), entry(100_000, 60_000_000)]);
         assert_eq!(message, format!("its entries unpack from 200000 to 120000000 bytes{ratio}"));

@@ -140,7 +140,7 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     };
     let end = Record(&tail[at..]);
     if end.u16(4) != 0 || end.u16(6) != 0 || end.u16(8) != end.u16(10) {
-        return Err(damaged("it is one part of several"));
+        return Err(damaged("it is a part of a split archive"));
     }
     let mut place = Place { entries: end.u16(10), start: end.u32(16), size: end.u32(12) };
     let mut directory_end = tail_start + at as u64;
@@ -182,7 +182,7 @@ fn end_64<R: Read + Seek>(file: &mut R, position: u64, locator: u64) -> Result<P
         return Err(wrong());
     }
     if record.u32(16) != 0 || record.u32(20) != 0 || record.u64(24) != record.u64(32) {
-        return Err(damaged("it is one part of several"));
+        return Err(damaged("it is a part of a split archive"));
     }
     Ok(Place { entries: record.u64(32), start: record.u64(48), size: record.u64(40) })
 }

@@ -176,7 +176,10 @@ pub fn parse(text: &str) -> Result<Element, XmlError> {
     }
     let end = places.at(text.len());
     if let Some(element) = open.last() {
-        return Err(end.error(format!("the document ends inside <{}> of line {}", element.name, element.place.line)));
+        return Err(end.error(format!(
+            "the document ends inside <{}>, which starts in line {}",
+            element.name, element.place.line
+        )));
     }
     root.ok_or_else(|| end.error("the document has no element"))
 }

@@ -105,7 +105,7 @@ impl Clock {
             return Err(format!("stop time = {stop} s is before the start at {start} s"));
         }
         if time < start || (!has_stepped && time > start) {
-            return Err(format!("time = {time} s does not agree with the start at {start} s"));
+            return Err(format!("time = {time} s is not possible with a start at {start} s"));
         }
         // In model exchange, a solver may evaluate the equations after the end.
         if let Some(stop) = stop.filter(|_| !is_exchange)

@@ -139,7 +139,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         }
         if let Some(variable) = changed.find(|variable| !variable.declaration.tunable) {
             let name = &variable.declaration.name;
-            return Err(format!("`{name}` is fixed, it cannot change after the start"));
+            return Err(format!("`{name}` is fixed and cannot change after the start"));
         }
         self.derived = model.load(&self.resources)?.into();
         self.model = model.into();
@@ -176,7 +176,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         let parts = Runner::<M>::parts(layout, run.values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(
-                "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
+                "a step of {step} s needs {parts} integration steps; at most {MOST_PARTS} are possible"
             ));
         }
         Runner::<M>::step(run, interval, parts as u64)?;

@@ -175,7 +175,7 @@ impl Instance {
     ) -> Result<(), CallError> {
         self.check_number(function, numbers.len(), expected)?;
         if numbers.is_empty() {
-            // FMUs from some tools write to the first element anyway.
+            // FMUs from some tools write to the first element of an empty array.
             let mut spare = f64::from_bits(UNWRITTEN);
             // SAFETY: live instance; the array has more elements than stated.
             let result = self.call_optional(function, select, |f, c| unsafe { f(c, &raw mut spare, 0) });

@@ -6,7 +6,7 @@ use std::io::{self, Read, Write};
 
 /// Maximum length of a header, bytes. An instance can have 100 log messages of 10,000 bytes.
 const MAX_HEADER: u32 = 256 << 20;
-/// Maximum number of numbers in a body: 8 GB, more than a run can record.
+/// Maximum length of a body, numbers: 8 GB, more than a run can record.
 const MAX_NUMBERS: u64 = 1 << 30;
 /// Length of the prefix of every message, bytes. It contains the lengths of header and body.
 const PREFIX: usize = 12;

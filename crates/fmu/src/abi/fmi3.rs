@@ -74,7 +74,7 @@ unsafe fn instantiate<E: Export>(
                 return Err(format!("this FMU does not provide {}", interface.name()));
             }
             if with_event_mode && !<E::Model as Model>::HAS_EVENTS {
-                return Err("eventModeUsed must be false, the FMU has no Event Mode (hasEventMode is false)".to_owned());
+                return Err("eventModeUsed must be false: the FMU has no Event Mode (hasEventMode is false)".to_owned());
             }
             common::check_guid::<E>("instantiationToken", token)?;
             let resources = if resources.is_null() {

@@ -515,7 +515,7 @@ fn a_simulation_takes_tunable_parameters_between_steps() {
 
     let mut run = ContinuousSimulation::new(EqualSteps::default()).unwrap();
     let error = run.set_parameters(EqualSteps { restitution: 0.5 }).unwrap_err();
-    assert_eq!(error, "`restitution` is fixed, it cannot change after the start");
+    assert_eq!(error, "`restitution` is fixed and cannot change after the start");
 }
 
 #[derive(Parameters)]

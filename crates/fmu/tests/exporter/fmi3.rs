@@ -437,7 +437,7 @@ fn what_the_fmu_does_not_have_is_said() {
     assert!(none.component.is_null());
     assert_eq!(
         none.error(),
-        "fmi3InstantiateCoSimulation: eventModeUsed must be false, the FMU has no Event Mode (hasEventMode is false)"
+        "fmi3InstantiateCoSimulation: eventModeUsed must be false: the FMU has no Event Mode (hasEventMode is false)"
     );
     let ball = Instance::<Ball>::co_simulation(false).initialized();
     // SAFETY: a live component.
