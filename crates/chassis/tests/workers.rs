@@ -408,9 +408,11 @@ fn an_fmu_in_python_says_what_it_needs() {
             let output = command(path, command_line);
             assert_eq!(output.status.code(), Some(1), "{step}");
             let said = message(&[output.stdout, output.stderr].concat());
-            for expected in
-                ["needs the Python library", "--libpython FILE", "the command `chassis` of the Python package finds it"]
-            {
+            for expected in [
+                "needs the Python library",
+                "--libpython FILE",
+                "the command `chassis` of the Python package, which finds it",
+            ] {
                 assert_eq!(said.matches(expected).count(), 1, "{step}: {said}");
             }
             let output = command(path, &[command_line, &["--libpython", "libpython.so"]].concat());

@@ -62,8 +62,8 @@ impl Library {
             python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
         {
             return Err(LoadError::Other(format!(
-                "{} uses `{symbol}` without linking to the Python library; pass the library with `--libpython FILE`, or use \
-                 the command `chassis` from the Python package, which finds it",
+                "{} needs the Python library: it uses `{symbol}` without linking to it; pass the library with `--libpython \
+                 FILE`, or use the command `chassis` of the Python package, which finds it",
                 path.display()
             )));
         }
