@@ -91,19 +91,15 @@ pub struct Event<'a, M: Continuous> {
 }
 
 impl<M: Continuous> Event<'_, M> {
-    /// Returns true if the zero crossing with this index went from positive or zero to negative.
-    ///
-    /// # Panics
-    /// If the model has no zero crossing of this index.
+    /// Returns true if the zero crossing with this index went from positive or zero to negative. Panics if there is
+    /// none.
     #[must_use]
     pub fn fell(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] < 0.0
     }
 
-    /// Returns true if the zero crossing with this index went from negative to positive or zero.
-    ///
-    /// # Panics
-    /// If the model has no zero crossing of this index.
+    /// Returns true if the zero crossing with this index went from negative to positive or zero. Panics if there is
+    /// none.
     #[must_use]
     pub fn rose(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] >= 0.0
@@ -192,10 +188,8 @@ pub trait Continuous: Parameters {
     fn advance(&self, at: At<'_, f64, Self>, _step: f64) -> Self::State<f64> {
         at.state.copied()
     }
-    /// Quantities whose sign changes are state events, located to 10^-15 of the integration step.
-    ///
-    /// # Panics
-    /// The default panics. It is called only if the model declares [`Self::Crossings`].
+    /// Quantities whose sign changes are state events, located to 10^-15 of the integration step. Called only if the
+    /// model declares [`Self::Crossings`].
     fn zero_crossings(&self, _at: At<'_, f64, Self>) -> Self::Crossings {
         unreachable!("the model declares `type Crossings` without `fn zero_crossings`")
     }

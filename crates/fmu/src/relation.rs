@@ -14,8 +14,8 @@ use crate::discrete_state::{Word, Words};
 use crate::scalar::{Scalar, assign_and_sum};
 use crate::table::Table;
 
-/// Value of an indicator, away from zero, where the operands of its relation are equal. The event occurs this far
-/// beyond the equality, so that rounding errors at an event do not cause a second one.
+/// Magnitude of an indicator where the operands of its relation are equal. The event occurs this far beyond the
+/// equality, so that rounding errors at an event do not cause a second one.
 const BAND: f64 = 1e-9;
 
 /// Minimum scale relative to the greater operand, whose rounding errors are then far below [`BAND`] times the scale.

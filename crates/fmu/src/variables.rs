@@ -342,19 +342,13 @@ pub trait Variables<T: Scalar>: Sized {
         Self::declare(&mut all);
         all
     }
-    /// The reals as a list; other types must be absent.
-    ///
-    /// # Panics
-    /// If there are variables of other types.
+    /// The reals as a list. Panics if there are variables of other types.
     fn reals(&self) -> Vec<T> {
         let mut reals = vec![T::from(0.0); Self::COUNTS.reals];
         self.write(&mut ValuesMut::of_reals(&mut reals), Counts::ZERO);
         reals
     }
-    /// Creates the struct from a list of reals; other types must be absent.
-    ///
-    /// # Panics
-    /// If there are too few reals, or variables of other types.
+    /// Creates the struct from a list of reals. Panics if there are too few, or variables of other types.
     #[inline]
     fn from_reals(reals: &[T]) -> Self {
         Self::read(Values::of_reals(reals), Counts::ZERO)

@@ -110,10 +110,7 @@ impl Instance {
         Ok(pointers.into_iter().map(|p| unsafe { text(p) }).collect())
     }
 
-    /// Reads variables with the same C type in both versions. In FMI 2.0, each variable has one value.
-    ///
-    /// # Panics
-    /// If there are fewer values than variables.
+    /// Reads variables with the same C type in both versions. Panics if there are fewer values than variables.
     fn get_plain<T>(
         &mut self,
         function: Function,
