@@ -199,8 +199,7 @@ impl<R: Read + Seek> Archive<R> {
     }
 
     /// Unpacks resources and binaries for this platform. `description` must come from this archive. Fails if the FMU
-    /// does not have the interface or a binary for this platform, the archive is damaged, or the temporary folder
-    /// cannot be written.
+    /// does not have the interface or a binary, the archive is damaged, or the temporary folder cannot be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
         let identifier = description.model_identifier(interface).ok_or_else(|| {
             let mut found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();
@@ -318,8 +317,7 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the paths of the entries. Fails if the `zip` crate sees other entries, or if a path leads out of the
-/// archive.
+/// Returns the paths of the entries. Fails if the `zip` crate sees other entries, or if an entry is not acceptable.
 fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<Vec<String>, String> {
     if zip.len() != entries.len() {
         return Err(format!("it lists {} entries, but {} can be read", entries.len(), zip.len()));

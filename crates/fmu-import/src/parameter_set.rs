@@ -47,8 +47,8 @@ impl ParameterSet {
         Self::parse(&text).map_err(|cause| io::Error::other(format!("{}: {cause}", path.to_string_lossy())))
     }
 
-    /// Parses the text of a file. Fails if the text is not a parameter set of SSP 1.0 or 2.0, contains an invalid
-    /// value, or repeats a name.
+    /// Parses the text of a file. Fails if it is not a parameter set of SSP 1.0 or 2.0, a value is invalid, or a name
+    /// repeats.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if local(&root) != "ParameterSet" {

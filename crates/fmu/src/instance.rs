@@ -362,8 +362,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Returns true if a call may do arithmetic, and so needs the default floating-point environment. Setting real
-    /// values only compares finite numbers. Reading them after the start computes nothing in discrete-time and stateful
-    /// models.
+    /// values only compares finite numbers; only continuous-time models compute when values are read after the start.
     #[inline]
     pub(crate) fn may_compute(&self, function: Function) -> bool {
         match function {

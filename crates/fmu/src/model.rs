@@ -91,15 +91,13 @@ pub struct Event<'a, M: Continuous> {
 }
 
 impl<M: Continuous> Event<'_, M> {
-    /// Returns true if the zero crossing with this index went from positive or zero to negative. Panics if there is
-    /// none.
+    /// Returns true if this zero crossing went from positive or zero to negative. Panics if there is none.
     #[must_use]
     pub fn fell(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] < 0.0
     }
 
-    /// Returns true if the zero crossing with this index went from negative to positive or zero. Panics if there is
-    /// none.
+    /// Returns true if this zero crossing went from negative to positive or zero. Panics if there is none.
     #[must_use]
     pub fn rose(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] >= 0.0
@@ -154,8 +152,7 @@ pub trait Continuous: Parameters {
     /// Computes the derived parameters. Called again after a tunable parameter has changed. An error is a sentence with
     /// the parameter's name, its value and the rule.
     fn derived(&self) -> Result<Self::Derived, String>;
-    /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU. Fails like
-    /// [`Self::derived`].
+    /// Like [`Self::derived`], for a model that reads files from the FMU's folder `resources`.
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
         self.derived()
     }
@@ -250,8 +247,7 @@ pub trait Discrete: Parameters {
         let state = &mut self.initial_state(derived);
         self.update(Sample { time, state, inputs, derived })
     }
-    /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU. Fails like
-    /// [`Self::derived`].
+    /// Like [`Self::derived`], for a model that reads files from the FMU's folder `resources`.
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
         self.derived()
     }
@@ -288,8 +284,8 @@ pub trait Stateful: Parameters {
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
     /// Creates the simulation; `resources` is the resources folder of the FMU. Changes to tunable parameters after the
-    /// start reach only [`Self::step`] and [`Self::outputs`]. An error is a sentence with the parameter's name, its
-    /// value and the rule.
+    /// start reach only [`Self::step`] and [`Self::outputs`]. An error states the parameter's name, its value, the
+    /// rule.
     fn start(&self, resources: &Path) -> Result<Self::Simulation, String>;
     /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs. An error is the reason
     /// why it cannot continue; the instance must then be reset or restored from a saved state.

@@ -42,7 +42,7 @@ type Runner<M> = ContinuousModel<M, false>;
 /// while run.time() < 1.0 {
 ///     run.step(&(), 0.01)?;
 /// }
-/// // The error of the classical Runge-Kutta method is about the fourth power of the step.
+/// // The error of the classical Runge-Kutta method is about step^4/120 exp(-1) = 3e-11.
 /// assert!((run.state().n - (-run.time()).exp()).abs() < 1e-10);
 /// # Ok(()) }
 /// ```

@@ -10,8 +10,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table from points with increasing `x`. Fails if there are no points, a number is not finite, or `x` does not
-    /// increase.
+    /// A table from one or more points. Fails if a number is not finite, or if `x` does not increase.
     pub fn new(points: impl IntoIterator<Item = (f64, f64)>) -> Result<Self, String> {
         let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
         if x.is_empty() {

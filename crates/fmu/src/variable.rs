@@ -284,8 +284,7 @@ impl Layout {
         (agree && is_whole && is_connected && is_free).then_some((of, elements))
     }
 
-    /// For each value reference, the reference of the first element of its array; outside of arrays, the same
-    /// reference.
+    /// For each value reference, the reference of the first element of its array, or the same outside of arrays.
     pub(crate) fn representatives(&self) -> Vec<u32> {
         let mut first: Vec<u32> = (0..self.end).collect();
         for variable in &self.variables {

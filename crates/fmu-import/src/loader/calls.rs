@@ -123,8 +123,7 @@ pub fn board() -> Option<&'static Board> {
     BOARD.get()
 }
 
-/// Makes a file the board of this process until the process ends. Fails if the file is not from [`create`] or cannot be
-/// mapped.
+/// Makes a file the board of this process until its end. Fails if the file is not from [`create`] or cannot be mapped.
 #[cfg(not(target_family = "wasm"))]
 pub fn publish(file: &File) -> io::Result<()> {
     if file.metadata()?.len() != SIZE as u64 {

@@ -103,8 +103,7 @@ macro_rules! table {
             $($more:ident: $more_type:ty = $more_name:literal,)*
         })*
     ) => {
-        /// The functions in a library. The standard requires all of them for an interface, but many FMUs have only the
-        /// `required` and `needed` ones.
+        /// The functions in a library. The standard requires all of them, but many FMUs do not have the optional ones.
         pub(in super::super) struct Functions {
             $(pub(in super::super) $field: $type,)*
             $(pub(in super::super) $other: Option<$other_type>,)*

@@ -56,8 +56,8 @@ impl Instance {
         self.get_plain(Function::GetReal, refs, values, |f| f.get_real, |f| f.get_float64)
     }
 
-    /// `fmi2GetInteger`, `fmi3GetInt32`; also reads enumerations and the other integer types of FMI 3.0. Also fails if
-    /// a value does not fit in `T`.
+    /// `fmi2GetInteger`, `fmi3GetInt32`, and the functions for other integer types. Fails if a value does not fit in
+    /// `T`.
     pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -138,8 +138,7 @@ impl Instance {
         in_v3: impl FnOnce(&v3::Functions) -> c_api::v3::Set<T>,
     ) -> Result<(), CallError> {
         assert!(values.len() >= refs.len(), "a value for each variable");
-        // SAFETY: live instance; both arrays have the stated length (FMI 2.0: by the assertion); strings outlive the
-        // call.
+        // SAFETY: live instance; both arrays have the stated length (FMI 2.0: asserted); strings outlive the call.
         self.call(function, |f, c| unsafe {
             match f {
                 Functions::V2(f) => in_v2(f)(c, refs.as_ptr(), refs.len(), values.as_ptr()),

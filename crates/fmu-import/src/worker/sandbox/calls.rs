@@ -26,8 +26,7 @@ pub(super) enum Kind {
     Program(Place),
     /// Communicates with other programs or machines. The argument is the address family.
     Network(Option<usize>),
-    /// Opens a file, maybe for writing. Argument with the flags, or `None` if a structure after the path starts with
-    /// them.
+    /// Opens a file, maybe for writing. The flags are in an argument, or with `None`, in the structure after the path.
     Open(Place, Option<usize>),
     /// Creates, changes, deletes or renames files.
     Change(&'static [Place]),
