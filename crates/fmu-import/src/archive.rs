@@ -456,7 +456,7 @@ mod tests {
     }
 
     #[test]
-    fn archives_that_reach_out_are_rejected() {
+    fn paths_out_of_the_archive_are_rejected() {
         for name in ["../evil", "resources/../../evil", "/evil", "resources\\..\\evil"] {
             let folder = TempDir::new().unwrap();
             let path = fmu(&folder, &[("modelDescription.xml", VEHICLE), (name, "x")]);
@@ -520,7 +520,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_no_fmu_are_clear_errors() {
+    fn other_files_are_clear_errors() {
         let folder = TempDir::new().unwrap();
         let text = folder.path().join("text.fmu");
         std::fs::write(&text, "not a zip").unwrap();

@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn sound_archives_are_read() {
+    fn valid_archives_are_read() {
         let zip = Zip::sound();
         assert_eq!(names(zip.finished(b"")), ["a", "b"]);
         assert_eq!(names(zip.finished(b"a comment")), ["a", "b"]);
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_is_there_twice_is_rejected() {
+    fn repeated_names_are_rejected() {
         let mut zip = Zip::sound();
         zip.add("a", b"other text");
         rejects(zip.finished(b""), "the entry `a` appears twice");
@@ -469,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_off_is_damaged() {
+    fn truncated_archives_are_damaged() {
         let bytes = Zip::sound().finished_64(2, NARROW);
         for length in 0..bytes.len() {
             let error = read(&mut io::Cursor::new(&bytes[..length])).expect_err("cut off");

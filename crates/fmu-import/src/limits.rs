@@ -122,7 +122,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_device_without_end_is_rejected() {
+    fn an_endless_device_is_rejected() {
         let error = read_text(Path::new("/dev/zero"), 1000).unwrap_err().to_string();
         assert_eq!(error, "the file is too large, the limit is 1000");
     }

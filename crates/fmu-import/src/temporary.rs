@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_no_process_holds_is_stale() {
+    fn only_folders_of_ended_processes_are_stale() {
         let parent = TempDir::new().unwrap();
         let alive = Root::new(parent.path()).unwrap();
         std::fs::write(alive.path.join("used"), "").unwrap();
@@ -218,7 +218,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn nobody_else_may_enter() {
+    fn only_the_user_can_access_the_folder() {
         use std::os::unix::fs::PermissionsExt as _;
         let folder = Folder::new().unwrap();
         for path in [folder.path(), folder.path().parent().unwrap()] {

@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_stay_where_they_are() {
+    fn line_breaks_and_tabs_are_kept() {
         assert_eq!(escaped("a\n\tb"), "a\n\tb");
         assert_eq!(line("a\n\tb"), "a\\n\\tb");
         assert_eq!(indented("a\nerror: \u{1b}", "  "), "a\n  error: \\u001b");

@@ -10,7 +10,7 @@ use support::Build;
 use tempfile::TempDir;
 
 #[test]
-fn an_instance_offers_what_the_standard_has() {
+fn an_instance_has_the_functions_of_the_standard() {
     let folder = TempDir::new().unwrap();
     let fmu = Fmu::open(Build::new("Position", "y", "x").pack(folder.path())).unwrap();
     let mut instance = fmu.instantiate("one").unwrap();
@@ -83,7 +83,7 @@ fn after_a_fatal_status_nothing_is_called() {
 }
 
 #[test]
-fn unusable_fmus_are_clear_errors() {
+fn unusable_fmus_give_clear_errors() {
     let folder = TempDir::new().unwrap();
     let open = |build: &Build<'_>| Fmu::open(build.pack(folder.path()));
     let build = Build { version: "1.0", ..Build::new("Old", "u", "x") };

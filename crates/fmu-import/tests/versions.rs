@@ -227,7 +227,7 @@ fn advance(instance: &mut Instance, time: f64, x: f64, h: f64) -> f64 {
 }
 
 #[test]
-fn what_goes_wrong_names_the_functions_of_the_version() {
+fn errors_contain_the_function_names_of_the_version() {
     let folder = TempDir::new().unwrap();
     let wrong = Decay { edits: &[("{decay}", "{other}")], ..Decay::new(FmiVersion::V3) };
     let error = Fmu::open(wrong.pack(folder.path())).unwrap().instantiate("one").unwrap_err();

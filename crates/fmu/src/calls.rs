@@ -312,7 +312,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_says_where_it_was_called_and_where_it_may_be() {
+    fn an_error_contains_the_mode_and_the_allowed_modes() {
         assert_eq!(
             Function::Terminate.out_of_order(Protocol::CS2, Mode::Instantiated),
             "fmi2Terminate called in Instantiated, allowed in Step Mode, Step Failed"

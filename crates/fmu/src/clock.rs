@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_and_neighbors_are_those_of_the_standard_library() {
+    fn ceil_and_ulp_agree_with_the_standard_library() {
         let special =
             [0.0, 5e-324, 0.5, 1.0, 1.5, 2.0, 1e15, 4503599627370495.5, 4503599627370496.0, 1e16, 1e300, f64::MAX];
         for magnitude in special.into_iter().flat_map(|x: f64| [x.next_down().max(0.0), x, x.next_up()]) {
@@ -167,7 +167,7 @@ mod tests {
     /// In exact arithmetic there are ceil(k h / sample_time) samples before the end of step k. The times contain the
     /// rounding errors of a master, which computes t0 + k h and adds the step.
     #[test]
-    fn samples_are_counted_as_in_whole_numbers() {
+    fn samples_are_counted_as_in_exact_arithmetic() {
         // Step and sample time in units of 0.1 ms.
         for (step, sample) in [(10, 10), (10, 100), (30, 100), (7, 10), (100, 10), (13, 7), (1, 10), (10, 3)] {
             let (h, sample_time) = (f64::from(step) * 1e-4, f64::from(sample) * 1e-4);
@@ -187,7 +187,7 @@ mod tests {
 
     /// Compared with the general formula: at sample instants, inside and outside the tolerance, and between samples.
     #[test]
-    fn samples_that_are_due_are_those_of_the_general_formula() {
+    fn due_samples_agree_with_the_general_formula() {
         for (step, sample_time) in
             [(1e-3, 1e-3), (1e-3, 0.01), (0.003, 0.01), (0.01, 1e-3), (0.1, 0.3), (1.0, f64::INFINITY)]
         {

@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn contradicting_declarations_are_named() {
+    fn inconsistent_declarations_are_reported() {
         let x = || named("x", unit!("m"));
         assert_eq!(problem(real(Spec { min: Some(-1.0), max: Some(1.0), nominal: Some(0.5), ..x() }, 0.0)), "");
         assert_eq!(problem([real(x(), 0.0), real(x(), 0.0)].concat()), "two variables are named 'x'");
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn an_impossible_default_experiment_or_name_is_named() {
+    fn an_invalid_default_experiment_or_name_is_reported() {
         let nothing = Layout::new(Declarations::default());
         for name in ["", "1st", "with-dash", "a b", "\u{e4}"] {
             let problem = contradiction(&Info { name, ..INFO }, &nothing, Format::FMI2).unwrap();

@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_expressions_have_one_hash_and_others_another() {
+    fn equal_expressions_have_equal_hashes() {
         let [x, y] = [0, 1].map(Expression::known);
         assert_eq!((x + y) * 2.0, (x + y) * Expression::from(2.0));
         let all = [x, y, x + y, y + x, x - y, x * y, x / y, -x, x.sin(), x.cos(), x.powi(2), x.powf(2.0), x * 0.0];

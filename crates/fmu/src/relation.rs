@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn kinks_are_no_relations_and_a_sign_is_two() {
+    fn min_max_and_abs_have_no_relations_and_sign_has_two() {
         let mut relations = Relations::with_capacity(8);
         let (x, y) = (Relational(1.0), Relational(-2.0));
         let value = relations.update(0, || Scalar::clamp(Scalar::max(x, y), y, x) + Scalar::min(x, y) + y.abs());

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn written_constants_are_those_of_the_macro() {
+    fn constants_equal_the_units_of_the_macro() {
         for (written, parsed) in [(Unit::ONE, unit!("1")), (Unit::S, unit!("s"))] {
             assert_eq!(written, Unit { rate: None, ..parsed });
         }

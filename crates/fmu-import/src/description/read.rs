@@ -290,7 +290,7 @@ mod tests {
     const VEHICLE: &str = include_str!("../../tests/data/Vehicle.xml");
 
     #[test]
-    fn everything_a_description_says_is_read() {
+    fn a_complete_description_is_read() {
         let d = ModelDescription::parse(VEHICLE).unwrap();
         assert_eq!(d.model_name, "Vehicle");
         assert_eq!(d.guid, "{vehicle}");
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_of_fmi_3_are_reported_with_their_place() {
+    fn errors_in_fmi_3_are_reported_with_their_place() {
         for (from, to, expected) in [
             ("fmiVersion=\"3.0\"", "fmiVersion=\"3.1\"", "FMI version 3.1, expected 2.0 or 3.0"),
             ("instantiationToken=\"{tank}\"", "guid=\"{tank}\"", "lacks the attribute `instantiationToken`"),
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_reported_with_their_place() {
+    fn errors_are_reported_with_their_place() {
         let long = |name: &str, bytes| format!("{name}=\"{}\"", "x".repeat(bytes));
         for (from, to, expected) in [
             ("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\"", "FMI version 1.0"),

@@ -247,7 +247,7 @@ mod tests {
 
     /// The only test that publishes a board, because a process can have only one.
     #[test]
-    fn what_is_written_is_read_through_the_file() {
+    fn another_process_reads_the_board_from_the_file() {
         let file = tempfile::tempfile().unwrap();
         create(&file).unwrap();
         let read = || Snapshot::read(&file).unwrap();

@@ -164,7 +164,7 @@ impl<E: Export> C<E> {
 }
 
 #[test]
-fn instantiation_says_why_it_failed() {
+fn a_failed_instantiation_logs_the_reason() {
     let messages = Messages::default();
     let callbacks = callbacks(&messages);
     let guid = CString::new(Sampler::description().guid.as_str()).unwrap();
@@ -386,7 +386,7 @@ fn all_types_are_set_and_read_back() {
 }
 
 #[test]
-fn a_message_holds_what_the_caller_wrote_with_its_percent_signs_doubled() {
+fn percent_signs_in_messages_are_doubled() {
     let fmu = C::<Sampler>::new(false);
     let category = c"%s%n 50%".as_ptr();
     // SAFETY: one string.
@@ -607,7 +607,7 @@ fn nothing_is_left_of_a_freed_instance() {
 }
 
 #[test]
-fn a_state_that_is_handed_back_is_written_over() {
+fn a_passed_state_is_overwritten() {
     let fmu = C::<Sampler>::ready();
     let state = fmu.save();
     let first = fmu.bytes(state);
@@ -637,7 +637,7 @@ fn a_state_that_is_handed_back_is_written_over() {
 }
 
 #[test]
-fn bytes_carry_a_state_to_another_instance_and_need_their_room() {
+fn bytes_transfer_a_state_and_need_a_large_enough_array() {
     let (fmu, other) = (C::<CartPair>::ready(), C::<CartPair>::new(false));
     assert_eq!(fmu.step(0.0, 0.25), Status::Ok);
     let state = fmu.save();

@@ -77,7 +77,7 @@ fn variables(root: &Element) -> Vec<&Element> {
 }
 
 #[test]
-fn the_top_of_the_description_says_what_the_fmu_can_do() {
+fn the_root_element_lists_the_capabilities() {
     let root = described::<CartPair>();
     assert_eq!(root.name, "fmiModelDescription");
     assert_eq!(root.get("fmiVersion"), Some("2.0"));
@@ -288,7 +288,7 @@ fn check_rules<E: Export>() {
 }
 
 #[test]
-fn variables_and_structure_keep_the_rules_of_the_standard() {
+fn variables_and_structure_follow_the_standard() {
     check_rules::<CartPair>();
     check_rules::<Sampler>();
     check_rules::<Fragile>();

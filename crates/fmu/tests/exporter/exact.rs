@@ -108,7 +108,7 @@ fn rejected_and_failed_steps_are_those_of_every_continuous_model() {
 }
 
 #[test]
-fn a_state_can_start_by_a_parameter() {
+fn a_start_value_can_follow_from_a_parameter() {
     let mut fmu = Fmu::<Lag>::new();
     fmu.set("lag.initial", 3.0).unwrap();
     fmu.0.enter_initialization().unwrap();

@@ -417,7 +417,7 @@ fn the_states_of_one_version_are_rejected_by_the_other() {
 }
 
 #[test]
-fn what_the_fmu_does_not_have_is_said() {
+fn missing_capabilities_are_reported() {
     let instance = Instance::<Carts>::co_simulation(false).initialized();
     // SAFETY: a live component.
     unsafe {

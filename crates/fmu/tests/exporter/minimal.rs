@@ -37,7 +37,7 @@ impl Discrete for Limiter {
 }
 
 #[test]
-fn the_facts_come_from_the_type_the_doc_comment_and_the_package() {
+fn metadata_come_from_the_type_the_doc_comment_and_the_package() {
     let info = <Limiter as Discrete>::INFO;
     assert_eq!(
         (info.name, info.description, info.version),

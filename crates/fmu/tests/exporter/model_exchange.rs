@@ -310,7 +310,7 @@ impl Continuous for Latch {
 
 /// Reference: the equations have one relation or three.
 #[test]
-fn the_indicators_are_those_of_the_mode_with_the_most_relations() {
+fn the_number_of_indicators_is_the_maximum_over_all_modes() {
     assert_eq!(Latch::description().layout.indicators.total(), 3);
     let mut importer = Importer::<Latch>::starting(0.0, &[]);
     assert_eq!(importer.indicators()[1..], [1.0, 1.0]);
@@ -539,7 +539,7 @@ fn the_bytes_of_one_interface_are_rejected_by_another() {
 }
 
 #[test]
-fn bad_arguments_say_what_is_expected() {
+fn invalid_arguments_are_reported_with_the_rule() {
     let mut importer = Importer::<CartPair>::starting(2.0, &[]);
     let instance = &mut importer.instance;
     assert_eq!(
@@ -588,7 +588,7 @@ fn in_mode(mode: Mode) -> Importer<CartPair> {
 }
 
 #[test]
-fn every_function_keeps_to_the_table_of_calls() {
+fn every_function_follows_the_table_of_calls() {
     type Call = (Function, fn(&mut Instance<<CartPair as Export>::Model>) -> Result<(), CallError>);
     let calls: [Call; 19] = [
         (Function::SetupExperiment, |i| i.setup_experiment(0.0, None)),

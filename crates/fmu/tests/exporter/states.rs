@@ -161,7 +161,7 @@ fn truncated_and_extended_bytes_are_rejected() {
 }
 
 #[test]
-fn bytes_of_another_kind_say_what_they_are() {
+fn other_bytes_are_rejected_with_a_reason() {
     let fmu = with_a_past();
     let bytes = fmu.bytes();
     let message = |bytes: &[u8]| error_of(fmu.0.deserialize(bytes).map(drop));
@@ -206,7 +206,7 @@ fn a_state_without_derived_parameters_is_rejected() {
 }
 
 #[test]
-fn a_state_brings_no_parameter_that_could_not_be_set() {
+fn a_state_with_an_invalid_parameter_is_rejected() {
     // The fuzzer of the package `tests` crafted a state with a limit below 0, on which a model panicked.
     let fmu = with_a_past();
     let bytes = fmu.bytes();
@@ -223,7 +223,7 @@ fn a_state_brings_no_parameter_that_could_not_be_set() {
 }
 
 #[test]
-fn a_state_brings_no_mass_of_0() {
+fn a_state_with_a_mass_of_0_is_rejected() {
     let expected = "fmi2DeSerializeFMUstate: 'cart.mass' = 0 kg is not in [0.000001, inf]";
     for fmu in [Fmu::<CartPair>::ready(), Fmu::initializing(0.0)] {
         let mut bytes = fmu.bytes();
@@ -234,7 +234,7 @@ fn a_state_brings_no_mass_of_0() {
 }
 
 #[test]
-fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
+fn a_state_with_a_wrong_number_of_samples_is_rejected() {
     // The bytes contain the time, then the count, then the reals (see `state_bytes`).
     let fmu = with_a_past();
     let bytes = fmu.bytes();
@@ -261,7 +261,7 @@ fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
 /// The fuzzer of the package `tests` crafted a state in Event Mode. In this mode, a discrete-time model took its first
 /// sample before the first step, and states that were saved later were rejected.
 #[test]
-fn a_state_brings_no_event_mode_that_the_model_does_not_have() {
+fn a_state_in_a_missing_event_mode_is_rejected() {
     let folder = std::path::PathBuf::new();
     let mut instance = Instance::<<Sampler as Export>::Model>::new(Protocol::CS3, Sampler::description(), folder);
     instance.set_experiment(Function::SetupExperiment, 1.5, None, None).unwrap();

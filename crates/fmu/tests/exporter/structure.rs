@@ -62,7 +62,7 @@ impl Continuous for Rod {
 }
 
 #[test]
-fn each_of_600_inputs_and_states_is_told_apart() {
+fn dependencies_on_600_inputs_and_states_are_exact() {
     for i in 1..=CELLS {
         let mut expected = vec![format!("heat[{i}]")];
         expected.extend((i.saturating_sub(1).max(1)..=(i + 1).min(CELLS)).map(|i| format!("cell[{i}]")));
@@ -319,7 +319,7 @@ open! {
 }
 
 #[test]
-fn what_cannot_be_tried_depends_on_everything() {
+fn variables_with_too_many_values_affect_everything() {
     let all = ["u[1]", "u[2]"];
     assert_eq!(dependencies::<Unbounded>("y"), all);
     assert_eq!(dependencies::<Text>("y"), all);
@@ -467,7 +467,7 @@ fn outputs_of_other_types_depend_on_what_they_follow() {
 
 /// The notes contain the reason for too many dependencies, and the remedy.
 #[test]
-fn what_makes_a_structure_dense_is_named() {
+fn notes_explain_too_many_dependencies() {
     let note = |description: std::sync::Arc<fmu::testing::description::Description>| description.notes.join("; ");
     let text = note(Text::description());
     assert!(text.contains("`text`") && text.contains("pass on only the fields that are needed"), "{text}");

@@ -135,7 +135,7 @@ fn large_times_are_those_of_the_instance_within_four_units_in_the_last_place() {
 }
 
 #[test]
-fn time_does_not_go_back_where_steps_are_as_short_as_its_roundings() {
+fn steps_shorter_than_the_rounding_of_the_time_are_rejected() {
     let mut fmu = Fmu::<CartPair>::starting(1.7e9, &[]);
     let ulp = 2.0_f64.powi(-22);
     fmu.0.do_step(1.7e9, 2.0 * ulp).unwrap();

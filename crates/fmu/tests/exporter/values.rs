@@ -88,7 +88,7 @@ fn outputs_with_a_start_value_may_be_set_before_the_start() {
 }
 
 #[test]
-fn every_function_keeps_to_the_table_of_calls() {
+fn every_function_follows_the_table_of_calls() {
     for mode in REACHABLE {
         // An allowed call succeeds or fails for another reason. A forbidden call reports the rule.
         type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::testing::instance::CallError>);
@@ -347,7 +347,7 @@ fn what_must_be_positive_is_at_least_a_millionth_at_any_time() {
 }
 
 #[test]
-fn an_output_of_a_continuous_model_that_is_not_finite_is_no_value() {
+fn reading_a_non_finite_output_fails() {
     let mut fmu = Fmu::<CartPair>::ready();
     fmu.set("scale", 0.0).unwrap();
     let references = ["cart_position.l", "distance"].map(reference::<CartPair>);
@@ -365,7 +365,7 @@ fn an_output_of_a_continuous_model_that_is_not_finite_is_no_value() {
 }
 
 #[test]
-fn reset_is_as_good_as_new() {
+fn a_reset_instance_behaves_like_a_new_one() {
     fn run<E: fmu::testing::abi::Export>(fmu: &mut Fmu<E>, input: &str) -> Vec<u8> {
         fmu.0.setup_experiment(0.5, None).unwrap();
         fmu.0.enter_initialization().unwrap();
