@@ -166,7 +166,7 @@ macro_rules! calls {
     ($($function:ident $two:literal $three:literal: $($modes:expr),*;)*) => {
         /// A function of the C interface whose use depends on the mode.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[expect(missing_docs, reason = "the names are those of FMI 2.0, or of FMI 3.0 if they are new")]
+        #[expect(missing_docs, reason = "the names come from FMI 2.0, or from FMI 3.0 if they are new")]
         pub enum Function { $($function),* }
 
         impl Function {

@@ -326,7 +326,7 @@ mod tests {
         }
     }
 
-    /// The names are valid in FMI 2.0; without model exchange, so are those of event indicators.
+    /// The names are valid in FMI 2.0. Without model exchange, names of event indicators are valid, too.
     #[test]
     fn names_that_fmi_3_needs_are_rejected() {
         let all = |names: &[&'static str]| -> Vec<Declaration> {

@@ -9,7 +9,7 @@ pub trait DiscreteState: 'static {
     /// Passes every value to the sink.
     #[doc(hidden)]
     fn save(&self, _sink: &mut dyn FnMut(Word<'_>)) {}
-    /// Restores the values in the same order. Fails if a value is missing, of another type, or impossible.
+    /// Restores the values in the same order. Fails if a value is missing, has another type, or is invalid.
     #[doc(hidden)]
     fn load(&mut self, _source: &mut Words<'_>) -> Result<(), String> {
         Ok(())
@@ -111,7 +111,7 @@ impl<'a> Words<'a> {
 pub trait StateField {
     /// Passes every value to the sink.
     fn save(&self, sink: &mut dyn FnMut(Word<'_>));
-    /// Restores the field. Fails if a value is missing, of another type, or impossible.
+    /// Restores the field. Fails if a value is missing, has another type, or is invalid.
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String>;
     /// The first real number that is not finite.
     #[inline]

@@ -285,7 +285,7 @@ impl<M: Model> Instance<M> {
     #[inline]
     fn context(&mut self) -> Run<'_, M> {
         let (Some(derived), Some(run)) = (self.derived.as_deref(), &mut self.run) else {
-            unreachable!("made by `derive`, at the latest at the end of initialization");
+            unreachable!("made by `derive` before the end of initialization");
         };
         let ctx = Context { p: &self.parameters, derived, layout: &self.description.layout, time: self.clock.time };
         Run { ctx, run, values: &mut self.values }

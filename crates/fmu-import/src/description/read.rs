@@ -308,7 +308,7 @@ mod tests {
         assert_eq!(roll.initial, Some(Initial::Exact));
         assert_eq!(roll.unit.as_deref(), Some("rad"), "from the type");
         assert_eq!(roll.display_unit.as_deref(), Some("deg"), "from the type");
-        assert_eq!(roll.max, Some(1.5), "own limit above that of the type");
+        assert_eq!(roll.max, Some(1.5), "the limit of the variable overrides the limit of the type");
         assert_eq!(roll.min, Some(-3.0), "from the type");
         assert_eq!(d.display_units(roll)[0].name, "deg");
 

@@ -34,7 +34,7 @@ macro_rules! functions {
             &[$($([name!("fmi2" $name $($v2)?), name!("fmi3" $name $($v3)?)],)*)*];
 
         impl Function {
-            /// The interface to which the function belongs; `None` if to both.
+            /// The interface to which the function belongs; `None` for both.
             pub(super) fn interface(self) -> Option<Interface> {
                 match self {
                     $($(Self::$name)|* => $interface,)*

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 /// The rules for a worker, which the worker reads at its start.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Setup {
-    /// Folders to which it may write; `None` without a sandbox.
+    /// Folders to which the worker may write; `None` without a sandbox.
     pub(super) writable: Option<Vec<PathBuf>>,
-    /// Memory limit for each of its processes, bytes.
+    /// Memory limit for each process of the worker, bytes.
     pub(super) memory: Option<u64>,
 }
 

@@ -164,7 +164,7 @@ pub unsafe fn not_provided<E: Export>(component: Component, function: Function) 
 }
 
 /// fmi3GetDirectionalDerivative and fmi3GetAdjointDerivative.
-#[expect(clippy::too_many_arguments, reason = "those of the standard")]
+#[expect(clippy::too_many_arguments, reason = "as in the standard")]
 pub unsafe fn get_derivative<E: Export>(
     component: Component,
     function: Function,
@@ -240,7 +240,7 @@ functions! {
 
     fn enter_step_mode[EnterStepMode](h, _) { h.instance.enter_step_mode() }
 
-    #[expect(clippy::too_many_arguments, reason = "those of the standard")]
+    #[expect(clippy::too_many_arguments, reason = "as in the standard")]
     fn do_step[DoStep](
         h, call, time: f64, step: f64, _no_set_before: Boolean, event_handling_needed: *mut Boolean, terminate: *mut Boolean,
         early_return: *mut Boolean, last_successful_time: *mut f64

@@ -15,9 +15,9 @@ pub(super) struct Exchange {
     outputs: usize,
     /// Change of each declared zero crossing if states and inputs change by their nominal values.
     pub(super) scales: Box<[f64]>,
-    /// Time up to which time events were handled in s.
+    /// Time in s up to which time events have been handled.
     pub(super) handled: f64,
-    /// Time of the next time event as announced to the importer in s; infinite if there is none.
+    /// Time in s of the next time event, as announced to the importer; infinite if there is none.
     pub(super) announced: f64,
     /// Real inputs, then states.
     pub(super) known: Box<[Relational]>,

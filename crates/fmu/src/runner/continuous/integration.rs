@@ -46,15 +46,15 @@ pub(super) fn too_many_at(time: f64) -> String {
 struct Integration<'a, M: Continuous, K> {
     problem: Problem<'a, M>,
     run: &'a mut RunnerState<M::DiscreteState>,
-    /// Time up to which time events were handled in s.
+    /// Time in s up to which time events have been handled.
     reached: f64,
     events: u32,
     /// Time of the first event in the step, for a message.
     first_event: f64,
-    /// Time up to which time events were handled in this step in s.
+    /// Time in s up to which time events have been handled in this step.
     handled: f64,
     stops_at_events: bool,
-    /// Time of the event at which the step stopped in s.
+    /// Time in s of the event at which the step stopped.
     stopped: Option<f64>,
     keeping: PhantomData<K>,
 }
