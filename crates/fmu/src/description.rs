@@ -35,7 +35,7 @@ pub const LOG_CATEGORIES: [(&str, &str); 3] = [
 pub struct Format {
     /// Version of the standard.
     pub version: Version,
-    /// Requested interfaces; a model may not have all of them.
+    /// Requested interfaces; the model may have only some of them.
     pub interfaces: Interfaces,
     /// True if arrays of the model are variables with dimensions (FMI 3.0) instead of one variable for each element.
     pub arrays: bool,
