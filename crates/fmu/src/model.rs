@@ -284,8 +284,8 @@ pub trait Stateful: Parameters {
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
     /// Creates the simulation; `resources` is the resources folder of the FMU. Changes to tunable parameters after the
-    /// start reach only [`Self::step`] and [`Self::outputs`]. An error states the parameter's name, its value, the
-    /// rule.
+    /// start reach only [`Self::step`] and [`Self::outputs`]. An error names the parameter, its
+    /// value, and the rule that it breaks.
     fn start(&self, resources: &Path) -> Result<Self::Simulation, String>;
     /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs. An error is the reason
     /// why it cannot continue; the instance must then be reset or restored from a saved state.

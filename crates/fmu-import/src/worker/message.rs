@@ -110,7 +110,7 @@ impl Reader {
         Numbers(self.body.map_or(&[], |begin| &self.buffer[begin..self.received]))
     }
 
-    /// Length of the present message in bytes; of its prefix until that has been received.
+    /// Length in bytes of the present message, or of its prefix while the prefix is incomplete.
     fn wanted(&self) -> io::Result<usize> {
         if self.received < PREFIX {
             return Ok(PREFIX);
