@@ -16,7 +16,7 @@ import pytest
 import scipy.stats
 from numpy.typing import NDArray
 
-from chassis_fmu.study import bundle, file, report, search
+from chassis_fmu.study import bundle, report, search
 from chassis_fmu.study.engines import Local
 from chassis_fmu.study.file import StudyError
 from chassis_fmu.study.file import read as load_study
@@ -24,6 +24,7 @@ from chassis_fmu.study.job import Done, Job
 from tests import study_system
 from tests.study_system import SCENARIO, build, vary, write
 
+ROOT = Path(__file__).parents[2]
 UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
 SAMPLE = 'method = "sample"\nruns = 20\n'
 TWO = vary("p", "f:a", UNIFORM) + vary("q", "f:c", 'distribution = "normal"\nmean = 3.0\ndeviation = 0.1')
@@ -577,8 +578,8 @@ def test_a_package_that_is_missing_is_explained(
     path = write(tmp_path, study.format(vary("p", "f:a", UNIFORM)))
     install = f"-m pip install {package}"
     # In the repository, whose lockfile has all of them but torch, and for users of the wheel.
-    for root, remedy in [(file.ROOT, install if package == "torch" else "scripts/setup --all"), (tmp_path, install)]:
-        monkeypatch.setattr(file, "ROOT", root)
+    for root, remedy in [(ROOT, install if package == "torch" else "scripts/setup --all"), (tmp_path, install)]:
+        monkeypatch.setattr("chassis_fmu.study.file.ROOT", root)
         assert run(tmp_path, path, "--overwrite", *options) == 2
         error = capsys.readouterr().err
         assert expected in error

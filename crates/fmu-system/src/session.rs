@@ -11,12 +11,12 @@
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, then the start values of a steady state, `fmi2EnterInitializationMode` on all.
 //! 3. Set the bus to 0 and write the input series at the start time. Read the outputs of all components. Then,
-//!   component by component: set constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all;
-//!   read the outputs of all.
+//!    component by component: set constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all;
+//!    read the outputs of all.
 //! 4. Step k starts at start + k*step. Write the input series: linear ones at the middle of the step, others at its
-//!   start. Sequential: component by component set inputs, `fmi2DoStep`, read outputs. Jacobi: set the inputs of all,
-//!   step all, read all. The step size is constant, except if start + k*step + step exceeds the stop time in double
-//!   arithmetic: that step ends at the stop time.
+//!    start. Sequential: component by component set inputs, `fmi2DoStep`, read outputs. Jacobi: set the inputs of all,
+//!    step all, read all. The step size is constant, except if start + k*step + step exceeds the stop time in double
+//!    arithmetic: that step ends at the stop time.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
 //!
 //! An input that the caller overwrites ([`Session::overwrite`]) gets its value right after the inputs of its component
