@@ -1,5 +1,8 @@
 //! `BrakeAndDriveActuators`: brake pressures and torques at four wheels, pedal pressure, and the drive of the front
-//! wheels. The README has the equations and their source.
+//! wheels.
+//!
+//! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
+//! finite-state basis", eq. 12; the drive is an addition.
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,8 @@
 //! `EspCar`: a two-axle car with 14 degrees of freedom (motion in the plane, heave, roll and pitch of the body, height
-//! and rotation of four wheels). The README has the equations and their source.
+//! and rotation of four wheels).
+//!
+//! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
+//! finite-state basis", eqs. 1-7, 11 and 13 with the corrections that the README lists.
 
 mod equations;
 #[cfg(test)]

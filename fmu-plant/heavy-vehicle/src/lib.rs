@@ -1,6 +1,8 @@
 //! `HeavyVehicle`: a three-axle heavy truck with walking beams at its rear axles, at a prescribed speed. Tire loads
-//! couple the vertical and the lateral motion; either can also run alone. The README has the equations and their
-//! source.
+//! couple the vertical and the lateral motion; either can also run alone.
+//!
+//! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
+//! Coupling Dynamics", 2022, eqs. 1-11 with the corrections that the README lists.
 
 mod equations;
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! `HydroPneumaticHalfCar`: a rescue vehicle with adjustable hydro-pneumatic suspension as a half car seen from the
-//! front on a bicycle model with load-dependent tires, at a prescribed speed. The README has the equations and their
-//! source.
+//! front on a bicycle model with load-dependent tires, at a prescribed speed.
+//!
+//! Applied Sciences 2020, 10, 1852 (switch control between two sliding modes), eqs. 1-7 with the corrections that the
+//! README lists.
 
 mod equations;
 #[cfg(test)]

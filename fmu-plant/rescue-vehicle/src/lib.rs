@@ -1,5 +1,9 @@
 //! `RescueVehicle`: a three-axle emergency rescue vehicle with 11 degrees of freedom (heave, pitch, roll, six wheels,
-//! lateral velocity, yaw rate) at a prescribed speed. The README has the equations and their source.
+//! lateral velocity, yaw rate) at a prescribed speed.
+//!
+//! Chen, Gong, Zhao, Liu, Jia, "Coordination Control of Multi-Axis Steering and Active Suspension System for
+//! High-Mobility Emergency Rescue Vehicles", Mathematics 2022, 10, 3562, eqs. 1-7 with the corrections that the README
+//! lists.
 
 mod equations;
 #[cfg(test)]
