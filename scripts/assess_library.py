@@ -236,12 +236,10 @@ VERDICTS = {"pass": "passed", "fail": "**failed**", "error": "**error**", "compa
 
 
 def assessed(plant: str, controllers: Sequence[str], more: Sequence[str] = ()) -> Assessment:
-    """Assess a vehicle with controllers."""
     return driven(ROOT / "target" / "assessments" / plant, plant, controllers, more)
 
 
 def number(value: Number) -> str:
-    """Format a value."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -250,13 +248,11 @@ def number(value: Number) -> str:
 
 
 def value(found: Assessment, system: str, name: str) -> Number:
-    """Return the value of a metric with or without controllers."""
     row = found.by_name[name]
     return row.with_ if system == "with" else row.without
 
 
 def note(text: str, found: Assessment) -> str:
-    """Insert the values of an assessment into a note."""
 
     def fill(place: re.Match[str]) -> str:
         return number(value(found, *place[1].split(".", 1)))
@@ -265,7 +261,6 @@ def note(text: str, found: Assessment) -> str:
 
 
 def line(row: Row) -> str:
-    """Return the table row of a metric."""
     judged = None if row.judgment is None else row.judgment.replace("_", " ")
     if row.compared is not None and judged is not None:
         judged += f" at {row.compared['at']:.4g} {row.compared['at_unit']}"
@@ -281,7 +276,6 @@ def line(row: Row) -> str:
 
 
 def section(system: System, found: Assessment) -> list[str]:
-    """Return the lines of the page about a system."""
     lines = [
         "",
         f"## {system.plant} with {system.title}",
@@ -355,7 +349,6 @@ If a table above defines a quantity differently, the last column describes the d
 
 
 def tuned_section(tuned: Tuned) -> list[str]:
-    """Return the lines of the page about tuned controllers."""
     tuning = TUNINGS[tuned.name]
     file = f"modelDescription/parameters/{tuned.name}.ssv"
     controllers = "".join(f" --with {name}" for name in tuning.controllers)
@@ -392,7 +385,6 @@ def tuned_section(tuned: Tuned) -> list[str]:
 
 
 def label(row: Row) -> str:
-    """Return the title of a metric with its maneuver."""
     return f"{words(row.maneuver)}: {row.title[:1].lower()}{row.title[1:]}"
 
 
@@ -410,7 +402,6 @@ maneuver fails at its lowest speed.
 
 
 def main() -> None:
-    """Run the command."""
     lines = HEAD.splitlines()
     beside: list[str] = []
     for system in SYSTEMS:

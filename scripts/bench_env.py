@@ -51,13 +51,11 @@ def scenario(fmu: Path) -> Path:
 
 
 def ours(fmu: Path, period: float) -> Any:
-    """Return the environment `chassis_fmu.Env`."""
     act = {"plant:steer.front": (-0.3, 0.3)}
     return cf.Env(cf.Scenario(scenario(fmu)), act=act, observe=OBSERVED, reward=OBSERVED[0], period=period)
 
 
 def theirs(fmu: Path, period: float) -> Any:
-    """Return the environment of fmugym."""
     from fmugym.fmugym import FMUGym  # type: ignore[import-not-found]
     from fmugym.fmugym_config import FMUGymConfig, VarSpace  # type: ignore[import-not-found]
 
@@ -76,7 +74,6 @@ def theirs(fmu: Path, period: float) -> Any:
 
 
 def steps(env: Any, count: int) -> float:
-    """Return the steps per second in an episode."""
     env.reset()
     begin = time.perf_counter()
     for _ in range(count):
@@ -93,7 +90,6 @@ def resets(env: Any, count: int) -> float:
 
 
 def main() -> None:
-    """Run the command."""
     argparse.ArgumentParser(
         prog="scripts/bench env", description="Compare the speed of gymnasium environments."
     ).parse_args()

@@ -62,7 +62,6 @@ class Row(NamedTuple):
 
 
 def execute(command: Sequence[str | Path], folder: Path = ROOT, **variables: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command with additional environment variables."""
     words = [str(word) for word in command]
     environment = os.environ | {name: str(value) for name, value in variables.items()}
     try:
@@ -89,7 +88,6 @@ def run(command: Sequence[str | Path], folder: Path = ROOT, **variables: Path) -
 
 
 def pack_ours(_tools: Path) -> Iterator[Fmu]:
-    """Pack the examples of this project."""
     for fmi in (2, 3):
         folder = BUILD / "ours" / f"fmi{fmi}"
         run(["cargo", "fmu", "pack", *MODELS, "--fmi", str(fmi), "--no-portable", "--out", folder])
@@ -123,7 +121,6 @@ def run_cmake(name: str, dependency: str, checkout: Path) -> Path:
 
 
 def pack_fmu4cpp(tools: Path) -> Iterator[Fmu]:
-    """Pack with fmu4cpp."""
     folder = run_cmake("fmu4cpp", "FMU4CPP", tools / "fmu4cpp") / "models"
     for fmi in (2, 3):
         for model, package in MODELS.items():
@@ -143,7 +140,6 @@ def pack_reference_fmus(tools: Path) -> Iterator[Fmu]:
 
 
 def pack_pythonfmu(_tools: Path) -> Iterator[Fmu]:
-    """Pack the quarter car with PythonFMU."""
     library = libpython.find()
     if library is None:
         raise ProgramError("the FMU needs a shared library of Python, but this Python has none")
@@ -183,7 +179,6 @@ def findings(report: str) -> list[str]:
 
 
 def checked(fmu: Fmu) -> list[str]:
-    """Return the findings of `cargo fmu check`."""
     command: list[str | Path] = ["cargo", "fmu", "check", fmu.path]
     done = execute(command if fmu.preload is None else [*command, "--libpython", fmu.preload])
     if done.returncode != 0 and not findings(done.stdout):
@@ -192,7 +187,6 @@ def checked(fmu: Fmu) -> list[str]:
 
 
 def measured(fmu: Fmu) -> Row:
-    """Measure and validate an FMU."""
     command = [ROOT / "target" / "release" / "other-exporters", fmu.path]
     table = run(command) if fmu.preload is None else run(command, LD_PRELOAD=fmu.preload)
     step, function, start, error = (float(word) for word in table.splitlines()[1].split()[:4])
@@ -200,7 +194,6 @@ def measured(fmu: Fmu) -> Row:
 
 
 def table(rows: Iterable[Row]) -> str:
-    """Return a Markdown table."""
     head = "exporter | FMI | FMPy | check | error | step, ns | function, ns | ratio | start, µs | FMU, bytes | lines"
     lines = [f"| {head} |", "|---" * (head.count("|") + 1) + "|"]
     for row in rows:
@@ -223,7 +216,6 @@ def table(rows: Iterable[Row]) -> str:
 
 
 def main() -> None:
-    """Run the command."""
     parser = argparse.ArgumentParser(prog="scripts/bench exporters", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--tools",

@@ -37,7 +37,6 @@ def table(times: dict[str, list[float]]) -> str:
 
 
 def main() -> None:
-    """Run the command."""
     parser = argparse.ArgumentParser(prog="scripts/bench masters", description=__doc__.splitlines()[0])
     parser.add_argument(
         "scenario", type=Path, metavar="SCENARIO", help="scenario file (default: the step steer of the rescue vehicle)"

@@ -47,7 +47,6 @@ distribution = "seed"
 
 
 def row(*cells: str) -> str:
-    """Return a row of a table."""
     return f"| {' | '.join(cells)} |"
 
 
@@ -66,7 +65,6 @@ def less(many: Measured, few: Measured) -> Measured:
 
 
 def write_study(name: str, lines: str) -> Path:
-    """Write a study of the step steer."""
     path = FOLDER / f"{name}.toml"
     scenario = os.path.relpath(SCENARIO, FOLDER)
     head = f'title = "Benchmark"\nscenario = "{scenario}"\nmethod = "sample"\ndesign = "random"\n'
@@ -75,7 +73,6 @@ def write_study(name: str, lines: str) -> Path:
 
 
 def study(path: Path, runs: int, *more: str) -> Measured:
-    """Run a study."""
     command = [sys.executable, "-m", "chassis_fmu", "study", str(path), "--runs", str(runs)]
     given = more if "--report-only" in more else ("--overwrite", *more)
     return run([*command, "--no-fail", "--out", str(FOLDER / "results"), *given])
@@ -175,7 +172,6 @@ PARTS = ("closed_loop", "growth", "dask")
 
 
 def main() -> None:
-    """Run the command."""
     parser = argparse.ArgumentParser(
         prog="scripts/bench studies",
         description=(__doc__ or "").splitlines()[0],

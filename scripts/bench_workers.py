@@ -49,7 +49,6 @@ def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
 
 
 def main() -> None:
-    """Run the command."""
     parser = argparse.ArgumentParser(prog="scripts/bench workers", description=__doc__.splitlines()[0])
     parser.add_argument("other", type=Path, metavar="PROGRAM", help="chassis of another commit")
     parser.add_argument(

@@ -17,13 +17,11 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def packages() -> dict[str, Path]:
-    """Return the folders of the models, by name of the FMU."""
     found = sorted(p.parents[1] for top in pictures.ACCENTS for p in (ROOT / top).glob("*/src/lib.rs"))
     return {"".join(word.capitalize() for word in p.name.split("-")): p for p in found}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="draw_models.py",
         description="Draw model.png for each model from its packed FMU, into the folder of the model; commit the file.",

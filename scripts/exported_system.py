@@ -60,7 +60,6 @@ def _loading(what: str) -> Iterator[None]:
 
 
 def package(folder: Path) -> Path:
-    """Return the SSP file of a folder."""
     found = sorted(folder.glob("*.ssp"))
     if len(found) != 1:
         raise StructureError(f"{folder} must contain one SSP file, found {len(found)}")

@@ -52,7 +52,6 @@ def comment(schema: dict[str, Any]) -> str:
 
 
 def wrapped(text: str, prefix: str) -> str:
-    """Wrap a text into lines with a prefix."""
     return "\n".join(textwrap.wrap(text, 120, initial_indent=prefix, subsequent_indent=prefix))
 
 
@@ -135,7 +134,6 @@ class Types:
 
 
 def python(schema: dict[str, Any]) -> str:
-    """Return the text of `plan.py` for a schema."""
     command = [sys.executable, "-m", "ruff", "format", "--stdin-filename", "plan.py", "-"]
     text = Types(schema).text()
     return subprocess.run(command, input=text, capture_output=True, encoding="utf-8", cwd=ROOT, check=True).stdout

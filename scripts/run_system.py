@@ -33,7 +33,6 @@ TOOLS = ("fmpy", "ecos", "ecos-calls", *LIBCOSIM, "container")
 
 
 def main() -> int:
-    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder written by `chassis export --out FOLDER`")
     parser.add_argument("--tool", required=True, choices=TOOLS, help="tool to use")

@@ -50,7 +50,6 @@ def numbers(name: str, out: Path) -> Numbers:
 
 
 def limits(share: Share, of: Numbers) -> str:
-    """Format the limits of a requirement."""
     return f"{of.job.plan.metrics[share.limits.metric].title}: {report.limits_text(of, share)}"
 
 
@@ -67,7 +66,6 @@ def change(share: Share, of: Numbers) -> str:
 
 
 def robust(name: str, of: Numbers) -> Iterator[str]:
-    """Yield the section about a robustness study."""
     study, job = of.job.study, of.job
     yield f"## {study.title}\n"
     varied = "; ".join(f"{f.name}: {f.text(tables.pretty_unit(job.unit(f)))}" for f in study.vary)
@@ -98,7 +96,6 @@ def robust(name: str, of: Numbers) -> Iterator[str]:
 
 
 def sensitivity(name: str, of: Numbers) -> Iterator[str]:
-    """Yield the section about a sensitivity study."""
     study = of.job.study
     shares = design.shares(study)
     yield f"## {study.title}\n"
@@ -119,7 +116,6 @@ def sensitivity(name: str, of: Numbers) -> Iterator[str]:
 
 
 def main() -> None:
-    """Run the command."""
     parser = argparse.ArgumentParser(prog="study_library.py", description=(__doc__ or "").splitlines()[0])
     out = ROOT / "target" / "study_library"
     parser.add_argument(

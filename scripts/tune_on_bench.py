@@ -227,7 +227,6 @@ TUNINGS = {
 
 
 def rounded(value: float) -> float:
-    """Round to `DIGITS` significant digits."""
     return float(f"{value:.{DIGITS}g}")
 
 
@@ -313,7 +312,6 @@ def search(tuning: Tuning) -> optuna.study.Study:
 
 
 def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
-    """Return an SSP 1.0 parameter set."""
     lines = []
     for parameter, value in values.items():
         kind, text = ("Integer", str(value)) if isinstance(value, int) else ("Real", repr(rounded(value)))
@@ -336,7 +334,6 @@ def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
 
 
 def main() -> None:
-    """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"tunings to run: {', '.join(TUNINGS)} (default: all)")
     names = parser.parse_args().names or list(TUNINGS)
