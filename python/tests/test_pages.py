@@ -25,5 +25,5 @@ def test_the_page_of_a_study_has_data_by_the_schema_and_definitions(tmp_path: Pa
     # One definition for each metric: one is computed from a signal, one from the other metric.
     assert len(definitions) == 2
     assert "x: y; rows from 0 s to 0.2 s (3 rows)" in definitions[0]
-    assert definitions[1] == "2 * y, of the numbers of the same run"
+    assert definitions[1] == "2 * y, computed from the metrics of the same run"
     assert tree.xpath("//table[contains(@class, 'results')]")

@@ -626,7 +626,7 @@ def test_the_design_that_was_written_is_what_is_run(tmp_path: Path, capsys: pyte
     changed = sampled.set_column(1, sampled.schema.field(1), pyarrow.array(moved))
     pyarrow.parquet.write_table(changed, path)
     assert run(tmp_path, study, "--shard", "2/2") == 2
-    assert "has rows of another design.parquet" in capsys.readouterr().err
+    assert "has rows for another design.parquet" in capsys.readouterr().err
     assert run(tmp_path, study, "--shard", "1/2", "--resume") == 2
     (tmp_path / "out" / "study" / "rows-1-of-2.jsonl").unlink()
     assert run(tmp_path, study, "--shard", "1/2") == 0
@@ -637,7 +637,7 @@ def test_the_design_that_was_written_is_what_is_run(tmp_path: Path, capsys: pyte
     assert [r["y"] for r in rows(tmp_path)[::2]] == [v + 320.0 for v in moved]
     pyarrow.parquet.write_table(sampled, path)
     assert study_system.carry_out(merge) == 2
-    assert "has rows of another design.parquet" in capsys.readouterr().err
+    assert "has rows for another design.parquet" in capsys.readouterr().err
 
 
 def test_resuming_reads_the_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

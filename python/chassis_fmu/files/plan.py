@@ -37,7 +37,7 @@ class Simulation(plan_rules.SimulationMixin, _Part, frozen=True):
     steps: int
     # Order of the components.
     order: Order
-    # Number of steps between two recorded rows, from 1.
+    # Number of steps between two recorded rows, at least 1.
     every: int
 
 
@@ -57,7 +57,7 @@ class Point(_Part, frozen=True):
     title: str
     # Abscissa.
     value: float
-    # Place on the second axis; `None` without one.
+    # Value on the second axis; `None` without one.
     second: float | None
 
 
@@ -80,7 +80,7 @@ class Sweep(_Part, frozen=True):
 
 
 class DisplayUnit(_Part, frozen=True):
-    """A unit to show values in: shown value = factor * value + offset."""
+    """A display unit: displayed value = factor * value + offset."""
 
     # Name of the unit.
     name: str
@@ -93,7 +93,7 @@ class DisplayUnit(_Part, frozen=True):
 class Column(plan_rules.ColumnMixin, _Part, frozen=True):
     """A recorded signal."""
 
-    # Name of the signal, or `component:signal` if a component before it in the scenario records one of that name.
+    # Name of the signal, or `component:signal` if an earlier component in the scenario records a signal with that name.
     name: str
     # Unit of measure of the recorded values.
     unit: str | None
@@ -107,7 +107,7 @@ class Column(plan_rules.ColumnMixin, _Part, frozen=True):
     description: str
     # All units the values can be shown in.
     units: tuple[DisplayUnit, ...]
-    # True if the values come from the input file (in some case), not from the component.
+    # True if, in some case, the values come from the input file instead of the component.
     from_file: bool
 
 
@@ -115,7 +115,7 @@ class Column(plan_rules.ColumnMixin, _Part, frozen=True):
 FmiVersion: TypeAlias = Literal["2.0", "3.0"]
 
 
-# Base type as the C interface of FMI 2.0 tells them apart; an enumeration travels as an integer.
+# Base type in the C interface of FMI 2.0, where the values of enumerations are integers.
 BaseType: TypeAlias = Literal["Real", "Integer", "Boolean", "String"]
 
 
@@ -163,14 +163,14 @@ class Component(_Part, frozen=True):
     guid: str
     # Parameters to set before initialization, sorted by name.
     parameters: tuple[Setting, ...]
-    # Inputs that keep one value.
+    # Inputs that are held constant.
     constants: tuple[Setting, ...]
     # Inputs read from the bus.
     inputs: tuple[Wire, ...]
     # Outputs written to the bus.
     outputs: tuple[Wire, ...]
-    # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are still
-    # to be found. `None` for one that starts as declared.
+    # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
+    # known yet. `None` for a component that starts as declared.
     steady: tuple[Setting, ...] | None = None
 
 
@@ -185,8 +185,8 @@ class InputSeries(_Part, frozen=True):
     slot: int
     # Interpolation between its samples.
     interpolation: Interpolation
-    # Times, s, not falling; the first is not after the start. At equal times the signal jumps: the first sample is its
-    # left limit, the last one holds from there on. Shared by the series of a file.
+    # Nondecreasing times, s; the first is at or before the start. At equal times the signal jumps: the first sample is
+    # its left limit, the last one holds from there on. Series from the same file share the times.
     times: tuple[float, ...]
     # Value at each time.
     values: tuple[float, ...]
@@ -221,20 +221,20 @@ class Paper(_Part, frozen=True):
     values: dict[str, float]
     # Change in percent by `case/case` or `case@point/case@point`, where the paper gives no values.
     changes: dict[str, float]
-    # Keys of the values used for calibration, the others being predictions; `None`: unknown.
+    # Keys of the values used for calibration; the other values are predictions. `None`: unknown.
     calibrated: tuple[str, ...] | None
 
 
 class Requirement(_Part, frozen=True):
-    """Limits on the numbers of the runs of all seeds and points."""
+    """Limits on a metric in the runs of all points and seeds."""
 
     # Minimum, in the unit of the metric.
     min: float | None
     # Maximum.
     max: float | None
-    # Names of the cases that must keep it.
+    # Names of the cases that must meet the requirement.
     cases: tuple[str, ...]
-    # Share of their runs that must keep it, above 0 and up to 1.
+    # Share of their runs that must meet the requirement, above 0 and up to 1.
     share: float
     # Source of the requirement, such as a standard.
     source: str | None
@@ -270,18 +270,18 @@ MetricKind: TypeAlias = Literal[
 
 
 class Until(_Part, frozen=True):
-    """The end of a window: the rows from the first one on where a signal is above or below a level do not count."""
+    """Early end of a window: before the first row in which a signal is above or below a level."""
 
     # Index of the column.
     column: int
-    # Above the level, else below.
+    # True for above the level, false for below.
     above: bool
     # Level, in the unit of the column.
     level: float
 
 
 class Metric(_Part, frozen=True):
-    """A number of the results."""
+    """A metric: a number computed from each run."""
 
     name: str
     title: str
@@ -299,15 +299,16 @@ class Metric(_Part, frozen=True):
     columns: tuple[int, ...] = ()
     # Combination of the columns; `None` for a single one.
     combine: Combine | None = None
-    # Factor that the signal is multiplied with before.
+    # Factor for the signal, after the subtractions.
     factor: float = 1.0
-    # True if the signal of the run of the case's baseline is subtracted first; no number for a case without one.
+    # True if the signal of the baseline's run is subtracted first. The metric is undefined for a case without a
+    # baseline.
     from_baseline: bool = False
     # Kind of number computed from the rows.
     kind: MetricKind | None = None
-    # Index of the column that is subtracted before.
+    # Index of the column that is subtracted first.
     minus: int | None = None
-    # Offset that is added to it then.
+    # Offset, added after the multiplication.
     offset: float = 0.0
     # Level that the kind refers to, in the unit the signal is converted to.
     threshold: float | None = None
@@ -376,7 +377,7 @@ class Number(_Part, frozen=True):
     format: Format
     # Index into the metrics of the plan.
     metric: int
-    # The cells it is of; several give a range, none where the format needs none.
+    # Cells whose number is shown; several give a range. Empty if the format needs none.
     cells: tuple[Cell, ...]
     # Cells to compare with, one for each cell; empty if the format needs none.
     against: tuple[Cell, ...]
@@ -400,7 +401,7 @@ class Figure(_Part, frozen=True):
     separate: bool
     # Indices into the columns of the plan, for time plots and spectra.
     columns: tuple[int, ...]
-    # Index of the column drawn dashed beside each of them, in a time plot.
+    # Index of the column drawn dashed in every panel of a time plot.
     against: int | None
     # Index of the column drawn over a second vertical axis in every panel of a time plot.
     right: int | None
@@ -409,9 +410,9 @@ class Figure(_Part, frozen=True):
     over: int | None
     # Indices into the metrics of the plan, for the kinds that show metrics.
     metrics: tuple[int, ...]
-    # True if all panels have the same scale, of the abscissa and of the ordinate.
+    # True if all panels have the same scales.
     same_scale: bool
-    # True if a unit of length is as long on the abscissa as on the ordinate, in `FigureKind::Xy`.
+    # True if both axes of a `FigureKind::Xy` have the same scale.
     equal_axes: bool
     # Frequencies shown, Hz; `None`: all.
     band: tuple[float, float] | None
@@ -421,9 +422,9 @@ class Figure(_Part, frozen=True):
     levels: tuple[Level, ...]
     # Unit of measure of the signals; `None`: the display unit of each column.
     unit: str | None
-    # Factor to that unit.
+    # Factor for the conversion to that unit.
     factor: float
-    # Offset to that unit.
+    # Offset for the conversion to that unit.
     offset: float
     caption: tuple[Part, ...] | None
 
@@ -530,7 +531,7 @@ class Plan(plan_rules.PlanMixin, _Part, frozen=True):
     reference: str
     # Times and order.
     simulation: Simulation
-    # True if an earlier stop was requested than the scenario's.
+    # True if the requested stop time is earlier than the scenario's.
     is_cut: bool
     # Cases in the order of the file.
     cases: tuple[Case, ...]
@@ -542,7 +543,7 @@ class Plan(plan_rules.PlanMixin, _Part, frozen=True):
     seeds: tuple[int, ...]
     # Recorded signals of all cases.
     columns: tuple[Column, ...]
-    # Runs: cases, in them points, in them seeds.
+    # Runs, ordered by case, then point, then seed.
     runs: tuple[Run, ...]
     # Numbers to compute from the columns.
     metrics: tuple[Metric, ...]
