@@ -34,6 +34,7 @@ pub(crate) struct Variable {
 pub(crate) enum Content {
     Real,
     Integer,
+    Binary,
     /// Boolean, String.
     Other,
     /// An enumeration, an alias, or a mistake; only the compiler can resolve it.
@@ -154,8 +155,10 @@ impl Variable {
                 "min" | "max" | "positive" if allowed.contains(&"tunable") => {
                     format!("`{key}` requires a number: this variable has no limits")
                 }
-                "min" | "max" | "positive" | "tunable" => format!("`{key}` is only allowed on parameters"),
+                "min" | "max" => format!("`{key}` is only allowed on parameters, inputs and outputs"),
+                "positive" | "tunable" => format!("`{key}` is only allowed on parameters"),
                 "local" | "calculated" => format!("`{key}` is only allowed on continuous states"),
+                "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
                 _ => format!("`{key}` is not a known key here; {hint}"),
             };
@@ -216,7 +219,9 @@ impl Variable {
                 Ok((Some(unit.tokens(root)), Some(unit), description))
             }
             // Not for an Integer, whose description can end in a letter that is also a unit: `1 (A) to 8 (H)`.
-            Some((_, unit)) if content == Content::Other && Unit::parse(unit, name.span()).is_ok() => {
+            Some((_, unit))
+                if matches!(content, Content::Other | Content::Binary) && Unit::parse(unit, name.span()).is_ok() =>
+            {
                 let message = format!(
                     "only real variables have a unit: the doc comment of this field ends with the unit `({unit})`"
                 );
@@ -232,7 +237,7 @@ impl Variable {
     }
 
     /// An expression of type `fmu::declare::Spec`.
-    pub(crate) fn spec(&self, root: &TokenStream, doc: &str, content: Content) -> Result<TokenStream> {
+    pub(crate) fn spec(&self, root: &TokenStream, doc: &str, content: Content, ty: &Type) -> Result<TokenStream> {
         let mut errors = Errors::default();
         let (mut unit, mut doc) = (None, doc);
         let mut set = Vec::new();
@@ -261,9 +266,16 @@ impl Variable {
         errors.keep(self.check_limits());
         for key in ["min", "max", "nominal"] {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
-                let key = Ident::new(key, value.span());
-                // `limit` also accepts integers, for Integer variables.
-                set.push(quote_spanned!(value.span()=> #key = ::core::option::Option::Some(#root::limit(#value))));
+                let span = value.span();
+                let limit = if content == Content::Integer {
+                    let key = Ident::new(if key == "min" { "least" } else { "greatest" }, span);
+                    let ty = innermost(ty);
+                    quote_spanned!(span=> #key = ::core::option::Option::Some(#root::whole_limit::<#ty>(#value)))
+                } else {
+                    let key = Ident::new(key, span);
+                    quote_spanned!(span=> #key = ::core::option::Option::Some(#root::limit(#value)))
+                };
+                set.push(limit);
             }
         }
         if let Some(Some(display)) = errors.keep(self.value("display")) {
@@ -283,6 +295,9 @@ impl Variable {
                 let field = Ident::new(field, value.span());
                 set.push(quote!(#field = &#value));
             }
+        }
+        if let Some(Some(mime)) = errors.keep(self.value("mime")) {
+            set.push(quote_spanned!(mime.span()=> mime = #mime));
         }
         for key in ["tunable", "local", "calculated", "enumeration"] {
             if errors.keep(self.flag(key)) == Some(true) {
@@ -465,11 +480,18 @@ pub(crate) fn name_of(ty: &Type) -> Option<String> {
     }
 }
 
+/// The type of a variable, or of the elements of an array, even if it is nested.
+fn innermost(ty: &Type) -> &Type {
+    element(ty).map_or(ty, innermost)
+}
+
 /// The element type of an array.
 pub(crate) fn element(ty: &Type) -> Option<&Type> {
     match ty {
         Type::Array(array) => Some(&array.elem),
         Type::Group(inner) => element(&inner.elem),
+        // The argument is a length, which can look like a type.
+        Type::Path(path) if path.path.segments.last()?.ident == "Bytes" => None,
         Type::Path(path) => match &path.path.segments.last()?.arguments {
             PathArguments::AngleBracketed(arguments) => match arguments.args.first()? {
                 GenericArgument::Type(ty) => Some(ty),
@@ -484,8 +506,9 @@ pub(crate) fn element(ty: &Type) -> Option<&Type> {
 /// Returns the kind of values in the type of a field; `number` is the type parameter.
 pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
     match name_of(ty).as_deref() {
-        Some("f64") => Content::Real,
-        Some("i32") => Content::Integer,
+        Some("f64" | "f32") => Content::Real,
+        Some("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64") => Content::Integer,
+        Some("Bytes") => Content::Binary,
         Some("bool" | "String") => Content::Other,
         Some(name) if number.is_some_and(|number| number == name) => Content::Real,
         _ => Content::Unknown,

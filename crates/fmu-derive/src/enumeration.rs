@@ -3,7 +3,7 @@
 use heck::ToSnakeCase as _;
 use proc_macro2::TokenStream;
 use quote::quote;
-use syn::{Data, DeriveInput, Error, Expr, ExprLit, Fields, Lit, Result};
+use syn::{Data, DeriveInput, Error, Expr, ExprLit, Fields, Ident, Lit, Result};
 
 use crate::attribute::{doc, root};
 use crate::errors::Errors;
@@ -53,9 +53,11 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
         return errors.finish(crate::stubs::enumeration(input));
     }
     let text = name.to_string();
+    let size = errors.keep(size(input)).unwrap_or_else(|| name.clone());
     errors.finish(quote! {
         impl #root::Enumeration for #name {
             const NAME: &'static str = #text;
+            const SIZE: #root::Size = #root::Size::#size;
             const ITEMS: &'static [#root::Item] = &[
                 #(#root::Item { value: #values, name: #names, description: #descriptions }),*
             ];
@@ -76,4 +78,26 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
         }
         #root::enumeration_fields!(#name);
     })
+}
+
+/// FMI 3.0 name of the integer type in `#[repr(…)]`. The compiler reports a variant whose number does not fit.
+fn size(input: &DeriveInput) -> Result<Ident> {
+    let mut name = "Int32";
+    for attribute in input.attrs.iter().filter(|attribute| attribute.path().is_ident("repr")) {
+        attribute.parse_nested_meta(|meta| {
+            let Some(ident) = meta.path.get_ident() else { return Ok(()) };
+            name = match ident.to_string().as_str() {
+                "i8" => "Int8",
+                "u8" => "UInt8",
+                "i16" => "Int16",
+                "u16" => "UInt16",
+                "u32" => "UInt32",
+                "i64" => "Int64",
+                "u64" => "UInt64",
+                _ => name,
+            };
+            Ok(())
+        })?;
+    }
+    Ok(Ident::new(name, input.ident.span()))
 }

@@ -25,6 +25,7 @@ impl Block {
     fn keys(self, content: Content) -> Vec<&'static str> {
         let keys = match (self, content) {
             (Self::Parameters, Content::Integer) => "start min max tunable elements description nested flatten",
+            (Self::Parameters, Content::Binary) => "start mime tunable elements description nested flatten",
             (Self::Parameters, Content::Other) => "start tunable elements description nested flatten",
             (Self::Parameters, Content::Real) => {
                 "unit start min max nominal display positive tunable elements description nested flatten"
@@ -32,13 +33,14 @@ impl Block {
             (Self::Parameters, Content::Unknown) => {
                 "start tunable enumeration unit min max nominal display positive elements description nested flatten"
             }
-            (Self::Inputs | Self::Outputs, Content::Integer | Content::Other) => {
-                "start elements description nested flatten"
-            }
+            (Self::Inputs | Self::Outputs, Content::Binary) => "start mime elements description nested flatten",
+            (Self::Inputs | Self::Outputs, Content::Other) => "start elements description nested flatten",
+            (Self::Inputs | Self::Outputs, Content::Integer) => "start min max elements description nested flatten",
             (Self::Inputs | Self::Outputs, _) => {
-                "unit start nominal display elements description enumeration nested flatten"
+                "unit start min max nominal display elements description enumeration nested flatten"
             }
             (Self::State, _) => "unit start nominal display local calculated elements description nested flatten",
+            (Self::Derived, Content::Binary) => "mime elements description",
             (Self::Derived, Content::Integer | Content::Other) => "elements description",
             (Self::Derived, _) => "unit nominal display elements description",
         };
@@ -220,12 +222,17 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
 /// Returns true if a field of a struct without type parameter can contain real variables.
 fn may_be_real(field: &Field) -> bool {
     match content(&field.ty, None) {
-        Content::Real => true,
-        Content::Integer | Content::Other => false,
+        // The equations are not differentiated with respect to numbers of 32 bits.
+        Content::Real => !is_f32(&field.ty),
+        Content::Integer | Content::Binary | Content::Other => false,
         // An alias of `f64` has a unit, an enumeration does not, and a nested struct may contain real variables.
         Content::Unknown => Variable::of(field)
             .is_ok_and(|variable| ["unit", "nested", "flatten"].iter().any(|key| variable.key(key).is_some())),
     }
+}
+
+fn is_f32(ty: &syn::Type) -> bool {
+    name_of(ty).as_deref() == Some("f32")
 }
 
 /// A start value, or start values of an array: one for all elements, or one for each.
@@ -268,12 +275,16 @@ fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
         _ => return None,
     };
     match (name_of(ty)?.as_str(), lit) {
-        ("i32", Lit::Int(_))
-        | ("f64", Lit::Int(_) | Lit::Float(_))
+        ("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64", Lit::Int(_))
+        | ("f64" | "f32", Lit::Int(_) | Lit::Float(_))
         | ("bool", Lit::Bool(_))
-        | ("String", Lit::Str(_)) => None,
-        ("i32", _) => Some("the start value of an `i32` must be an integer, as in `start = 2`"),
-        ("f64", _) => Some("the start value of a real variable must be a number, as in `start = 1.0`"),
+        | ("String", Lit::Str(_))
+        | ("Bytes", Lit::ByteStr(_)) => None,
+        ("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64", _) => {
+            Some("the start value of an integer variable must be an integer, as in `start = 2`")
+        }
+        ("f64" | "f32", _) => Some("the start value of a real variable must be a number, as in `start = 1.0`"),
+        ("Bytes", _) => Some("the start value of a Binary must be bytes, as in `start = b\"\\x01\\x02\"`"),
         ("bool", _) => Some("the start value of a `bool` must be `true` or `false`"),
         ("String", _) => Some("the start value of a `String` must be a string, as in `start = \"file.csv\"`"),
         _ => None,
@@ -326,11 +337,12 @@ fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
             "a variable always has a value: write the type of the value, and add a `bool` that is true if \
              the value is valid"
         }
-        "f32" | "i8" | "i16" | "i64" | "u8" | "u16" | "u32" | "u64" | "char" => "",
+        "char" | "i128" | "u128" => "",
         // Possibly an array.
         _ => return mistaken(element(ty)?, parameter),
     };
-    let list = "`i32`, `bool`, `String`, an enum with `#[derive(Enumeration)]`, or an array of these";
+    let list = "`f32`, an integer of 8 to 64 bits, `bool`, `String`, `Bytes<N>`, an enum with \
+                `#[derive(Enumeration)]`, or an array of these";
     Some(match remedy {
         "" => format!("`{last}` is not the type of a variable; expected `{types}`, {list}"),
         remedy => format!("`{last}` is not the type of a variable; {}", remedy.replace("f64", &types)),
@@ -368,7 +380,8 @@ fn part(
             combine: quote!(ContinuousState),
         });
     }
-    if block == Block::State && matches!(content, Content::Integer | Content::Other) {
+    if block == Block::State && (matches!(content, Content::Integer | Content::Binary | Content::Other) || is_f32(&ty))
+    {
         errors.add(Error::new_spanned(&ty, "a continuous state is real: `T`, or an array of it"));
     }
     if block == Block::Parameters && !variable.is_explicit {
@@ -431,7 +444,7 @@ fn declaration(
     (content, doc, start): (Content, &str, Option<&Expr>),
 ) -> Result<TokenStream> {
     let ty = &field.ty;
-    let spec = variable.spec(root, doc, content)?;
+    let spec = variable.spec(root, doc, content, ty)?;
     let start = match start {
         Some(start) => {
             let start = start_value(ty, start, root, number);

@@ -2,6 +2,7 @@
 
 use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
+use crate::number::{Number, Size};
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{ArrayElement, Declaration, Kind, Real};
 
@@ -33,6 +34,10 @@ pub struct Spec {
     pub min: Option<f64>,
     /// Greatest value.
     pub max: Option<f64>,
+    /// Least value of an integer.
+    pub least: Option<i128>,
+    /// Greatest value of an integer.
+    pub greatest: Option<i128>,
     /// Usual magnitude.
     pub nominal: Option<f64>,
     /// Names of the elements of an array.
@@ -47,6 +52,8 @@ pub struct Spec {
     pub calculated: bool,
     /// An FMI Enumeration.
     pub enumeration: bool,
+    /// Type of the data of a Binary.
+    pub mime: &'static str,
     pub(crate) array: Option<ArrayElement>,
 }
 
@@ -161,26 +168,32 @@ impl Spec {
     }
 
     pub(crate) fn declare_real(&self, start: Option<f64>, all: &mut Vec<Declaration>) {
+        self.add(self.text(), Kind::Real(self.real(start)), all);
+    }
+
+    pub(crate) fn declare_float32(&self, start: Option<f32>, all: &mut Vec<Declaration>) {
+        self.add(self.text(), Kind::Float32(self.real(start.map(f64::from))), all);
+    }
+
+    fn real(&self, start: Option<f64>) -> Real {
         let unit = self.units.0.first().copied().unwrap_or(Unit::NONE);
         // An unknown name is reported when the description is generated.
         let named = |name| unit.display_unit(name).unwrap_or(DisplayUnit { name, factor: f64::NAN, offset: 0.0 });
         let display = self.display.or_else(|| self.display_name.map(named));
-        let kind = Kind::Real(Real {
-            unit,
-            display,
-            start: start.unwrap_or(0.0),
-            min: self.min,
-            max: self.max,
-            nominal: self.nominal,
-        });
-        self.add(self.text(), kind, all);
+        Real { unit, display, start: start.unwrap_or(0.0), min: self.min, max: self.max, nominal: self.nominal }
     }
 
-    pub(crate) fn declare_integer(&self, start: Option<i32>, all: &mut Vec<Declaration>) {
-        let min = self.min.map_or(i32::MIN, |min| min as i32);
-        let max = self.max.map_or(i32::MAX, |max| max as i32);
-        let kind =
-            Kind::Integer { start: start.unwrap_or(0), min, max, type_name: "", items: &[], is_enumeration: false };
+    pub(crate) fn declare_integer(&self, size: Size, start: Option<i128>, all: &mut Vec<Declaration>) {
+        let range = size.range();
+        let kind = Kind::Integer {
+            size,
+            start: start.unwrap_or(0),
+            min: self.least.or(self.min.map(|min| min as i128)).unwrap_or(*range.start()),
+            max: self.greatest.or(self.max.map(|max| max as i128)).unwrap_or(*range.end()),
+            type_name: "",
+            items: &[],
+            is_enumeration: false,
+        };
         self.add(self.text(), kind, all);
     }
 
@@ -190,9 +203,10 @@ impl Spec {
         let description =
             if self.enumeration { self.text() } else { format!("{} ({})", self.text(), values.join(", ")) };
         let kind = Kind::Integer {
-            start: start.unwrap_or_else(E::first).value(),
-            min: E::ITEMS.first().map_or(0, |item| item.value),
-            max: E::ITEMS.last().map_or(0, |item| item.value),
+            size: E::SIZE,
+            start: start.unwrap_or_else(E::first).value().into(),
+            min: E::ITEMS.first().map_or(0, |item| item.value.into()),
+            max: E::ITEMS.last().map_or(0, |item| item.value.into()),
             type_name: E::NAME,
             items: E::ITEMS,
             is_enumeration: self.enumeration,
@@ -206,6 +220,11 @@ impl Spec {
 
     pub(crate) fn declare_string(&self, start: Option<&'static str>, all: &mut Vec<Declaration>) {
         self.add(self.text(), Kind::String { start: start.unwrap_or("").to_owned() }, all);
+    }
+
+    pub(crate) fn declare_binary(&self, most: usize, start: Option<Vec<u8>>, all: &mut Vec<Declaration>) {
+        let kind = Kind::Binary { start: start.unwrap_or_default(), most, mime: self.mime };
+        self.add(self.text(), kind, all);
     }
 }
 
@@ -225,31 +244,41 @@ pub trait NumberFor<S> {
     fn start_value(self) -> S;
 }
 
-impl NumberFor<f64> for f64 {
-    fn start_value(self) -> f64 {
-        self
-    }
-}
-
 impl NumberFor<f64> for i32 {
     fn start_value(self) -> f64 {
         self.into()
     }
 }
 
-impl NumberFor<i32> for i32 {
-    fn start_value(self) -> i32 {
-        self
+impl NumberFor<f32> for i32 {
+    fn start_value(self) -> f32 {
+        self as f32
     }
 }
+
+macro_rules! number_for_itself {
+    ($($type:ty)*) => {$(
+        impl NumberFor<$type> for $type {
+            fn start_value(self) -> $type {
+                self
+            }
+        }
+    )*};
+}
+number_for_itself! { f64 f32 i8 u8 i16 u16 i32 u32 i64 u64 }
 
 /// Converts a literal number to the start value of an enumeration or of a type alias.
 pub fn number<S>(start: impl NumberFor<S>) -> S {
     start.start_value()
 }
 
-/// A limit as it is written; for an Integer, a whole number.
+/// A limit as it is written.
 pub fn limit(limit: impl Into<f64>) -> f64 {
+    limit.into()
+}
+
+/// A limit of integers of a type.
+pub fn whole_limit<V: Number + Into<i128>>(limit: V) -> i128 {
     limit.into()
 }
 

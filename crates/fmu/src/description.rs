@@ -12,6 +12,7 @@ use self::structure::{Structure, structure};
 use self::xml::{is_xml, simple_type, with_references};
 use crate::calls::{Interfaces, Version};
 use crate::model::Info;
+use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::unit::Unit;
 use crate::variable::{Kind, Layout};
@@ -69,11 +70,18 @@ impl Description {
     /// parameters cannot be computed for any combination of Booleans and enumerations. The test that
     /// [`model`](macro@crate::model) adds to the package detects these errors.
     pub fn of<M: Model>(format: Format, resources: &Path) -> Self {
-        Self::try_of::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
+        Self::consistent::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
-    /// Like [`Self::of`], but returns an error instead of panicking.
+    /// Like [`Self::of`], but returns an error instead of panicking, also if the FMI version cannot express a variable.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
+        match inexpressible(&M::layout(), format) {
+            Some(problem) => Err(format!("{}: {problem}", M::INFO.name)),
+            None => Self::consistent::<M>(format, resources),
+        }
+    }
+
+    fn consistent<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
         let mut layout = M::layout();
         let Format { version, interfaces, .. } = format;
         let interfaces = Interfaces { model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE, ..interfaces };
@@ -128,6 +136,26 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
     lengths.iter().map(|&length| length.max(1)).collect()
 }
 
+/// Returns an error for the first variable that the FMI version cannot express, if any.
+fn inexpressible(layout: &Layout, format: Format) -> Option<String> {
+    let range = Size::Int32.range();
+    layout.variables.iter().filter(|_| format.version == Version::Fmi2).find_map(|variable| {
+        let name = &variable.declaration.name;
+        if matches!(variable.declaration.kind, Kind::Binary { .. }) {
+            return Some(format!("'{name}' is a Binary, a type that FMI 2.0 does not have: pack with --fmi 3"));
+        }
+        let Kind::Integer { size, min, max, .. } = &variable.declaration.kind else { return None };
+        let fits = range.contains(min) && range.contains(max);
+        let (size, least, greatest) = (size.name(), range.start(), range.end());
+        (!fits).then(|| {
+            format!(
+                "'{name}' of type {size} may have values that an Integer of FMI 2.0 (32 bits) cannot have: declare \
+                 `min` and `max` within [{least}, {greatest}], or pack with --fmi 3"
+            )
+        })
+    })
+}
+
 /// Returns the first inconsistency in the declarations, if any.
 fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -164,7 +192,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
             return Some(format!("'{name}' has no description, or one with a control character that XML cannot hold"));
         }
         match &declaration.kind {
-            Kind::Real(real) => {
+            Kind::Real(real) | Kind::Float32(real) => {
                 let definition = |unit: Unit| (unit.exponents, unit.factor, unit.offset);
                 let known = units.entry(real.unit.name).or_insert(real.unit);
                 if definition(*known) != definition(real.unit) {
@@ -185,7 +213,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                     return Some(format!("'{name}': {} cannot be displayed in {}", real.unit.name, display.name));
                 }
             }
-            Kind::Integer { start, min, max, items, type_name, is_enumeration } => {
+            Kind::Integer { start, min, max, items, type_name, is_enumeration, .. } => {
                 if !(min..=max).contains(&start) {
                     return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
                 }
@@ -198,6 +226,12 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                 if !items.is_empty() && *types.entry(key).or_insert(*items) != *items {
                     return Some(format!("'{name}': another variable has a different enumeration named {type_name}"));
                 }
+            }
+            Kind::Binary { start, most, .. } if start.len() > *most => {
+                return Some(format!("start of '{name}' has {} bytes, at most {most} are possible", start.len()));
+            }
+            Kind::Binary { mime, .. } if !is_text(mime) => {
+                return Some(format!("the MIME type of '{name}' has a control character that XML cannot hold"));
             }
             Kind::String { start } if !is_text(start) => {
                 return Some(format!("start of '{name}' has a control character that XML cannot hold"));
@@ -265,7 +299,7 @@ mod tests {
     }
 
     fn enumeration(type_name: &'static str, items: &'static [Item]) -> Kind {
-        Kind::Integer { start: 0, min: 0, max: 1, type_name, items, is_enumeration: false }
+        Kind::Integer { size: Size::Int32, start: 0, min: 0, max: 1, type_name, items, is_enumeration: false }
     }
 
     fn problem(parameters: Vec<Declaration>) -> String {
@@ -305,8 +339,28 @@ mod tests {
             problem([other_mode, plain(enumeration("Law", OTHERS))].concat()),
             "'x': another variable has a different enumeration named Law"
         );
-        let number = Kind::Integer { start: 3, min: 0, max: 2, type_name: "", items: &[], is_enumeration: false };
-        assert_eq!(problem(plain(number)), "start of 'x' = 3 is not within [0, 2]");
+        let number = |size, min, max| Kind::Integer {
+            size,
+            start: 3,
+            min,
+            max,
+            type_name: "",
+            items: &[],
+            is_enumeration: false,
+        };
+        assert_eq!(problem(plain(number(Size::Int32, 0, 2))), "start of 'x' = 3 is not within [0, 2]");
+        let above = i128::from(i32::MAX) + 1;
+        let problem_of = |format, max| {
+            let parameters = plain(number(Size::UInt32, 0, max));
+            inexpressible(&Layout::new(Declarations { parameters, ..Declarations::default() }), format)
+        };
+        assert_eq!(problem_of(Format::FMI2, above - 1), None);
+        assert_eq!(problem_of(Format::FMI3, above), None);
+        assert_eq!(
+            problem_of(Format::FMI2, above).unwrap(),
+            "'x' of type UInt32 may have values that an Integer of FMI 2.0 (32 bits) cannot have: declare \
+             `min` and `max` within [-2147483648, 2147483647], or pack with --fmi 3"
+        );
         for (start, message) in
             [("two\nlines\t\r", ""), ("\0", "start of 'x' has a control character that XML cannot hold")]
         {

@@ -105,8 +105,8 @@ impl<'a> Words<'a> {
 /// The type of a field of a discrete state.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a field of a discrete state",
-    note = "fields are `f64`, `u64`, `i32`, `bool`, `String`, enums with `#[derive(Enumeration)]`, and arrays and boxes of these; a \
-            model with other state implements `Stateful`"
+    note = "fields are `f64`, `f32`, integers of 8 to 64 bits, `Bytes`, `bool`, `String`, enums with \
+            `#[derive(Enumeration)]`, and arrays and boxes of these; a model with other state implements `Stateful`"
 )]
 pub trait StateField {
     /// Passes every value to the sink.
@@ -134,25 +134,44 @@ impl StateField for f64 {
     }
 }
 
-impl StateField for u64 {
+impl StateField for f32 {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        (!self.is_finite()).then_some((*self).into())
+    }
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
-        sink(Word::Whole(*self));
+        sink(Word::Real((*self).into()));
     }
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
-        *self = source.whole(name)?;
+        *self = source.real(name)? as Self;
         Ok(())
     }
 }
 
-impl StateField for i32 {
-    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
-        sink(Word::Whole(u64::from(self.cast_unsigned())));
-    }
-    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
-        let word = source.whole(name)?;
-        *self = u32::try_from(word).map_err(|_| format!("'{name}' must fit in 32 bits, got {word}"))?.cast_signed();
-        Ok(())
-    }
+macro_rules! integer_state_fields {
+    ($($type:ident of $bits:ident;)*) => {$(
+        impl StateField for $type {
+            fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+                sink(Word::Whole((*self as $bits).into()));
+            }
+            fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+                let word = source.whole(name)?;
+                let bits = $bits::try_from(word);
+                *self = bits.map_err(|_| format!("'{name}' must fit in {} bits, got {word}", Self::BITS))? as Self;
+                Ok(())
+            }
+        }
+    )*};
+}
+integer_state_fields! {
+    i8 of u8;
+    u8 of u8;
+    i16 of u16;
+    u16 of u16;
+    i32 of u32;
+    u32 of u32;
+    i64 of u64;
+    u64 of u64;
 }
 
 impl StateField for bool {

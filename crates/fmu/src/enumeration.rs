@@ -1,6 +1,7 @@
 //! Named values of a variable.
 
 use crate::discrete_state::Words;
+use crate::number::Size;
 
 /// An enum with named values. Derive [`Enumeration`](crate::derive::Enumeration) for an enum without data.
 ///
@@ -15,6 +16,9 @@ pub trait Enumeration: Sized + Send + 'static {
     const NAME: &'static str;
     /// The values, in increasing order.
     const ITEMS: &'static [Item];
+    /// Type of the numbers, as in `#[repr(u8)]`; `i32` by default.
+    #[doc(hidden)]
+    const SIZE: Size = Size::Int32;
     /// The first variant, which is the start value of inputs and outputs.
     fn first() -> Self;
     /// The variant with this value.
@@ -41,7 +45,7 @@ macro_rules! enumeration_fields {
     ($name:ty) => {
         impl<T: $crate::Scalar> $crate::Field<T> for $name {
             type Start = Self;
-            const COUNTS: $crate::__private::Counts = $crate::__private::Counts::INTEGER;
+            const COUNTS: $crate::__private::Counts = $crate::__private::Counts::WORD;
             const IS_REAL: bool = false;
             fn declare(
                 spec: &$crate::__private::Spec,
@@ -52,13 +56,13 @@ macro_rules! enumeration_fields {
             }
             #[inline]
             fn read(values: $crate::__private::Values<'_, T>, at: $crate::__private::Counts) -> Self {
-                let value = <Self as $crate::Enumeration>::from_value(values.integers[at.integers]);
+                let value = <Self as $crate::Enumeration>::from_value(values.words[at.words] as i32);
                 // The value was checked when it was set.
                 value.unwrap_or_else(<Self as $crate::Enumeration>::first)
             }
             #[inline]
             fn write(&self, values: &mut $crate::__private::ValuesMut<'_, T>, at: $crate::__private::Counts) {
-                values.integers[at.integers] = $crate::Enumeration::value(self);
+                values.words[at.words] = $crate::Enumeration::value(self) as u64;
             }
         }
         impl $crate::StateField for $name {

@@ -34,6 +34,11 @@ impl Expression {
         Self::hash(text, [])
     }
 
+    /// A Binary.
+    pub(crate) fn bytes(bytes: &[u8]) -> Self {
+        bytes.iter().fold(Self::hash("bytes", []), |hash, &byte| Self::hash("byte", [hash.0, byte.into()]))
+    }
+
     fn hash<const N: usize>(name: &str, operands: [u128; N]) -> Self {
         let mix = |hash: u128, word: u128| {
             let hash = (hash ^ word).wrapping_mul(FIRST);

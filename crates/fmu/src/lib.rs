@@ -74,6 +74,7 @@
 extern crate self as fmu;
 
 mod abi;
+mod bytes;
 mod calls;
 mod clock;
 mod combinations;
@@ -87,6 +88,7 @@ mod enumeration;
 mod expression;
 mod instance;
 mod model;
+mod number;
 mod relation;
 mod runner;
 mod scalar;
@@ -100,6 +102,7 @@ mod unit;
 mod variable;
 mod variables;
 
+pub use bytes::Bytes;
 pub use clock::slack;
 pub use definition::{Definition, LEAST_POSITIVE, MAX_STEP, Range, SAMPLE_TIME, TOLERANCE};
 pub use discrete_state::{DiscreteState, StateField, Word, Words};
@@ -131,6 +134,7 @@ pub mod __private {
     pub use crate::abi::Export;
     pub use crate::declare::*;
     pub use crate::enumeration::Item;
+    pub use crate::number::Size;
     pub use crate::store::*;
     pub use crate::variable::Declaration;
     pub use crate::variables::*;
@@ -145,7 +149,7 @@ pub mod __private {
 #[cfg(feature = "testing")]
 #[doc(hidden)]
 pub mod testing {
-    open!(abi calls description instance runner store variable);
+    open!(abi calls description instance number runner store variable);
 }
 
 /// Serialization of a simulation for `#[fmu::model(…, serialize)]`.
@@ -175,8 +179,8 @@ pub mod prelude {
     pub use crate::derive::{Derived, DiscreteState, Enumeration, Inputs, Outputs, Parameters, State};
     #[doc(no_inline)]
     pub use crate::{
-        At, Continuous, Discrete, Event, Influence, MAX_STEP, SAMPLE_TIME, Sample, Scalar, Solver, Stateful, TOLERANCE,
-        Table, Unit,
+        At, Bytes, Continuous, Discrete, Event, Influence, MAX_STEP, SAMPLE_TIME, Sample, Scalar, Solver, Stateful,
+        TOLERANCE, Table, Unit,
     };
 }
 

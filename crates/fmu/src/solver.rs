@@ -5,11 +5,12 @@ use std::convert::Infallible;
 use fmu_math::sparse::{SparseLu, Structure, groups};
 use fmu_math::{dense, ode};
 
+use crate::bytes::Buffer;
 use crate::dual::Dual64;
 use crate::model::{At, Continuous, Solver};
 use crate::scalar::{Dependencies, Scalar};
 use crate::store::{ByType, Counts, Values, ValuesMut};
-use crate::variable::Layout;
+use crate::variable::{Layout, Role};
 use crate::variables::{ContinuousState, Variables};
 
 /// Model, inputs and derived parameters, which are constant while a solver advances the state.
@@ -159,11 +160,11 @@ fn inputs_of<T: Scalar, M: Continuous>(
     memory: &mut Inputs,
     typed: &mut Vec<T>,
 ) -> M::Inputs<T> {
-    let Inputs { reals, integers, booleans, strings } = memory;
-    inputs.write(&mut ValuesMut { reals, integers, booleans, strings }, Counts::ZERO);
+    let Inputs { reals, words, booleans, strings, binaries } = memory;
+    inputs.write(&mut ValuesMut { reals, words, booleans, strings, binaries }, Counts::ZERO);
     typed.clear();
     typed.extend(reals.iter().map(|&value| T::from(value)));
-    M::Inputs::read(Values { reals: typed, integers, booleans, strings }, Counts::ZERO)
+    M::Inputs::read(Values { reals: typed, words, booleans, strings, binaries }, Counts::ZERO)
 }
 
 /// With a fixed step and at most this many states, states are stored as the model's struct, without the heap.
@@ -420,7 +421,7 @@ impl Jacobian {
     }
 }
 
-pub(crate) type Inputs = ByType<Vec<f64>, Vec<i32>, Vec<bool>, Vec<String>>;
+pub(crate) type Inputs = ByType<Vec<f64>, Vec<u64>, Vec<bool>, Vec<String>, Vec<Buffer>>;
 
 /// Working memory of the solvers. Data that remains valid from one step to the next depends only on the equations.
 #[derive(Default)]
@@ -463,6 +464,8 @@ impl Scratch {
         };
         let linear = if is_stiff { n } else { 0 };
         let counts = if is_stiff { M::Inputs::<f64>::COUNTS } else { Counts::ZERO };
+        let inputs = layout.variables.iter().filter(|variable| is_stiff && variable.role == Role::Input);
+        let binaries = inputs.filter_map(|input| input.declaration.kind.buffer()).collect();
         Self {
             n,
             states: vec![vec![0.0; n]; STATES],
@@ -478,9 +481,10 @@ impl Scratch {
             results: vec![Dual64::from(0.0); linear],
             inputs: Inputs {
                 reals: vec![0.0; counts.reals],
-                integers: vec![0; counts.integers],
+                words: vec![0; counts.words],
                 booleans: vec![false; counts.booleans],
                 strings: vec![String::new(); counts.strings],
+                binaries,
             },
             input_duals: vec![Dual64::from(0.0); counts.reals],
         }

@@ -1,49 +1,56 @@
 //! Values of variables by type.
 
+use crate::bytes::Buffer;
+
 /// Data for each variable type: values, counts or positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ByType<R, I, B, S> {
+pub struct ByType<R, W, B, S, Y> {
     /// Reals.
     pub reals: R,
-    /// Integers and enumerations.
-    pub integers: I,
+    /// Integers, enumerations and numbers of 32 bits, see [`Number`](crate::number::Number).
+    pub words: W,
     /// Booleans.
     pub booleans: B,
     /// Strings.
     pub strings: S,
+    /// Binaries.
+    pub binaries: Y,
 }
 
 /// Number of values of each type; also a position in the values of each type.
-pub type Counts = ByType<usize, usize, usize, usize>;
+pub type Counts = ByType<usize, usize, usize, usize, usize>;
 
 /// Values to read; the reals have the number type of the equations.
-pub type Values<'a, T> = ByType<&'a [T], &'a [i32], &'a [bool], &'a [String]>;
+pub type Values<'a, T> = ByType<&'a [T], &'a [u64], &'a [bool], &'a [String], &'a [Buffer]>;
 
 /// Values to write; the reals have the number type of the equations.
-pub type ValuesMut<'a, T> = ByType<&'a mut [T], &'a mut [i32], &'a mut [bool], &'a mut [String]>;
+pub type ValuesMut<'a, T> = ByType<&'a mut [T], &'a mut [u64], &'a mut [bool], &'a mut [String], &'a mut [Buffer]>;
 
 /// The values of all variables.
-pub type ValueStore = ByType<Box<[f64]>, Box<[i32]>, Box<[bool]>, Box<[String]>>;
+pub type ValueStore = ByType<Box<[f64]>, Box<[u64]>, Box<[bool]>, Box<[String]>, Box<[Buffer]>>;
 
 impl Counts {
     /// No values.
-    pub const ZERO: Self = Self { reals: 0, integers: 0, booleans: 0, strings: 0 };
+    pub const ZERO: Self = Self { reals: 0, words: 0, booleans: 0, strings: 0, binaries: 0 };
     /// One Real.
     pub const REAL: Self = Self { reals: 1, ..Self::ZERO };
-    /// One Integer.
-    pub const INTEGER: Self = Self { integers: 1, ..Self::ZERO };
+    /// One integer, enumeration or number of 32 bits.
+    pub const WORD: Self = Self { words: 1, ..Self::ZERO };
     /// One Boolean.
     pub const BOOLEAN: Self = Self { booleans: 1, ..Self::ZERO };
     /// One String.
     pub const STRING: Self = Self { strings: 1, ..Self::ZERO };
+    /// One Binary.
+    pub const BINARY: Self = Self { binaries: 1, ..Self::ZERO };
 
     /// The sum, type by type.
     pub const fn plus(self, other: Self) -> Self {
         Self {
             reals: self.reals + other.reals,
-            integers: self.integers + other.integers,
+            words: self.words + other.words,
             booleans: self.booleans + other.booleans,
             strings: self.strings + other.strings,
+            binaries: self.binaries + other.binaries,
         }
     }
 
@@ -51,9 +58,10 @@ impl Counts {
     pub const fn times(self, count: usize) -> Self {
         Self {
             reals: self.reals * count,
-            integers: self.integers * count,
+            words: self.words * count,
             booleans: self.booleans * count,
             strings: self.strings * count,
+            binaries: self.binaries * count,
         }
     }
 }
@@ -61,14 +69,14 @@ impl Counts {
 impl<'a, T> Values<'a, T> {
     /// Reals only.
     pub const fn of_reals(reals: &'a [T]) -> Self {
-        Self { reals, integers: &[], booleans: &[], strings: &[] }
+        Self { reals, words: &[], booleans: &[], strings: &[], binaries: &[] }
     }
 }
 
 impl<'a, T> ValuesMut<'a, T> {
     /// Reals only.
     pub const fn of_reals(reals: &'a mut [T]) -> Self {
-        Self { reals, integers: &mut [], booleans: &mut [], strings: &mut [] }
+        Self { reals, words: &mut [], booleans: &mut [], strings: &mut [], binaries: &mut [] }
     }
 }
 
@@ -76,18 +84,24 @@ impl ValueStore {
     /// View for reading.
     #[inline]
     pub fn view(&self) -> Values<'_, f64> {
-        Values { reals: &self.reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
+        Values {
+            reals: &self.reals,
+            words: &self.words,
+            booleans: &self.booleans,
+            strings: &self.strings,
+            binaries: &self.binaries,
+        }
     }
 
     /// View for writing.
     #[inline]
     pub fn view_mut(&mut self) -> ValuesMut<'_, f64> {
-        let Self { reals, integers, booleans, strings } = self;
-        ValuesMut { reals, integers, booleans, strings }
+        let Self { reals, words, booleans, strings, binaries } = self;
+        ValuesMut { reals, words, booleans, strings, binaries }
     }
 
     /// View for reading, with reals of another number type.
     pub(crate) fn with_reals<'a, T>(&'a self, reals: &'a [T]) -> Values<'a, T> {
-        Values { reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
+        Values { reals, words: &self.words, booleans: &self.booleans, strings: &self.strings, binaries: &self.binaries }
     }
 }

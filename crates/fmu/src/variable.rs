@@ -2,8 +2,10 @@
 
 use std::ops::{Range, RangeInclusive};
 
+use crate::bytes::Buffer;
 use crate::calls::Version;
 use crate::enumeration::Item;
+use crate::number::{Number as _, Size};
 use crate::store::{Counts, ValueStore};
 use crate::unit::{DisplayUnit, Unit};
 
@@ -44,14 +46,18 @@ pub struct ArrayElement {
 pub enum Kind {
     /// A real number with its unit.
     Real(Real),
-    /// An Integer or an enumeration.
+    /// A real number of 32 bits with its unit.
+    Float32(Real),
+    /// An integer or an enumeration.
     Integer {
+        /// Its number of bits and sign.
+        size: Size,
         /// Start value.
-        start: i32,
-        /// Least value; `i32::MIN` if there is none.
-        min: i32,
-        /// Greatest value; `i32::MAX` if there is none.
-        max: i32,
+        start: i128,
+        /// Least value; that of the type if there is none.
+        min: i128,
+        /// Greatest value; that of the type if there is none.
+        max: i128,
         /// Name of the type of an enumeration; empty for a plain number.
         type_name: &'static str,
         /// Values and names of an enumeration; empty for a plain number.
@@ -68,6 +74,15 @@ pub enum Kind {
     String {
         /// Start value.
         start: String,
+    },
+    /// A Binary.
+    Binary {
+        /// Start value.
+        start: Vec<u8>,
+        /// Greatest number of bytes.
+        most: usize,
+        /// Type of the data, such as `image/png`; empty if it is not declared.
+        mime: &'static str,
     },
 }
 
@@ -138,7 +153,7 @@ impl Block {
     }
     /// Returns true if the block contains variables that are not real.
     pub(crate) const fn has_others(&self) -> bool {
-        self.counts.integers + self.counts.booleans + self.counts.strings > 0
+        self.counts.words + self.counts.booleans + self.counts.strings + self.counts.binaries > 0
     }
 }
 
@@ -160,7 +175,8 @@ impl Indicators {
 
 /// All variables of a model and the positions of their values.
 ///
-/// Reals come first, block by block; the value reference of a real is its index. Integers, Booleans and Strings follow.
+/// Reals come first, block by block; the value reference of a real is its index. Words, Booleans, Strings and Binaries
+/// follow.
 #[derive(Clone, Debug)]
 pub struct Layout {
     /// All variables, ordered as in the model description.
@@ -181,12 +197,14 @@ pub struct Layout {
     pub indicators: Indicators,
     /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
     pub solver: Option<usize>,
-    /// First value reference of the Integers.
-    pub first_integer: u32,
+    /// First value reference of the words.
+    pub first_word: u32,
     /// First value reference of the Booleans.
     pub first_boolean: u32,
     /// First value reference of the Strings.
     pub first_string: u32,
+    /// First value reference of the Binaries.
+    pub first_binary: u32,
     /// One past the last value reference.
     pub end: u32,
     /// Position in `variables` by value reference.
@@ -236,8 +254,10 @@ impl Layout {
             total = total.plus(counts);
             Block { at, counts }
         });
-        let mut first = [0_u32; 5];
-        for (i, count) in [total.reals, total.integers, total.booleans, total.strings].into_iter().enumerate() {
+        let mut first = [0_u32; 6];
+        for (i, count) in
+            [total.reals, total.words, total.booleans, total.strings, total.binaries].into_iter().enumerate()
+        {
             first[i + 1] = first[i] + u32::try_from(count).expect("fewer than 2^32 variables");
         }
         let mut positions = vec![0; variables.len()];
@@ -259,10 +279,11 @@ impl Layout {
             derivatives,
             indicators: Indicators { declared: declared.crossings, ..Indicators::default() },
             solver,
-            first_integer: first[1],
+            first_word: first[1],
             first_boolean: first[2],
             first_string: first[3],
-            end: first[4],
+            first_binary: first[4],
+            end: first[5],
             variables,
             positions,
         }
@@ -341,25 +362,35 @@ impl ValueStore {
 
     /// The start values of the declared variables.
     pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
-        let (mut reals, mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut reals, mut words, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut binaries = Vec::new();
         for declaration in declarations {
             match &declaration.kind {
                 Kind::Real(real) => reals.push(real.start),
-                Kind::Integer { start, .. } => integers.push(*start),
+                Kind::Float32(real) => words.push((real.start as f32).word()),
+                Kind::Integer { start, .. } => words.push(*start as u64),
                 Kind::Boolean { start } => booleans.push(*start),
                 Kind::String { start } => strings.push(start.clone()),
+                kind @ Kind::Binary { .. } => binaries.extend(kind.buffer()),
             }
         }
-        Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
+        Self {
+            reals: reals.into(),
+            words: words.into(),
+            booleans: booleans.into(),
+            strings: strings.into(),
+            binaries: binaries.into(),
+        }
     }
 
     pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
         let index = variable.index;
         match variable.declaration.kind {
             Kind::Real(_) => self.reals[index] != other.reals[index],
-            Kind::Integer { .. } => self.integers[index] != other.integers[index],
+            Kind::Float32(_) | Kind::Integer { .. } => self.words[index] != other.words[index],
             Kind::Boolean { .. } => self.booleans[index] != other.booleans[index],
             Kind::String { .. } => self.strings[index] != other.strings[index],
+            Kind::Binary { .. } => self.binaries[index] != other.binaries[index],
         }
     }
 }
@@ -374,18 +405,28 @@ impl Declaration {
     /// Returns true if the variables differ at most in name, description and start value.
     fn is_like(&self, other: &Self) -> bool {
         let is_like = match (&self.kind, &other.kind) {
-            (Kind::Real(one), Kind::Real(other)) => {
+            (Kind::Real(one), Kind::Real(other)) | (Kind::Float32(one), Kind::Float32(other)) => {
                 let limits = |real: &Real| [real.min, real.max, real.nominal].map(|value| value.map(f64::to_bits));
                 let display = |real: &Real| real.display.map(|display| display.name);
                 one.unit.name == other.unit.name && display(one) == display(other) && limits(one) == limits(other)
             }
             (
-                Kind::Integer { min, max, type_name, is_enumeration, .. },
+                Kind::Integer { size, min, max, type_name, is_enumeration, .. },
                 Kind::Integer {
-                    min: other_min, max: other_max, type_name: other_type, is_enumeration: other_is, ..
+                    size: other_size,
+                    min: other_min,
+                    max: other_max,
+                    type_name: other_type,
+                    is_enumeration: other_is,
+                    ..
                 },
-            ) => (min, max, type_name, is_enumeration) == (other_min, other_max, other_type, other_is),
-            (one, other) => one.type_number() == other.type_number(),
+            ) => {
+                (size, min, max, type_name, is_enumeration) == (other_size, other_min, other_max, other_type, other_is)
+            }
+            (Kind::Binary { most, mime, .. }, Kind::Binary { most: other_most, mime: other_mime, .. }) => {
+                (most, mime) == (other_most, other_mime)
+            }
+            (one, other) => one.type_name(Version::Fmi3) == other.type_name(Version::Fmi3),
         };
         is_like && (self.tunable, self.local, self.calculated) == (other.tunable, other.local, other.calculated)
     }
@@ -395,47 +436,85 @@ impl Kind {
     const fn counts(&self) -> Counts {
         match self {
             Self::Real(_) => Counts::REAL,
-            Self::Integer { .. } => Counts::INTEGER,
+            Self::Float32(_) | Self::Integer { .. } => Counts::WORD,
             Self::Boolean { .. } => Counts::BOOLEAN,
             Self::String { .. } => Counts::STRING,
+            Self::Binary { .. } => Counts::BINARY,
         }
     }
     pub(crate) const fn of(&self, counts: Counts) -> usize {
         match self {
             Self::Real(_) => counts.reals,
-            Self::Integer { .. } => counts.integers,
+            Self::Float32(_) | Self::Integer { .. } => counts.words,
             Self::Boolean { .. } => counts.booleans,
             Self::String { .. } => counts.strings,
+            Self::Binary { .. } => counts.binaries,
         }
     }
-    /// Returns true if an Integer can have the value.
-    pub(crate) fn takes(&self, value: i32) -> bool {
-        let Self::Integer { min, max, items, .. } = self else { return false };
-        (*min..=*max).contains(&value) && (items.is_empty() || items.iter().any(|item| item.value == value))
+    /// Returns true if a word is a value of this type: an item of an enumeration, or a finite number.
+    pub(crate) fn holds(&self, word: u64) -> bool {
+        match self {
+            Self::Float32(_) => f32::of(word).is_finite(),
+            Self::Integer { size, items, .. } => {
+                let value = size.value(word);
+                // The word can be that of a number of another size, which this size does not contain.
+                value as u64 == word && (items.is_empty() || items.iter().any(|item| i128::from(item.value) == value))
+            }
+            _ => false,
+        }
+    }
+    /// Returns true if a word is a value of this type within the limits.
+    pub(crate) fn takes(&self, word: u64) -> bool {
+        let is_within = match self {
+            Self::Float32(real) => real.range().contains(&f32::of(word).into()),
+            Self::Integer { size, min, max, .. } => (*min..=*max).contains(&size.value(word)),
+            _ => false,
+        };
+        is_within && self.holds(word)
+    }
+    /// A word as text.
+    pub(crate) fn text(&self, word: u64) -> String {
+        match self {
+            Self::Integer { size, .. } => size.value(word).to_string(),
+            _ => f32::of(word).to_string(),
+        }
+    }
+    /// Memory for a Binary, with its start value.
+    pub(crate) fn buffer(&self) -> Option<Buffer> {
+        match self {
+            Self::Binary { start, most, .. } => Some(Buffer::new(*most, start)),
+            _ => None,
+        }
+    }
+    /// Attributes of a real number of either size.
+    pub(crate) const fn real(&self) -> Option<&Real> {
+        match self {
+            Self::Real(real) | Self::Float32(real) => Some(real),
+            _ => None,
+        }
     }
     fn type_number(&self) -> usize {
         match self {
             Self::Real(_) => 0,
-            Self::Integer { .. } => 1,
+            Self::Float32(_) | Self::Integer { .. } => 1,
             Self::Boolean { .. } => 2,
             Self::String { .. } => 3,
+            Self::Binary { .. } => 4,
         }
     }
-    /// Name of the type in the FMI standard.
-    pub fn type_name(&self) -> &'static str {
-        match self {
-            Self::Integer { is_enumeration: true, .. } => "Enumeration",
-            other => ["Real", "Integer", "Boolean", "String"][other.type_number()],
+    /// Name of the type in a version of the FMI standard.
+    pub fn type_name(&self, version: Version) -> &'static str {
+        match (self, version) {
+            (Self::Integer { is_enumeration: true, .. }, _) => "Enumeration",
+            (Self::Boolean { .. }, _) => "Boolean",
+            (Self::String { .. }, _) => "String",
+            (Self::Binary { .. }, _) => "Binary",
+            (Self::Real(_) | Self::Float32(_), Version::Fmi2) => "Real",
+            (Self::Integer { .. }, Version::Fmi2) => "Integer",
+            (Self::Real(_), Version::Fmi3) => "Float64",
+            (Self::Float32(_), Version::Fmi3) => "Float32",
+            (Self::Integer { size, .. }, Version::Fmi3) => size.name(),
         }
-    }
-}
-
-/// Converts the FMI 2.0 name of a type to the name in another version.
-pub(crate) fn name_in(version: Version, name: &str) -> &str {
-    match (version, name) {
-        (Version::Fmi3, "Real") => "Float64",
-        (Version::Fmi3, "Integer") => "Int32",
-        _ => name,
     }
 }
 

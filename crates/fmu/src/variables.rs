@@ -2,7 +2,9 @@
 
 use std::marker::PhantomData;
 
+use crate::bytes::Bytes;
 use crate::declare::{Name, Spec};
+use crate::number::{Number as _, Size};
 use crate::scalar::Scalar;
 use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::variable::Declaration;
@@ -10,7 +12,8 @@ use crate::variable::Declaration;
 /// The type of a field: a variable, or an array of variables.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not the type of a variable",
-    note = "variables are `{T}`, `bool`, `i32`, `String`, an enum with `#[derive(Enumeration)]`, or arrays of these",
+    note = "variables are `{T}`, `f32`, integers of 8 to 64 bits, `bool`, `String`, `Bytes`, an enum with \
+            `#[derive(Enumeration)]`, or arrays of these",
     note = "for a struct of variables, write `#[var(nested)]`"
 )]
 pub trait Field<T>: Sized {
@@ -90,9 +93,60 @@ macro_rules! field {
     )*};
 }
 field! {
-    i32 = i32: integers INTEGER declare_integer;
     bool = bool: booleans BOOLEAN declare_boolean;
     String = &'static str: strings STRING declare_string;
+}
+
+macro_rules! number_field {
+    ($($type:ty, |$spec:ident, $start:ident, $all:ident| $declare:expr;)*) => {$(
+        #[diagnostic::do_not_recommend]
+        impl<T: Scalar> Field<T> for $type {
+            type Start = Self;
+            const COUNTS: Counts = Counts::WORD;
+            const IS_REAL: bool = <$type as crate::number::Number>::SIZE.is_none();
+            fn declare($spec: &Spec, $start: Option<Self>, $all: &mut Vec<Declaration>) {
+                $declare;
+            }
+            #[inline]
+            fn read(values: Values<'_, T>, at: Counts) -> Self {
+                Self::of(values.words[at.words])
+            }
+            #[inline]
+            fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+                values.words[at.words] = self.word();
+            }
+        }
+    )*};
+}
+number_field! {
+    f32, |spec, start, all| spec.declare_float32(start, all);
+    i8, |spec, start, all| spec.declare_integer(Size::Int8, start.map(i128::from), all);
+    u8, |spec, start, all| spec.declare_integer(Size::UInt8, start.map(i128::from), all);
+    i16, |spec, start, all| spec.declare_integer(Size::Int16, start.map(i128::from), all);
+    u16, |spec, start, all| spec.declare_integer(Size::UInt16, start.map(i128::from), all);
+    i32, |spec, start, all| spec.declare_integer(Size::Int32, start.map(i128::from), all);
+    u32, |spec, start, all| spec.declare_integer(Size::UInt32, start.map(i128::from), all);
+    i64, |spec, start, all| spec.declare_integer(Size::Int64, start.map(i128::from), all);
+    u64, |spec, start, all| spec.declare_integer(Size::UInt64, start.map(i128::from), all);
+}
+
+impl<T: Scalar, const N: usize> Field<T> for Bytes<N> {
+    type Start = Vec<u8>;
+    const COUNTS: Counts = Counts::BINARY;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, start: Option<Vec<u8>>, all: &mut Vec<Declaration>) {
+        spec.declare_binary(N, start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        let mut bytes = Self::new();
+        bytes.set(&values.binaries[at.binaries]);
+        bytes
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.binaries[at.binaries].set(self);
+    }
 }
 
 /// Start values of an array: one for all elements, or one for each.

@@ -11,11 +11,12 @@ pub use super::common::{
     serialized_fmu_state_size, set_continuous_states, set_debug_logging, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
-use super::values::{self, List, check_count, elements};
+use super::values::{self, Binaries, List, check_count, elements};
 use super::{Call, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text};
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::Instance;
+use crate::number::Number;
 use crate::runner::Model;
 
 /// fmi3Boolean, a `bool` in C; every number except 0 is true.
@@ -139,14 +140,60 @@ macro_rules! values {
 values! {
     get_float64 *mut f64, get_real;
     set_float64 *const f64, set_real;
-    get_int32 *mut c_int, get_integer;
-    set_int32 *const c_int, set_integer;
-    get_int64 *mut i64, get_int64;
-    set_int64 *const i64, set_int64;
     get_boolean *mut Boolean, get_boolean;
     set_boolean *const Boolean, set_boolean;
     get_string *mut *const c_char, get_string;
     set_string *const *const c_char, set_string;
+}
+
+/// Functions that read numbers other than Float64.
+pub unsafe fn get_number<E: Export, V: Number>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut V,
+    value_count: size_t,
+) -> Status {
+    unsafe { values::get_number::<E, V>(component, function, List { references, count, values, value_count }) }
+}
+
+/// Functions that set numbers other than Float64.
+pub unsafe fn set_number<E: Export, V: Number>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const V,
+    value_count: size_t,
+) -> Status {
+    unsafe { values::set_number::<E, V>(component, function, List { references, count, values, value_count }) }
+}
+
+/// fmi3GetBinary.
+pub unsafe fn get_binary<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    sizes: *mut size_t,
+    values: *mut *const u8,
+    value_count: size_t,
+) -> Status {
+    let values = Binaries { sizes, values };
+    unsafe { values::get_binary::<E>(component, List { references, count, values, value_count }) }
+}
+
+/// fmi3SetBinary.
+pub unsafe fn set_binary<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    sizes: *const size_t,
+    values: *const *const u8,
+    value_count: size_t,
+) -> Status {
+    let values = Binaries { sizes, values };
+    unsafe { values::set_binary::<E>(component, List { references, count, values, value_count }) }
 }
 
 /// Functions for types that no variable has: only calls with empty lists are valid.
@@ -286,6 +333,30 @@ macro_rules! c_interface_of_fmi3 {
             unsafe { $target::<$model>(arguments $(, $argument)*) }
         }
     )*};
+    (@number $model:ty: $($get:ident $set:ident $get_function:ident $set_function:ident $type:ty;)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $get(
+            component: Component,
+            vr: *const ValueReference,
+            n: size_t,
+            values: *mut $type,
+            n_values: size_t,
+        ) -> Status {
+            let function = $crate::__private::calls::Function::$get_function;
+            unsafe { get_number::<$model, $type>(component, function, vr, n, values, n_values) }
+        }
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $set(
+            component: Component,
+            vr: *const ValueReference,
+            n: size_t,
+            values: *const $type,
+            n_values: size_t,
+        ) -> Status {
+            let function = $crate::__private::calls::Function::$set_function;
+            unsafe { set_number::<$model, $type>(component, function, vr, n, values, n_values) }
+        }
+    )*};
     (@none $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
@@ -358,32 +429,25 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3GetAdjointDerivative get_derivative GetAdjointDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
                 fmi3GetFloat64 get_float64 (vr: *const ValueReference, n: size_t, values: *mut f64, n_values: size_t);
                 fmi3SetFloat64 set_float64 (vr: *const ValueReference, n: size_t, values: *const f64, n_values: size_t);
-                fmi3GetInt32 get_int32 (vr: *const ValueReference, n: size_t, values: *mut i32, n_values: size_t);
-                fmi3SetInt32 set_int32 (vr: *const ValueReference, n: size_t, values: *const i32, n_values: size_t);
-                fmi3GetInt64 get_int64 (vr: *const ValueReference, n: size_t, values: *mut i64, n_values: size_t);
-                fmi3SetInt64 set_int64 (vr: *const ValueReference, n: size_t, values: *const i64, n_values: size_t);
                 fmi3GetBoolean get_boolean (vr: *const ValueReference, n: size_t, values: *mut Boolean, n_values: size_t);
                 fmi3SetBoolean set_boolean (vr: *const ValueReference, n: size_t, values: *const Boolean, n_values: size_t);
                 fmi3GetString get_string (vr: *const ValueReference, n: size_t, values: *mut *const c_char, n_values: size_t);
+                fmi3GetBinary get_binary (vr: *const ValueReference, n: size_t, sizes: *mut size_t, values: *mut *const u8, n_values: size_t);
+                fmi3SetBinary set_binary (vr: *const ValueReference, n: size_t, sizes: *const size_t, values: *const *const u8, n_values: size_t);
                 fmi3SetString set_string (vr: *const ValueReference, n: size_t, values: *const *const c_char, n_values: size_t);
             }
+            $crate::c_interface_of_fmi3! { @number $model:
+                fmi3GetFloat32 fmi3SetFloat32 GetFloat32 SetFloat32 f32;
+                fmi3GetInt8 fmi3SetInt8 GetInt8 SetInt8 i8;
+                fmi3GetUInt8 fmi3SetUInt8 GetUInt8 SetUInt8 u8;
+                fmi3GetInt16 fmi3SetInt16 GetInt16 SetInt16 i16;
+                fmi3GetUInt16 fmi3SetUInt16 GetUInt16 SetUInt16 u16;
+                fmi3GetInt32 fmi3SetInt32 GetInteger SetInteger i32;
+                fmi3GetUInt32 fmi3SetUInt32 GetUInt32 SetUInt32 u32;
+                fmi3GetInt64 fmi3SetInt64 GetInt64 SetInt64 i64;
+                fmi3GetUInt64 fmi3SetUInt64 GetUInt64 SetUInt64 u64;
+            }
             $crate::c_interface_of_fmi3! { @none $model:
-                fmi3GetFloat32 GetFloat32 (_values: *mut f32, _n_values: size_t);
-                fmi3SetFloat32 SetFloat32 (_values: *const f32, _n_values: size_t);
-                fmi3GetInt8 GetInt8 (_values: *mut i8, _n_values: size_t);
-                fmi3SetInt8 SetInt8 (_values: *const i8, _n_values: size_t);
-                fmi3GetUInt8 GetUInt8 (_values: *mut u8, _n_values: size_t);
-                fmi3SetUInt8 SetUInt8 (_values: *const u8, _n_values: size_t);
-                fmi3GetInt16 GetInt16 (_values: *mut i16, _n_values: size_t);
-                fmi3SetInt16 SetInt16 (_values: *const i16, _n_values: size_t);
-                fmi3GetUInt16 GetUInt16 (_values: *mut u16, _n_values: size_t);
-                fmi3SetUInt16 SetUInt16 (_values: *const u16, _n_values: size_t);
-                fmi3GetUInt32 GetUInt32 (_values: *mut u32, _n_values: size_t);
-                fmi3SetUInt32 SetUInt32 (_values: *const u32, _n_values: size_t);
-                fmi3GetUInt64 GetUInt64 (_values: *mut u64, _n_values: size_t);
-                fmi3SetUInt64 SetUInt64 (_values: *const u64, _n_values: size_t);
-                fmi3GetBinary GetBinary (_sizes: *mut size_t, _values: *mut *const u8, _n_values: size_t);
-                fmi3SetBinary SetBinary (_sizes: *const size_t, _values: *const *const u8, _n_values: size_t);
                 fmi3GetClock GetClock (_values: *mut Boolean);
                 fmi3SetClock SetClock (_values: *const Boolean);
                 fmi3GetIntervalDecimal GetIntervalDecimal (_intervals: *mut f64, _qualifiers: *mut c_int);

@@ -7,6 +7,7 @@ use super::c::{c_char, c_int, size_t};
 use super::{Call, CallResult, Component, Export, Handle, Status, call, text};
 use crate::calls::{Function, Version};
 use crate::instance::{CallError, Instance};
+use crate::number::Number;
 use crate::runner::Model;
 
 /// Array arguments of a call. In FMI 2.0, the numbers of values and references are equal.
@@ -116,48 +117,36 @@ pub(super) unsafe fn set_real<E: Export>(component: Component, list: List<*const
     unsafe { set::<E, _>(component, Function::SetReal, list, |i, references, values| i.set_real(references, values)) }
 }
 
+/// In FMI 2.0.
 pub(super) unsafe fn get_integer<E: Export>(component: Component, list: List<*mut c_int>) -> Status {
-    let function = Function::GetInteger;
-    let one = |instance: &mut Instance<E::Model>, reference| {
-        if is_fmi3::<E>() {
-            instance.check_integer(function, reference)?;
-        }
-        instance.get_integer(reference)
-    };
+    let one = |instance: &mut Instance<E::Model>, reference| instance.get_integer(reference);
+    unsafe { get::<E, _>(component, Function::GetInteger, list, each(one)) }
+}
+
+/// In FMI 3.0.
+pub(super) unsafe fn get_number<E: Export, V: Number>(
+    component: Component,
+    function: Function,
+    list: List<*mut V>,
+) -> Status {
+    let one = |instance: &mut Instance<E::Model>, reference| instance.get_number(function, reference);
     unsafe { get::<E, _>(component, function, list, each(one)) }
 }
 
+/// In FMI 2.0.
 pub(super) unsafe fn set_integer<E: Export>(component: Component, list: List<*const c_int>) -> Status {
-    let function = Function::SetInteger;
-    unsafe {
-        set::<E, _>(component, function, list, |instance, references, values| {
-            if is_fmi3::<E>() {
-                references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
-            }
-            instance.set_integer_by(function, references, values)
-        })
-    }
+    unsafe { set_number::<E, c_int>(component, Function::SetInteger, list) }
 }
 
-/// For enumerations in FMI 3.0.
-pub(super) unsafe fn get_int64<E: Export>(component: Component, list: List<*mut i64>) -> Status {
-    let function = Function::GetInt64;
-    let one = |instance: &mut Instance<E::Model>, reference| {
-        instance.check_integer(function, reference)?;
-        instance.get_integer(reference).map(i64::from)
-    };
-    unsafe { get::<E, _>(component, function, list, each(one)) }
-}
-
-/// For enumerations in FMI 3.0.
-pub(super) unsafe fn set_int64<E: Export>(component: Component, list: List<*const i64>) -> Status {
-    let function = Function::SetInt64;
+/// In both versions.
+pub(super) unsafe fn set_number<E: Export, V: Number>(
+    component: Component,
+    function: Function,
+    list: List<*const V>,
+) -> Status {
     unsafe {
         set::<E, _>(component, function, list, |instance, references, values| {
-            references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
-            // A value outside 32 bits becomes i32::MIN, which no enumeration contains, and is rejected.
-            let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
-            instance.set_integer_by(function, references, &values)
+            instance.set_numbers(function, references, values)
         })
     }
 }
@@ -176,6 +165,51 @@ pub(super) unsafe fn set_boolean<E: Export>(
         set::<E, _>(component, Function::SetBoolean, list, |instance, references, values| {
             let values: Vec<_> = values.iter().map(|&value| value.into() != 0).collect();
             instance.set_boolean(references, &values)
+        })
+    }
+}
+
+/// Sizes and values of Binaries, in arrays of equal length.
+pub(super) struct Binaries<S, V> {
+    pub(super) sizes: S,
+    pub(super) values: V,
+}
+
+/// The bytes are valid until the next call.
+pub(super) unsafe fn get_binary<E: Export>(
+    component: Component,
+    list: List<Binaries<*mut size_t, *mut *const u8>>,
+) -> Status {
+    unsafe {
+        call::<E>(component, Function::GetBinary, |h, call| {
+            let sizes = call.array_mut("valueSizes", list.values.sizes, list.value_count)?;
+            let values = call.array_mut("values", list.values.values, list.value_count)?;
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), values.len())?;
+            // All references are checked first, so that no value is written if one is rejected.
+            references.iter().try_for_each(|&reference| instance.get_binary(reference).map(drop))?;
+            for ((value, size), &reference) in values.iter_mut().zip(sizes).zip(references) {
+                let bytes = instance.get_binary(reference)?;
+                (*value, *size) = (bytes.as_ptr(), bytes.len());
+            }
+            Ok(())
+        })
+    }
+}
+
+pub(super) unsafe fn set_binary<E: Export>(
+    component: Component,
+    list: List<Binaries<*const size_t, *const *const u8>>,
+) -> Status {
+    unsafe {
+        call::<E>(component, Function::SetBinary, |h, call| {
+            let sizes = call.array("valueSizes", list.values.sizes, list.value_count)?;
+            let values = call.array("values", list.values.values, list.value_count)?;
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), values.len())?;
+            let all = values.iter().zip(sizes).map(|(&value, &size)| call.array::<u8>("a value", value, size));
+            all.clone().try_for_each(|bytes| bytes.map(drop))?;
+            instance.set_binary(references, all.map(Result::unwrap_or_default))
         })
     }
 }

@@ -6,6 +6,7 @@ use super::xml::{
     log_categories, start, type_attributes, unit_definitions,
 };
 use super::{Format, Structure, xml};
+use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Layout, Role, Variable};
 
@@ -46,7 +47,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     xml::type_definitions(xml, layout, |xml, attributes, all, limits| {
         element(xml, "SimpleType", &borrowed(&attributes), |xml| match limits {
-            Some(limits) => empty(xml, "Integer", &borrowed(&limits)),
+            Some((_, limits)) => empty(xml, "Integer", &borrowed(&limits)),
             None => element(xml, "Enumeration", &[], |xml| items(xml, all)),
         })
     })
@@ -55,7 +56,7 @@ fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
 fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Written {
     let declaration = &variable.declaration;
     let (attributes, has_start) = attributes::<M>(layout, variable, &declaration.name, &declaration.description);
-    let mut of_type = type_attributes(layout, variable);
+    let mut of_type = type_attributes(layout, variable, Version::Fmi2);
     if has_start {
         of_type.push(("start", start(variable)));
     }
@@ -64,7 +65,7 @@ fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable
         of_type.push(("derivative", layout.structure_index(state.reference).to_string()));
     }
     element(xml, "ScalarVariable", &borrowed(&attributes), |xml| {
-        empty(xml, declaration.kind.type_name(), &borrowed(&of_type))
+        empty(xml, declaration.kind.type_name(Version::Fmi2), &borrowed(&of_type))
     })
 }
 

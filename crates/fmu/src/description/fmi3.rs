@@ -11,7 +11,7 @@ use super::xml::{
 use super::{Format, Structure, xml};
 use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
-use crate::variable::{Kind, Layout, Role, Variable, name_in};
+use crate::variable::{Kind, Layout, Role, Variable};
 
 /// modelDescription.xml with an empty instantiation token.
 pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
@@ -61,9 +61,9 @@ fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable>
 
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     xml::type_definitions(xml, layout, |xml, mut attributes, all, limits| match limits {
-        Some(limits) => {
+        Some((size, limits)) => {
             attributes.extend(limits);
-            empty(xml, "Int32Type", &borrowed(&attributes))
+            empty(xml, &format!("{}Type", size.name()), &borrowed(&attributes))
         }
         None => element(xml, "EnumerationType", &borrowed(&attributes), |xml| items(xml, all)),
     })
@@ -116,7 +116,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         None => (&declaration.name, &declaration.description, &[variable][..]),
     };
     let (mut attributes, has_start) = attributes::<M>(layout, variable, name, description);
-    attributes.extend(type_attributes(layout, variable));
+    attributes.extend(type_attributes(layout, variable, Version::Fmi3));
     if variable.role == Role::Derivative {
         attributes.push(("derivative", layout.state_of(variable).reference.to_string()));
     }
@@ -125,11 +125,11 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         attributes.push(("reinit", "true".to_owned()));
     }
     let starts: Vec<_> = elements.iter().filter(|_| has_start).map(|variable| start(variable)).collect();
-    let is_text = matches!(declaration.kind, Kind::String { .. });
+    let is_text = matches!(declaration.kind, Kind::String { .. } | Kind::Binary { .. });
     if has_start && !is_text {
         attributes.push(("start", starts.join(" ")));
     }
-    let (name, attributes) = (name_in(Version::Fmi3, declaration.kind.type_name()), borrowed(&attributes));
+    let (name, attributes) = (declaration.kind.type_name(Version::Fmi3), borrowed(&attributes));
     let has_content = array.is_some() || (is_text && has_start);
     if !has_content {
         return empty(xml, name, &attributes);

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::combinations::{MOST_COMBINATIONS, MOST_VALUES, are_few, combinations};
 use crate::expression::Expression;
+use crate::number::Number as _;
 use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::scalar::DependencySet;
 use crate::store::{Counts, ValueStore};
@@ -41,19 +42,21 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
     let unknown_of_all_types =
         layout.variables.iter().filter(|v| matches!(v.role, Role::Output | Role::Derivative)).count();
     // Variables that equations may branch on, with their values.
-    let mut branches: Vec<(bool, &Variable, Vec<i32>)> = Vec::new();
+    let mut branches: Vec<(bool, &Variable, Vec<u64>)> = Vec::new();
     let mut notes = Vec::new();
     for variable in layout.variables.iter().filter(|v| matches!(v.role, Role::Parameter | Role::Input)) {
         match &variable.declaration.kind {
             Kind::Real(_) => {}
             Kind::Integer { items, .. } if !items.is_empty() => {
-                branches.push((true, variable, items.iter().map(|item| item.value).collect()));
+                branches.push((true, variable, items.iter().map(|item| item.value.word()).collect()));
             }
-            Kind::Integer { min, max, .. } if i64::from(*max) - i64::from(*min) < MOST_VALUES as i64 => {
-                branches.push((true, variable, (*min..=*max).collect()));
+            Kind::Integer { min, max, .. } if max - min < MOST_VALUES as i128 => {
+                branches.push((true, variable, (*min..=*max).map(|value| value as u64).collect()));
             }
             Kind::Boolean { .. } => branches.push((false, variable, vec![0, 1])),
-            Kind::Integer { .. } | Kind::String { .. } => notes.extend(too_many_values::<M>(variable)),
+            Kind::Float32(_) | Kind::Integer { .. } | Kind::String { .. } | Kind::Binary { .. } => {
+                notes.extend(too_many_values::<M>(variable))
+            }
         }
     }
     let modes = M::modes();
@@ -82,7 +85,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
             let Some(number) = *number else { continue };
             let value = options[number];
             if *is_integer {
-                values.integers[variable.index] = value;
+                values.words[variable.index] = value;
             } else {
                 values.booleans[variable.index] = value != 0;
             }
@@ -191,10 +194,14 @@ fn other_inputs(layout: &Layout) -> impl Iterator<Item = &Variable> {
 /// The note that a String, or an Integer without limits, adds too many dependencies, if the equations may read it.
 fn too_many_values<M: Model>(variable: &Variable) -> Option<String> {
     let name = &variable.declaration.name;
-    let is_text = matches!(variable.declaration.kind, Kind::String { .. });
-    let limits = if is_text { "" } else { "give it `min` and `max` less than 64 apart, or " };
+    let is_integer = matches!(variable.declaration.kind, Kind::Integer { .. });
+    let limits = if is_integer { "give it `min` and `max` less than 64 apart, or " } else { "" };
     if variable.role == Role::Input {
-        let instead = if is_text { "use an enumeration or a Boolean" } else { "use an enumeration" };
+        let instead = match variable.declaration.kind {
+            Kind::Float32(_) => "use the number type of the equations",
+            Kind::String { .. } | Kind::Binary { .. } => "use an enumeration or a Boolean",
+            _ => "use an enumeration",
+        };
         return Some(format!("the equations may read the input `{name}`, which can have any value; {limits}{instead}"));
     }
     let field = field_of::<M::Parameters>(variable);

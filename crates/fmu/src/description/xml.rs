@@ -7,14 +7,21 @@ use quick_xml::events::{BytesDecl, Event};
 use quick_xml::{ElementWriter, Writer};
 
 use super::LOG_CATEGORIES;
+use crate::calls::Version;
 use crate::enumeration::Item;
 use crate::model::Info;
+use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{Declaration, Kind, Layout, Role, Variable};
 
 pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
+}
+
+/// The shortest text that parses to the same number in the precision of the variable.
+fn number_of(kind: &Kind, value: f64) -> String {
+    if matches!(kind, Kind::Float32(_)) { format!("{:?}", value as f32) } else { number(value) }
 }
 
 pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
@@ -120,7 +127,7 @@ pub(super) fn with_references(xml: &str) -> String {
 pub(super) fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     let mut units: BTreeMap<&str, (Unit, Vec<DisplayUnit>)> = BTreeMap::new();
     for variable in &layout.variables {
-        let Kind::Real(real) = &variable.declaration.kind else { continue };
+        let Some(real) = variable.declaration.kind.real() else { continue };
         if real.unit.is_declared() {
             let (_, display) = units.entry(real.unit.name).or_insert_with(|| (real.unit, Vec::new()));
             for one in real.unit.display.iter().copied().chain(real.display) {
@@ -203,10 +210,11 @@ pub(super) fn attributes<M: Model>(
     (attributes.collect(), initial != "calculated")
 }
 
-pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attributes {
+pub(super) fn type_attributes(layout: &Layout, variable: &Variable, version: Version) -> Attributes {
     let mut attributes = Vec::new();
-    match &variable.declaration.kind {
-        Kind::Real(real) => {
+    let kind = &variable.declaration.kind;
+    match kind {
+        Kind::Real(real) | Kind::Float32(real) => {
             if real.unit.is_declared() {
                 attributes.push(("unit", real.unit.name.to_owned()));
             }
@@ -214,18 +222,25 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attribute
             // 1 is the default. It is written for states only, because solvers use their nominal values.
             let nominal = real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State);
             for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal)] {
-                attributes.extend(value.map(|value| (name, number(value))));
+                attributes.extend(value.map(|value| (name, number_of(kind, value))));
             }
         }
-        Kind::Integer { min, max, items, type_name, is_enumeration, .. } => {
+        Kind::Integer { size, min, max, items, type_name, is_enumeration, .. } => {
             if !items.is_empty() {
                 attributes.push(("declaredType", simple_type(layout, type_name, *is_enumeration)));
             }
-            for (name, value, none) in [("min", min, i32::MIN), ("max", max, i32::MAX)] {
-                if *value != none {
+            // The limits of the type are the default. In FMI 2.0, all types are Integers of 32 bits.
+            let range = size.range();
+            let is_other = version == Version::Fmi2 && *size != Size::Int32;
+            for (name, value, none) in [("min", min, range.start()), ("max", max, range.end())] {
+                if is_other || value != none {
                     attributes.push((name, value.to_string()));
                 }
             }
+        }
+        Kind::Binary { most, mime, .. } => {
+            attributes.extend((!mime.is_empty()).then(|| ("mimeType", (*mime).to_owned())));
+            attributes.push(("maxSize", most.to_string()));
         }
         Kind::Boolean { .. } | Kind::String { .. } => {}
     }
@@ -234,10 +249,11 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable) -> Attribute
 
 pub(super) fn start(variable: &Variable) -> String {
     match &variable.declaration.kind {
-        Kind::Real(real) => number(real.start),
+        kind @ (Kind::Real(real) | Kind::Float32(real)) => number_of(kind, real.start),
         Kind::Integer { start, .. } => start.to_string(),
         Kind::Boolean { start } => start.to_string(),
         Kind::String { start } => start.clone(),
+        Kind::Binary { start, .. } => start.iter().map(|byte| format!("{byte:02x}")).collect(),
     }
 }
 
@@ -248,20 +264,20 @@ pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> 
     if is_both { format!("{name}Enumeration") } else { name.to_owned() }
 }
 
-/// Writes the types of enumerations, sorted by name. `write` gets the attributes of a type, its items, and the limits
-/// of an Integer. Most types are Integers, because several masters cannot set FMI enumerations; the description of such
-/// a type lists the meanings of the numbers.
+/// Writes the types of enumerations, sorted by name. `write` gets the attributes of a type, its items, and the size and
+/// limits of an Integer. Most types are Integers, because several masters cannot set FMI enumerations; the description
+/// of such a type lists the meanings of the numbers.
 pub(super) fn type_definitions(
     xml: &mut Xml,
     layout: &Layout,
-    write: impl Fn(&mut Xml, Attributes, &[Item], Option<Attributes>) -> Written,
+    write: impl Fn(&mut Xml, Attributes, &[Item], Option<(Size, Attributes)>) -> Written,
 ) -> Written {
     let mut types = BTreeMap::new();
     for variable in &layout.variables {
-        if let Kind::Integer { items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
+        if let Kind::Integer { size, items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
             && !items.is_empty()
         {
-            let limits = (!is_enumeration).then(|| vec![("min", min.to_string()), ("max", max.to_string())]);
+            let limits = (!is_enumeration).then(|| (*size, vec![("min", min.to_string()), ("max", max.to_string())]));
             types.insert(simple_type(layout, type_name, *is_enumeration), (*items, limits));
         }
     }

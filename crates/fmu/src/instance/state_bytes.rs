@@ -14,7 +14,7 @@ use crate::variable::{Kind, Layout, Role, Variable};
 use crate::variables::Derived as _;
 
 const MAGIC: &[u8; 8] = b"FMURS\r\n\0";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// FNV-1a, 64 bits: detects damaged bytes, not crafted ones.
 pub(crate) fn checksum(bytes: &[u8]) -> u64 {
@@ -22,8 +22,12 @@ pub(crate) fn checksum(bytes: &[u8]) -> u64 {
 }
 
 fn write_text(out: &mut Vec<u8>, text: &str) {
-    out.extend(u32::try_from(text.len()).expect("texts are shorter than 4 GiB").to_le_bytes());
-    out.extend(text.as_bytes());
+    write_bytes(out, text.as_bytes());
+}
+
+fn write_bytes(out: &mut Vec<u8>, bytes: &[u8]) {
+    out.extend(u32::try_from(bytes.len()).expect("values are shorter than 4 GiB").to_le_bytes());
+    out.extend(bytes);
 }
 
 /// Serializes a snapshot. The bytes depend only on the state, not on which results were read.
@@ -40,9 +44,10 @@ pub(crate) fn write<M: Model>(
         let index = variable.index;
         match variable.declaration.kind {
             Kind::Real(_) => values.reals[index] = starts.reals[index],
-            Kind::Integer { .. } => values.integers[index] = starts.integers[index],
+            Kind::Float32(_) | Kind::Integer { .. } => values.words[index] = starts.words[index],
             Kind::Boolean { .. } => values.booleans[index] = starts.booleans[index],
             Kind::String { .. } => values.strings[index].clone_from(&starts.strings[index]),
+            Kind::Binary { .. } => values.binaries[index].set(&starts.binaries[index]),
         }
     }
     let mut out = MAGIC.to_vec();
@@ -57,9 +62,10 @@ pub(crate) fn write<M: Model>(
     out.extend(time.to_le_bytes());
     out.extend(sample.to_le_bytes());
     values.reals.iter().for_each(|value| out.extend(value.to_le_bytes()));
-    values.integers.iter().for_each(|value| out.extend(value.to_le_bytes()));
+    values.words.iter().for_each(|value| out.extend(value.to_le_bytes()));
     out.extend(values.booleans.iter().map(|&value| u8::from(value)));
     values.strings.iter().for_each(|value| write_text(&mut out, value));
+    values.binaries.iter().for_each(|value| write_bytes(&mut out, value));
     // After the start, the tolerance no longer changes, so the flag has no effect.
     out.extend(u32::from(!initialized && snapshot.is_tolerance_set).to_le_bytes());
     // Before the start, the state of the run follows from the values and is not saved.
@@ -152,14 +158,21 @@ pub(crate) fn read<M: Model>(
     for value in &mut values.reals {
         *value = f64::from_le_bytes(source.take()?);
     }
-    for value in &mut values.integers {
-        *value = i32::from_le_bytes(source.take()?);
+    for value in &mut values.words {
+        *value = source.u64()?;
     }
     for value in &mut values.booleans {
         *value = source.take()? != [0];
     }
     for value in &mut values.strings {
         *value = read_text(source)?;
+    }
+    for value in &mut values.binaries {
+        let length = u32::from_le_bytes(source.take()?);
+        if length as usize > value.most() {
+            return Err(format!("a Binary must have at most {} bytes, got {length}", value.most()));
+        }
+        value.set(source.bytes_of(length.into())?);
     }
     let is_tolerance_set = read_switch(source)?;
     let initialized = is_initialized(mode);
@@ -181,8 +194,8 @@ pub(crate) fn read<M: Model>(
                     return Err(format!("'{name}' = {value} is not in [{min}, {max}]"));
                 }
             }
-            kind @ Kind::Integer { .. } if !kind.takes(values.integers[variable.index]) => {
-                return Err(format!("'{name}' = {} is not one of its values", values.integers[variable.index]));
+            kind @ (Kind::Float32(_) | Kind::Integer { .. }) if !kind.takes(values.words[variable.index]) => {
+                return Err(format!("'{name}' = {} is not one of its values", kind.text(values.words[variable.index])));
             }
             Kind::String { .. } if values.strings[variable.index].contains('\0') => {
                 return Err(format!("'{name}' has a zero byte"));

@@ -4,9 +4,10 @@ use std::ffi::CStr;
 
 use super::{CallError, CallResult, Instance, text, texts};
 use crate::calls::{Function, Interface, Mode, Version};
+use crate::number::{Number, Size};
 use crate::runner::Model;
 use crate::store::ValueStore;
-use crate::variable::{Declaration, Kind, Role, Variable, name_in};
+use crate::variable::{Declaration, Kind, Real, Role, Variable};
 
 /// Returns true if a number is finite. Tests the bits, and so does not depend on the floating-point environment of the
 /// host, see [`Instance::may_compute`].
@@ -15,20 +16,42 @@ const fn is_finite(value: f64) -> bool {
     value.to_bits() << 1 < f64::INFINITY.to_bits() << 1
 }
 
-/// FMI 2.0 name of the variable type that a function sets.
-fn type_set_by(function: Function) -> &'static str {
-    let name = if function == Function::SetInt64 { Function::SetInteger } else { function }.name(Version::Fmi2);
-    &name["fmi2Set".len()..]
+/// FMI name of the variable type that a function reads or sets.
+fn type_of(function: Function, version: Version) -> &'static str {
+    let name = function.name(version);
+    // fmi3GetInt64 and fmi3SetInt64 are also for enumerations.
+    if name.ends_with("Int64") && !name.ends_with("UInt64") { "Int64 or Enumeration" } else { &name["fmi2Set".len()..] }
+}
+
+/// Validates a number: it must be a value of the type, and for a parameter, within the limits. The limits of an input
+/// are only information for importers.
+fn word_rule<V: Number>(Variable { role, declaration, .. }: &Variable, value: V) -> Result<(), String> {
+    let kind = &declaration.kind;
+    if kind.takes(value.word()) || (*role == Role::Input && kind.holds(value.word())) {
+        return Ok(());
+    }
+    let expected = match kind {
+        Kind::Integer { items, .. } if !items.is_empty() => {
+            let names: Vec<_> = items.iter().map(|item| format!("{} ({})", item.value, item.name)).collect();
+            names.join(" or ")
+        }
+        Kind::Integer { min, max, .. } => format!("in [{min}, {max}]"),
+        _ => {
+            let range = kind.real().map_or(f64::NEG_INFINITY..=f64::INFINITY, Real::range);
+            format!("a finite number in [{}, {}]", range.start(), range.end())
+        }
+    };
+    Err(format!("must be {expected}, got {value}"))
 }
 
 impl<M: Model> Instance<M> {
     #[cold]
-    fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> CallError {
+    fn unknown_reference(&self, function: Function, reference: u32) -> CallError {
         let version = self.protocol.version;
-        let expected = name_in(version, expected);
+        let expected = type_of(function, version);
         let what = match self.layout().by_reference(reference) {
             Some(variable) => {
-                let found = name_in(version, variable.declaration.kind.type_name());
+                let found = variable.declaration.kind.type_name(version);
                 format!("'{}' of type {found}", variable.declaration.name)
             }
             None => "no variable".to_owned(),
@@ -43,7 +66,7 @@ impl<M: Model> Instance<M> {
         let layout = self.layout();
         let last = references.iter().fold(0, |last, &reference| last.max(reference));
         if last as usize >= layout.reals() && !references.is_empty() {
-            return Err(self.unknown_reference(Function::GetReal, last, "Real"));
+            return self.get_real_of_any_size(references, values);
         }
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
         let calculated = self.is_stale() && references.iter().any(|&reference| waits(reference as usize));
@@ -65,6 +88,35 @@ impl<M: Model> Instance<M> {
             *value = reals[reference as usize];
         }
         Ok(())
+    }
+
+    /// fmi2GetReal if some values have 32 bits.
+    #[cold]
+    fn get_real_of_any_size(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
+        let mut each = |write: &mut dyn FnMut(usize, f64)| {
+            references.iter().enumerate().try_for_each(|(i, &reference)| {
+                let mut value = [0.0];
+                if self.is_float32_of_fmi2(reference) {
+                    value = [self.get_number::<f32>(Function::GetReal, reference)?.into()];
+                } else if (reference as usize) < self.layout().reals() {
+                    self.get_real(&[reference], &mut value)?;
+                } else {
+                    return Err(self.unknown_reference(Function::GetReal, reference));
+                }
+                write(i, value[0]);
+                Ok(())
+            })
+        };
+        // The first pass writes nothing, so that no value is written if a reference is rejected.
+        each(&mut |_, _| {})?;
+        each(&mut |i, value| values[i] = value)
+    }
+
+    /// Returns true for a number of 32 bits in FMI 2.0, which declares it as a Real.
+    fn is_float32_of_fmi2(&self, reference: u32) -> bool {
+        let variable = self.layout().by_reference(reference);
+        let is_float32 = variable.is_some_and(|variable| matches!(variable.declaration.kind, Kind::Float32(_)));
+        self.protocol.version == Version::Fmi2 && is_float32
     }
 
     /// fmi3GetFloat64, which can also read the time and event indicators. Fails like [`Self::get_real`].
@@ -98,50 +150,74 @@ impl<M: Model> Instance<M> {
         self.description.lengths.get(reference as usize).copied().unwrap_or(1)
     }
 
-    /// Rejects an enumeration where FMI 3.0 expects an Int32, and vice versa.
-    pub(crate) fn check_integer(&self, function: Function, reference: u32) -> CallResult {
-        let is_enumeration = self
-            .layout()
-            .by_reference(reference)
-            .is_some_and(|variable| matches!(variable.declaration.kind, Kind::Integer { is_enumeration: true, .. }));
-        let wants_enumeration = matches!(function, Function::GetInt64 | Function::SetInt64);
-        if is_enumeration == wants_enumeration {
-            return Ok(());
-        }
-        let expected = if wants_enumeration { "Enumeration" } else { "Integer" };
-        Err(self.unknown_reference(function, reference, expected))
-    }
-
     #[cold]
     pub(super) fn not_finite(&self, index: usize) -> String {
         let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.clock.time);
         format!("'{name}' = {value} at time {time} s, not a finite number")
     }
 
-    fn other(&self, function: Function, reference: u32, first: u32, end: u32, expected: &str) -> CallResult<usize> {
-        if (first..end).contains(&reference) {
-            Ok((reference - first) as usize)
-        } else {
-            Err(self.unknown_reference(function, reference, expected))
+    /// Index of a value that is not a real number of 64 bits. `is_of` returns true for the type of the function.
+    #[inline]
+    fn other(&self, function: Function, reference: u32, is_of: impl Fn(&Kind) -> bool) -> CallResult<usize> {
+        match self.layout().by_reference(reference) {
+            Some(variable) if is_of(&variable.declaration.kind) => Ok(variable.index),
+            _ => Err(self.unknown_reference(function, reference)),
         }
     }
 
-    fn integer(&self, function: Function, reference: u32) -> CallResult<usize> {
-        self.other(function, reference, self.layout().first_integer, self.layout().first_boolean, "Integer")
+    /// Index of the word of a number. In FMI 3.0, each function is for one type.
+    fn number<V: Number>(&self, function: Function, reference: u32) -> CallResult<usize> {
+        self.other(function, reference, |kind| match (kind, V::SIZE) {
+            (Kind::Float32(_), size) => size.is_none(),
+            (Kind::Integer { .. }, Some(_)) if self.protocol.version == Version::Fmi2 => true,
+            (Kind::Integer { is_enumeration: true, .. }, size) => size == Some(Size::Int64),
+            (Kind::Integer { size, .. }, wanted) => Some(*size) == wanted,
+            _ => false,
+        })
     }
 
     fn boolean(&self, function: Function, reference: u32) -> CallResult<usize> {
-        self.other(function, reference, self.layout().first_boolean, self.layout().first_string, "Boolean")
+        self.other(function, reference, |kind| matches!(kind, Kind::Boolean { .. }))
     }
 
     fn string(&self, function: Function, reference: u32) -> CallResult<usize> {
-        self.other(function, reference, self.layout().first_string, self.layout().end, "String")
+        self.other(function, reference, |kind| matches!(kind, Kind::String { .. }))
     }
 
-    /// fmi2GetInteger.
+    fn binary(&self, function: Function, reference: u32) -> CallResult<usize> {
+        self.other(function, reference, |kind| matches!(kind, Kind::Binary { .. }))
+    }
+
+    /// The functions of FMI 3.0 for numbers other than Float64. Fails if the reference is unknown or the result is not
+    /// finite.
+    pub fn get_number<V: Number>(&mut self, function: Function, reference: u32) -> CallResult<V> {
+        let index = self.readable(function, reference, Self::number::<V>)?;
+        let word = self.values.words[index];
+        if V::SIZE.is_none() && !f32::of(word).is_finite() {
+            let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
+            let (value, time) = (f32::of(word), self.clock.time);
+            return Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")));
+        }
+        Ok(V::of(word))
+    }
+
+    /// fmi2GetInteger. Fails if the reference is unknown or the number does not fit in 32 bits.
     pub fn get_integer(&mut self, reference: u32) -> CallResult<i32> {
-        let index = self.readable(Function::GetInteger, reference, Self::integer)?;
-        Ok(self.values.integers[index])
+        const FUNCTION: Function = Function::GetInteger;
+        let index = self.readable(FUNCTION, reference, Self::number::<i32>)?;
+        let word = self.values.words[index];
+        let Some(Declaration { name, kind: Kind::Integer { size, .. }, .. }) =
+            self.layout().by_reference(reference).map(|variable| &variable.declaration)
+        else {
+            unreachable!("an Integer was found")
+        };
+        let value = size.value(word);
+        i32::try_from(value).map_err(|_| {
+            self.error(
+                FUNCTION,
+                format_args!("'{name}' = {value} does not fit in the 32 bits of an Integer of FMI 2.0"),
+            )
+        })
     }
 
     /// fmi2GetBoolean.
@@ -159,7 +235,14 @@ impl<M: Model> Instance<M> {
         Ok(&self.texts[index])
     }
 
-    /// Index of a value that is not a real number. First updates outputs and calculated parameters if necessary.
+    /// fmi3GetBinary. The bytes are valid until the next call.
+    pub fn get_binary(&mut self, reference: u32) -> CallResult<&[u8]> {
+        let index = self.readable(Function::GetBinary, reference, Self::binary)?;
+        Ok(&self.values.binaries[index])
+    }
+
+    /// Index of a value that is not a real number of 64 bits. First updates outputs and calculated parameters if
+    /// necessary.
     #[inline]
     fn readable(
         &mut self,
@@ -177,7 +260,7 @@ impl<M: Model> Instance<M> {
 
     fn settable(&self, function: Function, reference: u32) -> CallResult<&Variable> {
         let Some(variable) = self.layout().by_reference(reference) else {
-            return Err(self.unknown_reference(function, reference, type_set_by(function)));
+            return Err(self.unknown_reference(function, reference));
         };
         let before_start = self.is_before_start();
         let is_continuous = self.mode == Mode::ContinuousTime;
@@ -239,7 +322,14 @@ impl<M: Model> Instance<M> {
         for (&reference, &value) in references.iter().zip(values) {
             let index = reference as usize;
             if index >= layout.reals() {
-                return Err(self.unknown_reference(Function::SetReal, reference, "Real"));
+                if !self.is_float32_of_fmi2(reference) {
+                    return Err(self.unknown_reference(Function::SetReal, reference));
+                }
+                let variable = self.settable(Function::SetReal, reference)?;
+                let name = &variable.declaration.name;
+                word_rule(variable, value as f32)
+                    .map_err(|rule| self.error(Function::SetReal, format_args!("'{name}' {rule}")))?;
+                continue;
             }
             if !is_finite(value) {
                 let message = format!("'{}' must be finite, got {value}", layout.real_name(index));
@@ -269,9 +359,16 @@ impl<M: Model> Instance<M> {
         }
         // Importers also set parameters to their present values. This must not cause computations.
         let parameters = layout.parameters.reals();
-        let (solver, mut is_changed) = (layout.solver, false);
+        let (reals, solver, mut is_changed) = (layout.reals(), layout.solver, false);
         for (&reference, &value) in references.iter().zip(values) {
             let index = reference as usize;
+            if index >= reals {
+                let variable = self.layout().by_reference(reference);
+                let (index, role) = variable.map(|found| (found.index, found.role)).expect("checked above");
+                let old = std::mem::replace(&mut self.values.words[index], (value as f32).word());
+                is_changed |= role == Role::Parameter && old != (value as f32).word();
+                continue;
+            }
             is_changed |= parameters.contains(&index) && self.values.reals[index].to_bits() != value.to_bits();
             self.is_tolerance_set |= M::HAS_ERROR_CONTROL && solver == Some(index);
             self.values.reals[index] = value;
@@ -283,67 +380,86 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetInteger. Fails, without setting anything, if a reference is unknown, a variable cannot be set in this
-    /// mode, or a value is outside its limits.
+    /// fmi2SetInteger. Fails like [`Self::set_numbers`].
     #[cfg(feature = "testing")]
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
-        self.set_integer_by(Function::SetInteger, references, values)
+        self.set_numbers(Function::SetInteger, references, values)
     }
 
-    /// Sets Integers. `function` is `SetInt64` for enumerations in FMI 3.0.
-    pub(crate) fn set_integer_by(&mut self, function: Function, references: &[u32], values: &[i32]) -> CallResult {
-        let rule = |kind: &Kind, value: &i32| {
-            let Kind::Integer { min, max, items, .. } = kind else { unreachable!("an Integer was found") };
-            if kind.takes(*value) {
-                return Ok(());
-            }
-            let names: Vec<_> = items.iter().map(|c| format!("{} ({})", c.value, c.name)).collect();
-            let expected = if names.is_empty() { format!("in [{min}, {max}]") } else { names.join(" or ") };
-            Err(format!("must be {expected}, got {value}"))
-        };
-        self.set_others(function, references, values, Self::integer, rule, |all| &mut all.integers)
+    /// fmi2SetInteger, and the functions of FMI 3.0 for numbers other than Float64. Fails, without setting anything, if
+    /// a reference is unknown, a variable cannot be set in this mode, or a value is outside its limits.
+    pub fn set_numbers<V: Number>(&mut self, function: Function, references: &[u32], values: &[V]) -> CallResult {
+        let rule = |variable: &Variable, value: &V| word_rule(variable, *value);
+        self.set_others(function, references, values.iter(), Self::number::<V>, rule, |all, index, value| {
+            let old = &mut all.words[index];
+            std::mem::replace(old, value.word()) != value.word()
+        })
     }
 
     /// fmi2SetBoolean. Fails, without setting anything, if a reference is unknown or cannot be set in this mode.
     pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
-        let (function, rule) = (Function::SetBoolean, |_: &Kind, _: &bool| Ok(()));
-        self.set_others(function, references, values, Self::boolean, rule, |all| &mut all.booleans)
+        let (function, rule) = (Function::SetBoolean, |_: &Variable, _: &bool| Ok(()));
+        self.set_others(function, references, values.iter(), Self::boolean, rule, |all, index, value| {
+            std::mem::replace(&mut all.booleans[index], *value) != *value
+        })
     }
 
     /// fmi2SetString. Fails, without setting anything, if a reference is unknown, a variable cannot be set in this
     /// mode, or a string contains a zero byte.
     pub fn set_string(&mut self, references: &[u32], values: &[String]) -> CallResult {
-        let rule = |_: &Kind, value: &String| match value.contains('\0') {
+        let rule = |_: &Variable, value: &String| match value.contains('\0') {
             true => Err("must not contain a zero byte".to_owned()),
             false => Ok(()),
         };
-        self.set_others(Function::SetString, references, values, Self::string, rule, |all| &mut all.strings)?;
+        self.set_others(Function::SetString, references, values.iter(), Self::string, rule, |all, index, value| {
+            let old = &mut all.strings[index];
+            let is_changed = old != value;
+            old.clone_from(value);
+            is_changed
+        })?;
         self.texts = texts(&self.values.strings);
         Ok(())
     }
 
-    /// Sets values that are not real. `index` returns the position of a value in the list `of`; `rule` validates it.
-    fn set_others<V: PartialEq + Clone>(
+    /// fmi3SetBinary. Fails, without setting anything, if a reference is unknown, a variable cannot be set in this
+    /// mode, or a value has more bytes than the variable can hold.
+    pub fn set_binary<'v>(&mut self, references: &[u32], values: impl Iterator<Item = &'v [u8]> + Clone) -> CallResult {
+        let rule = |variable: &Variable, value: &[u8]| match variable.declaration.kind {
+            Kind::Binary { most, .. } if value.len() > most => {
+                Err(format!("must have at most {most} bytes, got {}", value.len()))
+            }
+            _ => Ok(()),
+        };
+        self.set_others(Function::SetBinary, references, values, Self::binary, rule, |all, index, value| {
+            let old = &mut all.binaries[index];
+            let is_changed = **old != *value;
+            old.set(value);
+            is_changed
+        })
+    }
+
+    /// Sets values that are not real numbers of 64 bits. `index` returns the position of a value, `rule` validates it,
+    /// and `set` returns true if it has changed.
+    fn set_others<V>(
         &mut self,
         function: Function,
         references: &[u32],
-        values: &[V],
+        values: impl Iterator<Item = V> + Clone,
         index: impl Fn(&Self, Function, u32) -> CallResult<usize>,
-        rule: impl Fn(&Kind, &V) -> Result<(), String>,
-        of: impl Fn(&mut ValueStore) -> &mut [V],
+        rule: impl Fn(&Variable, V) -> Result<(), String>,
+        set: impl Fn(&mut ValueStore, usize, V) -> bool,
     ) -> CallResult {
         self.check(function)?;
-        for (&reference, value) in references.iter().zip(values) {
+        for (&reference, value) in references.iter().zip(values.clone()) {
             index(self, function, reference)?;
-            let Declaration { kind, name, .. } = &self.settable(function, reference)?.declaration;
-            rule(kind, value).map_err(|rule| self.error(function, format_args!("'{name}' {rule}")))?;
+            let variable = self.settable(function, reference)?;
+            let name = &variable.declaration.name;
+            rule(variable, value).map_err(|rule| self.error(function, format_args!("'{name}' {rule}")))?;
         }
         let mut is_changed = false;
         for (&reference, value) in references.iter().zip(values) {
             let index = index(self, function, reference)?;
-            let old = &mut of(&mut self.values)[index];
-            is_changed |= old != value;
-            old.clone_from(value);
+            is_changed |= set(&mut self.values, index, value);
         }
         let mut variables = references.iter().filter_map(|&reference| self.layout().by_reference(reference));
         if is_changed && variables.any(|variable| variable.role == Role::Parameter) {

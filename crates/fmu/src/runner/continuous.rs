@@ -18,6 +18,7 @@ use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::dual::{Dual, Dual64};
 use crate::expression::{self, Expression};
 use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
+use crate::number::Number as _;
 use crate::relation::{PROBE, Relational, indicator_of};
 use crate::scalar::{Dependencies, Scalar};
 use crate::solver::{InPlace, OnHeap, Problem, Scratch, is_in_place};
@@ -69,13 +70,14 @@ fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
     values.reals[layout.parameters.reals()].iter().for_each(|value| add(value.to_bits()));
-    values.integers.iter().for_each(|&value| add(value as u64));
+    values.words.iter().for_each(|&value| add(value));
     values.booleans.iter().for_each(|&value| add(value.into()));
     let mut add_bytes = |bytes: &[u8]| {
         add(bytes.len() as u64);
         bytes.iter().for_each(|&byte| add(byte.into()));
     };
     values.strings.iter().for_each(|value| add_bytes(value.as_bytes()));
+    values.binaries.iter().for_each(|value| add_bytes(value));
     discrete.save(&mut |word| match word {
         Word::Real(value) => add_bytes(&value.to_bits().to_ne_bytes()),
         Word::Whole(value) => add_bytes(&value.to_ne_bytes()),
@@ -108,9 +110,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let at = At { time, state, inputs, derived, discrete };
         let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));
         let mut all = vec![T::from(0.0); layout.outputs.counts.reals + layout.states.counts.reals];
-        let ValueStore { integers, booleans, strings, .. } = others;
+        let ValueStore { words, booleans, strings, binaries, .. } = others;
         let at = Counts { reals: 0, ..layout.outputs.at };
-        outputs.write(&mut ValuesMut { reals: &mut all, integers, booleans, strings }, at);
+        outputs.write(&mut ValuesMut { reals: &mut all, words, booleans, strings, binaries }, at);
         derivatives.write(&mut ValuesMut::of_reals(&mut all[layout.outputs.counts.reals..]), Counts::ZERO);
         all
     }
@@ -294,9 +296,13 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
                 Some(reals[layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals])
             }
             (Role::Output, Type::Real(_)) => Some(reals[variable.index - layout.outputs.at.reals]),
-            (Role::Output, Type::Integer { .. }) => Some(f64::from(others.integers[variable.index]).into()),
+            (Role::Output, Type::Float32(_)) => Some(f64::from(f32::of(others.words[variable.index])).into()),
+            (Role::Output, Type::Integer { size, .. }) => {
+                Some((size.value(others.words[variable.index]) as f64).into())
+            }
             (Role::Output, Type::Boolean { .. }) => Some(f64::from(others.booleans[variable.index]).into()),
             (Role::Output, Type::String { .. }) => Some(Expression::text(&others.strings[variable.index])),
+            (Role::Output, Type::Binary { .. }) => Some(Expression::bytes(&others.binaries[variable.index])),
             _ => None,
         });
         (all.collect(), is_inspected)

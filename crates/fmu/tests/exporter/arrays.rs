@@ -95,10 +95,11 @@ fn elements_have_names_units_start_values_and_descriptions() {
         .map(|variable| {
             let declaration = &variable.declaration;
             let (start, unit) = match &declaration.kind {
-                Kind::Real(real) => (real.start.to_string(), real.unit.name),
+                Kind::Real(real) | Kind::Float32(real) => (real.start.to_string(), real.unit.name),
                 Kind::Integer { start, .. } => (start.to_string(), ""),
                 Kind::Boolean { start } => (start.to_string(), ""),
                 Kind::String { start } => (start.clone(), ""),
+                Kind::Binary { start, .. } => (format!("{start:?}"), ""),
             };
             format!("{} = {start} {unit}: {}", declaration.name, declaration.description)
         })

@@ -52,7 +52,7 @@ impl Export for WithoutExchange {
 }
 
 /// Messages of an instance.
-type Messages = Mutex<Vec<String>>;
+pub(crate) type Messages = Mutex<Vec<String>>;
 
 unsafe extern "C" fn log(environment: *mut c_void, _: c_int, _: *const c_char, message: *const c_char) {
     // SAFETY: the environment is the test's list, the message is a C string.
@@ -61,9 +61,9 @@ unsafe extern "C" fn log(environment: *mut c_void, _: c_int, _: *const c_char, m
 }
 
 /// An instance of FMI 3.0, freed when dropped.
-struct Instance<E: Export> {
-    component: Component,
-    messages: Box<Messages>,
+pub(crate) struct Instance<E: Export> {
+    pub(crate) component: Component,
+    pub(crate) messages: Box<Messages>,
     model: std::marker::PhantomData<E>,
 }
 
@@ -89,7 +89,7 @@ impl<E: Export> Instance<E> {
         Self { component, messages, model: std::marker::PhantomData }
     }
 
-    fn co_simulation(events: bool) -> Self {
+    pub(crate) fn co_simulation(events: bool) -> Self {
         // SAFETY: strings that end with a zero.
         let this = Self::new(|arguments| unsafe {
             fmi3::instantiate_co_simulation::<E>(arguments, events.into(), events.into(), null(), 0)
@@ -103,13 +103,32 @@ impl<E: Export> Instance<E> {
         Self::new(|arguments| unsafe { fmi3::instantiate_model_exchange::<E>(arguments) })
     }
 
-    fn initialized(self) -> Self {
+    pub(crate) fn initialized(self) -> Self {
         // SAFETY: a live component.
         unsafe {
             assert_eq!(fmi3::enter_initialization_mode::<E>(self.component, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
             assert_eq!(fmi3::exit_initialization_mode::<E>(self.component), Status::Ok);
         }
         self
+    }
+
+    /// A new instance in the same state, by the bytes of the state.
+    pub(crate) fn copied(&self) -> Self {
+        let other = Self::co_simulation(false);
+        let (mut state, mut size) = (null_mut(), 0);
+        // SAFETY: live components; the buffer has the size that the FMU states.
+        unsafe {
+            assert_eq!(fmi3::get_fmu_state::<E>(self.component, &mut state), Status::Ok);
+            assert_eq!(fmi3::serialized_fmu_state_size::<E>(self.component, state, &mut size), Status::Ok);
+            let mut bytes = vec![0; size];
+            assert_eq!(fmi3::serialize_fmu_state::<E>(self.component, state, bytes.as_mut_ptr(), size), Status::Ok);
+            assert_eq!(fmi3::free_fmu_state::<E>(self.component, &mut state), Status::Ok);
+            let made = fmi3::deserialize_fmu_state::<E>(other.component, bytes.as_ptr(), size, &mut state);
+            assert_eq!(made, Status::Ok);
+            assert_eq!(fmi3::set_fmu_state::<E>(other.component, state), Status::Ok);
+            assert_eq!(fmi3::free_fmu_state::<E>(other.component, &mut state), Status::Ok);
+        }
+        other
     }
 
     fn get(&self, references: &[u32], values: &mut [f64]) -> Status {
@@ -125,7 +144,7 @@ impl<E: Export> Instance<E> {
     }
 
     /// Status, true if an event must be handled, true if the step ended early, and the time reached.
-    fn step(&self, time: f64, step: f64) -> (Status, bool, bool, f64) {
+    pub(crate) fn step(&self, time: f64, step: f64) -> (Status, bool, bool, f64) {
         let (mut event, mut end, mut early, mut last) = (7, 7, 7, f64::NAN);
         // SAFETY: a live component and variables to write to.
         let status =
@@ -236,7 +255,12 @@ fn time_events_are_handled_once<E: Export>() {
     let count = |instance: &Instance<E>| {
         let mut value = [0];
         // SAFETY: arrays of these lengths.
-        assert_eq!(unsafe { fmi3::get_int32::<E>(instance.component, &edges, 1, value.as_mut_ptr(), 1) }, Status::Ok);
+        assert_eq!(
+            unsafe {
+                fmi3::get_number::<E, i32>(instance.component, Function::GetInteger, &edges, 1, value.as_mut_ptr(), 1)
+            },
+            Status::Ok
+        );
         value[0]
     };
     // SAFETY: live components, and arrays of their lengths.
@@ -297,7 +321,7 @@ fn messages_name_the_types_of_the_version() {
     let instance = Instance::<Carts>::co_simulation(false);
     let layout = &CartPair::description().layout;
     let mut value = [0.0];
-    assert_eq!(instance.get(&[layout.first_integer], &mut value), Status::Error);
+    assert_eq!(instance.get(&[layout.first_word], &mut value), Status::Error);
     let error = instance.error();
     assert!(error.contains("must be a variable of type Float64, it is"), "{error}");
 }
@@ -367,7 +391,9 @@ fn messages_about_enumerations_name_their_function() {
     let instance = Instance::<Types>::co_simulation(false);
     let listed = reference::<DiscreteTypes>("p.listed");
     // SAFETY: arrays of these lengths.
-    let set = |value: i64| unsafe { fmi3::set_int64::<Types>(instance.component, &listed, 1, &value, 1) };
+    let set = |value: i64| unsafe {
+        fmi3::set_number::<Types, i64>(instance.component, Function::SetInt64, &listed, 1, &value, 1)
+    };
     assert_eq!(set(6), Status::Ok);
     assert_eq!(set(5), Status::Error);
     assert!(instance.error().starts_with("fmi3SetInt64: 'p.listed' must be 0 (neutral) or "), "{}", instance.error());

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod arrays;
+mod binaries;
 mod c_interface;
 mod comparisons;
 mod derivatives;
@@ -14,6 +15,7 @@ mod independence;
 mod minimal;
 mod model_exchange;
 mod models;
+mod numbers;
 mod resources;
 mod solvers;
 mod sources;

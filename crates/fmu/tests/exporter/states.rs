@@ -172,7 +172,7 @@ fn other_bytes_are_rejected_with_a_reason() {
     );
     let mut newer = bytes.clone();
     newer[8] = 9;
-    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 4, got 9");
+    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 5, got 9");
     assert_eq!(
         message(&Fmu::<Fragile>::ready().bytes()),
         format!(

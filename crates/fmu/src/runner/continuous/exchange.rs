@@ -123,10 +123,11 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
                 let position = Counts { reals: 0, ..layout.outputs.at };
                 let outputs = p.outputs(at);
                 if layout.outputs.has_others() {
-                    // Outputs that are not real are discrete and keep their values between events.
-                    let ValueStore { mut integers, mut booleans, mut strings, .. } = values.clone();
-                    let (integers, booleans, strings) = (&mut integers, &mut booleans, &mut strings);
-                    outputs.write(&mut ValuesMut { reals: unknown, integers, booleans, strings }, position);
+                    // The other outputs are discrete and keep their values between events.
+                    let ValueStore { mut words, mut booleans, mut strings, mut binaries, .. } = values.clone();
+                    let (words, booleans) = (&mut words, &mut booleans);
+                    let (strings, binaries) = (&mut strings, &mut binaries);
+                    outputs.write(&mut ValuesMut { reals: unknown, words, booleans, strings, binaries }, position);
                 } else {
                     outputs.write(&mut ValuesMut::of_reals(unknown), position);
                 }

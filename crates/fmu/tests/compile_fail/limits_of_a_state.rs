@@ -10,13 +10,13 @@ pub struct Cart {
 #[derive(State)]
 pub struct X<T> {
     /// Position (m)
+    #[var(min = 0.0)]
     x: T,
 }
 
 #[derive(Inputs)]
 pub struct U<T> {
     /// Momentum (kg.m/s)
-    #[var(min = 0.0)]
     p: T,
 }
 

@@ -31,7 +31,7 @@ pub struct Gain {
 #[derive(Inputs)]
 pub struct U {
     /// Control error (1)
-    u: f32,
+    u: u128,
 }
 
 #[derive(Outputs)]
@@ -64,7 +64,7 @@ impl Discrete for Gain {
         Ok(Rates { rate: self.k })
     }
     fn update(&self, sample: Sample<Self>) -> Y {
-        sample.state.integral += f64::from(sample.inputs.u);
+        sample.state.integral += sample.inputs.u as f64;
         Y { y: self.k * sample.state.integral }
     }
 }

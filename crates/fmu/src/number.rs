@@ -1,0 +1,74 @@
+//! Numeric types of variables apart from `f64`. A value is stored in a word of 64 bits.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+/// A number that is stored in a word. Signed integers are sign-extended; an `f32` is stored as its bits.
+pub trait Number: Copy + Display {
+    /// Number of bits and sign of an integer; `None` for `f32`.
+    const SIZE: Option<Size>;
+    /// The number in a word.
+    fn of(word: u64) -> Self;
+    /// The word of the number.
+    fn word(self) -> u64;
+}
+
+impl Number for f32 {
+    const SIZE: Option<Size> = None;
+    #[inline]
+    fn of(word: u64) -> Self {
+        Self::from_bits(word as u32)
+    }
+    #[inline]
+    fn word(self) -> u64 {
+        self.to_bits().into()
+    }
+}
+
+macro_rules! integers {
+    ($($type:ident $name:ident;)*) => {
+        /// Number of bits and sign of an integer.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Size { $(
+            #[doc = concat!("As in `", stringify!($type), "`.")]
+            $name,
+        )* }
+
+        impl Size {
+            /// Name of the type in FMI 3.0.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$name => stringify!($name),)* }
+            }
+            /// All values of the type.
+            pub const fn range(self) -> RangeInclusive<i128> {
+                match self { $(Self::$name => $type::MIN as i128..=$type::MAX as i128,)* }
+            }
+            /// The integer in a word.
+            pub const fn value(self, word: u64) -> i128 {
+                match self { $(Self::$name => word as $type as i128,)* }
+            }
+        }
+
+        $(impl Number for $type {
+            const SIZE: Option<Size> = Some(Size::$name);
+            #[inline]
+            fn of(word: u64) -> Self {
+                word as Self
+            }
+            #[inline]
+            fn word(self) -> u64 {
+                self as u64
+            }
+        })*
+    };
+}
+integers! {
+    i8 Int8;
+    u8 UInt8;
+    i16 Int16;
+    u16 UInt16;
+    i32 Int32;
+    u32 UInt32;
+    i64 Int64;
+    u64 UInt64;
+}
