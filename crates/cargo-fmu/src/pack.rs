@@ -155,7 +155,8 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
         ));
     }
     let (models, descriptions) = describe(workspace, models, &format, &arguments.cargo)?;
-    for (model, description) in models.iter().zip(&descriptions) {
+    // Examples are exempt: their names can come from other projects.
+    for (model, description) in models.iter().zip(&descriptions).filter(|(model, _)| model.is_default) {
         follow_convention(workspace, model, &description.parsed)?;
     }
     let exports: Vec<_> = descriptions.iter().map(|description| description.export(&format)).collect();

@@ -2,7 +2,7 @@
 
 use super::{CheckResult, Report, Trial, derivative_problem, describe, found};
 use crate::Finding;
-use fmu_import::description::{BaseType, Causality, Unknown};
+use fmu_import::description::{BaseType, Causality, DataType, Unknown, Variability};
 
 impl Trial<'_> {
     /// Tests the capabilities that the description declares, except saved states, which have a separate trial.
@@ -82,7 +82,12 @@ impl Trial<'_> {
     /// the model structure must be provided as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and
     /// continuous states.
     pub(super) fn question(&self) -> Option<Question> {
-        let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real && !self.variable(*i).is_array();
+        // A discrete Float32 need not be differentiable.
+        let is_real = |i: &usize| {
+            let variable = self.variable(*i);
+            let is_smooth = variable.data_type == DataType::Float64 || variable.variability == Variability::Continuous;
+            variable.base_type == BaseType::Real && is_smooth && !variable.is_array()
+        };
         let real = |list: &[Unknown]| -> Vec<Unknown> {
             list.iter().filter(|unknown| is_real(&unknown.variable)).cloned().collect()
         };
