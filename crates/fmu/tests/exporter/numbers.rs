@@ -297,6 +297,9 @@ pub(crate) struct SmallInputs {
     float32_input: f32,
     /// Real (m)
     real: f64,
+    /// Unsigned, 64 bits
+    #[var(min = 0, max = 10)]
+    count: u64,
 }
 
 #[derive(Outputs)]
@@ -315,7 +318,7 @@ impl Discrete for Small {
     type Outputs = SmallOutputs;
     type State = ();
     fn update(&self, sample: Sample<Self>) -> SmallOutputs {
-        let SmallInputs { float32_input, real } = *sample.inputs;
+        let SmallInputs { float32_input, real, .. } = *sample.inputs;
         SmallOutputs { float32_sum: self.float32 + float32_input + real as f32, square: self.uint64 * self.uint64 }
     }
 }
@@ -362,6 +365,9 @@ fn fmi_2_has_the_numbers_that_fit() {
         let message = error_of(fmu.0.set_integer(&[of("int8")], &[value]));
         assert!(message.contains(&format!("'int8' must be in [-128, 127], got {value}")), "{message}");
     }
+    let message = error_of(fmu.0.set_integer(&[of("count")], &[-1]));
+    assert!(message.contains("'count' must be in [0, 10], got -1"), "{message}");
+    fmu.0.set_integer(&[of("count")], &[11]).unwrap();
     let message = error_of(fmu.0.set_integer(&[of("uint64")], &[-1]));
     assert!(message.contains("'uint64' must be in [0, 2147483647], got -1"), "{message}");
     fmu.0.set_integer(&[of("uint64")], &[40_000]).unwrap();
