@@ -32,8 +32,8 @@ pub(crate) fn builder() -> Result<Builder> {
     };
     if let Err(rejected) = &toolchain {
         missing.push(format!(
-            "no installed Rust can build for Windows: the Rust in use has no standard library for {ORDINARY}, and none has \
-             the sources of its own ({rejected})"
+            "no installed Rust can build for Windows: the Rust in use has no standard library for {ORDINARY}, and no \
+             installed toolchain has the sources of its own ({rejected})"
         ));
     }
     match toolchain {

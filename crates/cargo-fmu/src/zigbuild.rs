@@ -52,8 +52,8 @@ pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
         Ok(toolchain) => Some(toolchain),
         Err(rejected) => {
             missing.push(format!(
-                "the Rust in use has no standard library for {target}, and there is none with the sources to build one: \
-                 {rejected}"
+                "the Rust in use has no standard library for {target}, and no installed toolchain has the \
+                 sources to build it: {rejected}"
             ));
             help.push(format!(
                 "Run `rustup target add {target}`. Without rustup, on Debian: `apt-get install --no-install-recommends \

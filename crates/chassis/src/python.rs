@@ -32,7 +32,7 @@ impl Python {
     pub(crate) fn find_or_note() -> Option<Self> {
         let found = Self::find();
         if found.is_none() {
-            cargo_fmu::errln!("note: no page is made, because it needs the Python package `chassis_fmu`. {HELP}");
+            cargo_fmu::errln!("note: no page is written, because pages need the Python package `chassis_fmu`. {HELP}");
         }
         found
     }

@@ -224,7 +224,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         // Keep the page of an earlier call rather than make one that contains only failures.
         let is_empty = failures.len() == plan.runs.len();
         if is_empty {
-            errln!("note: no page is made, because all runs failed");
+            errln!("note: no page is written, because all runs failed");
         }
         !is_empty
     });

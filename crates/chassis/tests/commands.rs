@@ -659,7 +659,9 @@ fn a_page_needs_python() {
     support::Build::new("Ramp", "u", "x").pack(&fmus);
     let output = command(folder.path(), &["run", "ramp.toml"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("note: no page is made, because it needs the Python package `chassis_fmu`"));
+    assert!(
+        text(&output.stderr).contains("note: no page is written, because pages need the Python package `chassis_fmu`")
+    );
     for arguments in [&["--engine", "fmpy"][..], &["--parquet"], &["--from-csv", "."]] {
         let output = command(folder.path(), &[&["run", "ramp.toml"], arguments].concat());
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");

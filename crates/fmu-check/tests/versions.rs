@@ -70,12 +70,12 @@ fn defects_of_model_exchange_are_found() {
         (
             three,
             "OTHER_IN_EXCHANGE",
-            "error: fmi3GetContinuousStateDerivatives: gives -4.0 for `x` at the start, but in co-simulation the derivative is -2.0",
+            "error: fmi3GetContinuousStateDerivatives: gives -4.0 for the derivative of `x` at the start, but co-simulation gives -2.0",
         ),
         (
             two,
             "OTHER_IN_EXCHANGE",
-            "error: fmi2GetDerivatives: gives -4.0 for `x` at the start, but in co-simulation the derivative is -2.0",
+            "error: fmi2GetDerivatives: gives -4.0 for the derivative of `x` at the start, but co-simulation gives -2.0",
         ),
         (
             three,

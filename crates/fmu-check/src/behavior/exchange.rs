@@ -451,7 +451,7 @@ impl Exchange<'_> {
         Ok((0..states.len()).find(is_other).map(|i| {
             let [exchange, other] = [derivatives[i], its_derivatives[i]].map(Value::Real);
             let message = format!(
-                "gives {exchange} for `{}` at the start, but in co-simulation the derivative is {other}",
+                "gives {exchange} for the derivative of `{}` at the start, but co-simulation gives {other}",
                 self.names[i]
             );
             Finding::error(self.function("fmi2GetDerivatives", "fmi3GetContinuousStateDerivatives"), message)

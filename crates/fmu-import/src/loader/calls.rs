@@ -127,13 +127,18 @@ pub fn board() -> Option<&'static Board> {
 #[cfg(not(target_family = "wasm"))]
 pub fn publish(file: &File) -> io::Result<()> {
     if file.metadata()?.len() != SIZE as u64 {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "the file of the call board has a wrong size"));
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            "the file for the shared record of calls into FMUs has the wrong size",
+        ));
     }
     // SAFETY: the file is private to this process and its parent, which reads the file but does not truncate it.
     let map = Box::leak(Box::new(unsafe { memmap2::MmapMut::map_mut(file) }?));
     // SAFETY: the map is page-aligned, as long as the file, never unmapped, and accessed only with these atomics.
     let words = unsafe { &*map.as_mut_ptr().cast::<[AtomicU64; WORDS]>() };
-    BOARD.set(Board(words)).map_err(|_| io::Error::other("this process already has a call board"))?;
+    BOARD
+        .set(Board(words))
+        .map_err(|_| io::Error::other("this process already has a shared record of its calls into FMUs"))?;
     board().into_iter().for_each(Board::begin);
     Ok(())
 }
