@@ -52,7 +52,7 @@ fn listed(names: &[String]) -> String {
     if names.is_empty() { "none".to_string() } else { names.join(", ") }
 }
 
-/// FMI 2.0 name of the platform on which this program runs: the folder in `binaries/`.
+/// FMI 2.0 name of the platform on which this program runs. The folder in `binaries/` has this name.
 ///
 /// FMI 2.0 defines names only for 32- and 64-bit x86 on Windows and Linux, and for 64-bit macOS. Other platforms have
 /// their FMI 3.0 names, as in FMPy.
@@ -60,7 +60,7 @@ pub fn platform() -> &'static str {
     platform_of(FmiVersion::V2)
 }
 
-/// Name of the platform on which this program runs, in a version of FMI.
+/// Name of the platform on which this program runs, as an FMI version defines it.
 pub fn platform_of(fmi: FmiVersion) -> &'static str {
     let [v2, v3] = match (std::env::consts::OS, std::env::consts::ARCH) {
         ("linux", "x86_64") => ["linux64", "x86_64-linux"],
@@ -87,7 +87,7 @@ pub struct Archive<R = BufReader<File>> {
 /// Unpacked files of an FMU, deleted when dropped.
 #[derive(Debug)]
 pub struct Unpacked {
-    /// Shared library of this platform.
+    /// Shared library for this platform.
     pub binary: PathBuf,
     /// Folder `resources`; empty if the FMU has none.
     pub resources: PathBuf,
@@ -199,7 +199,8 @@ impl<R: Read + Seek> Archive<R> {
     }
 
     /// Unpacks resources and binaries for this platform. `description` must come from this archive. Fails if the FMU
-    /// does not have the interface or a binary, the archive is damaged, or the temporary folder cannot be written.
+    /// does not have the interface or a binary for this platform, if the archive is damaged, or if the temporary folder
+    /// cannot be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
         let identifier = description.model_identifier(interface).ok_or_else(|| {
             let mut found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();
@@ -285,7 +286,7 @@ fn is_whole(library: &Path) -> io::Result<bool> {
     Ok(library.segments().all(|segment| is_there(segment.file_range())))
 }
 
-/// Checks the declared unpacked size of each entry and the total; [`Archive::unpack`] does not write more.
+/// Checks the declared unpacked size of each entry and their sum. [`Archive::unpack`] never writes more than declared.
 fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     let is_bomb = |size: u64, compressed: u64| size > ANY_RATIO && size / MAX_RATIO > compressed;
     let (mut size, mut compressed) = (0_u64, 0_u64);
@@ -349,7 +350,7 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
         if terminal::is_unsafe(&name) {
             return Err(format!("the entry `{name}` has control characters in its name"));
         }
-        // Different names can be one file: `a/b` and `a/./b`, or a name in two encodings.
+        // Different names can refer to the same file: `a/b` and `a/./b`, or a name in two encodings.
         if !paths.insert(path.trim_end_matches('/').to_owned()) {
             return Err(format!("the entry `{name}` appears twice"));
         }
@@ -359,7 +360,8 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
 }
 
 /// Converts the name of an entry to a path with slashes; a folder's path ends with a slash. Returns `None` if the path
-/// leads out of the archive. Some tools write backslashes. Drive letters are special on Windows only.
+/// leads out of the archive. Backslashes, which some tools write, count as slashes. Colons are rejected on all systems,
+/// because on Windows they follow a drive letter.
 fn path_within(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let is_folder = name.ends_with('/');
@@ -440,7 +442,7 @@ mod tests {
         assert!(text.ends_with("the FMU has no interface for model exchange; it has co-simulation"), "{text}");
     }
 
-    /// FMI 3.0 has other platform names.
+    /// In FMI 3.0, platforms have other names than in FMI 2.0.
     #[test]
     fn binaries_of_fmi_3_are_found() {
         let folder = TempDir::new().unwrap();
@@ -481,7 +483,7 @@ mod tests {
         let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap();
         assert_eq!(std::fs::read_to_string(&unpacked.binary).unwrap(), "code");
         assert_eq!(std::fs::read_to_string(unpacked.resources.join("tables/tire.csv")).unwrap(), "1,2");
-        // The same file, with both separators.
+        // Two entries for the same file: one with backslashes, the other with slashes.
         let entries = [("modelDescription.xml", VEHICLE), (table, "1"), ("resources/tables/tire.csv", "2")];
         let error = Archive::open(&fmu(&folder, &entries)).err().unwrap().to_string();
         assert!(error.ends_with("the entry `resources/tables/tire.csv` appears twice"), "{error}");

@@ -35,9 +35,9 @@ pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *c
 pub struct CallbackFunctions {
     /// Receives messages.
     pub logger: Logger,
-    /// Allocates zeroed memory for a number of objects with a size in bytes.
+    /// Allocates zeroed memory. The arguments are the number of objects and the size of one object in bytes.
     pub allocate_memory: unsafe extern "C" fn(usize, usize) -> *mut c_void,
-    /// Frees this memory; null is allowed.
+    /// Frees memory from `allocate_memory`; null is allowed.
     pub free_memory: unsafe extern "C" fn(*mut c_void),
     /// Called at the end of an asynchronous step; `None` if steps are synchronous.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, RawStatus)>,
@@ -91,9 +91,9 @@ pub type GetDirectionalDerivative = call!(*const Reference, usize, *const Refere
 pub type SetInputDerivatives = call!(*const Reference, usize, *const c_int, *const f64);
 /// `fmi2GetRealOutputDerivatives`: references, their number, orders, values.
 pub type GetOutputDerivatives = call!(*const Reference, usize, *const c_int, *mut f64);
-/// `fmi2DoStep`: time, step, no state will be restored before this time.
+/// `fmi2DoStep`: time, step, true if no earlier state will be restored.
 pub type DoStep = call!(f64, f64, Boolean);
-/// `fmi2GetStatus` and similar functions: kind of `fmi2StatusKind`, value.
+/// `fmi2GetStatus` and similar functions: kind of status (`fmi2StatusKind`), value.
 pub type GetStatus<T> = call!(c_int, *mut T);
 /// `fmi2SetTime`.
 pub type SetTime = call!(f64);
@@ -104,7 +104,7 @@ pub type SetNumbers = call!(*const f64, usize);
 pub type GetNumbers = call!(*mut f64, usize);
 /// `fmi2NewDiscreteStates`.
 pub type NewDiscreteStates = call!(*mut EventInfo);
-/// `fmi2CompletedIntegratorStep`: no state will be restored before this time; enter Event Mode, terminate.
+/// `fmi2CompletedIntegratorStep`: true if no earlier state will be restored; results: enter Event Mode, terminate.
 pub type CompletedIntegratorStep = call!(Boolean, *mut Boolean, *mut Boolean);
 
 /// `fmi2EventInfo`.

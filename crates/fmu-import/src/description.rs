@@ -35,7 +35,7 @@ pub struct ModelDescription {
     pub version: Option<String>,
     /// License.
     pub license: Option<String>,
-    /// Tool that made the FMU.
+    /// Tool that generated the FMU.
     pub generation_tool: Option<String>,
     /// Time at which the FMU was created, as written.
     pub generation_date_and_time: Option<String>,
@@ -277,7 +277,8 @@ impl std::fmt::Display for Value {
 pub struct Variable {
     /// Unique name.
     pub name: String,
-    /// Value reference. Except for aliases, unique for each base type (FMI 2.0) or in the FMU (FMI 3.0).
+    /// Value reference. Except for aliases, it is unique among the variables of the same base type (FMI 2.0) or of the
+    /// FMU (FMI 3.0).
     pub reference: Reference,
     /// Description.
     pub description: Option<String>,
@@ -293,7 +294,7 @@ pub struct Variable {
     pub data_type: DataType,
     /// Dimensions of an array; empty for a scalar.
     pub dimensions: Vec<Dimension>,
-    /// Length of each dimension, for the start values of structural parameters.
+    /// Length of each dimension while all structural parameters have their start values.
     pub lengths: Vec<usize>,
     /// Number of elements: the product of the lengths, 1 for a scalar.
     pub size: usize,
@@ -357,7 +358,7 @@ pub struct OpaqueVariable {
 }
 
 impl Variable {
-    /// Returns true if it is an array.
+    /// Returns true if the variable is an array.
     pub fn is_array(&self) -> bool {
         !self.dimensions.is_empty()
     }
@@ -479,7 +480,7 @@ impl ModelDescription {
         }
     }
 
-    /// File stem of the binary for an interface; `None` if the FMU does not have it.
+    /// File stem of the binary for an interface; `None` if the FMU does not have the interface.
     pub fn model_identifier(&self, interface: Interface) -> Option<&str> {
         self.interface(interface).map(|unit| unit.model_identifier.as_str())
     }

@@ -170,7 +170,7 @@ fn comment(end: &[u8]) -> usize {
     Record(end).length(20)
 }
 
-/// Reads the zip64 end record at a position. It must end at its locator.
+/// Reads the zip64 end record at a position. The record must end where its locator starts.
 fn end_64<R: Read + Seek>(file: &mut R, position: u64, locator: u64) -> Result<Place, DirectoryError> {
     let wrong = || damaged("the zip64 end record is not where its locator says");
     if locator.checked_sub(position).is_none_or(|bytes| bytes < END_64_BYTES as u64) {
@@ -213,7 +213,7 @@ fn entries(mut directory: &[u8], count: u64) -> Result<Vec<Entry>, DirectoryErro
     Ok(entries)
 }
 
-/// Replaces numbers that do not fit in 32 bits with the numbers in the zip64 field, which contains only these.
+/// Replaces numbers that do not fit in 32 bits with the numbers in the zip64 field, which contains no others.
 fn widen(mut extra: &[u8], numbers: [&mut u64; 3]) {
     const ZIP_64: u64 = 1;
     while extra.len() >= 4 {
@@ -336,7 +336,8 @@ mod tests {
             [&self.bytes[..], &list, &end].concat()
         }
 
-        /// Adds a zip64 end record after the list, and these numbers in the ordinary end record.
+        /// Returns the file with a zip64 end record after the list of entries, and with the given numbers in the
+        /// ordinary end record.
         fn finished_64(&self, count_64: usize, [count, size, start]: [usize; 3]) -> Vec<u8> {
             let list = self.list.concat();
             let at = self.bytes.len() + list.len();

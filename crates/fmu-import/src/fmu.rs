@@ -24,7 +24,7 @@ pub enum FmuError {
     /// Error from a call.
     #[error(transparent)]
     Call(#[from] CallError),
-    /// A second instance in this process.
+    /// An instance already exists in this process, and the FMU allows only one.
     #[error("{}: the FMU allows only one instance at a time", .0.display())]
     OnlyOnce(PathBuf),
 }
@@ -58,7 +58,7 @@ impl Binary {
         Library::load(unpacked).map_err(|cause| FmuError::Load { path: self.fmu.clone(), cause })
     }
 
-    /// Loads the files, which another process unpacked.
+    /// Loads the library, which another process has unpacked.
     pub fn load_elsewhere(&self) -> Result<Arc<Library>, FmuError> {
         self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone(), self.signature.clone()).into())
     }
@@ -148,7 +148,7 @@ impl Fmu {
         Ok(library.get_or_init(|| loaded))
     }
 
-    /// The binary, for another process.
+    /// The data with which another process can load the binary.
     pub fn binary(&self) -> &Binary {
         &self.0.binary
     }

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 /// "did you mean …?" with the most similar candidate, if one is similar enough. Ignores case.
 pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    // At most a third of the characters may differ: enough for typing errors, too few for accidental matches. Names of
-    // one character are not similar to others.
+    // At most a third of the characters may differ: enough for typing errors, too few for accidental matches. A name of
+    // one character is not similar to any other name.
     let limit = (name.chars().count() / 3).max(usize::from(name.chars().count() > 1));
     let name = name.to_lowercase();
     // The edit distance is at least the difference in length. This test skips most long names.
@@ -22,7 +22,7 @@ pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>)
 /// Like [`suggestion`], but if no candidate is similar enough, lists those that share the most words with the name.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + Clone) -> Option<String> {
     const SHOWN: usize = 4;
-    // Shorter words match by accident.
+    // Words of one or two characters match by accident.
     let words = |name: &str| -> BTreeSet<String> {
         name.to_lowercase()
             .split(|letter: char| !letter.is_alphanumeric())

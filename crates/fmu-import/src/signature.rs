@@ -112,7 +112,7 @@ impl Signature {
 mod tests {
     use super::*;
 
-    /// References with and without a bit, next to references that are not special.
+    /// Tests references with and without a bit, next to references that are not special.
     #[test]
     fn special_variables_are_found_by_any_reference() {
         for reference in [5, 63, 64, MARKED - 1, MARKED, Reference::MAX] {

@@ -18,7 +18,7 @@ const LOCK: &str = ".lock";
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
-    // Deleted together with its last folder.
+    // The root folder is deleted together with its last folder.
     _root: Arc<Root>,
 }
 

@@ -12,7 +12,7 @@ pub fn entry(model_identifier: &str) -> String {
 
 /// Magic number and version of a module.
 const HEADER: &[u8] = b"\0asm\x01\0\0\0";
-/// Numbers of sections.
+/// Section numbers.
 const IMPORTS: u8 = 2;
 const EXPORTS: u8 = 7;
 /// Kinds of imports and exports.

@@ -47,7 +47,7 @@ impl Place {
 /// An element with its attributes and children in document order.
 #[derive(Debug)]
 pub struct Element {
-    /// Name, without a prefix.
+    /// Name as written, with the namespace prefix if there is one.
     pub name: String,
     /// Place of its start.
     pub place: Place,

@@ -97,7 +97,7 @@ fn all_types_of_fmi_3_are_read_and_set() {
     assert!(strings[1].ends_with('/'), "{}", strings[1]);
     assert_eq!(std::fs::read_to_string(Path::new(&strings[1]).join("note.txt")).unwrap(), "here");
 
-    // The number of values must equal the number of elements, and a function only accepts its type.
+    // The number of values must equal the number of elements, and each function accepts only variables of its type.
     let error = instance.get_real(&[at("w")], &mut [0.0; 2]).unwrap_err();
     assert!(matches!(error.problem, CallProblem::Arguments(_)), "{error}");
     let error = instance.get_integer(&[at("w")], &mut [0; 3]).unwrap_err();
@@ -256,7 +256,8 @@ fn errors_contain_the_function_names_of_the_version() {
     );
 }
 
-/// FMI 3.0.2, section 4.2.1: a step that ends the simulation is complete. An early return was not allowed.
+/// A step that ends the simulation is complete (FMI 3.0.2, section 4.2.1). An early return is an error, because the
+/// importer did not allow it.
 #[test]
 fn steps_that_end_otherwise_are_errors() {
     let ends = Decay { defects: &["ENDS=0.5"], ..Decay::new(FmiVersion::V3) };

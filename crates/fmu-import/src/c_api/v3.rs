@@ -45,18 +45,19 @@ pub type Set<T> = call!(*const Reference, usize, *const T, usize);
 pub type SerializeState = call!(State, *mut u8, usize);
 /// `fmi3DeserializeFMUState`.
 pub type DeserializeState = call!(*const u8, usize, *mut State);
-/// `fmi3GetDirectionalDerivative`, `fmi3GetAdjointDerivative`: unknowns, knowns, seed, sensitivity, each with its number.
+/// `fmi3GetDirectionalDerivative`, `fmi3GetAdjointDerivative`: unknowns, knowns, seed, sensitivity, each followed by
+/// its length.
 pub type GetDerivative = call!(*const Reference, usize, *const Reference, usize, *const f64, usize, *mut f64, usize);
 /// `fmi3GetOutputDerivatives`: references, their number, orders, values, their number.
 pub type GetOutputDerivatives = call!(*const Reference, usize, *const c_int, *mut f64, usize);
-/// `fmi3DoStep`: time, step, no state will be restored before this time; event handling needed, terminate, early return,
-/// last successful time.
+/// `fmi3DoStep`: time, step, true if no earlier state will be restored; results: event handling needed, terminate,
+/// early return, last successful time.
 pub type DoStep = call!(f64, f64, bool, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut f64);
-/// `fmi3UpdateDiscreteStates`: discrete states need update, terminate, nominals changed, values of states changed, next
-/// event time defined, next event time.
+/// `fmi3UpdateDiscreteStates`, results: discrete states need update, terminate, nominals changed, values of states
+/// changed, next event time defined, next event time.
 pub type UpdateDiscreteStates =
     call!(*mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut f64);
-/// `fmi3CompletedIntegratorStep`: no state will be restored before this time; enter event mode, terminate.
+/// `fmi3CompletedIntegratorStep`: true if no earlier state will be restored; results: enter Event Mode, terminate.
 pub type CompletedIntegratorStep = call!(bool, *mut RawBoolean, *mut RawBoolean);
 /// `fmi3GetNumberOfEventIndicators`, `fmi3GetNumberOfContinuousStates`.
 pub type GetNumber = call!(*mut usize);

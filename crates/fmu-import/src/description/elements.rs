@@ -8,9 +8,10 @@ use crate::c_api::Reference;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// Maximum number of elements that become variables, which limits the memory. Further arrays stay arrays.
+/// Maximum number of array elements that become variables. It limits the memory; all further arrays stay arrays.
 const MAX_ELEMENTS: usize = 20_000;
-/// Maximum number of dependencies that are listed element by element. Above it, unknowns depend on all knowns.
+/// Maximum number of dependencies of an array that are listed element by element. If there are more, the elements
+/// depend on all knowns.
 const MAX_DEPENDENCIES: usize = 1_000_000;
 
 /// An element of an array.
@@ -47,7 +48,7 @@ impl ModelDescription {
                 && variable.alias_of.is_none()
                 && variable.base_type != BaseType::String
                 && counted + variable.size <= MAX_ELEMENTS
-                // An FMU may already have a variable with such a name.
+                // An FMU may already have a variable with the name of an element.
                 && !variable.elements().iter().any(|name| self.by_name.contains_key(name));
             if is_chosen {
                 counted += variable.size;
@@ -70,7 +71,7 @@ impl ModelDescription {
     }
 
     /// Replaces arrays with a variable for each element: `a[1]`, `a[2]`, …, or `a[1,1]`, `a[1,2]`, …, row by row.
-    /// Arrays of Strings stay arrays. So do further arrays when the FMU already has 20,000 elements.
+    /// Arrays of Strings stay arrays, as do all further arrays once 20,000 elements are variables.
     #[must_use]
     pub fn with_elements(self) -> Self {
         let references = self.element_references();
@@ -130,7 +131,8 @@ impl ModelDescription {
     }
 }
 
-/// An unknown for each element of an unknown. Each depends on all elements of the arrays on which the unknown depends.
+/// Splits an unknown into one unknown per element. Each of these depends on all elements of the arrays on which the
+/// original unknown depends.
 fn expanded(unknown: &Unknown, places: &[Range<usize>]) -> Vec<Unknown> {
     let own = places[unknown.variable].clone();
     let length = |dependencies: &Vec<usize>| dependencies.iter().map(|i| places[*i].len()).sum::<usize>();

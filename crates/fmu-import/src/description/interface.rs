@@ -52,7 +52,7 @@ pub struct Capabilities {
     pub can_interpolate_inputs: bool,
     /// Maximum order of output derivatives.
     pub max_output_derivative_order: u32,
-    /// `fmi2DoStep` may return before it is done (FMI 2.0).
+    /// `fmi2DoStep` may return before the step is complete (FMI 2.0).
     pub can_run_asynchronously: bool,
     /// Step size of the internal solver (FMI 3.0), s.
     pub fixed_internal_step_size: Option<f64>,

@@ -18,11 +18,13 @@ use std::sync::Arc;
 const MAX_NAME: usize = 4096;
 /// Maximum length of a model identifier, bytes. File systems limit names to 255 bytes with the extension.
 const MAX_IDENTIFIER: usize = 240;
-/// Maximum length of a variable's unit, display unit or quantity, bytes. Every variable of a type has a copy.
+/// Maximum length of a variable's unit, display unit or quantity, bytes. The limit is low, because every variable of a
+/// type has a copy.
 const MAX_INHERITED: usize = 200;
-/// Maximum number of display units of a unit. Every recorded signal has a copy.
+/// Maximum number of display units of a unit. The limit is low, because every recorded signal has a copy.
 const MAX_DISPLAY_UNITS: usize = 100;
-/// Maximum number of elements, whose values are kept in memory, in all arrays and in lists of the model structure.
+/// Maximum number of elements in all arrays together, and in a list of the model structure. The values of all elements
+/// are kept in memory.
 const MAX_ELEMENTS: usize = 10_000_000;
 
 #[derive(Default)]
@@ -119,7 +121,7 @@ impl ModelDescription {
     }
 }
 
-/// Accepts `2.0`, `3.0`, and `3.0.` with a number.
+/// Accepts `2.0`, `3.0`, and `3.0.` followed by a number.
 fn version(text: &str) -> Option<FmiVersion> {
     if text == "2.0" {
         return Some(FmiVersion::V2);
@@ -129,12 +131,13 @@ fn version(text: &str) -> Option<FmiVersion> {
     (rest.is_empty() || rest.strip_prefix('.').is_some_and(is_patch)).then_some(FmiVersion::V3)
 }
 
-/// The elements `name` in the child `list`.
+/// The elements with this name in the child `list`.
 fn children<'a>(parent: &'a Element, list: &str, name: &'a str) -> impl Iterator<Item = &'a Element> {
     parent.child(list).into_iter().flat_map(|l| &l.children).filter(move |c| c.name == name)
 }
 
-/// The model identifier, part of a path. It need not be a C identifier: many tools write others, which `check` reports.
+/// The model identifier, which becomes part of a path. Many tools write identifiers that are invalid in C. They are
+/// accepted here; `check` reports them.
 fn identifier(element: &Element) -> Result<String, XmlError> {
     let text = bounded(element, "modelIdentifier", MAX_IDENTIFIER)?;
     let leads_elsewhere = text.contains(['/', '\\', ':']) || matches!(text, "" | "." | "..");
@@ -206,7 +209,7 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
         .children
         .iter()
         .filter(|c| c.name == "DisplayUnit")
-        // FMI 3.0: a reciprocal, which factor and offset cannot express, is left out.
+        // In FMI 3.0, a display unit can be a reciprocal. It is omitted, because factor and offset cannot express it.
         .filter(|display| !matches!(display.boolean("inverse"), Ok(Some(true))))
         .map(|display| {
             let factor = display.real("factor")?.unwrap_or(1.0);

@@ -5,11 +5,11 @@ use crate::c_api::v3::RawBoolean;
 use crate::description::Value;
 use std::collections::HashMap;
 
-/// Values of arrays, while single elements are read or written.
+/// Values of entire arrays, which are needed to read or write single elements.
 #[derive(Default)]
 pub(super) struct Whole {
     pub(super) reals: Part<f64>,
-    /// Includes Booleans, which have this type in FMI 2.0.
+    /// Includes Booleans, whose C type is the same in FMI 2.0.
     pub(super) integers: Part<i32>,
     pub(super) wide: Part<i64>,
 }
@@ -18,7 +18,7 @@ pub(super) struct Whole {
 pub(super) struct Part<T> {
     /// Values of the array in the present call.
     pub(super) values: Vec<T>,
-    /// Values of arrays that were set before the initialization, when they cannot be read from the FMU.
+    /// Values of arrays that were set before initialization. At that time, the FMU does not allow reading them.
     pub(super) given: HashMap<Reference, Vec<T>>,
 }
 
@@ -56,7 +56,7 @@ impl Kept for i64 {
     }
 }
 
-/// Memory for type conversions. It is kept, so that only the first transfer of an array allocates.
+/// Memory for type conversions. It is reused, so only the first transfer of an array allocates.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     pub(super) bytes: Vec<RawBoolean>,

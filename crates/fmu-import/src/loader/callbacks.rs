@@ -73,8 +73,9 @@ impl Log {
     }
 }
 
-/// Adds a message to the log with this environment. It is never dereferenced, because some FMUs pass a wrong one. Such
-/// a message goes to the only instance, or to the only instance with its name; otherwise it is printed.
+/// Adds a message to the log to which the pointer `environment` belongs. The pointer is never dereferenced, because
+/// some FMUs pass a wrong one. A message with a wrong pointer is added to the log of the only instance, or of the only
+/// instance with the name in the message; otherwise it is printed.
 fn keep(environment: *mut c_void, instance: &str, status: RawStatus, category: String, mut text: String) {
     if text.len() > MAX_MESSAGE {
         let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);

@@ -9,7 +9,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Name of a function with the prefix of its version. Without a literal, the item's name is used.
+/// Name of a function with the prefix of its FMI version. Without a literal, it is the name of the item in `Function`.
 macro_rules! name {
     ($prefix:literal $name:ident) => {
         concat!($prefix, stringify!($name))
@@ -21,7 +21,7 @@ macro_rules! name {
 
 macro_rules! functions {
     ($($interface:expr => $($name:ident $([$v2:literal $v3:literal])?)*;)*) => {
-        /// The functions that the loader calls. A function has one item for both versions.
+        /// The functions that the loader calls. One item stands for a function in both FMI versions.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[repr(u8)]
         pub(super) enum Function { $($(
@@ -88,9 +88,10 @@ impl Function {
     }
 }
 
-/// Function number while a library is loaded, which runs the library's initializers.
+/// Function number while a library is being loaded, which runs the library's initializers.
 const LOADING: u64 = 0xff;
-/// Number of bits for the function, from 1, in [`Word::Call`]. The component is in the upper bits.
+/// Number of low bits in [`Word::Call`] that contain the function number, counted from 1. The upper bits contain the
+/// component.
 const FUNCTION_BITS: u32 = 8;
 const FUNCTIONS: u64 = 127;
 const _: () = assert!(NAMES.len() as u64 <= FUNCTIONS);
@@ -105,7 +106,7 @@ enum Word {
     Steps,
     /// Changes whenever the worker makes progress.
     Pulse,
-    /// The component that is loaded or instantiated.
+    /// Index of the component that is being loaded or instantiated.
     Component,
 }
 const WORDS: usize = 5;
@@ -123,7 +124,8 @@ pub fn board() -> Option<&'static Board> {
     BOARD.get()
 }
 
-/// Makes a file the board of this process until its end. Fails if the file is not from [`create`] or cannot be mapped.
+/// Makes a file the board of this process until the process ends. Fails if the file is not from [`create`] or cannot be
+/// mapped.
 #[cfg(not(target_family = "wasm"))]
 pub fn publish(file: &File) -> io::Result<()> {
     if file.metadata()?.len() != SIZE as u64 {
@@ -203,7 +205,7 @@ impl Board {
 /// Contents of the board of another process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snapshot {
-    /// Index of the component, and name of the function; the name is empty while the library is loaded.
+    /// Index of the component, and name of the function; the name is empty while the library is being loaded.
     pub call: Option<(usize, &'static str)>,
     /// Start of the present step, s.
     pub time: Option<f64>,

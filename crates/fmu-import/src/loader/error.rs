@@ -117,12 +117,13 @@ pub struct CallError {
     pub function: &'static str,
     /// Cause of the error.
     pub problem: CallProblem,
-    /// Messages of the instance since they were last taken, including this call.
+    /// Messages of the instance since its messages were last taken, including those from this call.
     pub messages: Vec<Message>,
 }
 
 impl CallError {
-    /// Returns true if the FMU cannot provide the value, such as the derivative of a root at 0, but can continue.
+    /// Returns true if the FMU cannot provide the value, such as the derivative of a square root at 0, but can
+    /// continue.
     pub fn is_discarded(&self) -> bool {
         self.problem == CallProblem::Status(Status::Discard)
     }

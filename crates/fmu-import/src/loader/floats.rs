@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use std::hint::black_box;
 use std::sync::{Mutex, PoisonError};
 
-/// Tests for rounding to nearest. Requires a masked inexact exception. Costs little compared with a call: reading the
-/// control word takes some nanoseconds.
+/// Returns true if operations round to nearest. If the inexact exception is not masked, this test traps. It is faster
+/// than reading the control word, which takes some nanoseconds.
 #[inline]
 pub(super) fn rounds_to_nearest() -> bool {
     let (one, half_ulp) = (black_box(1.0_f64), black_box(f64::EPSILON / 2.0));
@@ -51,7 +51,7 @@ mod processor {
     const ROUNDING: u64 = 3 << 13;
     const FLUSH_TO_ZERO: u64 = 1 << 15;
 
-    /// An inexact operation does not trap.
+    /// If set, inexact operations do not trap.
     const INEXACT_MASK: u64 = 1 << 12;
 
     impl FloatEnvironment {
@@ -102,7 +102,7 @@ mod processor {
     const TRAPS: u64 = 0x9f00;
     const ROUNDING: u64 = 3 << 22;
 
-    /// An inexact operation traps.
+    /// If set, inexact operations trap.
     const INEXACT_TRAP: u64 = 1 << 12;
 
     impl FloatEnvironment {

@@ -137,7 +137,7 @@ impl Instance {
                         callbacks.environment,
                         log_text,
                     ),
-                    // Unreachable: the table contains one of them.
+                    // Unreachable: the table contains one of the two functions.
                     (None, None) => ptr::null_mut(),
                 },
             }
@@ -246,7 +246,7 @@ impl Instance {
     #[cold]
     fn restore_floats(&mut self, function: Function) {
         if FloatEnvironment::current() == self.floats {
-            // The caller of this function does not round to nearest either.
+            // The rounding mode was already different when the instance was created, so the FMU has not changed it.
             return;
         }
         let function = function.name(self.fmi());
@@ -258,7 +258,8 @@ impl Instance {
         }
     }
 
-    /// Like [`Self::call`], for a function that the FMU may not have; `call` then returns `None`.
+    /// Like [`Self::call`], for a function that the FMU may not have. If the function is missing, `call` must return
+    /// `None`.
     pub(super) fn call_present(
         &mut self,
         function: Function,
@@ -323,7 +324,8 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetupExperiment` without a tolerance, times in s. In FMI 3.0, `fmi3EnterInitializationMode` passes them on.
+    /// `fmi2SetupExperiment` without a tolerance; the times are in s. In FMI 3.0, the times are arguments of the later
+    /// call to `fmi3EnterInitializationMode`.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
         self.experiment = (start, stop);
         // SAFETY: live instance.

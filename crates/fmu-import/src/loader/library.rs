@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A loaded library with the folder of unpacked files that contains it.
 pub struct Library {
     pub(super) functions: Functions,
-    // Must be declared before `_unpacked`: the library is closed before its file is deleted.
+    // Must be declared before `_unpacked`, so that the library is closed before its file is deleted.
     library: system::Library,
     /// A URI (FMI 2.0) or a path (FMI 3.0). The folder always exists, because some FMI 3.0 FMUs crash without it.
     pub(super) resources: CString,
@@ -37,7 +37,7 @@ impl std::fmt::Debug for Library {
 
 impl Library {
     /// Loads the library of an unpacked FMU. Fails if the system cannot load it, it needs Python, a function is
-    /// missing, or it has another FMI version than the description or (FMI 2.0) another types platform than `default`.
+    /// missing, its FMI version differs from the description, or (FMI 2.0) its types platform is not `default`.
     pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
         let board = calls::board();
         if let Some(board) = board {
@@ -115,7 +115,8 @@ impl Library {
     }
 }
 
-/// Functions of an FMI version and of these interfaces that a library, for any platform, does not export.
+/// Functions that these interfaces require in an FMI version, but that a library does not export. The library may be
+/// for any platform.
 pub fn not_exported(
     library: &std::path::Path,
     fmi: FmiVersion,
@@ -125,7 +126,7 @@ pub fn not_exported(
     Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !names.contains(*name)).collect())
 }
 
-/// Names exported by a library, for any platform.
+/// Names that a library exports. The library may be for any platform.
 fn exported(library: &std::path::Path) -> Result<BTreeSet<String>, LoadError> {
     let failed = |reason: &dyn std::fmt::Display| LoadError::of_system(library, reason);
     let bytes = std::fs::read(library).map_err(|error| failed(&error))?;

@@ -36,7 +36,7 @@ pub struct CompletedStep {
 }
 
 impl Instance {
-    /// `fmi2SetTime`, s.
+    /// `fmi2SetTime`; the time is in s.
     pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call_optional(Function::SetTime, Functions::set_time, |f, c| unsafe { f(c, time) })
@@ -142,7 +142,7 @@ impl Instance {
             is_needed_again: needed || info.new_discrete_states_needed != 0,
             terminates: terminate || info.terminate_simulation != 0,
             states_changed: states || info.values_of_continuous_states_changed != 0,
-            // Only one of them was written; the other is 0.
+            // The FMU wrote only one of these times; the other is 0.
             next_event: is_next.then_some(time + info.next_event_time),
         })
     }

@@ -1,8 +1,8 @@
 //! FMI 3.0 values that the plain getters and setters cannot transfer: arrays, and types without a C type in FMI 2.0.
 //!
 //! Each call to the FMU transfers one of these variables. Scalars are converted on the stack. An array element
-//! ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is read and written with
-//! its array.
+//! ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is read and written
+//! together with its entire array.
 
 use super::array_values::{Buffered, Kept};
 use super::calls::Function;
@@ -98,7 +98,8 @@ impl Instance {
         Ok(())
     }
 
-    /// Gets the set values or start values of an array before the initialization; returns false if there are none.
+    /// Before initialization, gets the values to which an array was set, or else its start values. Returns false if
+    /// there are none.
     fn given<T: Kept>(&mut self, array: Reference, values: &mut [T]) -> bool {
         if let Some(given) = T::part(&mut self.whole).given.get(&array) {
             values.copy_from_slice(given);
@@ -314,7 +315,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Number of Booleans that one call transfers.
+    /// Number of Booleans that a call with these variables transfers.
     fn boolean_elements(
         &mut self,
         function: Function,
@@ -424,7 +425,7 @@ pub trait WholeNumber: Kept {
     fn from_whole(number: i64) -> Option<Self>;
     /// Converts to a number; `None` if the value is not a whole number.
     fn whole(self) -> Option<i64>;
-    /// The values, if they have the C type of FMI 2.0.
+    /// The values, if `Self` is the C type of an Integer in FMI 2.0.
     fn plain(_values: &[Self]) -> Option<&[i32]> {
         None
     }

@@ -70,7 +70,7 @@ pub(super) unsafe fn free(memory: *mut c_void) {
     unsafe { libc::free(memory) }
 }
 
-/// Joins the messages of the error and its sources, of which one has the name of a missing symbol or library.
+/// Joins the messages of the error and its sources, one of which contains the name of a missing symbol or library.
 fn reason(error: &libloading::Error) -> String {
     let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
     chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")

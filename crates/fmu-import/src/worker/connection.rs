@@ -1,9 +1,9 @@
 //! The connection between a worker and its parent.
 //!
-//! On Unix, the connection is a pair of sockets. A worker gets one end as its standard input. It moves it to a
-//! descriptor that is closed in programs that the worker starts, and replaces its standard input with `/dev/null`. An
-//! FMU that uses standard streams therefore cannot disturb the protocol. On other systems, the worker connects to the
-//! parent over the loopback interface, and sends a secret word that only this worker got.
+//! On Unix, the connection is a pair of sockets. A worker gets one end as its standard input. It moves this end to
+//! another descriptor, which programs that the worker starts do not inherit, and replaces its standard input with
+//! `/dev/null`. An FMU that uses standard streams therefore cannot disturb the protocol. On other systems, the worker
+//! connects to the parent over the loopback interface, and sends a secret word that only this worker got.
 
 use std::io;
 #[cfg(not(unix))]

@@ -28,7 +28,7 @@ impl Status {
     }
 }
 
-/// The running descendants of this process, newest first, because the newest may end while the others are read.
+/// The running descendants of this process. The newest comes first, because it may end while the others are read.
 pub(super) fn members() -> impl Iterator<Item = (Pid, Status)> {
     let entries = std::fs::read_dir("/proc").into_iter().flatten().filter_map(Result::ok);
     let mut ids: Vec<i32> = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).collect();
@@ -45,7 +45,8 @@ pub(super) fn is_member(id: i32) -> bool {
     id > 1 && id != own && parents.take(DEEPEST).take_while(|id| *id > 1).any(|id| id == own)
 }
 
-/// Name of a process's program, or "a copy of" this program, if an FMU forks without starting another program.
+/// Name of the program that a process executes. If an FMU forked the process without starting another program, the name
+/// begins with "a copy of".
 pub(super) fn name(id: Pid, program: String) -> String {
     let file = |process: &str| std::fs::read_link(format!("/proc/{process}/exe")).ok();
     let is_copy = match file(&id.as_raw_nonzero().to_string()) {

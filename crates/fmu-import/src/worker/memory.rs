@@ -2,9 +2,9 @@
 
 use std::num::NonZeroUsize;
 
-/// Share of the memory for all workers together.
+/// Share of the memory that all workers together may use.
 const PART: f64 = 0.8;
-/// Minimum for a worker, bytes.
+/// Minimum memory limit of a worker, bytes.
 const LEAST: u64 = 1 << 30;
 
 /// Memory limit for each worker, bytes: 80 % of the memory of this machine or container, divided by the number of
@@ -12,7 +12,8 @@ const LEAST: u64 = 1 << 30;
 pub fn memory_share(workers: NonZeroUsize) -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").as_deref().and_then(total)?;
-    // Limit of a container (control groups, version 2 or 1): a word or a huge number if there is none.
+    // Memory limit of a container (control groups, version 2 or 1). Without a limit, the file contains a word or a huge
+    // number.
     let limits = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let limits = limits.iter().filter_map(|path| text(path)?.trim().parse().ok());
     Some(share(limits.fold(machine, u64::min), workers))

@@ -6,7 +6,7 @@ use std::io::{self, Read, Write};
 
 /// Maximum length of a header, bytes. An instance can have 100 log messages of 10,000 bytes.
 const MAX_HEADER: u32 = 256 << 20;
-/// Maximum length of a body, numbers: 8 GB, more than a run can record.
+/// Maximum length of a body, as the number of values. They take 8 GB, more than a run can record.
 const MAX_NUMBERS: u64 = 1 << 30;
 /// Length of the prefix of every message, bytes. It contains the lengths of header and body.
 const PREFIX: usize = 12;
@@ -50,7 +50,7 @@ fn lengths(message: &[u8]) -> (u32, u64) {
 pub struct Numbers<'a>(&'a [u8]);
 
 impl Numbers<'_> {
-    /// The next numbers; `None` if there are fewer.
+    /// The next `count` numbers; `None` if fewer remain.
     pub fn take(&mut self, count: usize) -> Option<Vec<f64>> {
         let (bytes, rest) = self.0.split_at_checked(count.checked_mul(8)?)?;
         self.0 = rest;
@@ -63,7 +63,7 @@ impl Numbers<'_> {
     }
 }
 
-/// Reads messages from a connection, also if a message arrives in parts. The buffer is kept for the next message,
+/// Reads messages from a connection, even if a message arrives in parts. The buffer is kept for the next message,
 /// because allocating it again would cost more than copying.
 #[derive(Debug, Default)]
 pub struct Reader {
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn messages_are_read_as_they_were_written() {
-        // Longer and shorter than the blocks and the buffer. All bits of a number must be kept.
+        // The bodies are longer and shorter than the blocks and the buffer. All bits of a number must be preserved.
         let long: Vec<f64> = (0..40_000).map(f64::from).collect();
         let special = [-0.0, f64::from_bits(0x7ff8_0000_0000_0123), f64::INFINITY];
         let bodies: [&[&[f64]]; 5] = [&[&long, &special, &long], &[], &[&special], &[&[], &long], &[&[1.0], &[2.0]]];

@@ -10,7 +10,8 @@ use std::time::Duration;
 const MAX_LINE: u64 = 1000;
 /// Maximum number of lines that are passed on from a worker.
 const MAX_LINES: usize = 1000;
-/// After the end of a worker, programs that it started can keep its output open. They are waited for this long.
+/// Time limit for reading the remaining output of a worker that has ended. Programs that the worker started can keep
+/// its output open.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Receives the lines that FMUs print, without control characters and line breaks.

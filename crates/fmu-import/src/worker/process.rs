@@ -83,7 +83,7 @@ pub struct Process {
     folder: Folder,
 }
 
-/// The end of a worker before it responded.
+/// A worker that ended before it responded.
 #[derive(Debug)]
 pub struct Ended {
     /// Start of the present step, s.
@@ -107,12 +107,12 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// A stopwatch for each step.
+    /// A stopwatch that limits the time of each step.
     pub fn new(timeout: Duration) -> Self {
         Self { timeout, since: Instant::now(), pulse: None, is_per_step: true }
     }
 
-    /// A stopwatch for all steps together.
+    /// A stopwatch that limits the time of all steps together.
     pub fn of_all(timeout: Duration) -> Self {
         Self { is_per_step: false, ..Self::new(timeout) }
     }
@@ -157,7 +157,8 @@ impl Process {
         if let Some(directory) = &directory {
             command.current_dir(directory);
         }
-        // In a separate group, a worker gets no keyboard signals; signals to its group do not reach this process.
+        // In a separate process group, a worker gets no signals from the keyboard, and signals to its group do not
+        // reach this process.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         if let Some(library) = settings.libpython.as_ref().filter(|_| with_python) {
@@ -211,7 +212,8 @@ impl Process {
                         let ended = self.ended(&format!("not done after {limit} s (--timeout), stopped"));
                         return Err(Ended { is_timeout: true, ..ended });
                     }
-                    // A program that the worker started can keep the connection open.
+                    // The process is checked, too, because a program that the worker started can keep the connection
+                    // open.
                     if let Ok(Some(status)) = self.child.try_wait() {
                         return Err(self.ended(&format!("the process ended ({})", words(status))));
                     }
@@ -235,7 +237,7 @@ impl Process {
         self.reader.body()
     }
 
-    /// Describes the end of the worker; `how` is completed with the call on the board.
+    /// Describes the end of the worker: `how`, followed by the call on the board.
     fn ended(&self, how: &str) -> Ended {
         let snapshot = Snapshot::read(&self.board).ok();
         let call = snapshot.and_then(|snapshot| snapshot.call);
@@ -248,7 +250,7 @@ impl Process {
         Ended { time, component: call.map(|(index, _)| index), message, is_timeout: false }
     }
 
-    /// Waits for a worker that has closed its connection. Returns its status, or `None` if it had to be ended.
+    /// Waits for a worker that has closed its connection. Returns its status, or `None` if the worker had to be killed.
     fn wait(&mut self) -> Option<ExitStatus> {
         let begin = Instant::now();
         while begin.elapsed() < FAREWELL {
@@ -266,7 +268,8 @@ impl Process {
     fn kill(&mut self) {
         use rustix::process::{Pid, Signal, kill_process};
         if let Ok(None) = self.child.try_wait() {
-            // The supervisor ends all other processes first. Its process ID is not reused until it has been waited for.
+            // The supervisor ends all other processes first. Its process ID is not reused until this process has waited
+            // for it.
             let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
             let begin = Instant::now();
             let mut pause = Duration::from_micros(100);

@@ -32,7 +32,8 @@ impl Replies {
     /// Sends a response.
     pub fn send(&mut self, response: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
         self.end_copies();
-        // Must come first, because a worker may be ended after its last response.
+        // The output is flushed before the response is sent, because the parent may end a worker after its last
+        // response.
         flush_prints();
         message::write(&mut self.connection, response, body)
     }

@@ -3,8 +3,8 @@
 //! A worker starts as one process and forks: the first process becomes the supervisor, the second one the worker. If
 //! the parent of a process that an FMU started ends, the process becomes a child of the supervisor
 //! (`PR_SET_CHILD_SUBREAPER`). Therefore no process outlives the worker, even in another process group or as a daemon.
-//! The supervisor ends with the worker's exit code or signal, and on SIGTERM, ends all processes. If the supervisor is
-//! killed, so is the worker.
+//! The supervisor ends with the exit code or signal of the worker. On SIGTERM, it ends all processes. If the supervisor
+//! is killed, so is the worker.
 
 use super::family;
 use super::sandbox::{self, Guard};
@@ -30,7 +30,8 @@ const GRACE: Duration = Duration::from_millis(50);
 /// If a worker used more than this share of its memory limit, its end is reported as possibly caused by the limit.
 const NEARLY_ALL: f64 = 0.8;
 
-/// Forks this process, which must have only one thread, and returns in the worker; if that fails, without supervision.
+/// Forks this process, which must have only one thread, and returns in the worker only. If the fork fails, this process
+/// becomes the worker and is not supervised.
 pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
     let incidents = Setup::incidents(board)?;
     let (ours, theirs) = UnixStream::pair()?;
@@ -47,7 +48,7 @@ pub(super) fn divide(setup: &Setup, board: &Path) -> io::Result<()> {
             if rustix::process::getppid() != Some(supervisor) {
                 return Err(io::Error::other("the supervisor has ended"));
             }
-            // If an FMU sends a signal to its process group, it must not reach the supervisor or the parent.
+            // If an FMU sends a signal to its process group, the signal must not reach the supervisor or the parent.
             rustix::process::setpgid(None, None)?;
             obey(setup, Some(theirs), &incidents)
         }
@@ -192,7 +193,7 @@ fn end_all(worker: Pid, incidents: &File) {
         if found.len() == before {
             for (id, process) in family::members() {
                 let _ = rustix::process::kill_process(id, Signal::KILL);
-                // This process may be new, and was then not stopped.
+                // This process may have started after the others were stopped.
                 if id != worker {
                     found.entry(id).or_insert_with(|| family::name(id, process.program));
                 }

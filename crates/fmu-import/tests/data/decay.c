@@ -91,7 +91,7 @@ static int set_real(Instance *i, unsigned r, double value) {
     else return 3;
     return 0;
 }
-/* Columns of d(der(x), y, w)/d(x, u, v): one element each. */
+/* One element of d(der(x), y, w)/d(x, u, v). */
 static double partial(const Instance *i, unsigned unknown, size_t row, unsigned known, size_t column) {
     if (unknown == DX) return known == X ? -i->m.k : 0;
     if (unknown == X) return known == X ? 1 : 0;

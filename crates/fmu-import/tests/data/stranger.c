@@ -1,7 +1,7 @@
 /* A small hand-written FMI 2.0 FMU for co-simulation: x' = gain * u, solved with the explicit Euler method.
    The compiler's command line defines VERSION, GUID and the statement STEP.
    Real: 0 u, 1 x, 2 gain, 3 start; Integer: 0 failure, 1 count; Boolean: 0 inverted, 1 moved; String: 0 label.
-   Further macros make one defect each. */
+   Each of the other macros adds a defect. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -212,7 +212,7 @@ EXPORT int fmi2DeSerializeFMUstate(void *c, const char *b, size_t n, void **s) {
 #endif
     return 0;
 }
-/* d(x')/d(u) and d(x')/d(gain); the unknown must be 1 */
+/* d(x')/d(u) and d(x')/d(gain); the unknown must be x, variable 1 */
 EXPORT int fmi2GetDirectionalDerivative(void *c, const unsigned *u, size_t nu, const unsigned *k, size_t nk,
                                         const double *dk, double *du) {
     const double *r = ((Instance *)c)->v.real;

@@ -26,7 +26,7 @@ pub(crate) struct Build<'a> {
     pub(crate) step: &'a str,
     /// C declarations at the end of the file.
     pub(crate) declarations: &'a str,
-    /// Time after which all steps are discarded in s, and true if the FMU then requests termination.
+    /// Time in s after which all steps are discarded, and true if the FMU then requests termination.
     pub(crate) ends: Option<(f64, bool)>,
     /// GUID in the description. The binary has the GUID `{name}`.
     pub(crate) guid: &'a str,

@@ -33,7 +33,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
 
 struct VariableReader<'a> {
     variables: Variables,
-    /// The element of each variable; for an alias, the element of its variable.
+    /// The XML element of each variable. For an alias, this is the element of the variable to which it belongs.
     elements: Vec<&'a Element>,
     /// Indices of the variables by value reference; `None` for a Binary or a Clock.
     indices: HashMap<Reference, Option<usize>>,

@@ -80,5 +80,5 @@ pub(super) fn allocate(_count: usize, _size: usize) -> *mut c_void {
 /// Not called: FMUs free their memory through the host.
 ///
 /// # Safety
-/// Always safe; unsafe on other platforms.
+/// There are no conditions; the function is unsafe only because it is unsafe on other platforms.
 pub(super) unsafe fn free(_memory: *mut c_void) {}

@@ -26,7 +26,8 @@ pub(super) enum Kind {
     Program(Place),
     /// Communicates with other programs or machines. The argument is the address family.
     Network(Option<usize>),
-    /// Opens a file, maybe for writing. The flags are in an argument, or with `None`, in the structure after the path.
+    /// Opens a file, possibly for writing. With `Some`, this argument contains the flags. With `None`, the structure
+    /// after the path contains them.
     Open(Place, Option<usize>),
     /// Creates, changes, deletes or renames files.
     Change(&'static [Place]),
@@ -80,7 +81,7 @@ macro_rules! calls {
     };
 }
 
-/// The calls of other processors are not listed here.
+/// The calls of other processors are not listed here, so there is no filter for them.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 pub(super) fn restricted() -> Option<Vec<Call>> {
     None
@@ -208,7 +209,7 @@ pub(super) fn filter(calls: &[Call], worker: u32, listens: bool) -> Vec<sock_fil
             Open(..) | Change(_) => continue,
             _ => DENY,
         };
-        // The instructions for a call return an action or fall through to the next call.
+        // The instructions for a call return an action, or fall through to the instructions for the next call.
         let rest = match call.condition {
             Always => vec![finish(action)],
             Bits(argument, bits) => {

@@ -91,7 +91,8 @@ impl Guard {
             Some(call) => self.decision(call, Caller(&waiting)),
             None => Fails(libc::EPERM),
         };
-        // If the call no longer waits, its thread ID may belong to another thread, whose memory was read.
+        // If the call no longer waits, its thread ID may belong to another thread. The guard has then read the memory
+        // of that thread, so its decision is invalid.
         if !linux::is_waiting(self.listener(), &waiting) {
             return;
         }
@@ -217,7 +218,7 @@ impl Guard {
     }
 
     fn is_writable(&self, path: &Path) -> bool {
-        // Pipes and sockets, which the caller has open, have names that are not absolute paths.
+        // The caller may write to pipes and sockets that it has open. Their names are not absolute paths.
         !path.is_absolute() || self.writable.iter().any(|folder| path.starts_with(folder))
     }
 }
@@ -309,7 +310,7 @@ impl Caller<'_> {
         if follows && let Ok(real) = path.canonicalize() {
             return Some(Ok(real));
         }
-        // For a link to a file that does not exist, the kernel creates the file.
+        // If a link leads to a file that does not exist, the kernel creates this file.
         let mut path = path;
         for _ in 0..MAX_LINKS {
             match path.read_link() {
