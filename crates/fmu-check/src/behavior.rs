@@ -26,11 +26,12 @@ const MOST_PARTS: f64 = 1000.0;
 /// Minimum number of steps of a useful trial run.
 const FEWEST_STEPS: usize = 4;
 
-/// Largest difference due to rounding errors, relative to the peak of an output.
+/// Largest difference that counts as a rounding error, relative to the peak of an output.
 const ROUNDING: f64 = 1e-12;
-/// Largest difference due to a solver if the default experiment has no tolerance: the default of many tools.
+/// Largest difference that counts as an error of the solver, relative to the peak of an output, if the default
+/// experiment has no tolerance. Many tools have this default tolerance.
 const TOLERANCE: f64 = 1e-4;
-/// Lower limit of the peak that differences are divided by.
+/// Differences are divided by the peak of the output, or by this number if the peak is smaller.
 const SMALL: f64 = 1e-9;
 
 type Report<'a> = &'a mut dyn FnMut(Event);
@@ -43,7 +44,7 @@ struct Trial<'a> {
     /// Communication step, s.
     step: f64,
     steps: usize,
-    /// Time of the start, s.
+    /// Start time, s.
     start: f64,
     inputs: Vec<usize>,
     outputs: Vec<usize>,
@@ -59,7 +60,7 @@ struct Trial<'a> {
 type CheckResult<T> = Result<T, CallError>;
 type Stage<'t> = fn(&Trial<'t>, Report<'_>) -> CheckResult<()>;
 
-/// Tests everything that the description promises, and counts it in `checked`.
+/// Tests everything that the description promises. `checked` counts trials, instances and steps.
 pub(super) fn check(
     library: &Arc<Library>,
     description: &ModelDescription,
@@ -101,7 +102,7 @@ pub(super) fn check(
     trial.all(checked, report);
 }
 
-/// Start and communication step of the trials, s: those of the default experiment, if it has them.
+/// Start time and communication step of the trials, s. They are taken from the default experiment if it declares them.
 fn start_and_step(description: &ModelDescription) -> (f64, f64) {
     let experiment = description.default_experiment;
     let start = experiment.start_time.filter(|time| time.is_finite()).unwrap_or(0.0);
@@ -114,18 +115,19 @@ fn start_and_step(description: &ModelDescription) -> (f64, f64) {
     (start, longest.map_or(step, |longest| step.min(longest)))
 }
 
-/// Stop time of the default experiment, s, if there is one after its start.
+/// Stop time of the default experiment, s; `None` if it is missing or not after the start.
 fn stop_time(description: &ModelDescription, start: f64) -> Option<f64> {
     description.default_experiment.stop_time.filter(|stop| stop.is_finite() && *stop > start)
 }
 
-/// Start of a step in the middle of the default experiment, s; without a stop time, of an experiment of 1000 steps.
+/// Start time of a step in the middle of the default experiment, s. Without a stop time, the experiment is assumed to
+/// have 1000 steps.
 fn middle(description: &ModelDescription, start: f64, step: f64) -> f64 {
     let stop = stop_time(description, start).unwrap_or(start + 1000.0 * step);
     start + step * (0.5 * (stop - start) / step).round().max(1.0)
 }
 
-/// Number of latest messages of a failed call that are reported.
+/// Maximum number of messages that are reported for a failed call; these are the latest ones.
 const MOST_SAID: usize = 5;
 
 /// Describes the error of a call: the function, and the messages that the FMU logged.
@@ -133,14 +135,15 @@ fn describe(error: &CallError) -> String {
     let earlier = error.messages.len().saturating_sub(MOST_SAID);
     let said: Vec<_> = error.messages[earlier..].iter().map(|message| message.text.as_str()).collect();
     let problem = error.to_string();
-    // Without the name of the instance, which the check has chosen; the FMU's messages follow in quotes.
+    // Removes the name of the instance, which the check has chosen. The messages of the FMU follow in quotes.
     let problem = problem.lines().next().unwrap_or_default();
     let problem = problem.split_once(": ").map_or(problem, |(_, rest)| rest);
     let earlier = if earlier > 0 { format!("{earlier} earlier messages, ") } else { String::new() };
     if said.is_empty() { problem.to_owned() } else { format!("{problem} ({earlier}\"{}\")", said.join("\", \"")) }
 }
 
-/// Returns the finding about a missing derivative. A discarded call means that the derivative is not finite there.
+/// Returns the finding about a missing derivative. A discarded call means that the derivative is not finite at this
+/// point.
 fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
     let problem = describe(error);
     if error.is_discarded() {
@@ -205,7 +208,7 @@ impl Trial<'_> {
         self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
     }
 
-    /// Returns true if a step continues after its call, as the description allows.
+    /// Returns true if the call of a step returns before the step is complete, and the description allows this.
     fn is_asynchronous(&self) -> bool {
         let is_allowed = self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_run_asynchronously);
         let is_pending = |error: CallError| error.problem == CallProblem::Status(Status::Pending);
@@ -250,11 +253,11 @@ impl Trial<'_> {
         }
     }
 
-    /// Number of steps of a run. One instance can take twice as many. The number is smaller if the FMU ends the
+    /// Number of steps in a run. An instance can make twice as many steps. The number is smaller if the FMU ends the
     /// simulation.
     ///
-    /// The FMU may do so by fmi2Discard and fmi2Terminated, or by the outcome of fmi3DoStep. Other failures are found
-    /// by `runs`.
+    /// An FMU may end the simulation with fmi2Discard and fmi2Terminated, or with a result of fmi3DoStep. The trial
+    /// `runs` reports other failures.
     fn length(&self) -> usize {
         let Ok(mut instance) = self.started("length") else { return STEPS };
         for k in 0..2 * STEPS {
@@ -325,7 +328,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Runs some steps and returns all observed outputs after each, as numbers.
+    /// Runs some steps and returns all observed outputs after each step, as numbers.
     fn go(&self, instance: &mut Instance, steps: std::ops::Range<usize>, parts: usize) -> CheckResult<Vec<f64>> {
         let mut outputs = Vec::new();
         for k in steps {
@@ -354,7 +357,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Checks that a run is finite and the same in another instance.
+    /// Checks that the results of a run are finite, and that another instance has the same results.
     fn runs(&self, report: Report<'_>) -> CheckResult<()> {
         let mut first = self.started("first")?;
         let expected = self.go(&mut first, 0..self.steps, 1)?;
@@ -383,7 +386,7 @@ impl Trial<'_> {
     }
 
     /// Returns the finding if two runs differ: a note for rounding errors, a warning within the tolerance of a solver,
-    /// else an error.
+    /// otherwise an error.
     fn comparison(&self, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> Option<Finding> {
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
         let at = expected.iter().zip(values).position(differs)?;
@@ -446,8 +449,8 @@ fn instantiation(
     true
 }
 
-/// True for a scalar, not an alias, with a start value that [`Value`] can represent. The trials vary such variables one
-/// by one.
+/// True for a scalar that is not an alias and has no start value beyond the range of [`Value`]. The trials vary such
+/// variables one by one.
 fn is_plain(variable: &Variable) -> bool {
     !variable.is_array() && variable.alias_of.is_none() && variable.other_start.is_none()
 }
@@ -458,7 +461,7 @@ fn is_same_derivative(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())
 }
 
-/// Magnitude that changes of a value are compared with.
+/// Magnitude of a value, but at least 1. The trials change a value by a fraction of this magnitude.
 fn size(value: f64) -> f64 {
     value.abs().max(1.0)
 }

@@ -53,7 +53,7 @@ pub enum Topic {
 pub struct Finding {
     /// Severity.
     pub severity: Severity,
-    /// Question that it answers.
+    /// Question that the finding answers.
     pub topic: Topic,
     /// Subject, such as a variable or a function.
     pub subject: String,
@@ -135,10 +135,10 @@ impl Event {
 /// Options of a check.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Options {
-    /// Time limit of the default experiment, after which it is cut.
+    /// Time limit of the default experiment, after which the experiment is stopped.
     pub experiment: Duration,
-    /// Trials to skip. If there are any, findings about the description are skipped, too: the check continues in
-    /// another process after a crash.
+    /// Trials to skip. If there are any, findings about the description are skipped, too: the check continues an
+    /// earlier one, after a crash.
     pub skip: HashSet<String>,
 }
 
@@ -161,7 +161,7 @@ pub struct Checked {
     pub variables: usize,
     /// Entries of the model structure.
     pub unknowns: usize,
-    /// Trials of the binary that made an instance.
+    /// Trials of the binary that created an instance.
     pub trials: Vec<String>,
     /// Number of instances.
     pub instances: usize,
@@ -207,7 +207,7 @@ impl fmt::Display for Checked {
     }
 }
 
-/// Maximum number of findings that are reported; further ones are only counted. One fault may affect every variable.
+/// Maximum number of findings that are reported; all others are only counted. A single fault may affect every variable.
 const MAX_FINDINGS: usize = 1000;
 
 /// Checks a `.fmu` file.
@@ -261,7 +261,7 @@ pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
     findings
 }
 
-/// Imports of a WebAssembly module, which an importer would have to provide.
+/// The finding that a WebAssembly module has imports, which an importer would have to provide.
 fn imports(module: &Path) -> Option<Finding> {
     let names = Names::read(&std::fs::read(module).ok()?)?;
     let message = || {
@@ -341,7 +341,7 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
         });
         match loaded {
             Ok(library) => libraries.push((interface, library)),
-            // One file may be the library of both interfaces.
+            // One file may be the library of both interfaces. Its problem is reported once.
             Err(problem) if problems.contains(&problem) => (),
             Err(problem) => {
                 if is_first {

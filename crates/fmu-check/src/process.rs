@@ -73,7 +73,7 @@ impl Process {
     }
 }
 
-/// The umask of this process, which Linux shows without a change.
+/// The umask of this process. Linux shows it, so it need not be changed to read it.
 fn umask() -> Option<String> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     Some(status.lines().find_map(|line| line.strip_prefix("Umask:"))?.trim().to_owned())

@@ -23,7 +23,7 @@ pub(super) fn check(text: &str, description: &ModelDescription, report: Report<'
     general(description, report);
     definitions(description, report);
     let known = Known::new(description);
-    // An alias follows the rules of its variable.
+    // An alias is not checked, because its variable is.
     for variable in description.variables.iter().filter(|variable| variable.alias_of.is_none()) {
         rules_of_variable(description, variable, &known, report);
     }
@@ -35,7 +35,8 @@ pub(super) fn check(text: &str, description: &ModelDescription, report: Report<'
     elements
 }
 
-/// Checks attributes of variables of FMI 2.0 that the parsed description does not contain as written.
+/// Checks attributes of FMI 2.0 variables that the parsed description does not contain, or contains only in another
+/// form.
 fn written_attributes(root: &Element, report: Report<'_>) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
@@ -264,8 +265,8 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
     }
 }
 
-/// A name of the structured convention (FMI 2.0.4, section 2.2.9): identifiers with indices, joined by dots, in
-/// `der()` or not.
+/// A name of the structured convention (FMI 2.0.4, section 2.2.9): identifiers with indices, joined by dots, optionally
+/// inside `der()`.
 fn is_structured(name: &str) -> bool {
     let inner = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')'));
     let Some(inner) = inner else { return is_identifier(name) };
@@ -411,7 +412,8 @@ fn structure(description: &ModelDescription, report: Report<'_>) {
     }
 }
 
-/// Checks a list of the model structure: complete, no duplicates, and dependencies on possible knowns only.
+/// Checks that a list of the model structure is complete, has no duplicates, and declares dependencies on possible
+/// knowns only.
 fn list(
     description: &ModelDescription,
     name: &str,
@@ -431,7 +433,7 @@ fn list(
         for &dependency in dependencies {
             let known = &variables[dependency];
             let never = known.causality == Causality::CalculatedParameter && !name.starts_with("InitialUnknown");
-            // An output or event indicator may be a state, which is a known.
+            // An output or event indicator that is a state may depend on itself, because states are knowns.
             if (dependency == unknown.variable && !states.contains(&dependency)) || never {
                 error(unknown.variable, format!("cannot depend on `{}` in {name}", known.name));
             }

@@ -19,8 +19,7 @@ enum Response {
     Done,
 }
 
-/// Works for the process that started this one, until the connection to it ends. `board` is the file in which the calls
-/// are announced.
+/// Serves the process that started this one until the connection is closed. `board` is the file of the call board.
 pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }
@@ -36,10 +35,10 @@ fn respond(Request(path, options): Request, _: &[f64], replies: &mut Replies) ->
     replies.send(&Response::Done, &[])
 }
 
-/// Checks a `.fmu` file in a worker and returns the findings and the scope of the check. An FMU that ends the worker is
-/// one more finding; the trials after that one continue in another worker, unless it took too long. Accesses denied by
-/// the sandbox, files that the FMU wrote to the working directory, which is a temporary one, and processes that it left
-/// running are findings, too.
+/// Checks a `.fmu` file in a worker and returns the findings and the scope of the check. If the FMU ends the worker,
+/// this is a finding, and another worker continues with the next trial, unless the trial took too long. Accesses denied
+/// by the sandbox, files that the FMU wrote to the working directory, which is a temporary one, and processes that it
+/// left running are findings, too.
 pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Checked)> {
     let mut findings = Vec::new();
     let mut checked = Checked::default();
@@ -71,7 +70,7 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Chec
             }
         }
         let Some(ended) = ended else { return Ok((findings, checked)) };
-        // The trial ran although it is to be skipped, because the other trials need it.
+        // This trial cannot be skipped, because the other trials need it.
         if options.skip.contains(&trial) {
             return Ok((findings, checked));
         }

@@ -24,7 +24,7 @@ fn found(build: &Build) -> Vec<(Severity, String)> {
 }
 
 /// FMI 2.0.4, section 4.2.2: an FMU ends the simulation with fmi2Discard and fmi2Terminated, as Stair of the Reference
-/// FMUs does. A step that is discarded otherwise is not what the description promises.
+/// FMUs does. An FMU that discards a step without ending the simulation violates its description.
 #[test]
 fn an_fmu_may_end_the_simulation() {
     let build = |ends, flags| Build { ends, flags, ..Build::new("Ends", "u", "x") };
@@ -54,7 +54,7 @@ fn lines(build: &Build) -> Vec<String> {
     lines
 }
 
-/// All capabilities except directional derivatives, because the FMU without defects has only some of them.
+/// All capabilities except directional derivatives, because the FMU without defects has only some derivatives.
 const FLAGS: &str = "canHandleVariableCommunicationStepSize=\"true\" canInterpolateInputs=\"true\" \
                      maxOutputDerivativeOrder=\"2\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"";
 
@@ -98,7 +98,7 @@ fn a_reset_that_keeps_something_is_found() {
     }
 }
 
-/// FMI 2.0.4, section 2.1.8: a state has everything that later steps depend on, including parameters and inputs.
+/// FMI 2.0.4, section 2.1.8: a state contains everything that later steps depend on, including parameters and inputs.
 #[test]
 fn a_state_that_lacks_something_is_found() {
     for (defect, expected) in [
@@ -167,7 +167,7 @@ fn capabilities_that_are_not_there_are_found() {
         let found = build(&[defect, if defect.starts_with("SLOPES") { "NONE" } else { "SLOPES=2" }]);
         assert!(found.iter().any(|line| line.starts_with(expected)), "{expected:?} was expected, not {found:#?}");
     }
-    // An FMU may allow only one instance at a time if its description declares it.
+    // An FMU may allow only one instance at a time if its description declares this.
     let single = |flags: &str| lines(&Build { flags, defects: &["SINGLE"], ..Build::new("Fault", "u", "x") });
     let is_rejected = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
     assert!(single("").iter().any(is_rejected));
@@ -212,8 +212,8 @@ fn directional_derivatives_that_are_rejected_are_found() {
     }
 }
 
-/// FMI 2.0.4, section 2.2.8: in Initialization Mode an initial unknown depends on what its entry names, of any type,
-/// and on nothing else. Variables by number: 1 u, 2 x, 3 gain, 4 start, 5 failure, 6 count, 7 inverted, 8 moved, 9
+/// FMI 2.0.4, section 2.2.8: in Initialization Mode, an initial unknown depends only on the variables, of any type,
+/// that its entry lists. Variables by number: 1 u, 2 x, 3 gain, 4 start, 5 failure, 6 count, 7 inverted, 8 moved, 9
 /// label.
 #[test]
 fn initial_unknowns_that_follow_more_than_they_name_are_found() {

@@ -81,7 +81,7 @@ fn messages_with_a_foreign_environment_are_kept_and_reported() {
     }
 }
 
-/// The default experiment is simulated once, whole: an error late in it is found, with its time.
+/// The default experiment is simulated once from start to stop. An error near its end is reported with its time.
 #[test]
 fn the_default_experiment_is_simulated() {
     for fmi in VERSIONS {
@@ -109,7 +109,7 @@ fn the_default_experiment_is_simulated() {
     }
 }
 
-/// Reference: 400 kB are 391 KiB; a call without them takes some KiB.
+/// Reference: the step uses 400 kB of stack, which are 391 KiB. Without them, a call needs some KiB.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_step_that_takes_much_stack_is_reported() {
@@ -123,11 +123,11 @@ fn a_step_that_takes_much_stack_is_reported() {
     assert_eq!(topic, Topic::Simulation);
 }
 
-/// Times are counted from the start. An FMU that fails only from a later start time gets a warning.
+/// An FMU that fails only if it starts later gets a warning.
 #[test]
 fn another_start_time_is_tried() {
     for fmi in VERSIONS {
-        // 1 s of 2 s is the middle. The default experiment ends before 1.5 s, and so do the runs.
+        // No run reaches 1.41 s, at which the output becomes NaN.
         let edits = [("startTime=\"0\" stopTime=\"1\"", "startTime=\"0\" stopTime=\"1.4\"")];
         let found = findings(&Zoo { fmi, at: 1.41, edits: &edits, ..Zoo::new("nan") });
         assert_eq!(found, []);
@@ -144,7 +144,7 @@ fn another_start_time_is_tried() {
     }
 }
 
-/// A reset before initialization and one after a run are two findings.
+/// A failed reset before initialization and a failed reset after a run are two findings.
 #[test]
 fn resets_are_two_findings() {
     for (fmi, function) in [(FmiVersion::V2, "fmi2Reset"), (FmiVersion::V3, "fmi3Reset")] {
@@ -203,7 +203,7 @@ fn rules_of_the_schema_and_of_variability() {
         assert!(found.iter().any(|finding| finding.to_string().starts_with(expected)), "{expected}: {found:#?}");
         assert!(found.iter().all(|finding| finding.topic == Topic::Standard), "{found:#?}");
     }
-    // Without outputs the list is left out, not empty.
+    // If there are no outputs, the list must be missing, not empty.
     let text = include_str!("../../../tests/zoo/zoo2.xml");
     let list = text.lines().find(|line| line.contains("<Unknown index=\"2\" dependencies=\"1\"/>")).unwrap();
     let found = findings(&Zoo { edits: &[(list, "")], ..Zoo::new("none") });

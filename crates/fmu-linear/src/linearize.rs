@@ -27,10 +27,10 @@ pub struct Linear {
 /// Step of central differences for doubles and for Float32, relative to the value or its nominal value. It is the cube
 /// root of the rounding error (1e-16 and 6e-8), at which rounding and truncation errors are about equal.
 const DIFFERENCE: [f64; 2] = [6e-6, 4e-3];
-/// Maximum number of iterations of the first event.
+/// Maximum number of updates of the discrete states in the first event.
 const ROUNDS: usize = 100;
 
-/// Linearizes an FMU at the start values with these changes. The binary is loaded into this process.
+/// Linearizes an FMU at its start values, some of which `settings` changes. The binary is loaded into this process.
 ///
 /// # Errors
 /// The FMU cannot be used, has no continuous states, or has neither directional derivatives nor the interface for model
@@ -125,7 +125,7 @@ fn by_differences(instance: &mut Instance, inputs: &[&Variable], outputs: &[&Var
     }
     nominals.extend(inputs.iter().flat_map(|input| vec![input.nominal.unwrap_or(1.0); input.size]));
 
-    // The states, then the inputs.
+    // The point contains the states, followed by the inputs.
     let mut point: Vec<f64> = states.iter().chain(&values).copied().collect();
     let mut at = |point: &[f64]| -> Result<Vec<f64>, CallError> {
         let mut found = vec![0.0; number + size(outputs)];
@@ -150,7 +150,7 @@ fn by_differences(instance: &mut Instance, inputs: &[&Variable], outputs: &[&Var
         point[column] = below;
         let low = at(&point)?;
         point[column] = center;
-        // Divided by the actual difference of the two points, not by the nominal step.
+        // The divisor is the distance of the two points, which rounding makes slightly different from twice the step.
         jacobian.extend(high.iter().zip(&low).map(|(high, low)| (high - low) / (above - below)));
     }
     Ok(jacobian)
@@ -194,7 +194,7 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
     }
 }
 
-/// Parses a value from the command line. An Integer may be given as the name of its value.
+/// Parses a value from the command line. An Integer whose values have names may be given by name.
 pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
     let unit = variable.unit.as_ref().map_or_else(String::new, |unit| format!(" in {unit}, without the unit"));
     let expected = |what: &str| format!("`{}` must be {what}, got `{text}`", variable.name);

@@ -33,8 +33,8 @@ pub struct SteadyState {
     pub states: Vec<TrimmedState>,
     /// The inputs that were free, with their values in the units of the variables.
     pub inputs: Vec<(String, f64)>,
-    /// Variables and values, in their units, with which the FMU starts in this state: parameters and inputs as given,
-    /// states, free inputs. Drifting states are included only if given.
+    /// The values with which the FMU starts in this state, in the units of the variables: given parameters and inputs,
+    /// states, and free inputs. A drifting state is included only if it was given.
     pub starts: Vec<(String, Value)>,
     /// Largest derivative of a state at rest, relative to its nominal value, 1/s.
     pub residual: f64,
@@ -47,7 +47,7 @@ pub struct SteadyState {
 }
 
 impl SteadyState {
-    /// The start values as text that [`linearize`](crate::linearize::linearize()) takes.
+    /// The start values as text, in the form that [`linearize`](crate::linearize::linearize()) accepts.
     pub fn settings(&self) -> Vec<(String, String)> {
         self.starts.iter().map(|(name, value)| (name.clone(), value.text())).collect()
     }
@@ -68,20 +68,20 @@ pub struct TrimmedState {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StateRole {
-    /// It rests, at a value that was found.
+    /// It rests at a value that was found.
     Rests,
-    /// It rests, at a value that was given.
+    /// It rests at a value that was given.
     Held,
     /// It integrates other states, and no other state depends on it.
     Drifts,
 }
 
-/// Given and sought values, by indices of variables.
+/// Values that are given and values that are sought. Variables are identified by their indices.
 #[derive(Debug, Clone, Default)]
 pub struct Request {
     /// Parameters and inputs that differ from their start values.
     pub given: Vec<(usize, Value)>,
-    /// States that keep a value; `None` for their start value.
+    /// States that keep a value. `None` means that they keep their start value.
     pub held: Vec<(usize, Option<f64>)>,
     /// Inputs that are sought. The inputs of a group share one value.
     pub free: Vec<Vec<usize>>,
@@ -92,9 +92,9 @@ pub struct Request {
 impl Request {
     /// Creates the request for names and values. `free` are groups of inputs that are sought.
     ///
-    /// A state that is given is held. A plant with the state `vehicle.speed` holds it in any case, and without `free`
-    /// its inputs `drive_torque.*` are sought, as long as none of them is given. `driver.speed` also means the speed of
-    /// such a plant.
+    /// A state that is given is held. The state `vehicle.speed` of a plant is always held. If `free` is empty and none
+    /// of the inputs `drive_torque.*` of such a plant is given, these inputs are sought. For such a plant,
+    /// `driver.speed` is another name of `vehicle.speed`.
     pub fn new(
         description: &ModelDescription,
         settings: &[(String, String)],
@@ -156,7 +156,8 @@ impl Request {
         Ok(request)
     }
 
-    /// Creates the request of a scenario: all inputs are given, and a plant with the state `vehicle.speed` holds it.
+    /// Creates the request for a scenario: all inputs are given, and the state `vehicle.speed` is held if the plant has
+    /// it.
     pub fn of_inputs(description: &ModelDescription, given: Vec<(usize, Value)>, time: f64) -> Self {
         let speed = description.index(SPEED[0]).filter(|speed| states(description).any(|state| state == *speed));
         Self { given, held: speed.map(|speed| (speed, None)).into_iter().collect(), free: Vec::new(), time }

@@ -12,7 +12,7 @@ pub const JOB: &str = "linear";
 
 #[derive(Debug, Serialize, Deserialize)]
 enum Request {
-    /// Linearize a `.fmu` file with other values of these variables, by name.
+    /// Linearize a `.fmu` file with other values for these variables, which are given by name.
     Linearize {
         path: PathBuf,
         changes: Vec<(String, String)>,
@@ -32,8 +32,7 @@ enum Response {
     Failed(String),
 }
 
-/// Works for the process that started this one, until the connection to it ends. `board` is the file in which the calls
-/// are announced.
+/// Serves the process that started this one until the connection is closed. `board` is the file of the call board.
 pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }
@@ -66,7 +65,7 @@ fn ask(settings: &Settings, path: &Path, request: &Request) -> Result<(Process, 
     }
 }
 
-/// Linearizes a `.fmu` file in a worker, at the start values with these changes.
+/// Linearizes a `.fmu` file in a worker, at its start values, some of which `changes` replaces.
 pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)]) -> Result<Linear, String> {
     let request = Request::Linearize { path: path.to_path_buf(), changes: changes.to_vec() };
     let (process, Response::Linear(linear)) = ask(settings, path, &request)? else {

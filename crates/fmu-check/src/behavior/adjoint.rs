@@ -5,7 +5,7 @@ use crate::Finding;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use fmu_import::loader::Instance;
 
-/// Maximum number of elements of unknowns and of knowns that are compared.
+/// Maximum number of elements that are compared, for the unknowns and for the knowns.
 const MOST: usize = 100;
 
 impl Trial<'_> {
@@ -70,7 +70,7 @@ pub(super) fn compare(
         seed.fill(0.0);
         seed[j] = 1.0;
         let mut column = vec![0.0; m];
-        // The trial of capabilities reports an error.
+        // The trial of the capabilities reports this error.
         if instance.get_directional_derivative(&unknown, &known, &seed[..n], &mut column).is_err() {
             return;
         }

@@ -1,4 +1,4 @@
-//! Capabilities: tests each capability that the description promises once.
+//! Tests each capability that the description promises with one example.
 
 use super::{CheckResult, Report, Trial, derivative_problem, describe, found};
 use crate::Finding;
@@ -78,9 +78,9 @@ impl Trial<'_> {
         Ok(slope[0])
     }
 
-    /// Returns a directional derivative to request, preferably one that is probably not 0. Derivatives that are 0 by
-    /// the model structure must be provided as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and
-    /// continuous states.
+    /// Returns a directional derivative to request, preferably one that is probably not 0. Otherwise, returns one that
+    /// is 0 by the model structure; FMUs must provide it, too (FMI 2.0.4, section 2.1.9). Between steps, the knowns are
+    /// inputs and continuous states.
     pub(super) fn question(&self) -> Option<Question> {
         // A discrete Float32 need not be differentiable.
         let is_real = |i: &usize| {

@@ -1,4 +1,4 @@
-//! Dependencies in the model structure: compares the declared dependencies with those observed.
+//! Compares the dependencies that the model structure declares with those that the trials observe.
 
 use super::{CheckResult, Report, Trial, found, size, values};
 use crate::Finding;
@@ -7,9 +7,9 @@ use fmu_import::loader::Instance;
 use std::collections::{BTreeSet, HashSet};
 
 const POINTS: usize = 6;
-/// Largest range of a parameter whose values are all tried.
+/// If the range of an Integer parameter is at most this large, all of its values are tried.
 const MOST_CHOICES: f64 = 8.0;
-/// Maximum number of values read in the search for the dependencies of one list. It takes some seconds.
+/// Maximum number of values that are read to find the dependencies in one list. Reading them takes some seconds.
 const MOST_READ: usize = 50_000_000;
 
 #[derive(Clone)]
@@ -30,7 +30,8 @@ impl Trial<'_> {
         Ok(instance)
     }
 
-    /// Other values of the parameters that select between equations: Booleans, and Integers with few values.
+    /// The parameters that probably select between equations (Booleans, and Integers with few values), with each value
+    /// that is not their start value.
     fn choices(&self) -> Vec<Choice> {
         let values = |variable: &Variable| match (&variable.start, variable.min, variable.max) {
             (Some(Value::Boolean(start)), ..) => vec![Value::Boolean(!start)],
@@ -48,8 +49,8 @@ impl Trial<'_> {
             .collect()
     }
 
-    /// The ends of the ranges of real parameters: the limits, or without limits a change as large as the value.
-    /// Equations may have another structure there than at the start value.
+    /// The ends of the ranges of real parameters. Without a limit, the end differs from the start value by the
+    /// magnitude of this value. At the ends, equations may have another structure than at the start value.
     fn limits(&self) -> Vec<Choice> {
         let ends = |variable: &Variable| match variable.start {
             Some(Value::Real(start)) => {
@@ -67,8 +68,8 @@ impl Trial<'_> {
             .collect()
     }
 
-    /// InitialUnknowns: finds dependencies on inputs, parameters and exact start values of any type in Initialization
-    /// Mode.
+    /// For the list InitialUnknowns, finds dependencies on inputs, parameters and exact start values of any type in
+    /// Initialization Mode.
     pub(super) fn initial_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
         let mut known = self.settable_in_initialization();
         let unknowns = self.description.initial_unknowns.iter();
@@ -87,7 +88,8 @@ impl Trial<'_> {
                 is_sound
             });
         }
-        // At the limits, only states are varied: inputs vary between steps, and parameters have too many pairs.
+        // While a parameter is at its limit, only states are varied. Other trials vary the inputs between steps. A
+        // second parameter is not varied, because there are too many pairs of parameters.
         let states: Vec<usize> = known.into_iter().filter(|&j| self.is_state(j)).collect();
         for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
             search.choice = Some(limit);
@@ -109,13 +111,13 @@ impl Trial<'_> {
         !variable.is_array() && !values::is_wide(variable)
     }
 
-    /// True for a continuous state, which a variable in Derivatives refers to.
+    /// True for a continuous state, whose derivative is in the list Derivatives.
     fn is_state(&self, variable: usize) -> bool {
         let mut derivatives = self.description.derivatives.iter();
         derivatives.any(|unknown| self.variable(unknown.variable).derivative_of == Some(variable))
     }
 
-    /// An instance in Initialization Mode whose variables can be read, if there is one with this choice.
+    /// An instance in Initialization Mode with this choice; `None` if the variables cannot be read.
     fn readable(&self, choice: Option<&Choice>, variables: &[usize]) -> Option<Instance> {
         let mut instance = self.configured("dependencies", choice).ok()?;
         self.values(&mut instance, variables).is_ok().then_some(instance)
@@ -126,7 +128,8 @@ impl Trial<'_> {
         std::iter::once(None).chain(self.choices().into_iter().map(Some))
     }
 
-    /// Outputs and Derivatives: finds dependencies on inputs between steps, if the FMU evaluates inputs at once.
+    /// For the lists Outputs and Derivatives, finds dependencies on inputs between steps, if a new input has an effect
+    /// before the next step.
     pub(super) fn step_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
         let is_real =
             |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
@@ -202,16 +205,18 @@ struct Search<'a> {
     named: Vec<Option<HashSet<usize>>>,
     /// Variables with observed dependencies.
     followed: BTreeSet<usize>,
-    /// Pairs of unknown and known that were reported, because several points show the same pairs.
+    /// Pairs of an unknown and a known that were reported. Each pair is reported only once, although it may be observed
+    /// several times.
     reported: HashSet<(usize, usize)>,
     read: usize,
-    /// The parameter with another value than its start value.
+    /// The parameter whose value differs from its start value.
     choice: Option<Choice>,
 }
 
 impl Search<'_> {
-    /// Changes one known after the other and observes which unknowns change. Ends early if the FMU cannot be read:
-    /// between steps a master may not read after setting inputs (FMI 2.0.4, section 4.2.4), so reading may fail.
+    /// Changes one known after the other and observes which unknowns change. Ends early if the FMU cannot be read. This
+    /// is not an error, because between steps, a master may not read after it has set inputs (FMI 2.0.4, section
+    /// 4.2.4).
     fn look(
         &mut self,
         trial: &Trial<'_>,
@@ -243,7 +248,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Gives a known other values and observes which unknowns change. After an error the instance is unusable.
+    /// Sets a known to other values and observes which unknowns change. After an error, the instance is unusable.
     fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, report: Report<'_>) -> CheckResult<()> {
         if self.is_cut() {
             return Ok(());

@@ -21,14 +21,14 @@ struct Exchange<'a> {
     /// Start time and step of an integration, s.
     start: f64,
     step: f64,
-    /// Value references of the states and their derivatives; they may be arrays. Empty if the description does not give
-    /// every derivative a state of its size, which its rules report.
+    /// Value references of the states and their derivatives, which may be arrays. Both lists are empty if a derivative
+    /// in the description has no state of the same size; `rules` reports this.
     states: Vec<u32>,
     derivatives: Vec<u32>,
-    /// Names of the elements of the states; of the derivatives if there are no such states.
+    /// Names of the elements of the states; if `states` is empty, of the derivatives.
     names: Vec<String>,
     options: &'a Options,
-    /// Number of parts of a step with which the integration stays finite.
+    /// Number of parts into which a step must be divided to keep the integration finite.
     parts: Cell<usize>,
     /// Time that the latest integration has reached, s.
     time: Cell<f64>,
@@ -51,7 +51,8 @@ impl From<CallError> for Failure {
 type Outcome<T> = Result<T, Failure>;
 type Stage<'t> = fn(&Exchange<'t>, Report<'_>) -> Outcome<()>;
 
-/// Tests the calls of an importer by model exchange. `co_simulation` is the library for the other interface, if any.
+/// Tests the calls that an importer makes in model exchange. `co_simulation` is the library for co-simulation, if the
+/// FMU has this interface.
 pub(crate) fn check(
     library: &Arc<Library>,
     co_simulation: Option<&Arc<Library>>,
@@ -129,7 +130,7 @@ pub(crate) fn check(
             }
         };
         finish(name, &exchange, report);
-        // Without a start, nothing else can be tested.
+        // If the FMU cannot be started, nothing else can be tested.
         if !is_settled && exchange.instances.get() == 1 {
             break;
         }
@@ -137,7 +138,8 @@ pub(crate) fn check(
     let name = format!("{MODEL_EXCHANGE}state derivatives as in co-simulation");
     if let Some(other) = co_simulation.filter(|_| !options.skip.contains(&name)) {
         report(Event::trying(name.clone(), Topic::Standard));
-        // The derivatives need not be readable in co-simulation, and other trials have reported errors of other calls.
+        // Errors are ignored: the derivatives need not be readable in co-simulation, and other trials have reported the
+        // errors of other calls.
         if let Ok(Some(finding)) = exchange.agreement(other) {
             found(report, finding);
         }
@@ -158,7 +160,7 @@ impl Exchange<'_> {
         Instance::instantiate(self.library, name, &self.description.guid, false)
     }
 
-    /// Brings an instance to the end of its first event. Returns the time of the next one.
+    /// Brings an instance to the end of its first event. Returns the time of the next event.
     fn start_up(&self, instance: &mut Instance, start: f64, stop: Option<f64>) -> Outcome<Option<f64>> {
         instance.setup_experiment(start, stop)?;
         instance.enter_initialization_mode()?;
@@ -252,7 +254,8 @@ impl Exchange<'_> {
             }
         }
 
-        // The C functions must return the values of the variables in the description.
+        // The functions for states and derivatives must return the values of the variables that are states and
+        // derivatives.
         let mut named = vec![0.0; states.len()];
         if !self.states.is_empty() {
             instance.get_real(&self.states, &mut named)?;
@@ -317,7 +320,8 @@ impl Exchange<'_> {
         true
     }
 
-    /// Checks that a restored state has the states and derivatives it had, also from bytes in a new instance.
+    /// Checks that restoring an FMU state restores the continuous states and their derivatives, also from bytes in a
+    /// new instance.
     fn saved_states(&self, report: Report<'_>) -> Outcome<()> {
         if !self.unit.can_get_and_set_fmu_state {
             return Ok(());
@@ -443,7 +447,7 @@ impl Exchange<'_> {
         let (mut its_states, mut its_derivatives) = (vec![0.0; states.len()], vec![0.0; states.len()]);
         other.get_real(&self.states, &mut its_states)?;
         other.get_real(&self.derivatives, &mut its_derivatives)?;
-        // An event at the start may belong to one interface only.
+        // An event at the start may occur in only one of the interfaces; the derivatives cannot be compared then.
         if states.iter().zip(&its_states).any(|(a, b)| a.to_bits() != b.to_bits()) {
             return Ok(None);
         }

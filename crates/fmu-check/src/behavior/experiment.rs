@@ -5,7 +5,7 @@ use crate::{Finding, Topic};
 use fmu_import::loader::{CallError, CallProblem, Instance, Status};
 use std::time::Instant;
 
-/// Fraction of a step below which the remaining time of the experiment is a rounding error.
+/// If the remaining time of the experiment is less than this fraction of a step, it is a rounding error.
 const NOTHING: f64 = 1e-9;
 
 pub(super) const EXPERIMENT: &str = "the default experiment";
@@ -61,7 +61,8 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Runs from the middle of the default experiment. An FMU may reject this, but its users should know.
+    /// Runs from the middle of the default experiment. An FMU may reject this start time, but its users should know
+    /// that.
     pub(super) fn another_start(&self, report: Report<'_>) -> CheckResult<()> {
         let run = |trial: &Self| {
             let mut instance = trial.started("start")?;
@@ -90,14 +91,15 @@ impl Trial<'_> {
     }
 }
 
-/// Restarts the timeout of a step if another process watches this one: an experiment may take longer.
+/// Restarts the timeout that another process may have set for this one. The timeout is meant for a step, and an
+/// experiment may take longer.
 pub(super) fn progress() {
     if let Some(board) = fmu_import::loader::calls::board() {
         board.pulse();
     }
 }
 
-/// Returns true if the FMU ends the simulation by this error of a step.
+/// Returns true if this error of a step means that the FMU ends the simulation.
 pub(super) fn ends_simulation(instance: &mut Instance, error: &CallError) -> bool {
     let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
     may_end && instance.wants_termination() == Ok(true)

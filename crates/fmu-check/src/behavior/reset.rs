@@ -7,11 +7,12 @@ use fmu_import::loader::{CallProblem, Instance};
 
 #[derive(Clone, Copy)]
 enum Before {
-    /// Every variable that can be set has another value.
+    /// Every variable that can be set is set to another value.
     Settings,
-    /// Every variable that can be set has another value, then as many steps as the FMU takes with these values.
+    /// Every variable that can be set is set to another value. Then the FMU makes as many steps as it accepts with
+    /// these values.
     SettingsAndSteps,
-    /// A run with the start values, then other inputs and tunable parameters.
+    /// After a run with the start values, inputs and tunable parameters are set to other values.
     StepsAndSettings,
 }
 
@@ -26,7 +27,7 @@ impl Trial<'_> {
         self.resets(&[Before::Settings], "before initialization", report)
     }
 
-    /// Checks that a reset after a run discards all settings and the run.
+    /// Checks that a reset after a run discards all settings and all effects of the run.
     pub(super) fn reset_after_run(&self, report: Report<'_>) -> CheckResult<()> {
         self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", report)
     }
@@ -53,8 +54,8 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Returns a used instance, to be reset. Errors on the way are allowed: the values may be invalid, and fmi2Reset
-    /// clears an error.
+    /// Returns an instance that has been used and is about to be reset. Some errors are ignored, because the values may
+    /// be invalid, and fmi2Reset clears an error.
     fn used(&self, before: Before) -> CheckResult<Instance> {
         if let Before::StepsAndSettings = before {
             let mut instance = self.started("reset")?;
@@ -133,7 +134,7 @@ impl Trial<'_> {
         let mut alone = self.started("alone")?;
         let expected = self.go(&mut alone, 0..self.steps, 1)?;
         drop(alone);
-        // In between, another instance makes steps from another time.
+        // Between the steps of this instance, another instance makes steps at later times.
         let mut other = self.started("other")?;
         self.go(&mut other, 0..self.steps, 1)?;
         let mut outputs = Vec::new();

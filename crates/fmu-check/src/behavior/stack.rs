@@ -6,7 +6,8 @@ use fmu_import::loader::CallError;
 
 pub(super) const STACK: &str = "stack";
 
-/// Stack in KiB above which a run gets a warning: threads of importers have 512 KiB to 1 MiB, and use part of it.
+/// If a run needs more stack than this, in KiB, a warning is reported. Threads of importers have 512 KiB to 1 MiB of
+/// stack, and use a part of it themselves.
 const MOST: usize = 256;
 
 impl Trial<'_> {
@@ -33,7 +34,7 @@ impl Trial<'_> {
     }
 }
 
-/// Warns if the largest of these stacks, in KiB, is larger than threads of other programs have.
+/// Warns if the largest of these stacks, in KiB, may be too large for threads of other programs.
 pub(super) fn warn_above_limit(report: Report<'_>, subject: &str, sizes: &[(&str, usize)]) {
     let Some((what, size)) = sizes.iter().rev().max_by_key(|(_, size)| size).filter(|(_, size)| *size > MOST) else {
         return;
@@ -47,21 +48,22 @@ pub(super) fn warn_above_limit(report: Report<'_>, subject: &str, sizes: &[(&str
 
 /// Calls `f` and measures its stack in KiB. Returns `None` where the system does not count single pages.
 pub(super) fn taken<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
-    // A thread that does nothing takes a few pages.
+    // A thread that does nothing uses a few pages. If more are counted, the measurement is too coarse.
     measured(|| ()).filter(|(_, size)| *size <= 32)?;
     measured(f)
 }
 
-/// Runs `f` on a new thread and returns its result with the stack that it touched in KiB, in whole pages; `None` where
-/// the system does not report it.
+/// Runs `f` on a new thread. Returns its result and the size of the stack that it used, in KiB (whole pages); `None` if
+/// the system does not report the size.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn measured<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
     use std::io::{Read as _, Seek as _, SeekFrom};
 
     const PAGE: usize = 4096;
-    /// So large that the thread gets a new stack, not one left behind by another thread.
+    /// Number of pages of the stack. It is so large that the thread gets a new stack, not one that another thread has
+    /// used.
     const PAGES: usize = 16 * 1024;
-    /// Bits of a page that is in memory, or was moved out of it.
+    /// One of these bits is set for a page that is in memory or was swapped out.
     const IN_USE: u64 = 0b11 << 62;
 
     std::thread::scope(|scope| {
@@ -70,7 +72,7 @@ fn measured<R: Send>(f: impl FnOnce() -> R + Send) -> Option<(R, usize)> {
             let top = std::ptr::from_ref(std::hint::black_box(&mark)).addr() / PAGE;
             let result = f();
             let mut file = std::fs::File::open("/proc/self/pagemap").ok()?;
-            // The last pages may be those of the guard and of the memory below.
+            // The last pages may belong to the guard and to the memory below the stack.
             let pages = PAGES - 64;
             let first = top - pages;
             file.seek(SeekFrom::Start(8 * (first as u64 + 1))).ok()?;
@@ -94,7 +96,7 @@ mod tests {
     use super::measured;
     use std::hint::black_box;
 
-    /// Reference: an array of 300 KiB needs its size, and little more.
+    /// Reference: a function with an array of 300 KiB needs 300 KiB of stack, and little more.
     #[test]
     fn the_stack_of_an_array_is_its_size() {
         #[inline(never)]

@@ -6,7 +6,8 @@ use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_import::loader::{Instance, SavedState};
 
 impl Trial<'_> {
-    /// Checks that a restored state continues as before, also from bytes in a new instance.
+    /// Checks that a run from a restored state continues as before, also if the state is restored from bytes in a new
+    /// instance.
     pub(super) fn states(&self, report: Report<'_>) -> CheckResult<()> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
             return Ok(());
@@ -20,7 +21,8 @@ impl Trial<'_> {
         let saved = instance.save_state()?;
         let then = self.values(&mut instance, &self.given())?;
         let expected = self.go(&mut instance, middle..self.steps, 1)?;
-        // A state contains parameters and inputs, too. If a rejected value ends the instance, nothing is compared.
+        // Parameters and inputs are changed, because a state contains them, too. After a rejected value, only outputs
+        // are compared.
         if !self.change(&mut instance, &self.settable_between_steps()).is_empty() {
             return self.go_on(&mut instance, &saved, None, &expected, restored, report).map(drop);
         }
@@ -72,8 +74,8 @@ impl Trial<'_> {
         Ok(self.compare(report, function, message, expected, &again))
     }
 
-    /// Parameters that can differ from their start values in a whole run: as many as possible, so that a state without
-    /// them is detected. Strings are left out, because they may be names of files.
+    /// Parameters that can differ from their start values in a whole run: as many as possible, to detect a state that
+    /// lacks some of them. Strings are excluded, because they may be names of files.
     fn configuration(&self) -> Vec<usize> {
         let of = |types: &[BaseType]| {
             let is_wanted =

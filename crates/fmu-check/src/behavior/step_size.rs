@@ -35,7 +35,8 @@ impl Trial<'_> {
             }
             Ok(rows)
         };
-        // The smallest possible step cannot be halved; other failures with half of it prove nothing.
+        // The step may already have its minimum, so that it cannot be halved. Other failures with half the step prove
+        // nothing.
         let Ok(half) = run(0.5 * max_step) else { return Ok(()) };
         let remedy = "use a smaller one, or a solver with error control";
         let whole = match run(max_step) {

@@ -1,4 +1,4 @@
-//! Values of all types: reads those of an FMU, and chooses other values to set.
+//! Values of all types: reads the values of an FMU, and chooses other values to set.
 
 use super::{CheckResult, Trial, is_plain, size};
 use fmu_import::description::{Causality, DataType, Initial, Value, Variability, Variable};
@@ -40,7 +40,7 @@ impl Trial<'_> {
         })
     }
 
-    /// Parameters and inputs: a master can read what it has set.
+    /// Parameters and inputs. A master can read the values that it has set.
     pub(super) fn given(&self) -> Vec<usize> {
         self.filtered(|variable| matches!(variable.causality, Causality::Parameter | Causality::Input))
     }
@@ -104,7 +104,8 @@ pub(super) fn is_same(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Values near this one, enough to show whether anything depends on the variable. They may be outside the limits.
+/// Values near this one, but different enough to show whether anything depends on the variable. They may be outside the
+/// limits.
 pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
     match value {
         Value::Real(value) => [1e-3, -1e-3].map(|change| Value::Real(value + change * size(*value))).into(),
@@ -112,7 +113,7 @@ pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
     }
 }
 
-/// Other values than this one, within the limits; the first that is accepted is used.
+/// Values other than the start value, within the limits. The first value that the FMU accepts is used.
 fn others(variable: &Variable, start: &Value) -> Vec<Value> {
     let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
     match start {
@@ -140,7 +141,7 @@ pub(super) fn is_wide(variable: &Variable) -> bool {
     matches!(variable.data_type, DataType::UInt32 | DataType::Int64 | DataType::UInt64)
 }
 
-/// True for an array whose elements the FMU starts with.
+/// True for an array that has its start values when the FMU starts.
 pub(super) fn has_starts(variable: &Variable) -> bool {
     let is_exact = matches!(variable.causality, Causality::Parameter | Causality::Input)
         || variable.initial == Some(Initial::Exact);

@@ -4,7 +4,7 @@ use super::{Finding, Report};
 use fmu_import::description::FmiVersion;
 use fmu_import::xml::Element;
 
-/// Attributes and children of an element in the schema of FMI 2.0; `None`: not one of its elements.
+/// Attributes and children of an element in the schema of FMI 2.0; `None` if the schema does not contain the element.
 fn known_2(element: &str) -> Option<(&'static str, &'static str)> {
     const TYPES: &str = "Real Integer Boolean String Enumeration";
     Some(match element {
@@ -172,7 +172,7 @@ pub(super) fn schema(element: &Element, fmi: FmiVersion, report: Report<'_>) -> 
     let is_among = |list: &str, name: &str| list.split(' ').any(|known| known == name);
     let subject = || format!("<{}>, line {}", element.name, element.place.line);
     for name in element.attribute_names() {
-        // Namespaces are declared by attributes, and their attributes have a colon.
+        // Skips declarations of namespaces, and attributes from other namespaces, whose names contain a colon.
         if !is_among(attributes, name) && !name.contains(':') && name != "xmlns" {
             report(Finding::error(subject(), format!("FMI {fmi} has no attribute `{name}` here")));
         }

@@ -1,4 +1,4 @@
-//! Newton's method with a line search, and steps of implicit Euler where it gets stuck.
+//! Newton's method with a line search, and steps of implicit Euler where Newton's method gets stuck.
 //!
 //! All unknowns and equations are relative to nominal values. Gaussian elimination with complete pivoting finds the
 //! unknowns that the equations do not determine. They keep their values.
@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-14;
 pub(super) struct Solution {
     /// Largest derivative of a state at rest, relative to its nominal value, 1/s.
     pub(super) residual: f64,
-    /// The state that cannot rest: index, derivative, and the same relative to the nominal value.
+    /// The state that cannot rest: index, derivative, and derivative relative to the nominal value of the state.
     pub(super) restless: Option<(usize, f64, f64)>,
     /// The state whose value is outside the valid range of the model, and the value.
     pub(super) outside: Option<(usize, f64)>,
@@ -135,8 +135,9 @@ impl System<'_, '_> {
         point.norm.is_finite().then_some(point)
     }
 
-    /// Computes the step from the plant's current point, relative to the nominal values: that of Newton's method, or of
-    /// implicit Euler with the given length, s. Also returns the unknowns that the equations do not determine.
+    /// Computes the step from the plant's current point, relative to the nominal values. This is a step of Newton's
+    /// method or, with `euler`, a step of implicit Euler with this length, s. Also returns the unknowns that the
+    /// equations do not determine.
     fn step(&mut self, from: &Point, euler: Option<f64>) -> Result<(Vec<f64>, Vec<usize>), String> {
         let (rows, columns) = (self.equations.len(), self.unknowns.len());
         let mut matrix = vec![vec![0.0; columns + 1]; rows];
@@ -185,7 +186,8 @@ impl System<'_, '_> {
         Ok(best)
     }
 
-    /// Implicit Euler with steps that grow while the derivatives fall: it ends where the plant comes to rest by itself.
+    /// Implicit Euler with steps that grow while the derivatives decrease. It ends where the plant comes to rest by
+    /// itself.
     fn euler(&mut self, from: Point) -> Result<Point, String> {
         let mut best = from;
         let mut length = FIRST_STEP;

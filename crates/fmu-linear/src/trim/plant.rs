@@ -6,11 +6,11 @@ use fmu_import::description::{BaseType, Causality, Initial, ModelDescription, Va
 use fmu_import::loader::{CallError, Instance};
 use std::f64::consts::FRAC_PI_2;
 
-/// Word in the name of a parameter that a calculated state starts from.
+/// If a calculated state starts from a parameter, the name of this parameter contains this word.
 const INITIAL: &str = "initial";
-/// Attempts to reach the value of a calculated state by its parameter.
+/// Maximum number of attempts to give a calculated state its value by changing its parameter.
 const ATTEMPTS: usize = 8;
-/// Largest error of the value that a calculated state gets by its parameter, relative to its nominal value.
+/// Largest error of a calculated state whose value is set by its parameter, relative to the nominal value of the state.
 const REACHED: f64 = 1e-9;
 
 #[derive(Debug, Clone)]
@@ -20,7 +20,7 @@ pub(super) struct State {
     /// Source of its start value.
     pub(super) start: Start,
     pub(super) held: Option<f64>,
-    /// True if it integrates other states, and no state at rest depends on it.
+    /// True if the state integrates other states, and no state at rest depends on it.
     pub(super) drifts: bool,
     /// Limits of the model's valid range: those in the description, and a quarter turn for an angle.
     pub(super) range: [f64; 2],
@@ -59,7 +59,7 @@ fn range(description: &ModelDescription, variable: &Variable) -> [f64; 2] {
 pub(super) enum Start {
     /// The state has a start value.
     Exact,
-    /// The FMU computes the start value from this parameter, among others: index of its variable.
+    /// The FMU computes the start value from a parameter with this index, and possibly from others.
     Parameter(usize),
     /// The FMU computes the start value.
     Calculated,
@@ -73,7 +73,7 @@ pub(super) struct Plant<'a> {
     states: Vec<State>,
     references: Vec<Reference>,
     derivatives: Vec<Reference>,
-    /// Value of the parameter of each state that starts from one.
+    /// For each state that starts from a parameter, the value of this parameter.
     parameters: Vec<f64>,
     /// Current states and free inputs of the FMU.
     x: Vec<f64>,
@@ -128,7 +128,8 @@ impl<'a> Plant<'a> {
             plant.states[i].held = Some(x[i]);
             is_sought[i] = true;
         }
-        // Other values that the FMU computes from the same parameter follow: wheels roll at the speed that is held.
+        // If the FMU computes other values from the same parameter, they follow: for example, wheels roll at the held
+        // speed.
         plant.x.copy_from_slice(&x);
         plant.initialize()?;
         plant.reach(&x, &is_sought)?;
@@ -140,7 +141,7 @@ impl<'a> Plant<'a> {
         self.states.clone()
     }
 
-    /// States, a number for each group of free inputs, and parameters of calculated states with their values.
+    /// The states, the value of each group of free inputs, and the parameters of calculated states with their values.
     pub(super) fn point(&self) -> (Vec<f64>, Vec<f64>, Vec<(usize, Value)>) {
         let parameter = |(state, value): (&State, &f64)| match state.start {
             Start::Parameter(index) => Some((index, Value::Real(*value))),
@@ -160,8 +161,8 @@ impl<'a> Plant<'a> {
         self.request.free.len()
     }
 
-    /// Moves to states and inputs. A calculated state is reached up to rounding errors of its parameter;
-    /// [`Self::point`] returns its value.
+    /// Moves to states and inputs. Because a parameter determines the value of a calculated state, this value may have
+    /// rounding errors; [`Self::point`] returns the actual value.
     pub(super) fn move_to(&mut self, x: &[f64], inputs: &[f64]) -> Result<(), String> {
         self.x.copy_from_slice(x);
         self.inputs.copy_from_slice(inputs);
@@ -192,7 +193,7 @@ impl<'a> Plant<'a> {
                 let slope = (self.x[i] - here[i]) / change;
                 self.parameters[i] = before[i];
                 if slope != 0.0 && slope.is_finite() {
-                    // Rounding must not leave the range of the parameter: 0 m/s, not -1e-12.
+                    // Rounding errors must not move the parameter out of its range: it must be 0 m/s, not -1e-12 m/s.
                     after[i] = (before[i] + (x[i] - here[i]) / slope).max(low).min(high);
                 }
             }
@@ -258,7 +259,8 @@ impl<'a> Plant<'a> {
         })
     }
 
-    /// Starts anew and enters Initialization Mode at the current point, with the calls of a master before a run.
+    /// Resets or creates the instance, and enters Initialization Mode at the current point, with the calls that a
+    /// master makes before a run.
     fn initialize(&mut self) -> Result<(), String> {
         // One instance at a time: some FMUs allow only one.
         let used = self.instance.take().and_then(|mut used| used.reset().is_ok().then_some(used));
@@ -278,7 +280,8 @@ impl<'a> Plant<'a> {
                 Start::Exact => {
                     let [low, high] = bounds(&self.description.variables[state.variable]);
                     let (x, slack) = (self.x[i], REACHED * state.nominal);
-                    // Rounding must not leave the range of the variable; the FMU rejects values farther outside.
+                    // Rounding errors must not move a value out of the range of its variable. Values farther outside
+                    // are left to the FMU, which rejects them.
                     let x = if (low - slack..low).contains(&x) {
                         low
                     } else if x > high && x <= high + slack {
@@ -304,7 +307,7 @@ impl<'a> Plant<'a> {
     }
 
     /// Finds the parameters that calculated states start from: those with `initial` in their name on which the start
-    /// value depends. If there are several, the one that changes the fewest states.
+    /// value depends. If there are several for a state, uses the parameter that changes the fewest states.
     fn find_parameters(&mut self, start: &dyn Fn(usize) -> f64) -> Result<(), String> {
         if self.states.iter().all(|state| state.start == Start::Exact) {
             return Ok(());
@@ -373,8 +376,8 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// Dependencies of the state derivatives on the states, from the model structure. Where it does not list them, they
-    /// are from the Jacobian at this point and at a point nearby.
+    /// Dependencies of the state derivatives on the states, from the model structure. Dependencies that the model
+    /// structure does not list are determined from the Jacobians at this point and at a point nearby.
     fn dependencies(&mut self) -> Result<Vec<Vec<bool>>, String> {
         let n = self.states.len();
         let listed: Vec<Option<&Vec<usize>>> =

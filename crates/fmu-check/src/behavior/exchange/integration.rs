@@ -8,8 +8,8 @@ use fmu_import::loader::{CallProblem, Instance, Status};
 use std::time::Instant;
 
 const STEPS: usize = 40;
-/// Maximum number of parts of a step, if the solution is not finite with fewer, or the FMU requests shorter steps.
-/// Stiff equations, which need millions of parts, are integrated over a part of the time.
+/// Maximum number of parts of a step. A step is divided if the solution is otherwise not finite, or if the FMU requests
+/// shorter steps. Stiff equations, which need millions of parts, are integrated over a fraction of the time only.
 const MOST_PARTS: usize = 1 << 24;
 /// Maximum number of parts of all steps together.
 const MOST_STEPS: usize = 64 * STEPS;
@@ -48,7 +48,8 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Integrates from the middle of the default experiment. An FMU may reject this, but its users should know.
+    /// Integrates from the middle of the default experiment. An FMU may reject this start time, but its users should
+    /// know that.
     pub(super) fn another_start(&self, report: Report<'_>) -> Outcome<()> {
         let parts = self.parts.get();
         let count = (STEPS * parts).min(MOST_STEPS);
@@ -110,13 +111,14 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Integrates over some steps, each in parts, or over [`MOST_STEPS`] parts.
+    /// Integrates over some steps, each divided into parts, but over at most [`MOST_STEPS`] parts.
     pub(super) fn integrate(&self, instance: &mut Instance, parts: usize) -> Outcome<End> {
         let count = (STEPS * parts).min(MOST_STEPS);
         self.integrate_over(instance, &Span { start: self.start, stop: None, parts, count })
     }
 
-    /// Integrates over parts of steps. Events are at the end of the part in which an indicator changes its sign.
+    /// Integrates over parts of steps. If an indicator changes its sign in a part, an event is handled at the end of
+    /// the part.
     fn integrate_over(&self, instance: &mut Instance, span: &Span) -> Outcome<End> {
         let &Span { start, stop, parts, count } = span;
         // The default experiment may take longer than a trial. The other integrations have few steps.
