@@ -62,7 +62,7 @@ pub(crate) struct Export {
     pub(crate) version: i32,
     pub(crate) interfaces: Vec<Interface>,
     pub(crate) indicators: usize,
-    /// Native arrays instead of scalars (FMI 3.0).
+    /// True if arrays are variables with dimensions, not one scalar per element (FMI 3.0).
     pub(crate) arrays: bool,
 }
 
@@ -91,7 +91,7 @@ impl Interface {
         }
     }
 
-    /// Flag in the sum of options that a library gets when it describes its model.
+    /// Flag of this interface. A library gets the sum of such flags when it describes its model.
     pub(crate) const fn bit(self) -> i32 {
         match self {
             Self::Cs => description_options::CO_SIMULATION,
@@ -129,7 +129,7 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
         let mut command = cargo();
         command.args(["build", "--profile", "fmu-describe", "--target-dir"]).arg(workspace.target.join("fmu-build"));
         settings(&mut command, &DESCRIBE_PROFILE);
-        // The description is generated on this machine, whatever the target platform.
+        // The libraries run on this machine to describe their models, whatever the target platform is.
         command.env_remove("CARGO_BUILD_TARGET").args(["--target", &host()?]);
         options.apply(&mut command);
         for &model in &round {
@@ -142,14 +142,14 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
 }
 
 /// Groups of models that do not depend on each other: a library that exports its model cannot be linked into another
-/// one that does.
+/// library that exports its own model.
 fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
     let mut rounds: Vec<Vec<&Model>> = Vec::new();
     let mut left: Vec<&Model> = models.iter().collect();
     while !left.is_empty() {
         let needs = |model: &Model| left.iter().any(|other| model.dependencies.contains(&other.package));
         let (later, now): (Vec<&Model>, Vec<&Model>) = left.iter().partition(|model| needs(model));
-        // Package dependencies have no cycles, so there is always a package that needs no other.
+        // Package dependencies have no cycles, so at least one remaining package depends on none of the others.
         rounds.push(now);
         left = later;
     }
@@ -202,7 +202,7 @@ enum Message {
     Other,
 }
 
-/// A part that a build has compiled or found up to date.
+/// An artifact that cargo has compiled or found up to date.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Artifact {
     pub(crate) package_id: String,
@@ -224,7 +224,7 @@ impl Artifact {
         Some(fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment)))
     }
 
-    /// True if it was compiled for the target, not for this machine as procedural macros and build scripts are.
+    /// True if the part was compiled for the target. Procedural macros and build scripts are compiled for this machine.
     pub(crate) fn is_for(&self, target: &str) -> bool {
         self.filenames.iter().any(|path| path.components().any(|part| part.as_os_str() == target))
     }
@@ -261,7 +261,7 @@ fn kept(built: &[Artifact], round: &[&Model], folder: &Path) -> Result<BTreeMap<
     let copy = |model: &&Model| {
         let library = artifact(&built, model)?;
         let path = folder.join(library.file_name().unwrap_or_default());
-        // A loaded library must not be overwritten.
+        // An existing file is removed first, because a library that is loaded must not be overwritten.
         let _ = std::fs::remove_file(&path);
         std::fs::copy(&library, &path)
             .into_diagnostic()
@@ -276,7 +276,7 @@ fn artifact(libraries: &BTreeMap<String, PathBuf>, model: &Model) -> Result<Path
 }
 
 /// Compiler flags that the user has set in the environment, otherwise in the configuration of cargo, where flags for
-/// the target come before flags for every build.
+/// the target take precedence over flags for every build.
 fn user_flags(root: &Path, target: &str) -> Vec<OsString> {
     let split = |flags: &std::ffi::OsStr, separator: char| -> Vec<OsString> {
         flags.to_string_lossy().split(separator).filter(|flag| !flag.is_empty()).map(OsString::from).collect()
@@ -334,9 +334,10 @@ pub(crate) enum Linker {
     Lld,
 }
 
-/// Returns one builder per platform, in platform order, after checking that its tools are installed. With `portable`,
-/// the option or setting that requests it, the Linux binary for this machine's processor also loads on old
-/// distributions. Binaries for other processors always do. The error lists what is missing and how to install it.
+/// Returns one builder per platform, in platform order, after checking that its tools are installed. `portable` is the
+/// option or setting that requests portable binaries: the Linux binary for this machine's processor then loads on old
+/// distributions, too. Linux binaries for other processors always do. The error lists what is missing and how to
+/// install it.
 pub(crate) fn builders(
     workspace: &Workspace,
     wanted: &[Platform],
@@ -387,7 +388,7 @@ pub(crate) fn builders(
     wanted.into_iter().map(builder).collect()
 }
 
-/// Rejects two platforms that share a folder in FMI 2.0: an FMU has one library in each.
+/// Rejects two platforms that share a folder in FMI 2.0, because a folder can contain the library of only one of them.
 fn one_folder_each(wanted: &[Platform]) -> Result<()> {
     for (i, platform) in wanted.iter().enumerate() {
         if let Some(other) = wanted[..i].iter().find(|other| other.fmi2() == platform.fmi2()) {
@@ -413,7 +414,8 @@ impl Builder {
         self.target.map_or_else(host, |target| Ok(target.to_owned()))
     }
 
-    /// Builds all models, each with its GUID. Returns the library of each, and what it was linked from.
+    /// Builds all models, each with its GUID. Returns the library of each model, and the parts from which it was
+    /// linked.
     ///
     /// The build uses its own target folder, one per toolchain, because its flags would make cargo rebuild everything
     /// else. The GUIDs are compiled in, so the libraries need not generate their descriptions to know them.
@@ -428,7 +430,7 @@ impl Builder {
         let mut parts = Vec::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform.name();
-        // For example, an exporter that is not published.
+        // Local packages outside of the workspace, for example an exporter that is not published.
         let outside = packages.iter().filter(|package| package.source.is_none());
         let outside: Vec<_> = outside.filter(|package| !package.folder().starts_with(&workspace.root)).collect();
         for (model, export) in models.iter().zip(exports) {
@@ -438,9 +440,9 @@ impl Builder {
             command.env(format!("{EXPORT}{}", model.library), export.to_string());
             let mut flags = library_flags(self.platform, &model.name);
             if !options.debug {
-                // Only for this package; in the others, paths below the workspace are relative. As a flag for all
-                // packages it would differ between two workspaces that share a target folder, and cargo would rebuild
-                // the exporter for each.
+                // This flag is only for this package; in other packages, paths below the workspace are relative. If all
+                // packages got the flag, it would differ between two workspaces that share a target folder, and cargo
+                // would rebuild the exporter for each workspace.
                 flags.push(format!("--remap-path-prefix={}=/workspace", workspace.root.display()));
             }
             let built =
@@ -466,7 +468,7 @@ impl Builder {
         let target = self.target()?;
         let cargo = || self.toolchain.as_ref().map_or_else(cargo, Toolchain::cargo);
         let mut command = self.program.as_ref().map_or_else(cargo, Command::new);
-        // cargo-zigbuild takes the version of glibc with the target.
+        // cargo-zigbuild accepts the version of glibc as a suffix of the target.
         let glibc = if self.linker == Linker::Zig { format!(".{}", zigbuild::GLIBC) } else { String::new() };
         command.args(["rustc", "--target", &format!("{target}{glibc}")]).env_remove("CARGO_BUILD_TARGET");
         command.envs(self.environment.iter().map(|(name, value)| (name, value)));
@@ -479,13 +481,13 @@ impl Builder {
         options.apply(&mut command);
         let mut flags = user_flags(&workspace.root, &target);
         flags.extend(linker_flags(platform, self.linker == Linker::Native));
-        // Paths of this machine are replaced in the binaries. The last match wins: a package may be inside one of the
-        // other folders.
+        // Paths of this machine are replaced in the binaries. The last match wins, so packages come last: a package may
+        // be inside one of the other folders.
         let known = [(cargo_home(), "/cargo"), (Some(workspace.target.clone()), "/target"), (sources, "/rust")];
         let known = known.into_iter().filter_map(|(from, to)| Some((from?, to.to_owned())));
         let all = known
             .chain(outside.iter().map(|package| (package.folder().to_owned(), format!("/packages/{}", package.name))));
-        // A debugger reads the sources where they are.
+        // A debugger needs the real paths of the sources.
         for (from, to) in all.filter(|_| !options.debug) {
             let mut flag = OsString::from("--remap-path-prefix=");
             flag.push(from);
@@ -505,8 +507,8 @@ fn settings(command: &mut Command, values: &[&str]) {
 
 /// Flags for the compiler that are the same for all models of a platform.
 ///
-/// `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; on Windows and macOS
-/// they stay inside anyway. Windows libraries get no timestamp, so builds are reproducible.
+/// `-Bsymbolic` keeps calls between the functions of an FMU inside this FMU when several FMUs are loaded. On Windows
+/// and macOS, this is always so. Windows libraries get no timestamp, so builds are reproducible.
 fn linker_flags(platform: Platform, is_native: bool) -> Vec<OsString> {
     match platform {
         Platform::Linux64 | Platform::Aarch64Linux => vec!["-Clink-arg=-Wl,-Bsymbolic".into()],
@@ -526,7 +528,7 @@ fn library_flags(platform: Platform, name: &str) -> Vec<String> {
     Vec::new()
 }
 
-/// Builds the models with cargo and returns its messages, one JSON object per line; diagnostics go to the terminal.
+/// Builds the models with cargo. Returns cargo's messages, one JSON object per line; diagnostics go to the terminal.
 ///
 /// `flags` are compiler flags for these packages, not for their dependencies; only `cargo rustc` accepts them.
 fn carry_out(mut command: Command, workspace: &Workspace, models: &[&Model], flags: &[String]) -> Result<String> {
@@ -582,7 +584,7 @@ mod tests {
             assert_eq!(flags(linux, true), flags(linux, false));
         }
         assert_eq!(flags(Platform::Win64, false), "-Clink-arg=-Wl,--no-insert-timestamp");
-        // Microsoft's linker does not support it.
+        // Microsoft's linker does not support this option.
         assert_eq!(flags(Platform::Win64, true), "");
         for mac in [Platform::X86_64Darwin, Platform::Aarch64Darwin] {
             // Apple's linker has no `-Bsymbolic`.

@@ -51,7 +51,7 @@ impl FailOn {
     }
 }
 
-/// Checks each FMU in a separate process, because an FMU may crash it, and prints the findings.
+/// Checks each FMU in a separate process, because an FMU may crash its process. Prints the findings.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let paths = arguments.fmus.iter().map(|fmu| locate(fmu)).collect::<Result<Vec<PathBuf>>>()?;
     let mut faulty = Vec::new();

@@ -66,13 +66,13 @@ pub(crate) const ICON_OF_FMI2: &str = "model.png";
 
 pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 
-/// Entry of the reference run. FMI 2.0 requires folder names in `extra` to begin with a reversed domain name.
+/// Path of the reference run in an FMU. FMI 2.0 requires folder names in `extra` to begin with a reversed domain name.
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
-/// Entry of the commit that the FMU was packed from.
+/// Path in an FMU of the file that contains the commit from which the FMU was packed.
 pub(crate) const COMMIT: &str = "extra/io.github.chassis-fmu/commit.txt";
 
-/// Entry of the list of components.
+/// Path of the list of components in an FMU.
 pub(crate) const SBOM: &str = "extra/io.github.chassis-fmu/sbom.cdx.json";
 
 /// Describes the call rules and capabilities of the FMU's interfaces.

@@ -1,11 +1,11 @@
-//! Files of results: written as a whole or not at all.
+//! Result files, which are written completely or not at all.
 
 use std::io::Write as _;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result, WrapErr};
 
-/// Fails if the folder is not writable, which would otherwise show only after hours.
+/// Fails if the folder is not writable. Otherwise, a long run would fail only at its end.
 pub fn try_to_write(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)
         .and_then(|()| tempfile::tempfile_in(folder).map(drop))

@@ -55,7 +55,7 @@ fn open(path: &Path) -> Result<Opened, ArchiveError> {
             let platforms = archive.platforms();
             match archive.description_text() {
                 Ok(text) => Ok(Opened { text, platforms, problem: None }),
-                // It is too large, or not UTF-8.
+                // The description is too large, or not UTF-8.
                 Err(error) => match archive.entry(NAME) {
                     Ok(Some(bytes)) if bytes.len() <= xml::MAX_BYTES => {
                         Ok(Opened { text: lossy(bytes), platforms, problem: Some(error) })

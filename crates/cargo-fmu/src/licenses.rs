@@ -1,4 +1,4 @@
-//! `documentation/licenses` of an FMU: the license of the model, and notices of all that its libraries contain.
+//! `documentation/licenses` of an FMU: the license of the model, and notices for everything that its libraries contain.
 //!
 //! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). The list of linked crates
 //! comes from the messages of the build, so it contains those that `-Z build-std` compiles into the standard library.
@@ -27,7 +27,7 @@ const BEGINNINGS: [&str; 6] = ["license", "licence", "copying", "copyright", "no
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Component {
     name: String,
-    /// Empty for parts of a toolchain, which have its version.
+    /// Empty for a part of a toolchain, because its version is that of the toolchain.
     version: String,
     /// An SPDX expression; empty if none is declared.
     license: String,
@@ -66,7 +66,7 @@ impl Component {
     }
 }
 
-/// Parts of toolchains. Their notices are kept here because not every installation has them.
+/// Parts of toolchains. This program contains their notices, because not every installation of a toolchain has them.
 fn toolchain(platform: Platform, linker: Linker) -> Vec<Component> {
     let part = |name: &str, license: &str, source: &str, text: &str| Component {
         name: name.to_owned(),
@@ -91,7 +91,7 @@ fn toolchain(platform: Platform, linker: Linker) -> Vec<Component> {
     );
     match linker {
         Linker::Native if platform.is_linux() => parts.push(gcc),
-        // Their other libraries belong to the system; WebAssembly links none.
+        // Other libraries that a native linker adds belong to the system. WebAssembly modules contain none.
         Linker::Native | Linker::Lld => {}
         Linker::Zig => parts.push(part(
             "zig: compiler_rt, libunwind, start-up code of glibc",
@@ -183,7 +183,8 @@ fn linked(artifact: &Artifact, workspace: &Workspace, packages: &[Package]) -> R
     }))
 }
 
-/// The license files of a package: in its folder, or, if it is local, in the nearest folder above with a Cargo.toml.
+/// The license files in the folder of a package. For a local package without such files, they are taken from the
+/// nearest parent folder that has a Cargo.toml and license files.
 fn texts(folder: &Path, is_local: bool) -> Result<Vec<(String, String)>> {
     let depth = if is_local { usize::MAX } else { 1 };
     for folder in folder.ancestors().take(depth).filter(|folder| folder.join("Cargo.toml").exists()) {
@@ -206,7 +207,7 @@ fn texts(folder: &Path, is_local: bool) -> Result<Vec<(String, String)>> {
     Ok(Vec::new())
 }
 
-/// `LICENSE-MIT`, `license.txt`, `COPYING.md`, but not `license.rs`.
+/// True for `LICENSE-MIT`, `license.txt` and `COPYING.md`, but not for `license.rs`.
 fn is_license(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     let extension = Path::new(&name).extension().and_then(|extension| extension.to_str());
@@ -214,8 +215,8 @@ fn is_license(name: &str) -> bool {
         && !extension.is_some_and(|extension| ["rs", "toml", "json", "py", "sh"].contains(&extension))
 }
 
-/// A list of the components in the format CycloneDX 1.6, without time and serial number: the same FMU gives the same
-/// list.
+/// A list of the components in the format CycloneDX 1.6, without time and serial number, so that the same FMU always
+/// has the same list.
 pub(crate) fn sbom(components: &BTreeSet<Component>, model: &Model) -> String {
     let is_own = |component: &&Component| component.is_member && component.name == model.package;
     let own = components.iter().find(is_own).map(Component::cyclonedx);

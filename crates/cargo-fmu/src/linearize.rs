@@ -156,7 +156,7 @@ fn print_modes(model: &LinearModel, trimmed: bool) {
     }
 }
 
-/// The elements that are not 0, by name: the matrices are large and sparse.
+/// Prints the elements that are not 0 with their names, because the matrices are large and sparse.
 fn print_matrix(title: &str, of: &str, matrix: &DMatrix<f64>, rows: &[Signal], columns: &[Signal]) {
     outln!("\n{title} ({} x {})", matrix.nrows(), matrix.ncols());
     for (i, row) in rows.iter().enumerate() {
@@ -184,7 +184,7 @@ mod tests {
             fmu_import::description::ModelDescription::parse(include_str!("../../fmu-import/tests/data/decay2.xml"))
                 .unwrap();
         let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-        // Columns: s, v, their integral, f. Rows: s', v', s, output s.
+        // Columns: s, v, the integral of s, f. Rows: s', v', the derivative of the integral (s), the output (s).
         let rows = [[0.0, 1.0, 0.0, 0.0], [-100.0, -2.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]];
         let jacobian = (0..4).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
         let linear = fmu_linear::linearize::Linear {

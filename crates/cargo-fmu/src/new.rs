@@ -1,4 +1,4 @@
-//! `cargo fmu new`: a working package, to be changed into a model, and a workflow for its workspace.
+//! `cargo fmu new`: writes a working package, which users turn into their model, and a workflow for the workspace.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -72,7 +72,7 @@ impl Kind {
             Self::Continuous => include_str!("../templates/continuous.rs.in"),
             Self::Discrete => include_str!("../templates/discrete.rs.in"),
             Self::Stateful => include_str!("../templates/stateful.rs.in"),
-            // Not a package.
+            // Scenarios are not packages.
             Self::Scenario => "",
         }
     }
@@ -119,7 +119,7 @@ fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> 
     {
         return Err(miette!("--exporter-path must be a folder with a Cargo.toml, {} has none", path.display()));
     }
-    // Cargo adds the package to a workspace, with its inherited keys.
+    // If there is a workspace, cargo adds the package to it, and the package inherits keys from it.
     let made = succeed(cargo().args(["new", "--lib", "--quiet", "--vcs", "none"]).arg(&folder))
         .and_then(|()| fill(&folder, name, arguments))
         .and_then(|()| match workspace {
@@ -158,7 +158,7 @@ fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
 /// README of a new package: sections with placeholder text.
 const README: &str = include_str!("../templates/README.md.in");
 
-/// The first line of a README that is still a placeholder of the template.
+/// The first line of a README that is still placeholder text from the template.
 pub(crate) fn placeholder(readme: &str) -> Option<&str> {
     let is_text = |line: &&str| !line.is_empty() && !line.starts_with('#');
     readme.lines().filter(is_text).find(|line| README.lines().any(|placeholder| placeholder == *line))

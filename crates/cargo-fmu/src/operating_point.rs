@@ -9,7 +9,7 @@ pub(crate) fn parse(setting: &str) -> Result<(String, String)> {
     Ok((name.trim().to_owned(), value.trim().to_owned()))
 }
 
-/// Names of groups of inputs that are separated by commas.
+/// Splits each text into the names of a group of inputs, which are separated by commas.
 pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
     free.iter().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()).collect()
 }

@@ -1,5 +1,5 @@
-//! Printing for people and pipes: text of an FMU cannot control the terminal, and a reader that has seen enough, such
-//! as `head`, is not a failure.
+//! Printing to terminals and pipes. Text from an FMU cannot control the terminal. If a reader such as `head` closes the
+//! pipe early, this is not an error.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal as _, Write as _};
@@ -24,7 +24,7 @@ macro_rules! errln {
     ($($text:tt)*) => { $crate::output::write_error(format_args!($($text)*)) };
 }
 
-/// Writes to the standard output. Ends the program if nobody reads it.
+/// Writes to the standard output. Ends the program if nobody reads the output.
 pub fn write(text: Arguments<'_>) {
     write_raw(escaped(&text.to_string()).as_bytes());
 }
@@ -34,7 +34,7 @@ pub fn write_error(text: Arguments<'_>) {
     eprintln!("{}", escaped(&text.to_string()));
 }
 
-/// Prints a file as it is, unless it goes to a terminal.
+/// Prints the text of a file. On a terminal, control characters are escaped.
 pub(crate) fn write_file(text: &str) {
     let shown = if std::io::stdout().is_terminal() { escaped(text) } else { text.into() };
     write_raw(shown.as_bytes());

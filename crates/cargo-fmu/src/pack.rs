@@ -1,4 +1,4 @@
-//! `cargo fmu pack`: builds models and zips them to FMUs.
+//! `cargo fmu pack`: builds models and packs them into FMUs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Cursor, Write};
@@ -104,7 +104,7 @@ impl Settings {
 #[derive(Clone, Copy, PartialEq)]
 enum Existing {
     Replaced,
-    /// Those that differ at most in their commit are neither written nor listed.
+    /// FMUs that differ from the earlier ones at most in their commit are neither written nor listed.
     KeptIfEqual,
 }
 
@@ -122,7 +122,7 @@ pub fn pack_needed(fmus: &BTreeSet<String>, settings: &Settings) -> Result<()> {
     let workspace = find(settings)?;
     let models = workspace.models_of(fmus);
     if models.is_empty() {
-        // All FMUs come from elsewhere.
+        // None of the FMUs has its model in this workspace.
         return Ok(());
     }
     let folder = settings.folder(&workspace);
@@ -142,11 +142,11 @@ fn find(settings: &Settings) -> Result<Workspace> {
     Ok(workspace)
 }
 
-/// Builds, checks against the committed descriptions, and zips.
+/// Builds the models, compares their descriptions with the committed ones, and writes the FMUs.
 fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existing: Existing) -> Result<()> {
     let format = arguments.format()?;
     let folder = arguments.folder(workspace);
-    // Before any build, so that missing tools are reported early.
+    // This comes before any build, so that missing tools are reported early.
     let builders = build::builders(workspace, &arguments.platforms, arguments.portable(workspace), format.version)?;
     if models.is_empty() {
         return Err(miette!(
@@ -364,7 +364,8 @@ fn follow_convention(workspace: &Workspace, model: &Model, description: &ModelDe
     ))
 }
 
-/// Compares with, or writes, `NAME.xml` in the folder of committed descriptions. False if they differ.
+/// Compares a description with `NAME.xml` in the folder of committed descriptions; with `update`, writes this file.
+/// Returns false if they differ.
 fn description_is_committed(folder: &Path, model: &Model, xml: &str, update: bool) -> Result<bool> {
     let path = folder.join(format!("{}.xml", model.name));
     if update {
@@ -423,7 +424,7 @@ fn files(
     Ok(files)
 }
 
-/// The bytes of the FMU: the same for the same files, on every machine.
+/// The bytes of the FMU. The same files give the same bytes on every machine.
 fn archive(xml: &str, files: &BTreeMap<String, Vec<u8>>, commit: Option<&[u8]>) -> Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)

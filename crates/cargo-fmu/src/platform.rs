@@ -20,7 +20,8 @@ pub(crate) enum Platform {
 impl Platform {
     const ALL: [Self; 6] =
         [Self::Linux64, Self::Win64, Self::Aarch64Linux, Self::X86_64Darwin, Self::Aarch64Darwin, Self::Wasm32];
-    /// Platform that `darwin64` means on the command line: on a Mac its own, elsewhere the one in the standard.
+    /// Platform that `darwin64` means on the command line: on a Mac, the platform of this Mac; elsewhere, the platform
+    /// in the standard.
     const DARWIN64: Self =
         if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
 
@@ -166,7 +167,7 @@ mod tests {
         assert_eq!(Platform::from_str("darwin64", false), Ok(Platform::DARWIN64));
     }
 
-    /// The names of rustc 1.95, `rustc --print target-list`.
+    /// Reference: the output of `rustc --print target-list` with rustc 1.95.
     #[test]
     fn targets_are_those_of_the_compiler() {
         let targets = Platform::ALL.map(Platform::target);

@@ -1,4 +1,5 @@
-//! A Rust that builds the standard library along with a model, for platforms without a compiled one.
+//! A Rust toolchain that builds the standard library together with a model, for platforms without a compiled standard
+//! library.
 //!
 //! Cargo's option for this is unstable. `RUSTC_BOOTSTRAP` enables it for this one call of cargo.
 
@@ -15,7 +16,7 @@ pub(crate) fn cargo() -> Command {
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
-/// Sources of the standard library in a toolchain, by rustup and by Debian.
+/// Folder in a toolchain for the sources of the standard library, both from rustup and from Debian.
 const SOURCES: &str = "lib/rustlib/src/rust";
 /// Debian's packages of a toolchain with sources.
 pub(crate) const PACKAGES: &str = "cargo-web rustc-web rust-web-src";
@@ -27,7 +28,8 @@ pub(crate) struct Toolchain {
 }
 
 impl Toolchain {
-    /// Looks in the folder in [`Platform::variable`]; without this variable, in the toolchain in use and in `/usr`.
+    /// Looks in the folder that the environment variable [`Platform::variable`] contains. Without this variable, looks
+    /// in the toolchain in use and in `/usr`.
     pub(crate) fn find(platform: Platform) -> Result<Self, String> {
         let mut rejected = Vec::new();
         for root in candidates(&platform.variable()) {
@@ -46,12 +48,12 @@ impl Toolchain {
     /// Makes a program that calls cargo use this toolchain, and include the standard library in the build.
     pub(crate) fn build_library(&self, command: &mut Command) {
         command.env("CARGO", self.program("cargo")).env("RUSTC", self.program("rustc"));
-        // These variables belong to the cargo that runs this program.
+        // These variables were set for the toolchain that runs this program, and do not apply to the other toolchain.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("LD_LIBRARY_PATH");
         command.args(["-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
     }
 
-    /// Folder of the sources; their paths get into messages.
+    /// Folder of the sources. Panic messages contain their paths.
     pub(crate) fn sources(&self) -> PathBuf {
         self.root.join(SOURCES)
     }
@@ -71,7 +73,7 @@ pub(crate) fn in_use() -> Option<PathBuf> {
     output(&rustc(), &["--print", "sysroot"]).map(|root| PathBuf::from(root.trim_end()))
 }
 
-/// True if a program is there and succeeds with these arguments.
+/// True if a program exists and succeeds with these arguments.
 pub(crate) fn runs(program: impl AsRef<OsStr>, arguments: &[&str]) -> bool {
     output(program.as_ref(), arguments).is_some()
 }
@@ -84,7 +86,8 @@ fn program(root: &Path, name: &str) -> PathBuf {
     root.join("bin").join(name)
 }
 
-/// Folders of toolchains: the one in the variable, otherwise those of the toolchain in use and of the system.
+/// Folders of toolchains: the folder in the variable, or without the variable, those of the toolchain in use and of the
+/// system.
 fn candidates(variable: &str) -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os(variable) {
         return vec![PathBuf::from(named)];
@@ -97,7 +100,7 @@ fn candidates(variable: &str) -> Vec<PathBuf> {
     candidates
 }
 
-/// An error if a toolchain lacks a program, the sources or the target.
+/// Fails if a toolchain lacks a program, the sources or the target.
 fn usable(root: &Path, target: &str) -> Result<(), String> {
     let library = root.join(SOURCES).join("library/Cargo.lock");
     for file in [program(root, "cargo"), program(root, "rustc"), library] {

@@ -16,7 +16,7 @@ use crate::operating_point::{groups, parse};
 use crate::outln;
 use crate::worker;
 
-/// Poles smaller than this fraction of the largest one count as 0, due to rounding.
+/// Because of rounding errors, poles smaller than this fraction of the largest pole count as 0.
 const AT_ZERO: f64 = 1e-8;
 
 /// Arguments of `cargo fmu trim`.
@@ -67,8 +67,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Largest real part of the poles of the states that do not drift, 1/s, 0 if it is 0 up to rounding; `None` without
-/// such states, or if the eigenvalues do not converge.
+/// Largest real part (1/s) of the poles of the states that do not drift. It is 0 if only rounding errors make it
+/// differ from 0. `None` if there are no such states, or the eigenvalues do not converge.
 fn growth(steady: &SteadyState) -> Option<f64> {
     let n = steady.states.iter().filter(|state| state.role != StateRole::Drifts).count();
     let poles = eigenvalues(&DMatrix::from_column_slice(n, n, &steady.jacobian))?;

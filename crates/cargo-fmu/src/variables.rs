@@ -11,7 +11,7 @@ pub(crate) fn lengths(variable: &Variable) -> String {
     format!(" ({})", lengths.join(" x "))
 }
 
-/// The start value; of an array, the first few.
+/// The start value; for an array, the first few start values.
 pub(crate) fn start(variable: &Variable) -> String {
     const SHOWN: usize = 3;
     let mut starts: Vec<String> = variable.start.iter().chain(&variable.starts).take(SHOWN).map(value).collect();

@@ -1,4 +1,5 @@
-//! Builds WebAssembly: a Rust with the sources of its standard library, and the linker `rust-lld`.
+//! Builds for WebAssembly. This needs a Rust toolchain with the sources of its standard library, and the linker
+//! `rust-lld`.
 //!
 //! With the compiled standard library for this target, a panic ends in a trap without a message. A standard library
 //! built with `-C panic=unwind` lets the C interface turn a panic into an error status, as on every other platform.
@@ -13,7 +14,7 @@ use crate::toolchain::{self, PACKAGES, Toolchain};
 
 const TARGET: &str = Platform::Wasm32.target();
 const LINKER: &str = "rust-lld";
-/// Environment variable with another linker, for this program and for cargo.
+/// Environment variable that selects another linker, for this program and for cargo.
 const VARIABLE: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
 
 /// Flags for the compiler and its linker. An importer adds its callbacks to the table of functions, which therefore is
@@ -52,7 +53,7 @@ pub(crate) fn builder() -> Result<Builder> {
     }
 }
 
-/// The linker of a toolchain, which is in a folder named like the machine.
+/// The linker of a toolchain, which is in a folder named after the platform of this machine.
 fn linker(root: &Path) -> Option<PathBuf> {
     let targets = std::fs::read_dir(root.join("lib/rustlib")).ok()?.filter_map(Result::ok);
     let mut linkers =

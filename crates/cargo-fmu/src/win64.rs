@@ -11,9 +11,9 @@ use crate::build::{Builder, Linker};
 use crate::platform::Platform;
 use crate::toolchain::{self, PACKAGES, Toolchain};
 
-/// The target that rustup has a standard library for.
+/// The target for which rustup has a compiled standard library.
 const ORDINARY: &str = "x86_64-pc-windows-gnu";
-/// The target of a build with the sources.
+/// The target if the standard library is built from its sources.
 const TARGET: &str = Platform::Win64.target();
 const LINKER: &str = "x86_64-w64-mingw32-gcc";
 

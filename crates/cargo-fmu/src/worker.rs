@@ -19,10 +19,10 @@ pub struct Arguments {
     board: PathBuf,
 }
 
-/// A kind of work, and the function that does it. Its path is the file in which calls to FMUs are announced.
+/// A kind of work, and the function that does it. The argument of the function is the path of the call board.
 pub type Job = (&'static str, fn(&Path) -> std::io::Result<()>);
 
-/// Works for the process that started this one, in one of the given jobs.
+/// Serves the process that started this one. `jobs` contains all jobs of this program; the arguments select one.
 pub fn run(arguments: &Arguments, jobs: &[Job]) -> Result<()> {
     let job = jobs.iter().find(|(name, _)| *name == arguments.job);
     let (_, serve) = job.ok_or_else(|| miette::miette!("unknown worker job `{}`", arguments.job))?;
@@ -107,7 +107,7 @@ pub fn to_terminal() -> Lines {
 }
 
 impl Options {
-    /// The options that differ from the defaults, with their values; a flag has none.
+    /// The options that differ from the defaults, with their values. A flag has no value.
     pub fn given(&self) -> Vec<(&'static str, Option<String>)> {
         let mut given = Vec::new();
         if self.timeout != DEFAULT_TIMEOUT {
@@ -134,13 +134,13 @@ impl Options {
         self.timeout
     }
 
-    /// Returns true with `--no-sandbox`. Only commands with a sandbox by default call it.
+    /// Returns true with `--no-sandbox`. Only commands that use a sandbox by default call this function.
     pub(crate) fn is_without_sandbox(&self) -> bool {
         self.no_sandbox
     }
 
-    /// Settings for a number of workers, which are processes of this program. `lines` takes what FMUs print, and notes
-    /// about the workers, each once.
+    /// Settings for a number of workers, which are processes of this program. `lines` receives the lines that FMUs
+    /// print, and each note about the workers once.
     pub fn settings(&self, lines: Lines, workers: NonZeroUsize) -> Result<Settings> {
         let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;
         if let Some(library) = self.libpython.as_ref().filter(|library| !library.is_file()) {

@@ -15,7 +15,7 @@ use crate::toolchain::{cargo, metadata};
 pub struct Model {
     /// Name of the package, in kebab case.
     pub package: String,
-    /// Name of the FMU: that of the package in Pascal case, until the model's own name is known.
+    /// Name of the FMU. Until the model's own name is known, this is the name of the package in Pascal case.
     pub name: String,
     /// Folder of the package.
     pub folder: PathBuf,
@@ -23,7 +23,7 @@ pub struct Model {
     pub library: String,
     /// True if the package is a default member of the workspace; examples are not.
     pub is_default: bool,
-    /// Packages of the workspace that it depends on, directly or not.
+    /// Packages of the workspace on which the model depends, directly or indirectly.
     pub dependencies: BTreeSet<String>,
 }
 
@@ -46,11 +46,12 @@ pub struct Workspace {
 pub struct Settings {
     /// True if linux64 binaries load with an old glibc; options on the command line take precedence.
     pub portable: bool,
-    /// Folder of committed model descriptions, from the top; without it they are not compared.
+    /// Folder of committed model descriptions, relative to the top. Without this setting, descriptions are not
+    /// compared.
     pub descriptions: Option<PathBuf>,
     /// Folders of new models by kind: `continuous`, `discrete`, `stateful`.
     pub new: BTreeMap<String, PathBuf>,
-    /// Convention for the names of variables; without it any name that FMI allows is accepted.
+    /// Convention for the names of variables. Without a convention, any name that FMI allows is accepted.
     pub names: Option<Names>,
 }
 
@@ -140,7 +141,7 @@ impl Workspace {
         Ok(Self { root: metadata.workspace_root, target: metadata.target_directory, models, settings })
     }
 
-    /// The models of these names (FMU or package), or all of the default members.
+    /// The models with these names (of the FMU or the package), or the models of all default members.
     pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
         if all || names.is_empty() {
             return Ok(self.models.iter().filter(|model| model.is_default).cloned().collect());
@@ -161,7 +162,7 @@ impl Workspace {
             .collect()
     }
 
-    /// The models of this workspace among FMUs.
+    /// The models of this workspace whose FMUs are among these.
     pub(crate) fn models_of(&self, fmus: &BTreeSet<String>) -> Vec<Model> {
         self.models.iter().filter(|model| fmus.contains(&model.name)).cloned().collect()
     }
@@ -177,7 +178,7 @@ impl Workspace {
         // A workspace in an ignored folder of another checkout is not part of that checkout.
         git(&["ls-files", "--", "Cargo.toml"])?;
         let status = git(&["status", "--porcelain=v2", "--branch", "--", "."])?;
-        // Before the first commit this is a word in parentheses.
+        // Before the first commit, git prints a word in parentheses instead.
         let commit = status.lines().find_map(|line| line.strip_prefix("# branch.oid "))?;
         let is_clean = status.lines().all(|line| line.starts_with('#'));
         let is_hash = commit.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -193,7 +194,7 @@ impl Workspace {
     }
 }
 
-/// The packages of the workspace that a package depends on, directly or not.
+/// The packages of the workspace on which a package depends, directly or indirectly.
 fn reachable(direct: &BTreeMap<String, BTreeSet<String>>, package: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     let mut open = vec![package];
@@ -207,7 +208,7 @@ fn reachable(direct: &BTreeMap<String, BTreeSet<String>>, package: &str) -> BTre
     found
 }
 
-/// The part of `[workspace.metadata]` that is for `cargo fmu`; absent means defaults.
+/// The part of `[workspace.metadata]` that is for `cargo fmu`. If it is missing, returns the defaults.
 fn settings(metadata: &serde_json::Value) -> Result<Settings> {
     let Some(table) = metadata.get("fmu") else { return Ok(Settings::default()) };
     Settings::deserialize(table).map_err(|error| miette!("[workspace.metadata.fmu]: {error}"))

@@ -47,7 +47,8 @@ pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
     }
     let is_chosen = std::env::var_os(platform.variable()).is_some();
     let toolchain = match Toolchain::find(platform) {
-        // A compiled library needs no sources, unless the user names a toolchain with some.
+        // With a compiled standard library, no sources are needed. A toolchain that the user has chosen takes
+        // precedence.
         _ if !is_chosen && toolchain::has_library(target) => None,
         Ok(toolchain) => Some(toolchain),
         Err(rejected) => {
@@ -70,7 +71,7 @@ pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Builder> {
     }
 }
 
-/// A builder with cargo-zigbuild and, if it has the package `ziglang`, the Python next to cargo-zigbuild.
+/// A builder with cargo-zigbuild and, if there is one, the Python next to it that has the package `ziglang`.
 fn builder(platform: Platform, (program, python): (PathBuf, Option<PathBuf>), toolchain: Option<Toolchain>) -> Builder {
     let environment = python.into_iter().map(|python| (PYTHON.to_owned(), python.into_os_string())).collect();
     let native = Builder::new(platform, Some(platform.target()));

@@ -18,8 +18,8 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-/// An FMU that simulates but has a model identifier that the standard does not allow, and one that only follows the
-/// standard.
+/// An FMU that simulates but has a model identifier that the standard does not allow, and one that follows the standard
+/// but does not simulate.
 #[test]
 fn the_two_questions_have_their_own_summary_and_exit_code() {
     let folder = tempfile::tempdir().unwrap();
@@ -62,7 +62,7 @@ fn a_long_experiment_is_cut() {
     assert!(found.contains(", the end of a run, stack\n"), "{found}");
 }
 
-/// A crash in one trial does not hide the others.
+/// A crash in one trial does not prevent the other trials.
 #[test]
 fn the_check_goes_on_after_a_crash() {
     let folder = tempfile::tempdir().unwrap();
@@ -75,7 +75,7 @@ fn the_check_goes_on_after_a_crash() {
     assert!(found.contains(", the end of a run, stack\n"), "{found}");
 }
 
-/// 500 lines in each of some twenty instances.
+/// The FMU prints 500 lines in each of about twenty instances.
 #[test]
 fn a_banner_does_not_fill_the_report() {
     let folder = tempfile::tempdir().unwrap();

@@ -43,7 +43,7 @@ fn an_fmu_of_fmi_3_is_listed_and_validated() {
     assert!(checked.contains("\n  model exchange: the event at the start, "), "{checked}");
 }
 
-/// x' = -2 x; y = x + u, w = x v, y32 = u / 2 at x = 1, v = (1, 2, 3); elements of arrays are columns and rows.
+/// x' = -2 x; y = x + u, w = x v, y32 = u / 2 at x = 1, v = (1, 2, 3); each element of an array is a column or a row.
 #[test]
 fn arrays_are_linearized_by_either_interface() {
     let folder = tempfile::tempdir().unwrap();
@@ -88,7 +88,7 @@ fn an_fmu_without_directional_derivatives_is_linearized_by_differences() {
         assert!(output.status.success() && said.contains("central differences"), "{said}");
         let linear: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         let at = |matrix: &str, row: usize, column: usize| linear[matrix][row][column].as_f64().unwrap();
-        // Float32 variables of the second one have 7 digits.
+        // The FMI 3.0 FMU has Float32 variables, which have 7 digits.
         let slack = if fmi == FmiVersion::V2 { 1e-9 } else { 1e-4 };
         let expected = [("A", 0, 0, -2.0), ("B", 0, 0, 0.0), ("C", 0, 0, 1.0), ("C", 1, 0, 1.0), ("D", 1, 0, 1.0)];
         for (matrix, row, column, value) in expected {

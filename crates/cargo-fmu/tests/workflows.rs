@@ -1,6 +1,6 @@
 //! The workflows that `cargo fmu new --ci` writes.
 //!
-//! References: the files in `tests/data/workflows`. The one for GitHub has no findings of zizmor 1.32 (`--pedantic`).
+//! References: the files in `tests/data/workflows`. zizmor 1.32 (`--pedantic`) finds nothing in the file for GitHub.
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -25,7 +25,7 @@ fn workflows_are_those_of_the_snapshots() {
         let error = message(&new(folder.path(), service));
         assert!(error.contains("could not find `Cargo.toml`"), "{error}");
         std::fs::write(folder.path().join("Cargo.toml"), "[workspace]\nresolver = \"3\"\n").unwrap();
-        // The workflow is that of the workspace, wherever the command is called.
+        // The workflow belongs to the workspace, so the folder in which the command is called does not matter.
         let inside = folder.path().join("models");
         std::fs::create_dir(&inside).unwrap();
         let output = new(&inside, service);

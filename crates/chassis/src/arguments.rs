@@ -1,4 +1,4 @@
-//! Arguments that several commands have.
+//! Arguments that several commands share.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -43,8 +43,8 @@ pub(crate) fn source(places: &[PathBuf]) -> FmuFolder {
 fn usual() -> PathBuf {
     let here = std::env::current_dir().unwrap_or_default();
     let above = || here.ancestors().skip(1).map(|folder| folder.join(PACKED)).find(|folder| folder.is_dir());
-    // In the repository the program is in `target`, in a wheel it is in a folder next to the folder of the FMUs.
-    // Another workspace may have models with the same names.
+    // In the repository, the program is in `target`. In a wheel, it is in a folder next to the folder of the FMUs. In
+    // another workspace, the program's own FMUs are not used, because its models may have the same names.
     let own = || {
         if here.ancestors().any(|folder| folder.join("Cargo.toml").exists()) {
             return None;
@@ -66,13 +66,13 @@ pub(crate) struct Jobs {
 }
 
 impl Jobs {
-    /// The given number, by default one per processor.
+    /// The given number of processes; by default, one process per processor.
     pub(crate) fn count(&self) -> NonZeroUsize {
         self.jobs.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN)
     }
 }
 
-/// Parser for fixed words, each with its help and its value.
+/// Parser for an option that accepts fixed words. Each word has a help text and a value.
 pub(crate) fn one_of<T: Copy + Send + Sync>(
     words: &'static [(&'static str, &'static str, T)],
 ) -> impl TypedValueParser<Value = T> {

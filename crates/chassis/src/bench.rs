@@ -1,4 +1,4 @@
-//! `chassis bench`: standard maneuvers, driven or recorded.
+//! `chassis bench`: drives standard maneuvers, or evaluates recorded ones.
 
 pub(crate) mod evaluate;
 pub(crate) mod run;

@@ -61,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
     for component in &run.components {
         for setting in &component.parameters {
-            // The resolver has made the path absolute.
+            // The path is absolute, because the resolver has made it so.
             if let Value::String(path) = &setting.value
                 && Path::new(path).is_absolute()
                 && Path::new(path).is_file()

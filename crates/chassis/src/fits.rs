@@ -66,7 +66,7 @@ fn descriptions(folders: &[PathBuf]) -> Result<BTreeMap<String, Arc<ModelDescrip
     Ok(found)
 }
 
-/// A line per component, a column per plant.
+/// A table with one line per component and one column per plant.
 fn matrix(systems: &Systems, plants: &[usize], components: &[usize]) -> String {
     let cell = |fit: &Fit| match fit {
         Fit::Fits => "fits".to_string(),

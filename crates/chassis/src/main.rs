@@ -137,7 +137,7 @@ fn main() -> Result<()> {
     if let Err(report) = &result
         && is_about_data(report)
     {
-        // The same exit code as for wrong arguments: nothing was run.
+        // The exit code is the same as for wrong arguments, because nothing was run.
         eprintln!("Error: {report:?}");
         std::process::exit(2);
     }

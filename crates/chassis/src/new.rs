@@ -1,4 +1,4 @@
-//! `chassis new`: writes a short scenario for a plant, as a start for the user's own.
+//! `chassis new`: writes a short scenario for a plant, which users can extend.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -73,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// A plain name belongs in the folder that the workspace sets for scenarios.
+/// Path of the scenario. A name without a folder refers to the folder that the workspace sets for scenarios.
 fn place(path: &Path) -> PathBuf {
     let is_plain = path.components().count() == 1;
     let workspace = Workspace::find().ok().filter(|_| is_plain);
@@ -81,8 +81,9 @@ fn place(path: &Path) -> PathBuf {
     folder.map_or_else(|| path.to_owned(), |folder| folder.join(path))
 }
 
-/// Path of the JSON Schema for editors, relative to a scenario: the one in the repository that this program was built
-/// in, and true, or one next to the scenario, and false.
+/// Path of the JSON Schema for editors, relative to a scenario. For a scenario in the repository in which this program
+/// was built, it is the schema of the repository, and the second value is true. Otherwise, it is a file next to the
+/// scenario, and the second value is false.
 fn schema(file: &Path) -> Result<(String, bool)> {
     let file = std::path::absolute(file).into_diagnostic()?;
     let inside = python::root().and_then(|root| Some(file.strip_prefix(root).ok()?.components().count()));
@@ -117,7 +118,7 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     let has_input = |output: &Variable| inputs.iter().any(|input| input.name == output.name);
     let found = |name: &str| fmus.find(name).ok().flatten().map(|found| found.description);
     let driver = if maneuver.is_some() { Some(needed(DRIVER, fmus)?) } else { found(DRIVER) };
-    // The angle goes to the first axle; the plants call the others middle and rear.
+    // The angle is connected to the first axle. The plants call the other axles middle and rear.
     let steering = driver.as_ref().and_then(|driver| {
         let angle = of(driver, Causality::Output).find(|output| output.name.ends_with(".steer"))?;
         let is_angle = |input: &&&Variable| input.name.starts_with("steer") && input.unit == angle.unit;
@@ -152,7 +153,8 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     let title =
         maneuver.map_or_else(|| plant.to_owned(), |maneuver| format!("{plant}: {}", maneuver.replace('_', " ")));
 
-    // Separate tables, so that users can append further ones, such as those in the documentation.
+    // The scenario consists of separate tables, so that users can append further tables, such as those in the
+    // documentation.
     let mut parts = vec![
         format!("title = \"{title}\""),
         format!("[simulation]\nstop = {stop:?}\nstep = {step:?}"),
@@ -248,7 +250,7 @@ fn recorded(description: &ModelDescription) -> Vec<&Variable> {
     };
     let whole = || of(description, Causality::Output).filter(is_scalar);
     let mut found: Vec<&Variable> = whole().filter(|output| !is_element(output)).collect();
-    // A stable sort: preferred outputs first.
+    // Preferred outputs come first. The sort is stable, so the others keep their order.
     found.sort_by_key(|output| WANTED.iter().position(|name| output.name == *name).unwrap_or(WANTED.len()));
     found.truncate(RECORDED);
     if found.is_empty() { whole().take(RECORDED).collect() } else { found }

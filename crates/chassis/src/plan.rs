@@ -125,7 +125,7 @@ fn order(plan: &Plan) -> Vec<&str> {
     }
     let mut found = Vec::new();
     while !left.is_empty() {
-        // The first component that is first among those left in every run that has it.
+        // In every run that has this component, it must be the first of the remaining components.
         let is_next = |name: &&str| {
             orders.iter().filter(|o| o.contains(name)).all(|o| o.iter().find(|n| left.contains(n)) == Some(name))
         };
@@ -135,7 +135,7 @@ fn order(plan: &Plan) -> Vec<&str> {
     found
 }
 
-/// Name and FMU of all components, with the number of parameters that are set.
+/// Name and FMU of every component, and the number of its parameters that are set.
 fn components(plan: &Plan) -> Vec<String> {
     let mut rows: Vec<[String; 3]> = Vec::new();
     for component in plan.runs.iter().flat_map(|run| &run.components) {

@@ -28,7 +28,7 @@ impl Python {
         program.is_file().then_some(Self { program })
     }
 
-    /// As [`Self::find`]; without one, prints a note that no page is made.
+    /// Like [`Self::find`]. If there is no Python, prints a note that no page is written.
     pub(crate) fn find_or_note() -> Option<Self> {
         let found = Self::find();
         if found.is_none() {
@@ -54,7 +54,7 @@ impl Python {
             let _ = pipe.write_all(text.as_bytes());
         }
         let status = child.wait().into_diagnostic().wrap_err_with(starting)?;
-        // Without a code it was ended by a signal.
+        // If there is no exit code, a signal ended the process.
         Ok(status.code().unwrap_or(1))
     }
 }
@@ -75,8 +75,8 @@ pub(crate) fn exit(code: i32) -> ! {
     std::process::exit(code)
 }
 
-/// This call as a command, without the given flags. Paths in the repository that this program was built in are relative
-/// to its top.
+/// The command line of this call, without the given flags. Paths in the repository that this program was built in are
+/// relative to its top.
 pub(crate) fn command_without(options: &[&str]) -> String {
     let arguments = std::env::args().skip(1).filter(|argument| !options.contains(&argument.as_str()));
     ["chassis".to_owned()].into_iter().chain(arguments.map(|argument| named(&argument))).collect::<Vec<_>>().join(" ")

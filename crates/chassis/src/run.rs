@@ -85,7 +85,7 @@ enum Engine {
 }
 
 impl Arguments {
-    /// Python, if tables and a page are made or FMPy executes the runs.
+    /// Returns the Python to call, if tables and a page are requested or FMPy executes the runs.
     fn python(&self) -> miette::Result<Option<Python>> {
         if self.engine == Engine::Fmpy {
             // A process in the sandbox cannot start Python.
@@ -102,7 +102,7 @@ impl Arguments {
         Ok(if self.no_page { None } else { Python::find_or_note() })
     }
 
-    /// The request to Python for tables and page. Runs without metrics in `results` are incomplete.
+    /// The request to Python to make tables and a page. Runs that have no metrics in `results` are incomplete.
     fn page_request(&self, plan: &Plan, folder: &Path, results: &Results<'_>) -> miette::Result<String> {
         let incomplete = results.statuses.runs.iter().filter(|run| run.status != "completed");
         let cut = [
@@ -142,7 +142,7 @@ fn absolute(path: &Path) -> miette::Result<PathBuf> {
 #[derive(Default)]
 struct Incomplete {
     failures: Vec<(String, String)>,
-    /// Runs that an FMU ended.
+    /// Runs that an FMU ended before the stop time.
     ended: Vec<(String, String)>,
 }
 
@@ -169,7 +169,7 @@ struct Results<'a> {
 }
 
 impl<'a> Results<'a> {
-    /// Evaluates the files of the runs. With `is_only_required`, metrics that no requirement needs are left out.
+    /// Evaluates the files of the runs. With `is_only_required`, only the metrics that requirements need are computed.
     fn of(plan: &'a Plan, runs: &Path, statuses: RunStatuses, is_only_required: bool) -> miette::Result<Self> {
         let completed = statuses.runs.iter().filter(|status| status.status == "completed");
         let completed: BTreeSet<&str> = completed.map(|status| status.run.as_str()).collect();
@@ -333,8 +333,8 @@ fn write_statuses(statuses: Vec<RunStatus>, folder: &Path) -> miette::Result<Run
     Ok(statuses)
 }
 
-/// Executes the runs with a master. Returns their outcomes, and messages with the place of a failure and the rows that
-/// the run has.
+/// Executes the runs with a master. Returns the outcomes of the runs, and a message for each incomplete run, with the
+/// place of the failure and the last row.
 fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuses, Incomplete)> {
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
     try_to_write(folder)?;
@@ -390,11 +390,11 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     Ok((statuses, incomplete))
 }
 
-/// The messages of runs, each with the runs that have it.
+/// Lists the messages of runs. A message that several runs share is listed once, with the names of these runs.
 fn grouped(failures: &[(String, String)]) -> String {
     let mut groups: Vec<(String, &str)> = Vec::new();
     for (run, message) in failures {
-        // The messages begin with the run.
+        // Each message begins with the name of the run.
         let reason = message.strip_prefix(&format!("run {run}")).unwrap_or(message);
         match groups.iter_mut().find(|(_, known)| *known == reason) {
             Some((runs, _)) => runs.push_str(&format!(", {run}")),
@@ -404,7 +404,7 @@ fn grouped(failures: &[(String, String)]) -> String {
     groups.iter().map(|(runs, reason)| format!("{runs}{reason}")).collect::<Vec<_>>().join("\n\n")
 }
 
-/// The reason that a run is incomplete, and its last row.
+/// The reason why a run is incomplete, and the time of its last row.
 fn described(failure: &Failure) -> String {
     let last = failure.recorded.as_ref().and_then(|recording| recording.time.last());
     let rows = last.map_or("no rows were written".to_owned(), |time| format!("the rows end at {time} s"));
@@ -439,7 +439,7 @@ fn print_verdicts(plan: &Plan, verdicts: &[Verdict<'_>]) -> usize {
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.
 fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
-    // Parquet files too: Python replaces them only when it makes a page.
+    // Parquet files are removed, too, because Python replaces them only when it makes a page.
     let files = plan.runs.iter().map(results::file_name).flat_map(|csv| {
         let parquet = Path::new(&csv).with_extension("parquet").to_string_lossy().into_owned();
         [csv, parquet]
@@ -469,7 +469,8 @@ fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
     Ok(bar)
 }
 
-/// `ended` is the number of runs that an FMU ended, which are shorter than the others.
+/// Prints the number of runs and their duration for each case. `ended` is the number of runs that are shorter, because
+/// an FMU ended them.
 fn print_summary(plan: &Plan, done: &[(&Run, Recording)], ended: usize, folder: &Path, elapsed: Duration) {
     let width = plan.cases.iter().map(|case| case.name.len()).max().unwrap_or(0).max("case".len());
     outln!("{:width$}  runs  seconds per run", "case");

@@ -67,7 +67,8 @@ impl Selection {
         Ok(plan)
     }
 
-    /// As [`Self::plan_with_warnings`], with the steady states that components start in: for other masters.
+    /// Like [`Self::plan_with_warnings`], but the plan contains the steady states in which components start, which
+    /// other masters cannot compute.
     pub(crate) fn plan_with_steady_starts(&self, workers: &worker::Options) -> miette::Result<Plan> {
         let mut plan = self.plan_with_warnings(workers)?;
         find_steady_starts(&plan.simulation, &mut plan.runs, workers)?;

@@ -86,7 +86,7 @@ const RESULTS: &str = "results";
 const UNABLE: i32 = 2;
 
 impl Arguments {
-    /// Those of the given options that apply only to studies with `[[vary]]`.
+    /// The first given option that applies only to studies with `[[vary]]`.
     fn of_samples(&self) -> Option<&'static str> {
         let given = [
             ("--runs", self.runs.is_some()),
@@ -129,7 +129,7 @@ impl Arguments {
         serde_json::to_string(&request).into_diagnostic()
     }
 
-    /// The command that gives the same results.
+    /// The command that repeats the study with the same results.
     fn repeated(&self) -> String {
         let mut words = vec!["chassis".to_owned(), "study".to_owned(), python::named(&self.study.to_string_lossy())];
         words.extend(self.runs.iter().flat_map(|runs| ["--runs".to_owned(), runs.to_string()]));
@@ -142,7 +142,7 @@ impl Arguments {
     }
 }
 
-/// A part of the samples: every `of`-th one, from `number` - 1 on.
+/// A part of the samples. It contains every `of`-th sample, beginning with the sample `number` - 1.
 #[derive(Debug, Clone, Copy, serde::Serialize)]
 struct Shard {
     number: u32,
@@ -165,7 +165,7 @@ struct Bars {
     bar: ProgressBar,
     method: String,
     began: Instant,
-    /// Finished methods: name and time they took in this call.
+    /// Names of the finished methods, and the seconds that each has taken in this call.
     seconds: Vec<(String, f64)>,
 }
 
@@ -192,7 +192,7 @@ impl Bars {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if study::has_samples(&arguments.study) {
         let request = arguments.request()?;
-        // Shows mistakes with their places; Python reads the study again.
+        // The study is read here only to show mistakes with their places. Python reads it again.
         let runs = arguments.runs.map(NonZeroU64::get);
         if let Err(error) = fmu_system::study::read(&arguments.study, &arguments.fmus.source(), runs) {
             eprintln!("Error: {:?}", miette::Report::from(error));
@@ -221,7 +221,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn page(arguments: &Arguments, python: &Python) -> Result<()> {
     let name = arguments.study.file_stem().unwrap_or_default();
     let folder = std::path::absolute(arguments.out.join(name)).into_diagnostic()?;
-    // Interruptions do not matter: the results are the same.
+    // The command on the page has no `--resume`, because an interruption does not change the results.
     let command = python::command_without(&["--resume", "--overwrite", "--report-only"]);
     match python.call("tuning", &[folder.display().to_string(), command], None)? {
         0 => Ok(()),

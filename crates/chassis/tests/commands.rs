@@ -157,7 +157,7 @@ fn a_scenario_is_planned_and_run() {
     assert_eq!(result("steep.csv").unwrap(), "time,x\n0.0,0.0\n0.25,0.5\n0.5,1.0\n0.75,1.5\n1.0,2.0\n");
     assert_eq!(result("flat.csv").unwrap().lines().last(), Some("1.0,1.0"));
 
-    // A run that fails keeps its rows up to the failure, without rows from an earlier call, and is marked.
+    // A failed run is marked. It keeps its rows up to the failure, but no rows from an earlier call.
     let failing = SCENARIO.replace("gain = 0.5", "failure = 1");
     std::fs::write(folder.path().join("ramp.toml"), failing).unwrap();
     let output = command(folder.path(), &["run", "ramp.toml"]);
@@ -182,7 +182,7 @@ fn an_fmu_is_validated() {
     assert!(findings.starts_with("Ramp.fmu: ") && findings.contains(" errors, no warning"), "{findings}");
     assert!(findings.contains("error: fmi2CancelStep: is not exported"), "{findings}");
     assert!(findings.contains("error: variable `x`: is not listed in ModelStructure/Outputs"), "{findings}");
-    // Its behavior is correct.
+    // The behavior of the FMU is correct.
     assert!(!findings.contains("fmi2Reset:") && !findings.contains("error: two instances"), "{findings}");
     // The report lists what was checked: the nine variables, and the behavior.
     assert!(
@@ -311,7 +311,8 @@ fn only_near_names_are_suggested() {
             assert!(missing.contains(&format!("there is no file {path}")), "{missing}");
         }
     }
-    // The files are not archives, so the error shows which file a name stands for: FMI 2.0 if both are packed.
+    // The files are not archives, so the error shows to which file a name refers. If both exist, this is the FMI 2.0
+    // file.
     for version in ["fmu3", "fmu"] {
         let packed = folder.path().join("target").join(version);
         std::fs::create_dir_all(&packed).unwrap();
@@ -348,7 +349,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
         let output = Command::new(program("pack"))
             .args([&["pack"], arguments].concat())
             .current_dir(folder.path())
-            // Neither cargo-zigbuild nor zig.
+            // With an empty PATH, neither cargo-zigbuild nor zig is found.
             .envs([("NO_COLOR", "1"), ("PATH", "")])
             .output()
             .unwrap();
@@ -433,7 +434,7 @@ fn a_study_is_carried_out() {
     assert!(!summary.contains("no method improved"), "{summary}");
     assert!(summary.contains("ramp:start = ") && summary.contains("results/study/summary.json"), "{summary}");
 
-    // The best values, applied by a scenario: the objective is the RMS of what it records.
+    // A scenario with the best values has the best objective, which is the RMS of the recorded signal.
     let summary = std::fs::read_to_string(folder.path().join("results/study/summary.json")).unwrap();
     let objectives = summary.split("\"objective\": ").skip(1).map(|rest| rest.split([',', '\n']).next().unwrap());
     let best = objectives.map(|number| number.parse::<f64>().unwrap()).fold(f64::INFINITY, f64::min);
@@ -444,7 +445,7 @@ fn a_study_is_carried_out() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let recorded = std::fs::read_to_string(folder.path().join("results/tuned/runs/steep.csv")).unwrap();
     let x: Vec<f64> = recorded.lines().skip(1).map(|row| row.split_once(',').unwrap().1.parse().unwrap()).collect();
-    // The same sum in the same order.
+    // The test adds in the same order as the study, so the results are bit-identical.
     assert_eq!((x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt(), best);
 
     let output = command(folder.path(), &["study", "study.toml"]);
@@ -458,7 +459,7 @@ fn a_study_is_carried_out() {
     let output = command(folder.path(), &["study", "study.toml", "--overwrite", "--budget", "20"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
 
-    // Gains far above the scenario's own.
+    // All gains in this study are far above the gain in the scenario.
     std::fs::write(folder.path().join("far.toml"), STUDY.replace("min = -1.0\nmax = 9.0", "min = 8.0\nmax = 9.0"))
         .unwrap();
     let output = command(folder.path(), &["study", "far.toml", "--budget", "8"]);
@@ -567,7 +568,7 @@ fn systems_are_shown_as_a_matrix() {
     let (_, details, _) = systems(&["--missing", "Lamp", "Car"]);
     assert!(details.contains("Lamp, Car: nothing that acts on Car reads the outputs of Lamp"), "{details}");
 
-    // The folder named first wins.
+    // The folder that is given first takes precedence.
     described(&mine, "Steering", &["yaw_rate input rad/s", "light output lm"], false);
     let (_, matrix, _) = systems(&["Steering", "Car"]);
     assert_eq!(matrix, "          Car\nSteering  idle\n");
@@ -610,7 +611,7 @@ fn a_system_is_written_for_other_masters() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("run flat for other masters, step 0.25 s, until 0.5 s"));
     let osp = std::fs::read_to_string(folder.path().join("out/flat/OspSystemStructure.xml")).unwrap();
-    // The case's parameter, and the constant for the input.
+    // The file contains the parameter of the case and the constant for the input.
     for expected in ["variable=\"gain\"", "value=\"0.5\"", "variable=\"u\"", "value=\"2.0\""] {
         assert!(osp.contains(expected), "{osp}");
     }

@@ -59,13 +59,13 @@ const COMMANDS: [(&str, Part); 10] = [
     ("study study.toml --fmus .", Binary),
 ];
 
-/// Limit of a command's processor time in s, independent of other processes: hostile FMUs must not keep it busy. A
-/// command that takes longer is killed and has no exit code.
+/// Limit of a command's processor time in s, because hostile FMUs must not keep a command busy. Other processes do not
+/// affect it. A command that takes longer is killed and has no exit code.
 const PROCESSOR_TIME: u32 = 30;
 /// Limit of a command's address space in kB: hostile FMUs must not fill the memory.
 const MEMORY: u32 = 4 << 20;
 
-/// A valid FMU, to be damaged.
+/// A valid FMU, which tests damage.
 struct Sound {
     description: String,
     binary: Vec<u8>,
@@ -116,7 +116,7 @@ impl Sound {
         self.described(self.description.replacen(from, to, 1))
     }
 
-    /// Returns the archive with another binary, or none.
+    /// Returns the archive with another binary, or without a binary.
     fn loading(&self, name: &str, content: Option<&[u8]>) -> Vec<u8> {
         let mut entries = self.entries();
         match content {
@@ -152,7 +152,7 @@ fn places(bytes: &[u8], what: &[u8]) -> Vec<usize> {
 fn header(mut bytes: Vec<u8>, name: &str, [local, central]: [usize; 2], change: impl Fn(&mut [u8])) -> Vec<u8> {
     let at = places(&bytes, name.as_bytes());
     let [first, second] = at[..] else { panic!("{name} is not there twice: {at:?}") };
-    // The fixed part of a local header has 30 bytes, that of a central header 46.
+    // Before the name, a local header has 30 bytes, and a central header has 46.
     change(&mut bytes[first - 30 + local..]);
     change(&mut bytes[second - 46 + central..]);
     bytes
@@ -212,7 +212,7 @@ fn rejected_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str
         assert_eq!(output.status.code(), Some(1), "{what}: {line} ends with {}: {said}", output.status);
         assert!(dense(&said).contains(&dense(expected)), "{what}: {line} does not say {expected:?}: {said}");
         assert!(said.contains("Ramp.fmu") && !said.contains("panicked"), "{what}: {line}: {said}");
-        // A run that was started leaves its status, but no rows.
+        // A run that was started leaves its status, but no rows, behind.
         let results = folder.join("results");
         if line.starts_with("run") && results.exists() {
             assert_eq!(names(&results.join("ramp/runs")), ["status.json"], "{what}: {line}");
@@ -294,7 +294,7 @@ fn damaged_entries_are_rejected() {
 #[test]
 fn bombs_are_rejected() {
     let sound = Sound::new();
-    // Declared sizes.
+    // Declared sizes that are wrong.
     let stated = |name: &str, size: u32| {
         header(sound.bytes(), name, [22, 24], |field| field[..4].copy_from_slice(&size.to_le_bytes()))
     };
@@ -307,7 +307,7 @@ fn bombs_are_rejected() {
         rejected("a description", &stated("modelDescription.xml", size), Archive, expected);
         rejected("a resource", &stated("resources/note.txt", size), Binary, expected);
     }
-    // Actual sizes: a description of 200 MB in 200 kB.
+    // An actual size that is too large: a description of 200 MB, compressed to 200 kB.
     let mut zip = ZipWriter::new(std::io::Cursor::new(Vec::new()));
     zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
     zip.write_all(&vec![b' '; 200_000_000]).unwrap();
@@ -317,7 +317,7 @@ fn bombs_are_rejected() {
         zip.start_file(format!("resources/{number}"), SimpleFileOptions::default()).unwrap();
     }
     rejected("many entries", &zip.finish().unwrap().into_inner(), Archive, "100003 entries, at most 100000 are");
-    // Zeros that fill the disk, compressed 1000:1.
+    // The entry consists of zeros, which are compressed by a factor of 1000 and would fill the disk.
     let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
     zip.start_file("binaries/zeros.bin", SimpleFileOptions::default()).unwrap();
     let zeros = vec![0; 100_000_000];
@@ -358,8 +358,8 @@ fn ambiguous_archives_are_rejected() {
     rejected("two names", &bytes, Archive, "has another name, `resources/note.txt`, in its local header");
 }
 
-/// The time of a look-up by name does not grow with the number of names: 100,000 units of measure, each of one
-/// variable, and as many dependencies.
+/// Finding a name takes the same time no matter how many names there are. The FMU has 100,000 units of measure, each
+/// used by one variable, and as many dependencies.
 #[test]
 fn many_units_and_dependencies_are_read_in_time() {
     let sound = Sound::new();
@@ -394,7 +394,7 @@ fn many_units_and_dependencies_are_read_in_time() {
             &said[..said.len().min(2000)]
         );
         assert_eq!(output.status.success(), !line.starts_with("check"), "{line}: {}", &said[..said.len().min(2000)]);
-        // Every output is missing in InitialUnknowns.
+        // `check` reports that every output is missing in InitialUnknowns, but does not list all of these errors.
         let is_cut = said.contains("further errors and") && said.matches(" error: ").count() < 1010;
         assert_eq!(is_cut, line.starts_with("check"), "{line}: {} bytes", said.len());
     }
@@ -446,7 +446,7 @@ fn text_of_an_fmu_does_not_control_the_terminal() {
         .replace("unit=\"m\"/>", "unit=\"\u{9b}m\"/>");
     let folder = folder();
     let mut shown = String::new();
-    // A GUID that is not the binary's: the FMU's message quotes it.
+    // The GUID is not that of the binary. The message of the FMU quotes it.
     for guid in ["guid=\"Ramp\"", "guid=\"Ra\u{9b}5mmp\""] {
         let text = described.replace("guid=\"Ramp\"", guid);
         std::fs::write(folder.path().join("Ramp.fmu"), sound.described(text)).unwrap();

@@ -1,5 +1,5 @@
-//! Incomplete runs: an FMU fails, ends the simulation, or returns a value that is not finite. The rows up to there are
-//! kept and marked in `status.json`; no command treats them as a complete run.
+//! Incomplete runs: an FMU fails, ends the simulation, or returns a value that is not finite. The rows up to this time
+//! are kept, and `status.json` marks the run as incomplete. No command treats it as a complete run.
 #![cfg(unix)]
 
 #[path = "../../../tests/zoo/zoo.rs"]
@@ -12,7 +12,7 @@ use std::process::{Command, Output};
 use tempfile::TempDir;
 use zoo::Zoo;
 
-/// The input `us` has no constant: a String keeps its start value.
+/// The input `us` has no constant, because it is a String, which keeps its start value.
 const SCENARIO: &str = r#"
 title = "Endings"
 [simulation]
@@ -62,7 +62,7 @@ fn status(folder: &Path) -> Value {
     serde_json::from_str::<Value>(&text).unwrap()["runs"][0].clone()
 }
 
-/// A page without numbers does not replace the page of an earlier call. A JUnit file does.
+/// If no run is complete, the page of an earlier call is kept, but the JUnit file is replaced.
 #[test]
 fn no_page_is_made_without_a_complete_run() {
     use std::os::unix::fs::PermissionsExt;
@@ -186,7 +186,8 @@ fn a_run_that_fails_keeps_its_rows() {
     }
 }
 
-/// After a crash, the run is repeated up to that time. An FMU may reject an end before the stop time.
+/// After a crash, the run is repeated up to the time of the crash. With the second habit, the FMU rejects the
+/// termination of the repeated run, which ends before the stop time.
 #[test]
 fn a_run_that_crashes_keeps_its_rows() {
     for habit in ["crash", "crash_strict"] {

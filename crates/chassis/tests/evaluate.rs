@@ -65,7 +65,7 @@ fn metrics_are_printed_as_one_document() {
     assert_eq!(evaluate(&["step_steer", &windows]).stdout, output.stdout);
 }
 
-/// All options in the reference data are accepted, also those that describe a recording.
+/// All options in the reference data are accepted, including options that describe the recording.
 #[test]
 fn every_evaluator_reads_its_recording() {
     let text = std::fs::read_to_string(reference("evaluators.json")).unwrap();
@@ -85,8 +85,8 @@ fn every_evaluator_reads_its_recording() {
     }
 }
 
-/// A recording as a logger writes it: other names, units, decimal commas, text next to numbers. The expected metrics
-/// are those of the reference, whose numbers have nine digits.
+/// A recording as a logger writes it: other names, units, decimal commas, text next to numbers. The metrics are equal
+/// to those of the reference, whose numbers have nine digits.
 #[test]
 fn a_file_of_a_logger_gives_the_same_metrics() {
     let path = reference("step_steer.csv.gz");
@@ -121,7 +121,7 @@ fn a_file_of_a_logger_gives_the_same_metrics() {
     assert!(message.contains("note: the column `Gier` is converted to rad/s (factor 0.017453293)"), "{message}");
 }
 
-/// Every tenth row is lost. The expected metrics are those of the reference, because the response is smooth.
+/// Every tenth row is missing. The metrics are those of the reference nevertheless, because the response is smooth.
 #[test]
 fn rows_that_are_lost_are_interpolated_by_option() {
     let path = reference("step_steer.csv.gz");

@@ -133,7 +133,7 @@ fn nothing_that_an_fmu_started_outlives_the_command() {
         assert_eq!(survivors(folder.path()), [""; 0], "{habit}");
         assert!(is_success, "{habit}: {said}");
         assert!(said.contains("that an FMU had started") || !is_left, "{habit}: {said}");
-        // None of these FMUs starts a program, so a process that is left is a copy of this program.
+        // None of these FMUs starts another program, so every process that is left behind is a copy of `chassis`.
         assert!(said.contains("(a copy of chassis)") || !is_left, "{habit}: {said}");
     }
 }
@@ -182,7 +182,7 @@ fn the_sandbox_denies_what_could_harm_others_and_reports_it() {
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "mine", "{habit}");
         assert_eq!(std::fs::metadata(&file).unwrap().permissions(), mode, "{habit}");
 
-        // Without a sandbox the same FMU does what was denied.
+        // Without a sandbox, the same FMU succeeds with the action that the sandbox denied.
         let report = check(folder.path(), &["--no-sandbox"]);
         assert!(!report.contains("the sandbox denied"), "{habit}: {report}");
         let is_written = std::fs::read_to_string(&file).unwrap() == "written by an FMU";
@@ -191,7 +191,8 @@ fn the_sandbox_denies_what_could_harm_others_and_reports_it() {
     }
 }
 
-/// Another thread could make the path lead elsewhere, so the sandbox denies this even in the FMU's own folder.
+/// Changing the mode of a file is denied even in the FMU's own folder, because another thread could make the path lead
+/// elsewhere.
 #[test]
 fn a_denied_mode_of_a_temporary_file_is_reported() {
     let folder = folder(&Zoo::new("unpack"));
@@ -302,7 +303,7 @@ fn changes_of_the_process_are_found() {
     }
 }
 
-/// The times are k h, rounded to the nearest number, even if an FMU changes the rounding mode.
+/// The times are multiples of the step, rounded to nearest, even if an FMU changes the rounding mode.
 #[test]
 fn an_fmu_does_not_change_the_numbers_of_the_master() {
     let results = |habit| {

@@ -209,7 +209,7 @@ fn a_study_from_the_file_to_the_results() {
     let names: Vec<_> = summary.methods.iter().map(|m| m.method.name.as_str()).collect();
     assert_eq!(names, ["pacsa", "ga", "yardstick"]);
     assert_eq!(summary.runs, ["free", "inverted"]);
-    // The same sums in the same order, except that the factors are applied at other places.
+    // The test adds in the same order as the study, but multiplies by the factors at other places.
     assert!((summary.baseline.outcome.objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
     assert_eq!(summary.baseline.values, [Some(1.0), Some(1.0)], "the start values of the FMUs");
     let compared: Vec<_> = summary.comparisons.iter().map(|c| c.title.as_str()).collect();
@@ -249,7 +249,7 @@ fn results_do_not_depend_on_the_number_of_processes() {
     assert!(one == place.results("out2") && one == place.results("out5"));
 }
 
-/// The interruption can be anywhere: within the second method, in a line of the history, or between a checkpoint and
+/// A study can be interrupted anywhere: within the second method, in a line of the history, or between a checkpoint and
 /// later lines of the history.
 #[test]
 fn going_on_equals_never_stopping() {
@@ -268,7 +268,7 @@ fn going_on_equals_never_stopping() {
         place.execute(STUDY, 3, "parts", Existing::Resume).unwrap();
         assert!(place.results("parts") == whole, "cut at {share}");
     }
-    // Finished: nothing changes.
+    // Resuming a finished study changes nothing.
     place.execute(STUDY, 1, "whole", Existing::Resume).unwrap();
     assert!(place.results("whole") == whole);
 }
@@ -301,7 +301,7 @@ fn results_are_not_lost_by_a_slip() {
     assert!(place.results("out") == before);
 }
 
-/// A smaller budget would drop evaluations that exist.
+/// A smaller budget is rejected, because existing evaluations would have to be dropped.
 #[test]
 fn a_smaller_budget_is_rejected() {
     let place = Place::new();
@@ -314,7 +314,7 @@ fn a_smaller_budget_is_rejected() {
     assert!(error.contains("history.csv has 60 evaluations, more than the budget of 59"), "{error}");
     assert!(error.contains("a budget of at least 60; `--overwrite` starts over"), "{error}");
     assert!(place.results("out") == before);
-    // A new target does not drop them either: all existing evaluations are used.
+    // A new target does not drop evaluations either: all existing evaluations are used.
     let early = STUDY.replacen("evaluations = 60", "evaluations = 60\ntarget = 1e5", 1);
     let summary = place.execute(&early, 2, "out", Existing::Resume).unwrap();
     assert_eq!(summary.methods.iter().map(|m| m.progress.evaluations).collect::<Vec<_>>(), [60; 3]);
@@ -338,7 +338,7 @@ fn the_scenarios_own_values_are_compared_with() {
     assert_eq!(summary.baseline.values, [Some(1.0), None], "the cases differ in the second");
     assert_eq!(summary.comparisons.len(), 1);
 
-    // Ranges where y swings by sqrt(8/0.6) at least, not by sqrt(3) as in the scenario.
+    // In these ranges, the amplitude of y is at least sqrt(8/0.6). In the scenario, it is sqrt(3).
     let text = text.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"inverted\"]", 1);
     let far = text.replacen("min = -2.0\nmax = 8.0", "min = 0.5\nmax = 0.6", 1).replacen("min = 0.1", "min = 8.0", 1);
     let summary = place.execute(&far, 2, "far", Existing::Error).unwrap();
@@ -348,7 +348,8 @@ fn the_scenarios_own_values_are_compared_with() {
     assert!(best.objective > summary.baseline.outcome.objective && !summary.improved);
 }
 
-/// Only the wrong case is reported: what the scenario records does not depend on the cases of the study.
+/// Only the wrong case is reported, without further errors about recorded signals, because these do not depend on the
+/// cases of the study.
 #[test]
 fn a_wrong_case_is_one_mistake() {
     let place = Place::new();
@@ -380,13 +381,13 @@ fn what_is_not_feasible_is_bad_and_no_more() {
     assert_eq!(summary.methods[0].progress.infeasible, infeasible);
     assert!((1..60).contains(&infeasible));
 
-    // A limit that the gains of some candidates exceed, and another penalty.
+    // With the gains of some candidates, a signal exceeds this limit. The penalty is different, too.
     let text = STUDY.replacen("magnitude = 40.0", "magnitude = 1.5", 1).replacen("stop", "penalty = 777.0\nstop", 1);
     place.execute(&text, 2, "limit", Existing::Error).unwrap();
     let history = read("limit");
     assert!(history.contains(",777.0,false,") && history.contains("the limit is 1.5"), "{history}");
 
-    // Overflow: 1e308 steps of a ring that grows.
+    // A tiny reference value makes the term of `y` overflow.
     let text = STUDY.replacen("reference = 2.0", "reference = 1e-200", 1);
     let summary = place.execute(&text, 2, "overflow", Existing::Error).unwrap();
     assert!(read("overflow").contains("the term of `y` is inf"), "{}", read("overflow"));
@@ -416,7 +417,7 @@ fn judgments_become_weights() {
         .replacen("weight = 3.0\n", "", 1);
     let study = place.read(&judged, 1).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let weights: Vec<f64> = study.simulation.terms.iter().map(|t| t.weight).collect();
-    // 4 : 1, to rounding
+    // The weights have the ratio 4 : 1, up to rounding errors.
     assert!((weights[0] - 0.8).abs() < 1e-15 && (weights[1] - 0.2).abs() < 1e-15);
     assert_eq!(study.judged.unwrap().ratio, 0.0);
 }
@@ -440,7 +441,7 @@ fn a_method_runs_with_several_seeds() {
     assert_ne!(several.methods[1].progress, several.methods[2].progress);
 }
 
-/// One change to the study, the marked position of the mistake, and the message.
+/// Each entry consists of a change to the study, the marked position of the mistake, and the message.
 #[test]
 fn mistakes_are_reported_with_their_place() {
     let place = Place::new();
@@ -541,7 +542,7 @@ fn mistakes_are_reported_with_their_place() {
         ("[[objective.term]]", "missing key `objective`"),
         ("[[search]]", "a study needs at least one [[search]]"),
     ] {
-        // Without all tables of that name.
+        // Removes all tables with this name.
         let without: String = STUDY
             .split_inclusive("\n\n")
             .filter(|table| !table.starts_with(what))
@@ -562,7 +563,8 @@ fn what_the_study_needs_must_be_there() {
     assert!(matches!(place.read(STUDY, 1), Err(StudyError::Scenario(_))));
 }
 
-/// A relative path starts at the folder of the scenario. A changed file is a changed study, like a changed FMU.
+/// A relative path starts at the folder of the scenario. If the file changes, the study counts as changed, as it does
+/// if an FMU changes.
 #[test]
 fn a_file_that_an_fmu_reads_is_part_of_the_study() {
     let place = Place::new();

@@ -1,5 +1,5 @@
-//! FMUs that crash, exit, hang, or print anything: only their own run fails; the report gives the cause and the call,
-//! and nothing is left behind.
+//! FMUs that crash, exit, hang, or print anything: only their own run fails, the report contains the cause and the
+//! call, and nothing is left behind.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/mod.rs"]
@@ -26,7 +26,7 @@ const ENDS: [(&str, &str); 5] = [
     ("for (;;) sleep(1)", "not done after 0.5 s (--timeout), stopped during fmi2DoStep"),
 ];
 
-/// Statements that print; the last one writes a response of the worker protocol.
+/// Statements that print. The last one prints a response in the worker protocol.
 const PRINTS: [&str; 4] = [
     r#"write(1, "\xff\xfe\n", 3)"#,
     r#"for (int k = 0; k < 5000; k++) printf("no end of the line ")"#,
@@ -116,7 +116,7 @@ fn prints_of_an_fmu_change_no_finding() {
     }
 }
 
-/// A source; the only output that is read does not depend on `start`.
+/// The FMU is a source. The only output that is read does not depend on the parameter `start`.
 #[test]
 fn trials_of_a_plan_survive_the_fmu() {
     let source = |step| {
@@ -156,7 +156,7 @@ fn an_fmu_that_ends_the_process_is_neither_linearized_nor_trimmed() {
     }
 }
 
-/// The case `steep` has a gain of 1, `flat` one of 0.5.
+/// The gain is 1 in the case `steep` and 0.5 in the case `flat`.
 #[test]
 fn an_fmu_costs_its_run_only() {
     for (end, expected) in ENDS {
@@ -177,7 +177,7 @@ fn an_fmu_costs_its_run_only() {
     }
 }
 
-/// Messages contain the called function, also outside of the step.
+/// Messages report what the FMU was doing even outside of a step, for example while its library is loaded.
 #[test]
 fn the_call_is_named() {
     let declarations = "__attribute__((destructor)) static void at_the_end(void) { _exit(0); }";
@@ -236,7 +236,7 @@ fn results_do_not_depend_on_the_number_of_processes() {
         (1..=20).map(|k| csv(folder.path(), &format!("c{k}.csv")).unwrap()).collect()
     };
     let one = results("1");
-    // Gains with infinitely many decimals reach the FMU bit-identical.
+    // A gain without an exact decimal representation reaches the FMU unchanged.
     let end: f64 = one[2].lines().last().unwrap().split_once(',').unwrap().1.parse().unwrap();
     assert_eq!(end, (0..4).fold(0.0, |x, _| x + 0.25 * (1.0 / 3.0 * 2.0)));
     for jobs in ["2", "5", "40"] {
@@ -301,7 +301,8 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
 }
 
 #[cfg(target_os = "linux")]
-/// A command whose FMU never returns, started with options of `env` about signals, and the ID of the FMU's process.
+/// Starts a command whose FMU never returns. `signals` contains options of `env` about signals. Also returns the ID of
+/// the process that executes the FMU.
 fn hanging(folder: &Path, arguments: &[&str], signals: &[&str]) -> (std::process::Child, String) {
     let file = folder.join("number");
     let step = format!(
@@ -374,7 +375,8 @@ fn an_end_by_signal_leaves_no_process_and_no_file() {
 fn an_ignored_hangup_stays_ignored() {
     let folder = folder(&ramp(""));
     let (mut child, number) = hanging(folder.path(), &["run", "ramp.toml", "--jobs", "1"], &["--ignore-signal=HUP"]);
-    // The system discards an ignored signal at once, so the first one has no effect when the second ends the command.
+    // The system discards an ignored signal at once. The first signal therefore has no effect; the second one ends the
+    // command.
     for signal in ["HUP", "TERM"] {
         let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
         assert!(sent.success());
@@ -386,7 +388,7 @@ fn an_ignored_hangup_stays_ignored() {
 
 #[test]
 fn an_fmu_in_python_says_what_it_needs() {
-    // Symbols from Python's C interface, undefined without Python: a function and an object.
+    // A function and an object from Python's C interface, which are undefined without Python.
     for (declarations, step) in [
         ("int Py_IsInitialized(void);", "if (Py_IsInitialized() != 7) return 3"),
         ("extern int _Py_NoneStruct;", "if (_Py_NoneStruct != 7) return 3"),

@@ -8,7 +8,7 @@ use fmu_system::run::{Component, Run, Setting};
 use std::collections::BTreeMap;
 
 /// Adjustable numbers of a run. Inputs whose names differ only in the last part, such as the friction at each wheel,
-/// share one.
+/// share one adjustable number.
 pub(crate) fn of_run(run: &Run, fmus: &Fmus) -> Vec<Adjustable> {
     run.components
         .iter()
@@ -36,7 +36,7 @@ fn of_component(component: &Component, description: &ModelDescription) -> Vec<Ad
         groups.entry(group(&variable.name)).or_default().push((variable, constant));
     }
     for (name, members) in groups {
-        // One slider for all, unless they begin with different values.
+        // The inputs of a group share one slider, unless their start values differ.
         let is_same = members.iter().all(|(_, setting)| setting.value == members[0].1.value);
         if members.len() > 1 && is_same {
             let (variable, constant) = members[0];
@@ -53,12 +53,12 @@ fn of_component(component: &Component, description: &ModelDescription) -> Vec<Ad
     found
 }
 
-/// The name of a group of inputs: all but the last part.
+/// The name of the group of an input: its name without the last part.
 fn group(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(group, _)| group)
 }
 
-/// Names of the inputs that an id means, which may be `component:group.*`.
+/// Names of the inputs to which an id refers. `name` is the id without its component, such as `group.*`.
 pub(crate) fn variables(component: &Component, name: &str) -> Vec<String> {
     match name.strip_suffix(".*") {
         Some(wanted) => {
@@ -99,7 +99,7 @@ fn adjustable(
     }
 }
 
-/// Declared limits if a slider can use them, otherwise three times the value.
+/// The ends of a slider. A declared limit is used unless it is too far away; otherwise, the value determines the end.
 fn limits(variable: &Variable, value: f64) -> (f64, f64) {
     if variable.base_type == BaseType::Boolean {
         return (0.0, 1.0);

@@ -26,7 +26,7 @@ const ROADS: [(&str, &str); 5] = [
     ("d", "ISO 8608 class D, poor"),
 ];
 
-/// Class of roughness of a road, from 1; `None`: flat.
+/// Class of roughness of a road, from 1; `None` for a flat road.
 pub(crate) fn class(road: &str) -> Option<i32> {
     let index = ROADS.iter().position(|(id, _)| *id == road)?;
     i32::try_from(index).ok().filter(|class| *class > 0)
@@ -56,7 +56,7 @@ pub(crate) struct Scenario {
     pub(crate) vehicle: String,
 }
 
-/// Resolves all scenarios. A scenario without a plan, because an FMU is missing, is left out.
+/// Resolves all scenarios. Scenarios that cannot be resolved, because an FMU is missing, are omitted.
 pub(crate) fn scenarios(paths: &[String], fmus: &Fmus, systems: &Systems) -> Vec<Scenario> {
     let resolved = |path: &String| {
         let plan = resolve(Path::new(path), &fmus.descriptions, &Options::default()).ok()?;
@@ -195,8 +195,8 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
     })
 }
 
-/// Controllers of the paper: those of the vehicle's scenario with the most fitting controllers, in the last case that
-/// has them.
+/// Controllers that are selected at first: those of the run with the most fitting controllers in the scenarios of the
+/// vehicle, which are the controllers of the paper.
 fn defaults(vehicle: &str, controllers: &[&String], scenarios: &[Scenario]) -> Vec<String> {
     let mut best: Vec<String> = Vec::new();
     for scenario in scenarios.iter().filter(|scenario| scenario.vehicle == vehicle && !scenario.id.starts_with("swap_"))

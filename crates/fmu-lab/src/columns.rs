@@ -15,7 +15,7 @@ pub(crate) struct Shown {
     pub(crate) column: Column,
 }
 
-/// Gives every output of a run a slot, and lists them. Reading more outputs changes no result.
+/// Gives every output of a run a slot, and lists the outputs. Reading additional outputs does not change any result.
 pub(crate) fn show_all(run: &mut Run, fmus: &Fmus, plant: &str) -> Vec<Shown> {
     let mut count: BTreeMap<String, usize> = BTreeMap::new();
     let mut shown = Vec::new();
@@ -42,7 +42,7 @@ pub(crate) fn show_all(run: &mut Run, fmus: &Fmus, plant: &str) -> Vec<Shown> {
         }
     }
     for shown in &mut shown {
-        // The drawing finds the plant's signals by their plain names.
+        // Signals of the plant get no prefix, because the drawing finds them by their plain names.
         if count[&shown.variable] > 1 && shown.component != plant {
             shown.column.name = format!("{}:{}", shown.component, shown.variable);
         }
@@ -67,7 +67,7 @@ pub(crate) fn display(description: &ModelDescription, variable: &Variable) -> Di
     let own = variable.unit.as_deref().unwrap_or_default();
     let units = description.display_units(variable);
     let wanted = variable.display_unit.as_ref().and_then(|name| units.iter().find(|unit| unit.name == *name));
-    // The page has no offsets, so it cannot show units with one.
+    // The page does not support offsets, so units with an offset are not shown.
     match wanted.filter(|unit| unit.offset == 0.0) {
         Some(unit) => Display::new(&unit.name, unit.factor),
         None => Display::new(own, 1.0),

@@ -1,10 +1,10 @@
-//! The visitor as driver: steering and pedals take the place of the driver's signals.
+//! The visitor drives: steering and pedals on the page replace the signals of the driver model.
 
 use crate::requests::{Adjustable, Display, Driving};
 use fmu_system::plan::{Origin, Plan};
 use std::collections::BTreeMap;
 
-/// Acceleration of a plant with prescribed speed at full throttle and at full braking, m/s2.
+/// Acceleration at full throttle and deceleration at full braking, m/s2, for a plant with prescribed speed.
 const ACCELERATION: f64 = 2.5;
 const DECELERATION: f64 = 6.0;
 
@@ -14,7 +14,7 @@ pub(crate) type Input = (String, String);
 #[derive(Debug, Clone)]
 pub(crate) struct Driver {
     pub(crate) component: String,
-    /// Inputs that read each of its outputs.
+    /// The inputs that read each output of the driver.
     readers: BTreeMap<String, Vec<Input>>,
     /// Front steering angle at full lock, rad.
     largest_steer: f64,
@@ -51,16 +51,16 @@ impl Driver {
         self.readers.get(signal).map_or(&[], Vec::as_slice)
     }
 
-    /// Values of the signals for a step, s.
+    /// Values of the signals for a step of this length, s.
     pub(crate) fn step(&mut self, step: f64) -> Vec<(&'static str, f64)> {
         let Some(driving) = self.driving else { return Vec::new() };
         let change = ACCELERATION * driving.throttle - DECELERATION * driving.brake;
-        // Plants with prescribed speed have equations that divide by the speed.
+        // The speed stays positive, because plants with prescribed speed have equations that divide by it.
         self.speed = (self.speed + change * step).max(1.0);
         SIGNALS.into_iter().filter_map(|signal| Some((signal, self.value(signal)?))).collect()
     }
 
-    /// The value that takes the place of an output; `None` while the visitor does not drive.
+    /// The value that replaces an output; `None` while the visitor does not drive.
     pub(crate) fn value(&self, signal: &str) -> Option<f64> {
         let driving = self.driving?;
         match signal {

@@ -1,4 +1,4 @@
-//! The system as an SSP file. Its FMUs have a description and a module only.
+//! The system as an SSP file. The FMUs in it contain only a description and a WebAssembly module.
 
 use crate::fmus::{Fmus, name_of};
 use crate::requests::Failure;
@@ -14,7 +14,8 @@ use std::sync::Arc;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Name and content of the file. The name shows that its FMUs have no other binaries.
+/// Name and content of the file. The file name contains the platform, because the FMUs in the file have binaries for
+/// this platform only.
 pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String, Vec<u8>), Failure> {
     let describe = |path: &str| {
         let missing = || ArchiveError::new(Path::new(path), io::Error::from(io::ErrorKind::NotFound));
@@ -22,7 +23,7 @@ pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String
     };
     let mut plan = plan.clone();
     plan.simulation = running.simulation;
-    // The system's outputs are the plan's columns, without the columns that only the CSV file has.
+    // The outputs of the system are the columns of the plan. The other columns are only for the CSV file.
     let mut run = running.run.clone();
     run.columns.truncate(plan.columns.len());
     let system = System::described(&plan, &run, &describe).map_err(Failure::new)?;

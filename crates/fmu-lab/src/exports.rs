@@ -58,7 +58,7 @@ pub extern "C" fn lab_allocate(size: usize) -> *mut u8 {
     Box::into_raw(vec![0_u8; size].into_boxed_slice()).cast()
 }
 
-/// Frees memory of [`lab_allocate`].
+/// Frees memory from [`lab_allocate`].
 ///
 /// # Safety
 /// The memory is from [`lab_allocate`], with this size, and is freed once.
@@ -68,10 +68,10 @@ pub unsafe extern "C" fn lab_free(memory: *mut u8, size: usize) {
     drop(unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(memory, size)) });
 }
 
-/// Answers a request. Returns the length of the response, negated for a failure.
+/// Answers a request. Returns the length of the response. The number is negative if the response is a failure.
 ///
 /// # Safety
-/// Each pointer is to as many bytes as stated, which nothing else changes.
+/// Each pointer must point to the stated number of bytes, and nothing else may change these bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lab_request(text: *const u8, length: usize, body: *const u8, size: usize) -> isize {
     // SAFETY: promised by the caller.
@@ -116,8 +116,8 @@ pub extern "C" fn lab_body_size() -> usize {
     with(0, |state| state.body.len())
 }
 
-/// Advances a system by at most `steps` steps. Returns the number of steps made, fewer at the end, or -1 if the system
-/// fails or has failed.
+/// Advances a system by at most `steps` steps. Returns the number of steps that were made, which is smaller at the end
+/// of the run, or -1 if the system fails or has failed before.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_advance(system: usize, steps: u32) -> i32 {
     let caught = catch_unwind(AssertUnwindSafe(|| STATE.with_borrow_mut(|state| state.lab.advance(system, steps))));
@@ -146,7 +146,7 @@ pub extern "C" fn lab_rows_data(system: usize) -> *const f64 {
     with(std::ptr::null(), |state| state.lab.rows(system).1.as_ptr())
 }
 
-/// Discards the new rows, which were read.
+/// Discards the new rows, after the worker has read them.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_rows_read(system: usize) {
     with((), |state| state.lab.rows_read(system));

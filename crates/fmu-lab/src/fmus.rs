@@ -80,7 +80,7 @@ impl Fmus {
         if wasm::Names::read(&module).is_none() {
             return Err(Failure::with_help(format!("{file}: {entry} is not a WebAssembly module."), PACK));
         }
-        // Named after its file; it never replaces an FMU of the lab.
+        // The FMU is named after its file, but it never replaces an FMU of the lab.
         let stem = name_of(file).to_owned();
         let name = if self.texts.contains_key(&stem) { format!("{stem} (dropped)") } else { stem };
         Ok((name, text, module))

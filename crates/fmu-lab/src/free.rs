@@ -41,7 +41,8 @@ impl From<SetupError> for Failure {
     }
 }
 
-/// The systems of a setup: the visitor's system, and its twin.
+/// The systems of a setup: the system that the visitor has selected and, for comparison, its twin, which has no
+/// controllers or is another case of the scenario.
 pub(crate) fn prepare(setup: &Setup, fmus: &Fmus, scenarios: &[Scenario]) -> Result<Vec<Prepared>, Failure> {
     let mut prepared = match &setup.system {
         System::Free { vehicle, controllers, maneuver, maneuver_values, road, seed } => {
@@ -188,7 +189,7 @@ pub(crate) fn split(id: &str) -> Result<(&str, &str), Failure> {
 fn set(prepared: &mut Prepared, fmus: &Fmus, id: &str, value: f64) -> Result<(), Failure> {
     let (component, name) = split(id)?;
     let planned = prepared.run.components.iter().find(|planned| planned.name == component);
-    // A link may come from a system with another controller.
+    // An unknown component is ignored, because the value may come from a link to a system with another controller.
     let Some(planned) = planned.cloned() else { return Ok(()) };
     let Some(description) = fmus.described(&planned.fmu) else { return Ok(()) };
     for name in adjust::variables(&planned, name) {

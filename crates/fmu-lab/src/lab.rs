@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Text of a response, or a failure, and bytes.
+/// The text of a response, or a failure, and the bytes of the body.
 pub(crate) type Response = (Result<String, Failure>, Vec<u8>);
 
 /// FMUs, scenarios, and the systems that run.
@@ -77,7 +77,7 @@ impl Lab {
                 for open in &mut self.systems {
                     open.running.seek(time)?;
                 }
-                // A system whose run has ended before the time stays at its end.
+                // A system whose run has ended before this time stays at the end of its run.
                 let times = self.systems.iter().map(|open| open.running.time());
                 json(&json!({ "time": times.reduce(f64::max).unwrap_or(0.0) }))
             }
@@ -137,8 +137,8 @@ impl Lab {
         for (index, mut system) in prepared.into_iter().enumerate() {
             let shown = show_all(&mut system.run, &self.fmus, &system.plant);
             let mut names: Vec<String> = system.plan.columns.iter().map(|column| column.name.clone()).collect();
-            // A scenario chooses its columns. A maneuver records the signals of the vehicle and the driver; the
-            // controllers' signals follow.
+            // A scenario defines its own columns. A maneuver records the signals of the vehicle and the driver only, so
+            // the signals of the controllers are appended.
             if !matches!(system.source, Source::Scenario { .. }) {
                 for one in &shown {
                     if !system.run.columns.contains(&Some(one.slot)) {
@@ -258,7 +258,7 @@ impl Lab {
         }
     }
 
-    /// Returns the reason that a system cannot continue, as JSON.
+    /// Returns the reason why a system cannot continue, as JSON.
     pub(crate) fn failure(&self, system: usize) -> String {
         let stopped = self.systems.get(system).and_then(|open| open.running.stopped.clone());
         stopped.map_or("null".to_owned(), |stopped| {

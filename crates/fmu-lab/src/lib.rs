@@ -1,9 +1,9 @@
 //! The part of the lab (`web/lab`) that handles systems of FMUs, compiled to WebAssembly: it resolves scenarios and
-//! maneuvers, makes the calls of each step, keeps recordings and saved states, and computes metrics. All of it comes
-//! from the crates that `cargo fmu` uses.
+//! maneuvers, makes the calls of each step, keeps recordings and saved states, and computes metrics. It uses the same
+//! crates as `cargo fmu` for all of this.
 //!
 //! The page's worker sends requests as JSON (`requests.rs`) and advances systems by a number of steps. The module of
-//! each FMU has its own memory; the worker connects them as `fmu_import::loader` describes.
+//! each FMU has its own memory. `fmu_import::loader` describes how the worker connects these memories.
 
 mod adjust;
 mod catalog;

@@ -18,7 +18,7 @@ pub(crate) struct Recorded<'a> {
     pub(crate) recording: &'a Recording,
 }
 
-/// Metrics of the first system, with the numbers of all.
+/// The metrics that are defined for the first system, with their values for all systems.
 pub(crate) fn of(systems: &[Recorded<'_>]) -> Vec<Metric> {
     match systems.first() {
         None | Some(Recorded { source: Source::Nothing, .. }) => Vec::new(),

@@ -7,12 +7,12 @@ use std::collections::BTreeMap;
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub(crate) enum Request {
-    /// Descriptions of FMUs by name, and texts of files by path. Response: `Catalog`.
+    /// Provides the descriptions of FMUs by name, and the texts of files by path. Response: `Catalog`.
     Start {
         descriptions: BTreeMap<String, String>,
         texts: BTreeMap<String, String>,
     },
-    /// Reads an archive, which is the body. Response: name and description, the module is the body.
+    /// Reads an archive, which is the body of the request. Response: name and description; its body is the module.
     Drop {
         name: String,
     },
@@ -21,18 +21,18 @@ pub(crate) enum Request {
         name: String,
         description: String,
     },
-    /// Ends the running systems and opens others. Response: `Opened`, or `Needs`.
+    /// Ends the running systems and opens new ones. Response: `Opened`, or `Needs`.
     Open {
         setup: Setup,
-        /// FMUs whose modules are there.
+        /// FMUs whose modules the worker has loaded.
         modules: Vec<String>,
     },
-    /// Goes to a time. Response: `Sought`.
+    /// Rewinds all systems to a time. Response: `Sought`.
     Seek {
         time: f64,
     },
     Set {
-        /// Index of the system; `None`: all that have it.
+        /// Index of the system; `None` for all systems that have the adjustable number.
         system: Option<usize>,
         adjustable: String,
         value: f64,
@@ -42,11 +42,11 @@ pub(crate) enum Request {
     },
     /// Metrics of the runs so far. Response: list of [`Metric`].
     Metrics,
-    /// The recording as CSV, which is the body.
+    /// Writes the recording as CSV, which is the body of the response.
     Csv {
         system: usize,
     },
-    /// The system as SSP, which is the body.
+    /// Writes the system as SSP, which is the body of the response.
     Ssp {
         system: usize,
     },
@@ -153,7 +153,7 @@ pub(crate) struct Metric {
     pub(crate) definition: String,
     pub(crate) values: Vec<Value>,
     pub(crate) reason: String,
-    /// `pass`, `fail` or `info`, of the first system.
+    /// `pass`, `fail` or `info`, for the first system.
     pub(crate) verdict: Option<&'static str>,
 }
 

@@ -17,7 +17,8 @@ const BETWEEN_STATES: f64 = 1.0;
 /// Minimum time between two rows for the page, s.
 const BETWEEN_ROWS: f64 = 0.01;
 
-/// Action of the visitor while a system runs. It is kept, because going back to a time between saved states repeats it.
+/// Action of the visitor while a system runs. Actions are kept: rewinding to a time between two saved states repeats
+/// them.
 #[derive(Debug, Clone)]
 pub(crate) enum Action {
     Set { component: String, variables: Vec<String>, value: f64 },
@@ -31,7 +32,7 @@ struct Checkpoint {
     driver: Option<Driver>,
 }
 
-/// Reason that a system cannot continue.
+/// Reason why a system cannot continue.
 #[derive(Debug, Clone)]
 pub(crate) struct Stopped {
     pub(crate) time: f64,
@@ -40,7 +41,7 @@ pub(crate) struct Stopped {
 }
 
 pub(crate) struct Running {
-    /// Distinguishes the systems.
+    /// A number that is different for each system.
     modules: usize,
     first_driver: Option<Driver>,
     pub(crate) simulation: Simulation,
@@ -64,7 +65,7 @@ pub(crate) struct Running {
 }
 
 impl Running {
-    /// Instantiates and initializes a run. `modules` distinguishes the systems.
+    /// Instantiates and initializes a run. `modules` is a number that is different for each system.
     pub(crate) fn new(
         modules: usize,
         simulation: &Simulation,
@@ -104,7 +105,7 @@ impl Running {
         self.session.time()
     }
 
-    /// New rows: number and values.
+    /// Number and values of the new rows.
     pub(crate) fn rows(&self) -> (usize, &[f64]) {
         (self.rows.len() / (self.shown.len() + 1), &self.rows)
     }
@@ -113,7 +114,8 @@ impl Running {
         self.rows.clear();
     }
 
-    /// Makes steps until the system is over or fails; returns their number.
+    /// Makes at most `steps` steps, fewer if the run ends. Returns their number; `None` if the system fails or has
+    /// failed before.
     pub(crate) fn advance(&mut self, steps: u32) -> Option<u32> {
         if self.stopped.is_some() {
             return None;
@@ -159,7 +161,7 @@ impl Running {
         ended
     }
 
-    /// Ends the run of a vehicle on its side, as the test bench does: the model is not valid there.
+    /// Ends the run of a vehicle on its side, as the test bench does, because the model is not valid in this position.
     fn end_rolled_over(&mut self) {
         let is_roll =
             |shown: &&Shown| shown.component == PLANT && shown.variable == "body.roll" && shown.column.unit == "rad";
@@ -171,7 +173,7 @@ impl Running {
         }
     }
 
-    /// Records the signals, if the current time is that of a row.
+    /// Records the signals if a row is due at the current time.
     fn record(&mut self) {
         let (step, time) = (self.session.steps(), self.session.time());
         if step.is_multiple_of(self.simulation.every) {
@@ -199,7 +201,7 @@ impl Running {
     pub(crate) fn act(&mut self, action: Action) -> Result<(), Failure> {
         self.apply(&action)?;
         let step = self.session.steps();
-        // Each frame of driving replaces the one before it.
+        // If the visitor drives several times before the next step, only the last action counts.
         if matches!(action, Action::Drive(_)) {
             self.actions.retain(|(of, other)| *of != step || !matches!(other, Action::Drive(_)));
         }
@@ -268,12 +270,14 @@ impl Running {
         }
         let failed = |error: RunFailure| Failure::new(format!("cannot rewind: {error}"));
         let at = self.checkpoints.iter().rposition(|checkpoint| checkpoint.step <= target);
-        // A terminated instance cannot be restored, and some FMUs cannot save their state: start with another one.
+        // A terminated instance cannot be restored, and some FMUs cannot save their state. The run then starts over
+        // with new instances.
         if at.is_none_or(|at| self.restore(at).is_err()) {
             self.restart().map_err(failed)?;
         }
         self.stopped = None;
-        // Rows up to the saved state exist; the steps from there to the time are repeated with the visitor's actions.
+        // Rows up to the saved state exist. The steps from this state to the requested time are repeated with the
+        // visitor's actions.
         let from = self.session.steps();
         let actions = std::mem::take(&mut self.actions);
         let mut next = actions.iter().filter(|(step, _)| *step >= from && *step < target).peekable();
@@ -295,7 +299,7 @@ impl Running {
         Ok(())
     }
 
-    /// Restores a saved state and frees those after it.
+    /// Restores a saved state and frees all later ones.
     fn restore(&mut self, at: usize) -> Result<(), RunFailure> {
         for later in self.checkpoints.split_off(at + 1) {
             self.session.free(later.saved)?;
@@ -307,7 +311,7 @@ impl Running {
         Ok(())
     }
 
-    /// Starts over with other instances.
+    /// Starts over with new instances.
     fn restart(&mut self) -> Result<(), RunFailure> {
         let instances = Modules::new(self.modules, self.descriptions.clone());
         self.checkpoints.clear();

@@ -75,7 +75,7 @@ const CELLS: u32 = 1;
 const TEXT: u32 = 4;
 const DOUBLES: u32 = 6;
 
-/// Appends an element: type, number of bytes, bytes, up to a multiple of 8.
+/// Appends an element: its type, the number of bytes, and the bytes, padded to a multiple of 8.
 fn element(out: &mut Vec<u8>, kind: u32, bytes: &[u8]) {
     out.extend(kind.to_le_bytes());
     // The largest matrix of an FMU with a valid description is far below 4 GB.

@@ -9,7 +9,7 @@ use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 
-/// Poles smaller than this fraction of the largest one count as 0, due to rounding.
+/// Because of rounding errors, poles smaller than this fraction of the largest pole count as 0.
 const AT_ZERO: f64 = 1e-8;
 
 /// Number of frequencies of a response per decade.
@@ -27,9 +27,9 @@ pub(crate) struct Signal {
 /// A real pole, or a pair of conjugate poles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Mode {
-    /// Real part of the pole, 1/s; 0 for a pole that is 0 up to rounding.
+    /// Real part of the pole, 1/s; 0 if only rounding errors make it differ from 0.
     pub(crate) real: f64,
-    /// Imaginary part, 1/s; for a pair, the positive one.
+    /// Imaginary part, 1/s; for a pair, that of the pole above the real axis.
     pub(crate) imaginary: f64,
     /// Natural frequency: magnitude over 2 pi, Hz.
     pub(crate) frequency: f64,
@@ -45,7 +45,7 @@ pub(crate) struct LinearModel {
     pub(crate) guid: String,
     /// SHA-256 of the file, in hexadecimal digits.
     pub(crate) sha256: String,
-    /// Values that differ from the start values, as given.
+    /// Values that differ from the start values, as the user wrote them.
     pub(crate) settings: Vec<(String, String)>,
     pub(crate) states: Vec<Signal>,
     pub(crate) inputs: Vec<Signal>,
@@ -54,12 +54,13 @@ pub(crate) struct LinearModel {
     pub(crate) b: DMatrix<f64>,
     pub(crate) c: DMatrix<f64>,
     pub(crate) d: DMatrix<f64>,
-    /// All poles, by falling real part.
+    /// All poles, in order of decreasing real part.
     pub(crate) poles: Vec<Complex<f64>>,
 }
 
 impl LinearModel {
-    /// The model of an FMU in a file of these bytes; `None` if the eigenvalues of A do not converge.
+    /// The linear model of an FMU. `file` contains the bytes of the FMU. `None` if the eigenvalues of A do not
+    /// converge.
     pub(crate) fn new(
         description: &ModelDescription,
         file: &[u8],
@@ -93,7 +94,7 @@ impl LinearModel {
         AT_ZERO * self.poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max)
     }
 
-    /// The modes, by falling real part.
+    /// The modes, in order of decreasing real part.
     pub(crate) fn modes(&self) -> Vec<Mode> {
         let zero = self.zero();
         let of_pair = self.poles.iter().filter(|pole| pole.im >= 0.0);
@@ -135,7 +136,7 @@ impl LinearModel {
         if found.is_empty() { "stable".to_owned() } else { found.join(", ") }
     }
 
-    /// Frequencies, Hz, for responses: from a decade below the slowest mode to one above the fastest.
+    /// Frequencies for responses, Hz, from one decade below the slowest mode to one decade above the fastest mode.
     pub(crate) fn frequencies(&self) -> Vec<f64> {
         let zero = self.zero();
         let sizes = || self.poles.iter().map(|pole| pole.norm()).filter(|size| *size > zero);
@@ -147,7 +148,8 @@ impl LinearModel {
         (0..=count).map(|k| low * (high / low).powf(k as f64 / count as f64)).collect()
     }
 
-    /// G(j omega) = C (j omega I - A)^-1 B + D from an input to an output at frequencies, Hz; not a number at a pole.
+    /// G(j omega) = C (j omega I - A)^-1 B + D from an input to an output, at frequencies in Hz. The result is NaN at a
+    /// pole.
     pub(crate) fn response(&self, input: usize, output: usize, frequencies: &[f64]) -> Vec<Complex<f64>> {
         let complex = |value: f64| Complex::new(value, 0.0);
         let b = self.b.column(input).map(complex);

@@ -11,18 +11,18 @@ use super::page_data::{Block, panel};
 use super::picture::{Scale, number, svg};
 use crate::documentation::escape;
 
-// Links to the files of the Python package: a published crate contains their content.
+// These are symbolic links to files of the Python package. A published crate contains the contents of these files.
 const STYLE: &str = include_str!("../../templates/page.css.link");
 const INTERACTIVE_STYLE: &str = include_str!("../../templates/interactive.css.link");
 const CODE: &str = include_str!("../../templates/page.js.link");
 
-/// Number of Bode plots of a page if none is chosen.
+/// Number of Bode plots on a page if the user has not selected any.
 const FEW: usize = 3;
 
 /// An input and an output, by their indices.
 pub(super) type Pair = (usize, usize);
 
-/// The pairs `INPUT:OUTPUT`; without one, the first few that are connected.
+/// Parses the pairs `INPUT:OUTPUT`. If there are none, returns the first few pairs that are connected.
 pub(super) fn pairs(model: &LinearModel, chosen: &[String]) -> Result<Vec<Pair>> {
     if chosen.is_empty() {
         let all = (0..model.inputs.len()).flat_map(|input| (0..model.outputs.len()).map(move |output| (input, output)));
@@ -43,7 +43,7 @@ pub(super) fn pairs(model: &LinearModel, chosen: &[String]) -> Result<Vec<Pair>>
     chosen.iter().map(pair).collect()
 }
 
-/// The phase, degrees, without jumps.
+/// The phase in degrees, without jumps.
 fn phase(response: &[Complex<f64>]) -> Vec<f64> {
     let mut before = 0.0;
     let unwrapped = response.iter().map(|g| {
@@ -58,7 +58,7 @@ fn phase(response: &[Complex<f64>]) -> Vec<f64> {
     unwrapped.collect()
 }
 
-/// The unit of a gain; empty for a number.
+/// The unit of a gain; empty for a gain without a unit.
 fn ratio(to: Option<&str>, from: Option<&str>) -> String {
     let bracketed = |unit: &str| if unit.contains('/') { format!("({unit})") } else { unit.to_owned() };
     match (to, from) {

@@ -1,4 +1,4 @@
-//! The data of an interactive page, by the schema `web/page-data.schema.json`.
+//! The data of an interactive page, according to the schema `web/page-data.schema.json`.
 
 use std::io::Write as _;
 
@@ -21,7 +21,8 @@ pub(super) struct Column {
     log: bool,
 }
 
-/// A panel: two axes, each with title, unit and `true` if it is logarithmic, and a curve or crosses from two columns.
+/// A panel with two axes, and with a curve (`is_joined`) or crosses from two columns. Each axis has a title, a unit,
+/// and `true` if it is logarithmic.
 pub(super) fn panel(title: &str, axes: [(&str, &str, bool); 2], [x, y]: [Column; 2], is_joined: bool) -> Value {
     let axis = |(title, unit, log): (&str, &str, bool)| {
         let units = [json!({"name": unit, "factor": 1.0, "offset": 0.0})];
@@ -65,7 +66,7 @@ impl Block {
         Column { at, count: values.len(), first, step, log }
     }
 
-    /// The data of a page with these figures, with names and panels, as text that is safe inside a script element.
+    /// The data of a page, as text that is safe inside a script element. Each figure has a name and panels.
     pub(super) fn page(self, figures: &[(String, Vec<Value>)]) -> std::io::Result<String> {
         let bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());

@@ -10,7 +10,7 @@ const BELOW: f64 = 44.0;
 /// Approximate number of labels of an axis.
 const TICKS: f64 = 6.0;
 
-/// An axis: title with unit, scale, and ends, which are logarithms on a logarithmic scale.
+/// An axis: the title with the unit, the scale, and both ends. On a logarithmic scale, the ends are logarithms.
 pub(super) struct Scale {
     title: String,
     log: bool,

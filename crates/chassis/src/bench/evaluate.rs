@@ -21,7 +21,7 @@ Examples:
   chassis bench evaluate braking measured.csv --vehicle logger.toml --resample
   chassis bench evaluate cones --list";
 
-/// Maximum number of metrics listed by name that are null for the same reason.
+/// Maximum number of metrics that are listed by name if they are null for the same reason.
 const SHOWN: usize = 6;
 
 /// Arguments of `chassis bench evaluate`.
@@ -115,8 +115,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Checks the name of a signal in a vehicle file. Prints a note if no evaluator reads it: it may be for
-/// `chassis bench run`.
+/// Checks the name of a signal in a vehicle file. If no evaluator reads the signal, prints only a note, because the
+/// name may be meant for `chassis bench run`.
 fn check_signal(name: &str) -> std::result::Result<(), String> {
     if name.contains('*') {
         return Err(format!("has a pattern, `{name}`: name each signal"));

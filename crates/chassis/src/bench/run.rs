@@ -134,7 +134,7 @@ fn setting(text: &str) -> Result<(String, String, String), String> {
     parts.ok_or_else(|| "expected COMPONENT:PARAMETER=VALUE, such as esp_car:body.mass=1300".to_owned())
 }
 
-/// Values of a parameter set: component, parameter, value with its unit.
+/// The values in a parameter set. Each has a component, a parameter, and a value with its unit.
 fn parameters(path: &Path) -> miette::Result<Vec<(String, String, String)>> {
     let set = ParameterSet::read(path).into_diagnostic()?;
     let value = |parameter: &Parameter| {
@@ -166,7 +166,7 @@ fn speed(text: &str) -> Result<f64, String> {
     speed.ok_or_else(|| "expected a speed from 1 to 300 km/h".to_owned())
 }
 
-/// Name of an FMU; its folder goes to the front of the folders if it is a file.
+/// Name of an FMU. If it is given as a path, its folder is inserted before the other folders.
 fn named(name: &str, folders: &mut Vec<PathBuf>) -> String {
     let path = Path::new(name);
     if path.extension().is_none_or(|extension| extension != "fmu") {
@@ -288,9 +288,9 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
     Ok(assessment)
 }
 
-/// Smallest time between two rows of the written signals, s; enough for figures.
+/// Smallest time between two rows of the written signals, s. It is short enough for figures.
 const SPACING: f64 = 0.01;
-/// The same for ride maneuvers, whose spectra go up to 100 Hz, s.
+/// Smallest time between two rows in ride maneuvers, s. It is shorter, because their spectra extend to 100 Hz.
 const SPACING_OF_RIDE: f64 = 0.004;
 
 fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Arguments) -> miette::Result<()> {
@@ -374,7 +374,7 @@ fn limit_text(row: &Row) -> String {
     }
 }
 
-/// Reasons for missing numbers, and the point at which numbers were compared.
+/// Reasons why numbers are missing, and the point at which numbers were compared.
 fn notes(row: &Row, has_both: bool) -> Vec<String> {
     let mut notes = Vec::new();
     let reason_with = row.reason.as_deref().unwrap_or_default();
@@ -434,7 +434,7 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
     let has_both = assessment.systems.len() > 1;
     print_systems(assessment);
     for suite in Suite::ALL {
-        // Maneuvers that were left out are listed below the metrics.
+        // Maneuvers that were skipped are listed below the metrics.
         let is_shown = |row: &&Row| row.suite == suite && row.id.contains('.');
         let rows: Vec<&Row> = assessment.metrics.iter().filter(is_shown).collect();
         if rows.is_empty() {
@@ -520,7 +520,8 @@ fn print(assessment: &Assessment, source: &FmuFolder) {
     }
 }
 
-/// Warns about controllers whose outputs nothing reads and inputs that nothing writes, and names FMUs that would.
+/// Warns about outputs of controllers that nothing reads, and about inputs that nothing writes. Names FMUs that read or
+/// write these signals.
 fn print_loose_ends(assessment: &Assessment, source: &FmuFolder) {
     let with =
         |verb: &str, names: Option<String>| names.map_or(String::new(), |names| format!("; FMUs that {verb}: {names}"));
@@ -531,7 +532,7 @@ fn print_loose_ends(assessment: &Assessment, source: &FmuFolder) {
         let readers = fmus_with(source, Causality::Input, &outputs.collect::<Vec<_>>());
         errln!("warning: {fmu} has no effect: nothing reads its outputs{}", with("read them", readers));
     }
-    // Both systems have the inputs of the plant.
+    // Both systems contain the plant, so its inputs are listed only once.
     let unwritten: BTreeMap<&String, &String> = assessment.unwritten.values().flatten().collect();
     for (signal, value) in unwritten {
         if let Some(start) = value.strip_suffix(" (start value)") {

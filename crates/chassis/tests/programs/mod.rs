@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Commands of `cargo fmu`; all others are of `chassis`.
+/// Commands of `cargo fmu`. All other commands belong to `chassis`.
 const EXPORTER: [&str; 6] = ["check", "inspect", "linearize", "new", "pack", "trim"];
 
 /// The program that has a command. The program of another package exists if the whole workspace is tested.
