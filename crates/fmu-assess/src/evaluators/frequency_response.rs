@@ -73,7 +73,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "frequency",
             "Frequencies",
             "Hz",
-            "Frequencies of the multisine. The last 20 s of the recording are transformed. The response accounts for the steering angle of a row being held during the step before it."
+            "Frequencies of the multisine. The last 20 s of the recording are transformed. Each row contains the steering angle that was held during the preceding step; the response is corrected for this hold."
         ),
         ["yaw_rate" "Yaw rate" "1/s" "lateral_acceleration" "Lateral acceleration" "m/(s2.rad)"]
     ),

@@ -53,7 +53,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "cos",
             "Completion of steer",
             "s",
-            "Time when the steering wheel returns to 0 after the dwell, or to 1 % of its second amplitude.",
+            "Time when the steering wheel returns to 0 after the dwell. If the return from half of the second amplitude takes more than 0.5 s, the time when the steering wheel reaches 1 % of the second amplitude.",
         ),
         Definition::new("direction", "Direction", "1", "Direction of the first steering: 1 left, -1 right."),
         Definition::new("amplitude", "Amplitude", "deg", "Largest magnitude of the steering wheel angle."),
