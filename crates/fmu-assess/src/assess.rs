@@ -46,10 +46,10 @@ pub struct Options {
     pub jobs: NonZeroUsize,
 }
 
-/// Callback for progress: number of finished maneuvers, of all maneuvers, and of finished runs.
+/// Progress callback. Its arguments are the numbers of finished maneuvers, of all maneuvers, and of finished runs.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, usize) + Sync);
 
-/// Signals of runs for figures: system, run, trace.
+/// Signals for figures: for each shown run, its system, its id and its trace.
 pub type Shown = Vec<(&'static str, String, Trace<'static>)>;
 
 /// Assesses a plant.
@@ -101,8 +101,8 @@ pub fn assess(
             let source = "slowly increasing steer".to_owned();
             vehicle.understeer_gradient = measured.map(|value| Datum { value, source });
         }
-        // Both systems are steered with the same amplitude, so any difference comes from the controllers. The driver
-        // also has the same understeer gradient, unless it adapts.
+        // Both systems are steered with the same amplitude, so any difference comes from the controllers. Unless the
+        // driver adapts, it also has the same understeer gradient in both systems.
         let known: Vec<Increasing> = increasing.iter().map(|(_, known)| *known).collect();
         let tasks: Vec<(usize, &Maneuver)> = (0..systems.systems.len())
             .flat_map(|index| chosen.iter().map(move |maneuver| (index, *maneuver)))
@@ -113,7 +113,7 @@ pub fn assess(
             result
         });
         // Metrics at different entry speeds are not comparable, so the faster system is also driven at the entry speed
-        // of the slower one.
+        // of the slower system.
         for part in Part::ALL {
             let of = |system: usize| {
                 let name = systems.systems.get(system)?.name;
@@ -164,7 +164,7 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// `known` are the results of the slowly increasing steer for all systems, if available.
+    /// `known` contains the results of the slowly increasing steer for all systems, if available.
     fn bench(&self, index: usize, vehicle: &'a Vehicle, known: &[Increasing]) -> Bench<'a> {
         let given = vehicle.understeer_gradient.as_ref().map(|datum| datum.value);
         let own = known.get(index).filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
@@ -264,8 +264,8 @@ fn assembled(
     })
 }
 
-/// Puts the metrics of both systems side by side. A metric that exists only with controllers follows the same metric as
-/// in the system with controllers.
+/// Puts the metrics of both systems side by side. The order is that of `without`; a metric that is only in `with` is
+/// inserted after the metric that precedes it there.
 fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
     let Some(with) = with else { return without.iter().map(|metric| row(Some(metric), None, false)).collect() };
     let of = |metrics: &[&'_ Measured], id: &str| metrics.iter().position(|metric| metric.id == id);
@@ -278,7 +278,7 @@ fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
     rows
 }
 
-/// W_k at 24 frequencies in each decade from 0.1 to 100 Hz.
+/// Frequencies from 0.1 to 100 Hz, 24 in each decade, and the gain of W_k at each.
 fn weighting() -> [Vec<f64>; 2] {
     let frequencies: Vec<f64> = (0..=72).map(|index| fmu_math::exp((f64::from(index) / 24.0 - 1.0) * LN_10)).collect();
     let gains = frequencies.iter().map(|frequency| Weighting::Vertical.gain(*frequency)).collect();

@@ -25,9 +25,9 @@ pub(crate) struct Bench<'a> {
     pub(crate) plant: &'a Plant,
     pub(crate) system: &'a System,
     pub(crate) vehicle: &'a Vehicle,
-    /// Understeer gradient that the driver model gets, rad/(m/s2).
+    /// Understeer gradient for the driver model, rad/(m/s2).
     pub(crate) understeer_gradient: f64,
-    /// A from the slowly increasing steer, deg at the steering wheel; `None` until it is known.
+    /// Amplitude A: steering wheel angle at 0.3 g in the slowly increasing steer, deg; `None` until it is known.
     pub(crate) amplitude: Option<f64>,
     /// True if the paths of the driver are mirrored.
     pub(crate) is_mirrored: bool,
@@ -127,8 +127,8 @@ impl Bench<'_> {
         Ok((simulation, run))
     }
 
-    /// Makes a constant prescribed speed a constant of the plant. Otherwise, the plant would be initialized at
-    /// standstill, because `PathDriver` writes the speed only from its first sample on.
+    /// Replaces the plant's connection to a constant prescribed speed with a constant value. With the connection, the
+    /// plant would be initialized at standstill, because `PathDriver` writes the speed only from its first sample on.
     fn start_at_speed(&self, run: &mut Run, speed: f64) {
         let name = self.plant.variable("driver.speed");
         let Some(variable) = self.plant.found.description.variable(name) else { return };
@@ -173,7 +173,7 @@ pub(crate) fn drive(bench: &Bench<'_>, specs: Vec<RunSpec>) -> Vec<RunResult> {
         .collect()
 }
 
-/// Cuts a recording where the run ends. `failure` is the failure after its last row, if any.
+/// Cuts a recording where the run ends. `failure` describes the failure after the last row, if any.
 pub(crate) fn result(bench: &Bench<'_>, spec: RunSpec, recording: &Recording, failure: Option<String>) -> RunResult {
     let names = bench.system.columns(spec.driving);
     cut(spec, names, &bench.plant.converted(names, recording), bench.ratio(), failure)

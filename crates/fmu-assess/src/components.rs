@@ -39,7 +39,7 @@ pub(crate) struct Component {
     pub(crate) found: Found,
     /// Name of the FMU's variable -> the bench's name of the signal, if they differ.
     renamed: BTreeMap<String, String>,
-    /// Units given by the caller, by the bench's names of the signals.
+    /// The bench's name of a signal -> unit set by the caller.
     pub(crate) given: BTreeMap<String, String>,
 }
 
@@ -52,12 +52,12 @@ impl Component {
         self.description().variables.iter().filter(move |variable| variable.causality == causality)
     }
 
-    /// Inputs or outputs, by the bench's names.
+    /// The bench's names of the inputs or outputs.
     pub(crate) fn signals(&self, causality: Causality) -> impl Iterator<Item = &str> {
         self.variables(causality).map(|variable| self.signal(&variable.name))
     }
 
-    /// True if the component has this signal, by the bench's name, as input or output.
+    /// Returns true if the component has an input or output with this name on the bench.
     pub(crate) fn has(&self, causality: Causality, signal: &str) -> bool {
         self.signals(causality).any(|name| name == signal)
     }
@@ -72,7 +72,7 @@ impl Component {
         self.renamed.iter().find(|(_, of)| *of == signal).map_or(signal, |(variable, _)| variable)
     }
 
-    /// Converts a value that the bench sets to the unit of the variable.
+    /// Converts a value in the bench's unit to the unit of the variable.
     pub(crate) fn of_si(&self, signal: &str, variable: &Variable, value: f64) -> Result<f64, String> {
         let Some(needed) = signals::unit(signal) else { return Ok(value) };
         let found = conversion(needed, self.description(), variable, self.given.get(signal).map(String::as_str));
@@ -81,7 +81,7 @@ impl Component {
     }
 }
 
-/// Finds an FMU. `names` are the FMU's names of signals that differ from the bench's.
+/// Finds an FMU. `names`: the bench's name of a signal -> name of the FMU's variable, if they differ.
 pub(crate) fn find(
     source: &dyn Descriptions,
     fmu: &str,

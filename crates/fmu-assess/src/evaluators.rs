@@ -179,7 +179,7 @@ mod tests {
                 let evaluation = evaluated(evaluator, &trace(evaluator, times, |_, _| value));
                 assert_complete(evaluator, &evaluation);
                 for metric in evaluation.metrics {
-                    // Does not depend on a signal.
+                    // The metric `frequency` does not depend on any signal.
                     if metric.name == "frequency" {
                         continue;
                     }

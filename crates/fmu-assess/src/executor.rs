@@ -1,4 +1,5 @@
-//! Executes runs in worker processes, for several callers at once. The results for a caller depend only on its runs.
+//! Executes runs in worker processes, for several callers at once. The results that a caller gets depend only on the
+//! caller's runs.
 
 use crate::bench::Execute;
 use fmu_import::worker::Settings;
@@ -47,7 +48,7 @@ fn execute(queue: &Sender<Work>, runs: Vec<(Simulation, Run)>) -> Vec<Result<Rec
     let lost = |run: &Run| Err(Failure::new(&run.id, "no process could execute it".to_owned()));
     let mut found: Vec<_> = runs.iter().map(|(_, run)| lost(run)).collect();
     for (index, (simulation, run)) in runs.into_iter().enumerate() {
-        // The workers live as long as the queue.
+        // The workers live as long as the queue, so sending does not fail.
         let _ = queue.send(Work { index, simulation, run, reply: reply.clone() });
     }
     drop(reply);

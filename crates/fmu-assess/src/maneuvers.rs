@@ -60,7 +60,7 @@ impl NotApplicable {
         Self { missing: Vec::new(), reason: reason.into() }
     }
 
-    /// The plant lacks these signals.
+    /// Returns the reason for a plant without the signals `missing`.
     fn without(missing: &[&str], reason: &str) -> Self {
         let missing = missing.iter().map(|name| (*name).to_owned()).collect();
         Self { missing, reason: reason.to_owned() }

@@ -15,7 +15,7 @@ pub struct Definition {
     pub definition: &'static str,
     /// The better direction.
     pub direction: Direction,
-    /// Group of columns for which there is one metric each: `tire_load` gives `name.fl`, `name.fr` and so on.
+    /// Group of columns, each of which gives a separate metric: `tire_load` gives `name.fl`, `name.fr` and so on.
     pub places: Option<&'static str>,
 }
 
@@ -83,7 +83,8 @@ pub type Reason = String;
 /// A metric of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Metric {
-    /// Name from the definition, followed by the place if there are several: `dynamic_load_coefficient.fl`.
+    /// Name from the definition. If there is one metric for each column of a group, the name ends with the suffix of
+    /// the column: `dynamic_load_coefficient.fl`.
     pub name: String,
     /// Definition.
     pub definition: &'static Definition,

@@ -45,7 +45,7 @@ pub(crate) fn is_recorded(signal: &str) -> bool {
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
     pub(crate) component: Component,
-    /// Parameters that define the size of the plant, SI.
+    /// Parameters that define the size of the plant, in SI units.
     data: BTreeMap<&'static str, f64>,
     /// Real parameters set by the caller.
     set: BTreeMap<String, f64>,

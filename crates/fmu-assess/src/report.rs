@@ -146,7 +146,7 @@ pub struct Assessment {
 /// Smallest change that counts as better or worse, percent.
 const COUNTS: f64 = 1.0;
 
-/// Row for a metric of one system, or of two (`is_pair`), one of which can lack it.
+/// Row for a metric. If `is_pair` is true, two systems are compared, and one of them can lack the metric.
 pub(crate) fn row(without: Option<&Measured>, with: Option<&Measured>, is_pair: bool) -> Row {
     let decisive = with.or(without).expect("a metric is of a system");
     let both = [("without", without), ("with", with)];
@@ -207,11 +207,12 @@ const ONLY_WITH: &str = "only the runs with controllers have it";
 
 /// Values of two systems that can be compared.
 enum Comparison {
-    /// Two numbers, and their common condition if the metric has another one.
+    /// Two numbers. The last element is set if they are not the metric's values, but values under a condition that both
+    /// systems can drive.
     Numbers(f64, f64, Option<Compared>),
     /// Truth values.
     Booleans(bool, bool),
-    /// One number and a bound for the other one. True if the value increases.
+    /// One system has a number, and the other has only a bound. True if the value increases.
     Rises(bool),
     /// Not comparable, with the reason.
     None(String),
@@ -222,7 +223,7 @@ fn nothing(unit: &str) -> f64 {
     if unit == "1" { 0.005 } else { 1e-6 }
 }
 
-/// Largest change shown, percent. With larger changes, the reference value is too small.
+/// Largest change shown, percent. A larger change only means that the value without controllers is almost zero.
 const TELLS: f64 = 1000.0;
 
 fn comparison(without: &Measured, with: &Measured) -> Comparison {
@@ -328,7 +329,8 @@ fn verdict(metric: &Measured) -> Verdict {
 }
 
 impl Assessment {
-    /// The JSON file: keys sorted, numbers with nine significant digits. The same inputs give the same bytes.
+    /// The assessment as JSON, with sorted keys and numbers with nine significant digits. The same inputs give the same
+    /// bytes.
     pub fn to_json(&self) -> String {
         let value = serde_json::to_value(self).map_or(Value::Null, |value| all_rounded(&value));
         let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
@@ -425,7 +427,7 @@ mod tests {
         assert_eq!(of(5.0, 5.04, Direction::Down), Some(Judgment::Same));
         assert_eq!(of(-5.0, -4.0, Direction::Up), Some(Judgment::Better));
         assert_eq!(of(0.0, 6.0, Direction::Up), Some(Judgment::Better));
-        // Rounding in a simulation.
+        // Both values are rounding errors of a simulation and count as equal.
         assert_eq!(of(1e-13, 3e-13, Direction::Down), Some(Judgment::Same));
         assert_eq!(of(5.0, 6.0, Direction::None), None);
     }
@@ -476,7 +478,7 @@ mod tests {
         // If the speeds are the same, the metrics are compared directly.
         let found = row(Some(&slow), Some(&of(11.0, &[(25.0, 1.0), (30.0, 11.0)], true)), true);
         assert_eq!((found.compared, found.change), (None, json!(10.0)));
-        // A metric that includes runs that the vehicle cannot drive.
+        // The value of this metric includes runs that the vehicle cannot drive.
         let found = row(Some(&slow), Some(&of(50.0, &[(25.0, 1.0), (30.0, 11.0)], false)), true);
         assert_eq!(found.compared.map(|compared| compared.with), Some(11.0));
         let none = row(Some(&slow), Some(&of(1.0, &[], false)), true);

@@ -174,11 +174,11 @@ impl Bound {
 }
 
 /// Values of a metric by the condition of the run, such as the speed. Values under different conditions are not
-/// comparable, and the better system reaches conditions that the other one does not.
+/// comparable, and the better system reaches conditions that the other system does not reach.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
     pub(crate) unit: &'static str,
-    /// Condition and value of the runs that the vehicle can drive.
+    /// Condition and value for each run that the vehicle can drive.
     pub(crate) values: Vec<(f64, f64)>,
     /// True if the metric depends only on these runs.
     pub(crate) is_whole: bool,

@@ -47,7 +47,8 @@ impl RunResult {
     }
 }
 
-/// Cuts a recording with the columns `names` where the run ends. `failure` is the failure after its last row, if any.
+/// Cuts a recording with the columns `names` where the run ends. `failure` describes the failure after the last row, if
+/// any.
 pub(crate) fn cut(
     spec: RunSpec,
     names: &[String],
@@ -55,7 +56,8 @@ pub(crate) fn cut(
     ratio: f64,
     failure: Option<String>,
 ) -> RunResult {
-    // The row at the start is dropped: the driver signals in a row were held during the step before the row.
+    // The first row is dropped: the driver signals in a row are those held during the preceding step, and no step
+    // precedes the first row.
     let of = |name: &str| {
         let index = names.iter().position(|column| column == name)?;
         recording.column(index)?.get(1..)

@@ -399,7 +399,7 @@ pub fn single(
     })
 }
 
-/// A bench for the only system, which executes no runs.
+/// A bench with a single system. It executes no runs.
 fn bench<'a>(systems: &'a Systems, vehicle: &'a Vehicle, descriptions: &'a bench::Described<'a>) -> Bench<'a> {
     Bench {
         execute: &|_| Vec::new(),

@@ -208,7 +208,8 @@ impl Systems {
     }
 }
 
-/// The bench's name of a column. If several components have the signal, the column name begins with the component.
+/// The bench's name of a recorded column. If several components have the signal, the column name begins with the
+/// component.
 fn signal_of(column: &str, plant: &Plant) -> String {
     let (component, variable) = column.split_once(':').unwrap_or(("", column));
     let is_of_driver = OF_DRIVER.contains(&variable) || OF_PATH.contains(&variable);
@@ -220,7 +221,7 @@ fn signal_of(column: &str, plant: &Plant) -> String {
 
 fn explained(error: &ResolveError) -> String {
     match error {
-        // Locations in a generated file would not help.
+        // Omits the locations: they are in a generated file that the user does not have.
         ResolveError::Problems(problems) => {
             let lines = problems.problems.iter().map(ToString::to_string);
             lines.collect::<Vec<_>>().join("\n")

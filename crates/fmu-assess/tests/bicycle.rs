@@ -94,8 +94,8 @@ fn numbers(evaluation: &Evaluation, name: &str) -> Vec<f64> {
     }
 }
 
-/// Reference: check numbers for a ramp from 1 s to 1.1 s to 0.02 rad, with rows of 1 ms over 5 s. Tolerance: half of
-/// the last digit.
+/// Reference: check numbers for a ramp to 0.02 rad between 1 s and 1.1 s, with rows of 1 ms over 5 s. Tolerance: half
+/// of the last digit.
 #[test]
 fn step_steer() {
     let trace = run(0.001, 5_000, |time| 0.02 * ((time - 1.0) / 0.1).clamp(0.0, 1.0));
@@ -104,7 +104,7 @@ fn step_steer() {
         ("t0", 1.051, 1e-9),
         ("steer", 0.02, 1e-12),
         ("yaw_rate.steady", 0.103_852_3, 5e-8),
-        // Closed form u/(L + K u^2), plus the rest of the oscillation in the last second.
+        // Closed form u/(L + K u^2), plus the remaining oscillation in the last second.
         ("yaw_rate.gain", 5.192_615, 1e-6),
         ("yaw_rate.response_time", 0.191_738_8, 5e-8),
         ("yaw_rate.peak_response_time", 0.397, 1e-9),

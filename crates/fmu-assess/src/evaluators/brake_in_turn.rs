@@ -9,8 +9,9 @@ use fmu_math::{hypot, sin_cos};
 
 /// Duration over which initial values are averaged, s.
 const INITIAL: f64 = 0.5;
-/// Time after braking begins for the values "after 1 s", and duration for the extreme values, s.
+/// Time from the start of braking to the values "after 1 s", s.
 const AFTER: f64 = 1.0;
+/// Duration from the start of braking in which the extreme values are searched, s.
 const SPAN: f64 = 2.0;
 /// Fraction of the initial speed below which rows are not evaluated.
 const SLOW: f64 = 0.2;
@@ -140,7 +141,7 @@ impl Circle {
         yaw_rate * self.radius / (self.direction * speed)
     }
 
-    /// Offset from the circle later, m, positive outwards.
+    /// Offset of a later position from the circle, m, positive outwards. `later` takes a coordinate from its column.
     fn offset(
         &self,
         rows: &Rows<'_>,

@@ -164,7 +164,8 @@ pub(super) fn before_braking(rows: &Rows<'_>) -> Result<usize, Reason> {
     }
 }
 
-/// The end (exclusive) of a span, s, that starts at a row. The recording can be shorter only if the maneuver `is_over`.
+/// The first row after a duration of `span` (s) from the row `first`. The recording may end earlier only if the
+/// maneuver `is_over`.
 pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: bool) -> Result<usize, Reason> {
     let limit = rows.times[first] + span;
     let end = rows.times.partition_point(|time| rows.is_until(*time, limit));
@@ -221,7 +222,7 @@ impl Ground {
         is_off.then_some([self.speed[row], speed.speed[row]])
     }
 
-    /// The mean speed in the time [`BEFORE`] a row; `None` if the recording begins later.
+    /// The mean speed in the last [`BEFORE`] seconds before a row; `None` if the recording begins later.
     fn mean_before(&self, rows: &Rows<'_>, row: usize) -> Option<f64> {
         let from = rows.times[..row].iter().rposition(|time| rows.times[row] - time >= BEFORE)?;
         Some((self.way[row] - self.way[from]) / (rows.times[row] - rows.times[from]))
@@ -255,7 +256,7 @@ mod tests {
         };
         let (sin, cos) = sin_cos(course);
         let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| of(*time)).collect::<Vec<_>>();
-        // The pedal of a row was held during the step before the row.
+        // The pedal position in each row is the one held during the preceding step.
         let trace = Trace::new(times.clone()).with("driver.brake", column(&|t| f64::from(t > 0.5005))).unwrap();
         let trace = trace.with("vehicle.position_x", column(&|t| way(t) * cos)).unwrap();
         let trace = trace.with("vehicle.position_y", column(&|t| way(t) * sin)).unwrap();
@@ -270,8 +271,8 @@ mod tests {
         }
     }
 
-    /// Check number: 8.00256 for 8 m/s2 from 27.8 m/s, because the speed of a row is the speed in the middle of a step.
-    /// Tolerance: half of the last digit.
+    /// Check number: 8.00256 m/s2 for a deceleration of 8 m/s2 from 27.8 m/s. It is not exactly 8 m/s2, because the
+    /// speed computed for a row is the speed in the middle of the preceding step. Tolerance: half of the last digit.
     #[test]
     fn a_constant_deceleration() {
         for course in [0.0, 2.0, -0.7] {
@@ -279,7 +280,7 @@ mod tests {
             let mfdd = number(&evaluation, "mfdd");
             assert!((mfdd - 8.002_56).abs() < 5e-6, "{mfdd}");
             assert!((number(&evaluation, "initial_speed") - 27.8).abs() < 1e-9);
-            // Closed form; 0.2 m/s is reached half a step late.
+            // Closed form. The computed speed reaches 0.2 m/s half a step late.
             assert!((number(&evaluation, "distance") - (27.8 * 27.8 - 0.04) / 16.0).abs() < 2e-4);
             assert!((number(&evaluation, "time") - (27.8 - 0.2) / 8.0 - 0.0005).abs() < 1e-6);
             assert!(number(&evaluation, "lateral_peak") < 1e-12);

@@ -293,7 +293,8 @@ impl Footprint {
     }
 }
 
-/// Smallest distance between a rectangle's part inside a section and the section's edges; `None` without such a part.
+/// Smallest distance from the edges of a section to the part of a rectangle that is inside the section; `None` if no
+/// part is inside.
 fn margin(corners: &[[f64; 2]; 4], [begin, end, right, left]: &Lane) -> Option<f64> {
     let inside = corners.iter().filter(|[x, _]| (begin..=end).contains(&x)).map(|[_, y]| *y);
     let cut = (0..corners.len()).flat_map(|index| {

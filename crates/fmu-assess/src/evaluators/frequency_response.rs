@@ -16,8 +16,8 @@ const REFERENCE: usize = 1;
 const DELAY: usize = 9;
 /// Duration at the end of the recording that is transformed, s: two periods.
 const SPAN: f64 = 20.0;
-/// Smallest spectral line of the steering angle, relative to the sum of the angle's magnitudes. Each line of the
-/// multisine has about a tenth.
+/// Smallest accepted spectral line of the steering angle, relative to the sum of the angle's magnitudes over all rows.
+/// For the multisine, this ratio is about 0.1 at each frequency.
 const MIN_SHARE: f64 = 1e-6;
 
 /// Evaluated signals: name of the group of metrics, column.
@@ -103,7 +103,8 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     Ok(())
 }
 
-/// Fourier sums of the last 20 s of a column at the frequencies of the multisine. The steering angle must contain all.
+/// Fourier sums of the last 20 s of a column at the frequencies of the multisine. The steering angle must contain all
+/// frequencies.
 fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
     let values = rows.column(column)?;
     let Some(begin) = values.len().checked_sub(rows.count(SPAN)) else {
@@ -139,12 +140,12 @@ struct Response {
 }
 
 impl Response {
-    /// Computes the response from the spectral lines of input and output; `step` is the distance of the rows, s.
+    /// Computes the response from the spectral lines of input and output; `step` is the time between rows, s.
     fn new(input: &[Complex<f64>; 20], output: &[Complex<f64>; 20], step: f64) -> Self {
         let (mut gain, mut phase) = ([0.0; 20], [0.0; 20]);
         let mut before = 0.0;
         for (line, frequency) in FREQUENCIES.iter().enumerate() {
-            // Spectrum of an input held during the step before each row.
+            // Correction for the hold: the input of each row was held during the preceding step.
             let angle = TAU * frequency * step;
             let (sin, cos) = sin_cos(angle);
             let hold = Complex::new(cos - 1.0, sin) / Complex::new(0.0, angle);

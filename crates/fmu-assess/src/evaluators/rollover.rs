@@ -5,7 +5,7 @@ use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, smallest};
 use crate::options::Options;
 
-/// Largest load of a tire that counts as off the road, N.
+/// Load up to which a tire counts as off the road, N.
 const OFF: f64 = 1.0;
 /// Time that one side must be off the road for a two-wheel lift, s.
 const LIFT_TIME: f64 = 0.02;

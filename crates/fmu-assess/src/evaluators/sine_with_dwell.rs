@@ -14,7 +14,7 @@ const RATE_SPAN: f64 = 0.05;
 /// The maneuver begins when the steering wheel rate exceeds `RATE`, deg/s, for `RATE_TIME`, s.
 const RATE: f64 = 75.0;
 const RATE_TIME: f64 = 0.2;
-/// Duration before that over which offsets are averaged, s.
+/// Duration before the maneuver over which offsets are averaged, s.
 const ZEROING: f64 = 1.0;
 /// Steering wheel angle at the beginning of steer, deg.
 const BEGINNING: f64 = 5.0;

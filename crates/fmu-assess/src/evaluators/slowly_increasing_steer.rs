@@ -106,7 +106,7 @@ fn angle(cornering: &Cornering<'_>, ratio: f64) -> Result<f64, Reason> {
     Ok(line.at(ANGLE_AT))
 }
 
-/// The rows from the first at or above `low` to the last before the first above `high`.
+/// The rows from the first one at or above `low` up to the last one before the value exceeds `high`.
 fn window(lateral_acceleration: &[f64], [low, high]: [f64; 2]) -> Result<Vec<usize>, Reason> {
     let begin = lateral_acceleration.iter().position(|value| *value >= low);
     let end = begin.and_then(|begin| lateral_acceleration[begin..].iter().position(|value| *value > high));

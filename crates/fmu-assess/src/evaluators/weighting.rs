@@ -78,7 +78,7 @@ mod tests {
     use fmu_math::sin;
     use std::f64::consts::TAU;
 
-    /// The published table of W_k (ISO 2631-1, table 3), three digits, and check numbers with four.
+    /// Published values of W_k (ISO 2631-1, table 3) with three digits, and check numbers with four digits.
     #[test]
     fn vertical_weighting() {
         for (frequency, published, check) in [
@@ -95,7 +95,8 @@ mod tests {
         ] {
             let gain = Weighting::Vertical.gain(frequency);
             assert!((gain - check).abs() <= 5.1e-5, "{frequency} Hz: {gain}");
-            // The table is for third-octave frequencies such as 10^(8/10) = 6.31 Hz; 16 Hz is 15.85 Hz.
+            // The tolerance is larger, because the table is for exact third-octave frequencies: 10^(8/10) = 6.31 Hz
+            // instead of 6.3 Hz, 15.85 Hz instead of 16 Hz.
             assert!((gain - published).abs() <= 1e-3, "{frequency} Hz: {gain}");
         }
     }
@@ -114,8 +115,8 @@ mod tests {
         assert_eq!(Weighting::Vertical.gain(0.0), 0.0);
     }
 
-    /// Check numbers: a sine of 3 m/s2 RMS at 5 Hz over whole periods has 3 times the gain at 5 Hz; over 10,001 rows of
-    /// 1 ms, which are not whole periods, 3.116269.
+    /// Check numbers for a sine of 3 m/s2 RMS at 5 Hz. Over whole periods, the result is 3 times the gain at 5 Hz. Over
+    /// 10,001 rows of 1 ms, which are not whole periods, it is 3.116269.
     #[test]
     fn a_sine() {
         let wave =

@@ -106,7 +106,7 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         results.show(&run);
         held &= !run.has("spun") && run.stop_reason == "stopped";
         cut = cut.or_else(|| run.cut_short());
-        // If the value of one run is missing, the larger one is unknown.
+        // If one run has no value, the larger of the two values is unknown.
         for (worst, (of, _)) in worst.iter_mut().zip(&OF_BOTH_SIDES) {
             let missing = || format!("{}: {}", run.spec.id, reason(&metrics, of.name).unwrap_or_default());
             match (worst.as_mut(), number(&metrics, of.name)) {

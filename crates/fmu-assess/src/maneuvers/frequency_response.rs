@@ -39,7 +39,7 @@ fn table(peak: f64) -> String {
     text
 }
 
-/// Steers with all frequencies. `steer` is the steering angle of the step steer, rad.
+/// Steers with the sum of sines. `steer` is the steering angle of the step steer, rad.
 pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) {
     let wanted = [
         "yaw_rate.bandwidth",
@@ -49,7 +49,7 @@ pub(crate) fn run(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) 
         "lateral_acceleration.bandwidth",
         "lateral_acceleration.delay_1hz",
     ];
-    // The step steer has set all its metrics.
+    // `results` already contains all metrics of the step steer. The ones that follow belong to this maneuver.
     results.maneuver = "frequency_response";
     let Some(steer) = steer else {
         results.take_none("frequency_response", &wanted, "the amplitude comes from the step steer, which found none");
@@ -79,7 +79,7 @@ mod tests {
         let period = 10_000;
         let peak = rows[..period].iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
         assert!((peak - 0.02).abs() < 1e-15);
-        // Tolerance: rounding of the arguments, up to 2 pi 4 Hz 30 s, times their number.
+        // Tolerance: rounding of the arguments of the sines, which are up to 2 pi 4 Hz 30 s, times the number of sines.
         assert!(rows.iter().zip(&rows[period..]).all(|(first, second)| (first - second).abs() < 1e-12));
         assert_eq!(rows.len(), 31_001);
     }

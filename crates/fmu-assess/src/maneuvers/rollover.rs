@@ -12,7 +12,7 @@ use serde_json::json;
 /// One mile per hour, m/s.
 const MPH: f64 = 0.447_04;
 
-/// Makes the specification of a run: name and sign of the side, speed in mph and in m/s.
+/// Makes the specification of a run from the name and sign of the side, and the speed in mph and in m/s.
 type MakeSpec<'a> = &'a dyn Fn(&str, f64, f64, f64) -> RunSpec;
 
 fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut Results) {
@@ -93,7 +93,7 @@ impl Peaks {
         Self { name, largest: None, series: Series { unit: "mph", values: Vec::new(), is_whole: true } }
     }
 
-    /// Adds the runs at a speed, to both sides. The flag of each is true if the run was cut short.
+    /// Adds the runs at a speed, one to each side. The flag of a run is true if it was cut short.
     fn add(&mut self, mph: f64, found: &[(Evaluation, bool)], is_driven: bool) {
         let peaks: Vec<Option<f64>> = found.iter().map(|(metrics, _)| number(metrics, self.name)).collect();
         let largest = peaks.iter().flatten().copied().reduce(f64::max);

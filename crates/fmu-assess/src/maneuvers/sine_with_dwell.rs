@@ -11,7 +11,7 @@ use crate::wiring::Driving;
 use serde_json::json;
 
 pub(crate) const SPEED: f64 = 80.0 / 3.6;
-/// Smallest amplitude for which the displacement is required, in A.
+/// Smallest amplitude for which a displacement is required, as a multiple of A.
 const COUNTS_FROM: f64 = 5.0;
 
 /// The amplitudes, deg at the steering wheel.
@@ -45,7 +45,7 @@ struct Extreme {
     name: &'static str,
     choose: fn(f64, f64) -> f64,
     value: Option<f64>,
-    /// Amplitude in A, and value; `None` if a run with this amplitude has no value.
+    /// Amplitude as a multiple of A, and value; `None` if a run with this amplitude has no value.
     values: Vec<(f64, Option<f64>)>,
 }
 

@@ -69,7 +69,7 @@ fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]:
 /// Finds the steering angle, then evaluates the response to it.
 pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let target = if bench.is_car() { 4.0 } else { 2.0 };
-    // If the slowly increasing steer gave no amplitude, start with that of a neutral vehicle.
+    // If the slowly increasing steer gave no amplitude, start with the steering angle of a neutral vehicle.
     let of_amplitude = bench.amplitude.map(|amplitude| amplitude.to_radians() / bench.ratio());
     let neutral = bench.wheelbase().map(|wheelbase| wheelbase * OF_AMPLITUDE / bench.speed().powi(2)).unwrap_or(0.02);
     let mut steer = of_amplitude.unwrap_or(neutral) * target / OF_AMPLITUDE;
@@ -140,10 +140,12 @@ mod tests {
     fn angles_are_in_proportion_until_that_leaves_the_bracket() {
         assert_eq!(next(0.125, Some(2.0), 4.0, 1, [None, None]), Some(0.25));
         assert_eq!(next(0.125, Some(2.0), 4.0, 1, [Some(0.125), Some(0.5)]), Some(0.25));
-        // If the proportional angle is outside the bracket, or after too many tries, the middle of the bracket.
+        // If the proportional angle is outside the bracket, or after too many tries, the next angle is the middle of
+        // the bracket.
         assert_eq!(next(0.125, Some(1.0), 4.0, 1, [Some(0.125), Some(0.375)]), Some(0.25));
         assert_eq!(next(0.125, Some(3.9), 4.0, MOST_RUNS.0, [Some(0.125), Some(0.375)]), Some(0.25));
-        // Without a steady value, half of the upper bound. If the bracket is narrow enough, the search ends.
+        // Without a steady value, the next angle is half of the upper bound. If the bracket is narrow enough, the
+        // search ends.
         assert_eq!(next(0.5, None, 4.0, 1, [None, Some(0.5)]), Some(0.25));
         assert_eq!(next(0.5, None, 4.0, 1, [Some(0.5 * (1.0 - 0.5 * NEAREST)), Some(0.5)]), None);
         assert_eq!(next(0.5, None, 4.0, 1, [None, None]), None);

@@ -13,7 +13,7 @@ const SLACK: f64 = 1e-6;
 pub(crate) struct Rows<'a> {
     trace: &'a Trace<'a>,
     pub(crate) times: &'a [f64],
-    /// Mean distance between rows, h, s.
+    /// Mean time h between rows, s.
     pub(crate) step: f64,
     /// Sampling rate 1/h, rounded to 0.001 Hz.
     pub(crate) rate: f64,

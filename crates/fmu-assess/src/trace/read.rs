@@ -13,7 +13,8 @@ const LONGEST_GAP: f64 = 0.5;
 const NOT_BRIDGED: &str = "gaps of more than 0.5 s are not bridged: cut the file before or after the gap";
 /// Distance between rows that counts as a gap, relative to the median distance.
 const GAP: f64 = 1.9;
-/// Deviation above which speeds and rates change by more than 2 %, which is noted.
+/// Deviation of a row from an even grid, relative to the step, above which a note is added: it changes computed speeds
+/// and rates by more than 2 %.
 const JITTER: f64 = 0.02;
 /// Times that differ by less than this fraction of the step are treated as equal.
 const SAME_TIME: f64 = 1e-6;
@@ -77,7 +78,7 @@ impl Trace<'static> {
             })
             .collect();
         if table.found().rows == 0 {
-            // Each metric reports the missing rows.
+            // This is not an error here: each metric reports that there are no rows.
             let empty = wanted.iter().map(|(_, signal, _)| ((*signal).to_owned().into(), Vec::new().into()));
             return Ok((Self { times: Vec::new().into(), columns: empty.collect() }, Vec::new()));
         }
@@ -248,7 +249,8 @@ fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) 
     let nearest = |time: f64| {
         let next = times.partition_point(|of| *of < time);
         let near = |of: &&f64| (**of - time).abs() <= SAME_TIME * step;
-        // Without this, rounding could move a step in a signal to the previous interval.
+        // Uses the exact time of a row where there is one. Otherwise, rounding could move a jump in a signal to the
+        // previous interval.
         times[next.saturating_sub(1)..(next + 1).min(times.len())].iter().find(near).copied().unwrap_or(time)
     };
     Ok((0..=rows as u64).map(|row| nearest((first + row as f64 * step).min(*last))).collect())
