@@ -16,7 +16,7 @@ use hydro_pneumatic_half_car::HydroPneumaticHalfCar as Car;
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
-/// Evaluations of each kind; the fastest is the result, because other processes disturb the others.
+/// Evaluations of each kind. The time of the fastest evaluation is reported, because other processes disturb it least.
 const EVALUATIONS: usize = 101;
 /// Weights of the objective (Table 4).
 const WEIGHTS: [f64; 6] = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
@@ -69,7 +69,7 @@ fn main() {
         csv += &format!("{:?},{}\n", k as f64 * STEP, row.join(","));
     }
     let fed = evaluation("fed", &FED.replace("SIGNALS", SIGNALS), Some(&csv));
-    // Alternating, so that disturbances affect both equally.
+    // The two kinds alternate, so disturbances affect both equally.
     let (mut time, mut fmu_time) = (f64::INFINITY, f64::INFINITY);
     for _ in 0..EVALUATIONS {
         let (direct, fmus) = (timed(&|| direct(&table), &mut time), timed(&fed, &mut fmu_time));

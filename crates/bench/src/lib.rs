@@ -21,7 +21,7 @@ const STEP: f64 = 0.001;
 const STEPS: u32 = 20_000;
 /// Measurements of each kind; the median is the result.
 const ROUNDS: usize = 7;
-/// Measurements of each of two versions; the fastest is the result, because other processes disturb the others.
+/// Measurements of each of two versions. The fastest one is reported, because other processes disturb it least.
 const VERSION_ROUNDS: usize = 25;
 
 /// Prints one line: name, ns per step directly, through C, and their ratio.
@@ -47,7 +47,7 @@ pub fn compare<E: Export>() {
 /// triangle waves with an amplitude that depends on the unit of measure.
 ///
 /// # Panics
-/// If a folder cannot be read, an FMU does not run, or there is none to compare.
+/// If a folder cannot be read, an FMU does not run, or there are no FMUs to compare.
 pub fn compare_versions(before: &Path) {
     let entries = std::fs::read_dir(target().join("fmu")).expect("FMUs that `cargo fmu pack --all` has packed");
     let mut paths: Vec<_> = entries.map(|entry| entry.expect("the folder can be read").path()).collect();

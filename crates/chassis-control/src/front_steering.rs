@@ -71,7 +71,8 @@ impl Vehicle {
                 let a1 = c_f + c_m + c_r;
                 let a2 = a * c_f - b * c_m - c * c_r;
                 let a3 = a * a * c_f + b * b * c_m + c * c * c_r;
-                // An oversteering vehicle has a critical speed. The lower limit keeps the gain finite there and above.
+                // An oversteering vehicle has a critical speed. The lower limit keeps the gain finite at and above this
+                // speed.
                 let den = (a1 * a3 - a2 * a2 - a2 * self.m * u * u).max(0.05 * a1 * a3);
                 c_f * (a * a1 - a2) * u / den
             }
@@ -88,7 +89,7 @@ pub struct Limits {
     pub ay_limit: f64,
     /// Largest angle, rad.
     pub angle: f64,
-    /// Largest rate, rad/s; 0 or less for none.
+    /// Largest rate, rad/s; 0 or less means no limit.
     pub rate: f64,
 }
 

@@ -136,12 +136,12 @@ mod tests {
         }
     }
 
-    /// The first output of a fuzzy PID with 7 x 7 rules, triangles as output sets and 121 points, and a system with one
-    /// input (k1 from k2): check values for the heavy vehicle, computed by an independent implementation and printed to
-    /// 8 digits. Tolerance: 1e-8.
+    /// Check values for two systems of the heavy vehicle: the first output of a fuzzy PID with 7 x 7 rules, triangular
+    /// output sets and 121 points, and a system with one input (k1 from k2). An independent implementation computed
+    /// them and printed 8 digits. Tolerance: 1e-8.
     #[test]
     fn other_systems_match_their_check_values() {
-        // NB = 0 is in neither table.
+        // The label NB = 0 does not occur in these tables.
         const NM: usize = 1;
         const NS: usize = 2;
         const ZO: usize = 3;
@@ -190,7 +190,7 @@ mod tests {
     fn grades_of_every_shape() {
         let gaussian = Membership::Gaussian { center: 2.0, width: 0.5 };
         assert_eq!(gaussian.grade(2.0), 1.0);
-        // At one standard deviation. Tolerance: one rounding, because the reference is the same function.
+        // At one standard deviation. Tolerance: one rounding error, because the reference uses the same function.
         assert!((gaussian.grade(1.5) - (-0.5_f64).exp()).abs() < 1e-15);
         assert_eq!(gaussian.grade(f64::INFINITY), 0.0);
 
@@ -353,7 +353,7 @@ mod tests {
         );
     }
 
-    /// The centroid by its definition: every label at every point.
+    /// The centroid computed from its definition, with every label at every point.
     fn centroid_by_definition(sets: &[Membership], low: f64, high: f64, points: usize, activation: &[f64]) -> f64 {
         let (mut moment, mut area) = (0.0, 0.0);
         for i in 0..points {

@@ -152,7 +152,7 @@ impl FuzzyPid {
     ///
     /// # Errors
     ///
-    /// The rules are invalid, which does not occur with the existing ones.
+    /// The rules are invalid, which does not occur with the existing variants of [`Rules`].
     pub fn new(rules: Rules) -> Result<Self, FuzzyError> {
         let table = |gain| RuleTable::new(rules.table(gain), Conjunction::Minimum);
         Ok(Self {
@@ -264,7 +264,7 @@ mod tests {
             (1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
             (-1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
             (2.2, 0.3, gains(1.27839916, -1.27839916, -2.02324844)),
-            // Beyond the domain, the values at its edge.
+            // Beyond the domain, the increments are those at its edge.
             (-30.0, -4.0, gains(2.68329967, -2.68323694, 0.78467085)),
         ];
         let standard = [
@@ -289,7 +289,8 @@ mod tests {
         }
     }
 
-    /// The increment of one gain by its definition: every rule of its table, every label at every point.
+    /// The increment of one gain computed from its definition, with every rule in the table and every label at every
+    /// point.
     fn increment_by_definition(table: &Table, e: f64, ec: f64) -> f64 {
         let place = |label: usize| label as f64 - 3.0;
         // Neighbors cross at 1/2.
@@ -411,7 +412,7 @@ mod tests {
             rate = filtered_rate(rate, ramp(n), ramp(n - 1), 0.02, 0.001);
             assert!((rate - 3.0 * (1.0 - a.powi(n))).abs() < 1e-11);
         }
-        // Without lag it is the difference quotient.
+        // Without lag, the rate is the difference quotient.
         assert_eq!(filtered_rate(7.0, 2.0, 1.0, 0.0, 0.5), 2.0);
         assert!(filtered_rate(0.0, f64::NAN, 1.0, 0.0, 0.5).is_nan());
     }

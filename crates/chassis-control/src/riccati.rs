@@ -33,8 +33,9 @@
 //!
 //! A solution is found if R is positive definite, (A, B) is stabilizable, the Hamiltonian matrix has no eigenvalue on
 //! the imaginary axis, and the cost depends on every unstable mode of `A - B R^-1 N'`. If the cost ignores an unstable
-//! mode, a solution exists, but doubling does not find it: add a weight for that mode. In the other cases, there is no
-//! stabilizing solution. All of them end in the error "no convergence".
+//! mode, a solution exists, but doubling does not find it: add a weight for that mode. If (A, B) is not stabilizable or
+//! an eigenvalue is on the imaginary axis, there is no stabilizing solution. These three cases end in the error "no
+//! convergence".
 //!
 //! Badly conditioned problems (many unstable modes with one input, long chains of integrators) end in an error about
 //! the residual or the poles, not in a wrong gain.
@@ -749,7 +750,7 @@ mod tests {
             dmatrix![-1.0, 0.0; 0.0, 1.0],
             dmatrix![1.0, 1.0; 1.0, 1.0],
             dmatrix![1.0, 2.0; 2.0, 1.0],
-            // Singular in exact arithmetic, positive pivot by rounding.
+            // Singular in exact arithmetic, but rounding makes the pivot positive.
             dmatrix![0.01, 0.03; 0.03, 0.09],
         ] {
             let result = care(&two, &two, &two, &r, &DMatrix::zeros(2, 2));

@@ -1,5 +1,5 @@
-//! The array forms with four elements. `tests/instructions.rs` checks the instructions that the compiler generates for
-//! them.
+//! The array versions of the functions, with four elements. `tests/instructions.rs` checks the instructions that the
+//! compiler generates for them.
 
 use std::hint::black_box;
 

@@ -1,11 +1,12 @@
 //! Bit operations on numbers, and sums and products with their rounding errors.
 //!
-//! Conditions are masks: all ones or all zeros. Unlike `if`, a mask cannot become a branch, so the compiler can process
-//! the elements of an array in parallel.
+//! Conditions are masks: all ones or all zeros. Unlike `if`, a mask cannot become a branch, so the compiler can
+//! vectorize loops over the elements of an array.
 
 pub(crate) const SIGN: u64 = 1 << 63;
 pub(crate) const INFINITY: u64 = f64::INFINITY.to_bits();
-/// 1.5 * 2^52. The sum with a small number contains this number, rounded to an integer, in its lowest bits.
+/// 1.5 * 2^52. If a small number is added to this constant, the lowest bits of the sum contain the small number,
+/// rounded to an integer.
 pub(crate) const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
 /// The bit pattern of the magnitude.
@@ -37,7 +38,7 @@ pub(crate) fn spread(bits: u64) -> u64 {
     0u64.wrapping_sub(bits >> 63)
 }
 
-/// All ones if the condition holds, otherwise zero. A comparison of two pairs of numbers takes one instruction.
+/// All ones if the condition holds, otherwise zero. One instruction can compare two pairs of numbers.
 #[inline(always)]
 pub(crate) fn mask(condition: bool) -> u64 {
     0u64.wrapping_sub(u64::from(condition))
@@ -88,7 +89,7 @@ pub(crate) fn upper(x: f64) -> f64 {
     f64::from_bits(x.to_bits() & !0x7ff_ffff)
 }
 
-/// The product and its rounding error (Dekker). Both must be in the range of normal numbers.
+/// The product and its rounding error (Dekker). Both results must be in the range of normal numbers.
 #[inline(always)]
 pub(crate) fn product(a: f64, b: f64) -> (f64, f64) {
     let product = a * b;

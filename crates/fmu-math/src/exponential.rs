@@ -1,13 +1,13 @@
 //! Exponential function and hyperbolic functions.
 //!
-//! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions use exp(x) and exp(x) - 1 in two parts each, which
-//! keeps them accurate near zero.
+//! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions use exp(x) and exp(x) - 1, each in two parts,
+//! which keeps them accurate near zero.
 
 use crate::bits::{INFINITY, ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitude, min, sign, spread, sum};
 use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO, TANH};
 use crate::lanes::polynomial11;
 
-/// Up to here, the result and its reciprocal are normal numbers.
+/// Up to this argument, the result and its reciprocal are normal numbers.
 const LIMIT: u64 = 708f64.to_bits();
 
 #[inline(always)]
@@ -50,7 +50,8 @@ pub(crate) fn exponential(high: f64, low: f64) -> (f64, f64) {
     (one, error + (tail + low * (one + tail)))
 }
 
-/// Returns n in the lowest bits, and exp(r). One number for r is enough: its error changes the result by up to 1/4 ulp.
+/// Returns n in the lowest bits, and exp(r). Here, r needs no second part: its rounding error changes the result by at
+/// most 1/4 ulp.
 #[inline(always)]
 fn exp_parts(x: f64) -> (u64, f64) {
     let shifted = x * INV_LN2 + ROUNDER;
@@ -65,7 +66,7 @@ fn exp_kernel(x: f64) -> f64 {
     value * power_of_two(n)
 }
 
-/// Up to here (below ln(2)/2), n is 0 and r is the argument.
+/// Up to this argument (below ln(2)/2), n is 0 and r is the argument itself.
 const NEAR: u64 = 0.346f64.to_bits();
 
 #[inline(always)]
@@ -140,9 +141,9 @@ fn exp_minus_one(x: f64) -> (f64, f64) {
     (sum, sum_low + (whole_low + scale * rest_low))
 }
 
-/// Below this the hyperbolic tangent is a polynomial.
+/// Below this argument, the hyperbolic tangent is computed with a polynomial.
 const STRAIGHT: u64 = 0.55f64.to_bits();
-/// From here on, the hyperbolic tangent is 1.
+/// From this argument on, the hyperbolic tangent is 1.
 const FLAT: f64 = 22.0;
 
 /// The highest bit is set for NaN.
@@ -266,7 +267,7 @@ pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
 mod tests {
     use super::*;
 
-    /// Compares with the general kernel: near zero, at the end of the range, and between.
+    /// Compares the fast path with the general kernel: near zero, at the end of the range, and in between.
     #[test]
     fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let end = f64::from_bits(NEAR);

@@ -10,12 +10,13 @@ const ONE: u64 = 1f64.to_bits();
 /// This minus the bits of `x` approximates the bits of `1/x`, with a relative error of up to 7 %.
 const RECIPROCAL: u64 = 0x7fde_6238_0000_0000;
 
-/// The angle of a point, from the smaller and the larger magnitude of its coordinates. Masks: `steep` if y is the
-/// larger one, `diagonal` if the smaller one is more than half of the larger, `back` if the point is in the left half
-/// plane.
+/// The angle of a point. `small` and `great` are the smaller and the larger magnitude of its coordinates. The masks are
+/// set if `great` belongs to y (`steep`), if `small` is more than half of `great` (`diagonal`), and if the point is in
+/// the left half plane (`back`).
 ///
-/// The argument of the polynomial, between -1/3 and 1/2, is the quotient of the two, or (`diagonal`) the tangent of the
-/// angle minus pi/4. A multiple of pi/4 in two parts is added.
+/// The argument of the polynomial is between -1/3 and 1/2. It is `small`/`great`, which is the tangent of an angle. If
+/// `diagonal` is set, it is instead the tangent of the difference between this angle and pi/4. The result is the sum of
+/// the polynomial and a multiple of pi/4 in two parts.
 #[inline(always)]
 fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
     let numerator = small - keep(diagonal, great);
@@ -28,7 +29,7 @@ fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
     let t = flip(t, turn);
     let (angle, error) = fast_sum(eighths * PIO4_HI, t);
     let error = error + (eighths * PIO4_LO - flip(correction, turn));
-    // Only the polynomial depends on z.
+    // The terms above do not depend on z, so the processor computes them in parallel with the polynomial.
     let z = t * t;
     angle + (error + (t * z) * polynomial13(&ATAN, z))
 }
@@ -37,7 +38,7 @@ fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
 fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
     let (ay, ax) = (abs(y), abs(x));
     let (small, great) = (min(ay, ax), max(ay, ax));
-    // Makes 0/0 equal 0.
+    // If both coordinates are 0, the denominator is 1, so the quotient is 0.
     let great = f64::from_bits(great.to_bits() | keep(mask(great == 0.0), 1.0).to_bits());
     let angle = angle(small, great, mask(ax < ay), mask(great < small + small), spread(x.to_bits()));
     (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay.to_bits()) | LARGE.wrapping_sub(ax.to_bits()))
@@ -101,7 +102,7 @@ fn half_angle(x: f64) -> (u64, f64, f64, f64) {
     let z = choose(wide, (1.0 - ax) * 0.5, ax * ax);
     let s = choose(wide, sqrt(z), ax);
     let tail = s * (z * polynomial13(&ASIN, z));
-    // The square of the upper half is exact. The small number prevents a division by zero for x = 1.
+    // The square of the upper half is exact. 1e-300 prevents a division by zero for x = 1.
     let high = choose(wide, upper(s), s);
     let low = keep(wide, (z - high * high) / (s + high + 1e-300));
     (wide, high, low, tail)
@@ -154,7 +155,7 @@ pub fn acos(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Compares with the general kernel: near zero, at the end of the range, and between.
+    /// Compares the fast path with the general kernel: near zero, at the end of the range, and in between.
     #[test]
     fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];

@@ -1,10 +1,10 @@
-//! Macros that define a function of a number and its array form from kernels, and polynomials.
+//! Polynomials, and macros that define a function and its array version from kernels.
 
-/// Defines a function of one number and its array form.
+/// Defines a function of one number and its array version.
 ///
-/// `near` is a fast path, except for arguments for which the highest bit of `far` is set. These need the general path:
-/// `full` if the highest bit of `outside` is set, otherwise `kernel`. `near` and `kernel` are bit-identical. The array
-/// form is inlined, because a call would pass arguments and results through memory.
+/// `near` is the fast path. Arguments for which `far` sets the highest bit take the general path: `full` if `outside`
+/// sets the highest bit, otherwise `kernel`. `near` and `kernel` are bit-identical. The array version is inlined,
+/// because a call would pass arguments and results through memory.
 macro_rules! function_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $far:expr, $near:expr, $outside:expr, $kernel:expr, $full:expr) => {
         /// The general path, not inlined to keep libraries small.

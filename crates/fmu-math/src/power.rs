@@ -62,7 +62,7 @@ fn pow_full(x: f64, y: f64) -> f64 {
         parity => x < 0.0 && matches!(parity, Parity::Odd),
     };
     let power = if abs(y) > 1e100 {
-        // The magnitude of the logarithm of a number next to 1 is at least 1e-16.
+        // Overflow or underflow: even for the base next to 1, the magnitude of the logarithm is at least 1e-16.
         if (base > 1.0) == (y > 0.0) { f64::INFINITY } else { 0.0 }
     } else {
         let is_subnormal = base < f64::MIN_POSITIVE;

@@ -14,7 +14,7 @@ const NONE: u32 = u32::MAX;
 const DIAGONAL_PREFERENCE: f64 = 1e-3;
 
 /// The structure of a sparse matrix: for each line, the positions of the elements that can differ from zero, in
-/// ascending order. Lines are rows or columns; the user decides.
+/// ascending order. Lines are rows or columns; the caller decides.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
     starts: Vec<u32>,
@@ -239,7 +239,7 @@ pub struct SparseLu {
     /// Row of each pivot, and the pivot of each row.
     pivots: Vec<u32>,
     pivot_of: Vec<u32>,
-    /// The current column, by rows; zero between columns.
+    /// The values of the current column, indexed by row. After a column is finished, all values are reset to zero.
     column: Vec<f64>,
     /// The column for which a row was last visited.
     visited: Vec<u32>,
@@ -509,7 +509,8 @@ mod tests {
         }
     }
 
-    /// A chain and a star get no new elements if the ends are eliminated first; a full matrix has n (n - 1)/2.
+    /// If the ends are eliminated first, the elimination of a chain or a star creates no new elements. A full matrix
+    /// has n (n - 1)/2 elements below the diagonal.
     #[test]
     fn the_order_keeps_chains_and_stars_sparse() {
         let chain: Vec<_> = (0..99).flat_map(|i| [(i, i + 1, 1.0), (i + 1, i, 1.0)]).collect();
@@ -532,7 +533,7 @@ mod tests {
         for group in 0..3 {
             assert!(chain.line(group).iter().all(|column| column % 3 == group as u32));
         }
-        // A row with all columns separates them. Columns without elements join the first group.
+        // A full row puts each of its columns into a separate group. Columns without elements join the first group.
         rows.push(0..100);
         assert_eq!(groups(&rows, 102).lines(), 100);
         assert_eq!(groups(&rows, 102).line(0), [0, 100, 101]);

@@ -7,10 +7,10 @@ use crate::bits::{ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitu
 use crate::coefficients::{COS, PIO2_1, PIO2_2, PIO2_3, SIN, TWO_OVER_PI};
 use crate::lanes::{function_near, polynomial6};
 
-/// Up to here, n has 14 bits.
+/// Up to this argument, n has 14 bits.
 const LIMIT: u64 = 25_000f64.to_bits();
 
-/// Up to here (below pi/4), n is 0 and r is the argument.
+/// Up to this argument (below pi/4), n is 0 and r is the argument itself.
 const NEAR: u64 = 0.785f64.to_bits();
 
 #[inline(always)]
@@ -28,9 +28,9 @@ fn outside(x: f64) -> u64 {
 fn reduce(x: f64) -> (u64, f64, f64) {
     let shifted = x * TWO_OVER_PI + ROUNDER;
     let n = shifted - ROUNDER;
-    // Exact, because both are multiples of the last bit of x or of the part, and cancel.
+    // Exact: both numbers are multiples of the last bit of x or of PIO2_1, and their leading bits cancel.
     let first = x - n * PIO2_1;
-    // If `first` is the smaller one, the difference is exact.
+    // If `first` has the smaller magnitude, the difference is exact, so its error is 0.
     let (rest, error) = fast_sum(first, -(n * PIO2_2));
     let (high, low) = fast_sum(rest, -(n * PIO2_3));
     (shifted.to_bits(), high, low + error)
@@ -158,7 +158,7 @@ pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
 mod tests {
     use super::*;
 
-    /// Compares with the general kernel: near zero, at the end of the range, and between.
+    /// Compares the fast path with the general kernel: near zero, at the end of the range, and in between.
     #[test]
     fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let end = f64::from_bits(NEAR);

@@ -28,7 +28,7 @@ const BOUNDS: [(&str, f64, Function); 15] = [
     ("pow far", 1.2, |x| math::pow(x[0], x[1])),
 ];
 
-/// Error in ulp. The exact result is `high + low`, where `high` is this result rounded.
+/// Error in ulp. The exact result is `high + low`, where `high` is the exact result rounded to a double.
 fn error(value: f64, high: f64, low: f64) -> f64 {
     let exact_below = if low != 0.0 && low.is_sign_negative() != high.is_sign_negative() { 1 } else { 0 };
     // At a power of two, the exact result can be in the binade below.

@@ -1,12 +1,13 @@
-//! The compiler processes two elements of the array forms with each instruction. The language does not guarantee this.
-//! These tests check the assembly of `examples/lanes.rs`, which contains the fast paths, and of the library, which
-//! contains the general paths. They fail if a compiler version no longer packs instructions.
+//! The compiler vectorizes the array versions of the functions: each instruction processes two elements. The language
+//! does not guarantee this. These tests check the assembly of `examples/lanes.rs`, which contains the fast paths, and
+//! of the library, which contains the general paths. They fail if a compiler version no longer vectorizes the
+//! functions.
 #![cfg(target_arch = "x86_64")]
 
 use std::path::Path;
 use std::process::Command;
 
-/// A function, and the maximum number of additions, subtractions, multiplications and divisions of single numbers.
+/// A function, and the maximum number of scalar additions, subtractions, multiplications and divisions.
 type Limit = (&'static str, usize);
 
 const FAST_PATHS: [Limit; 4] =
@@ -41,7 +42,8 @@ fn assembly(artifact: &[&str], folder: &str) -> String {
     std::fs::read_to_string(file).unwrap()
 }
 
-/// Checks that functions contain at least `least` packed instructions, and few single ones.
+/// Checks that each function contains at least `least` packed instructions, and no more scalar instructions than its
+/// limit.
 fn are_packed(text: &str, limits: &[Limit], least: usize) {
     for (name, most) in limits {
         let body = text.lines().skip_while(|line| !(line.ends_with(':') && line.contains(name)));

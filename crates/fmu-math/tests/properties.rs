@@ -10,7 +10,7 @@ type Single = fn(f64) -> f64;
 type One = (&'static str, Single, Option<fn([f64; 6]) -> [f64; 6]>);
 type Two = (&'static str, fn(f64, f64) -> f64, Option<fn([f64; 6], [f64; 6]) -> [f64; 6]>);
 
-// Functions with their array forms, if there are any.
+// Functions with their array versions, if there are any.
 const ONE: [One; 13] = [
     ("sin", math::sin, Some(math::sin_each)),
     ("cos", math::cos, Some(math::cos_each)),
@@ -44,7 +44,8 @@ impl Random {
     fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / 4_503_599_627_370_496.0 - 1.0
     }
-    /// Numbers in the domains of the functions, and one arbitrary bit pattern in `rare` numbers.
+    /// Returns a number in the domains of the functions, but on average in one of `rare` calls an arbitrary bit
+    /// pattern.
     fn number(&mut self, rare: u64) -> f64 {
         let unit = self.unit();
         match self.bits() % 4 {
@@ -367,9 +368,9 @@ fn integer_powers_are_products() {
     assert_eq!(math::powi(1.7, 3), 1.7 * (1.7 * 1.7));
 }
 
-/// Reference: x^y = (x^(y/2))^2, where x^(y/2) is within 1.2 ulp (`accuracy`) and its square within 3 ulp. Subnormal
-/// results are within one step of the exact result on each side. Bases are near 1, with exponents up to 1e18, or
-/// subnormal.
+/// Reference: x^y = (x^(y/2))^2, where x^(y/2) is within 1.2 ulp (`accuracy`) and its square within 3 ulp. If the
+/// result is subnormal, each side of this equation is within one subnormal step of the exact result. Bases are
+/// subnormal, or near 1 with exponents up to 1e18.
 #[test]
 fn powers_below_the_normal_numbers_are_squares() {
     let mut random = Random(11);
@@ -377,8 +378,8 @@ fn powers_below_the_normal_numbers_are_squares() {
     for k in 0..20_000 {
         let near = 1.0 + random.unit() * 0.5_f64.powi(2 + (random.bits() % 48) as i32);
         let x = if k % 3 == 0 { 1e-310 * (1.0 + random.unit()) } else { near };
-        // The logarithm of the result ranges from above that of the smallest normal number (-708.4) to below that of
-        // all numbers (-745.2).
+        // The logarithm of the result is between -707, above the smallest normal number (-708.4), and -747, where
+        // the result is 0 (from -745.2).
         let y = (-727.0 + 20.0 * random.unit()) / math::ln(x);
         if !y.is_finite() {
             continue;

@@ -5,9 +5,9 @@
 """Writes src/coefficients.rs: the polynomials and the constants of the range reductions.
 
 Each polynomial is a weighted least-squares fit on Chebyshev points, which is close to the best polynomial. Its
-coefficients are rounded to double precision one by one, the lowest first. After each, the others are fitted again to
-compensate for the rounding. The error in the comment is the error of the rounded polynomial, relative to the function,
-without rounding errors of its evaluation.
+coefficients are rounded to double precision one by one, the lowest first. After each rounding, the remaining ones are
+fitted again to compensate for it. The error in the comment is the error of the rounded polynomial, relative to the
+function, without rounding errors of its evaluation.
 """
 
 from collections.abc import Callable

@@ -9,7 +9,7 @@ const STEP: f64 = 0.01;
 const GRAVITY: f64 = 9.81;
 const RESTITUTION: f64 = 0.7;
 
-/// Height at a time before the ball comes to rest, from the times of the bounces.
+/// Exact height at a time before the ball comes to rest, computed from the times of the bounces.
 fn height(time: f64) -> f64 {
     let mut bounce = (2.0 / GRAVITY).sqrt();
     if time < bounce {
@@ -24,7 +24,7 @@ fn height(time: f64) -> f64 {
     rebound * flight - 0.5 * GRAVITY * flight * flight
 }
 
-/// A step along the parabolas between the bounces.
+/// A communication step, in closed form: the ball follows a parabola between two bounces.
 #[inline(never)]
 fn step((mut height, mut velocity): (f64, f64)) -> (f64, f64) {
     let mut rest = STEP;

@@ -12,9 +12,9 @@ use std::time::Instant;
 use fmu_import::description::ModelDescription;
 use fmu_import::fmu::{Fmu, FmuError};
 
-/// Communication steps of a measurement.
+/// Communication steps per measurement.
 const STEPS: usize = 200_000;
-/// Measurements; the median is the result.
+/// Number of measurements; their median is reported.
 const ROUNDS: usize = 7;
 
 /// One of the two models. A run has a communication step for each row of `inputs`.
@@ -83,7 +83,7 @@ impl Model {
         let mut errors = vec![0.0; self.output_names.len()];
         self.run(fmu, |k, y| {
             for (error, (y, exact)) in errors.iter_mut().zip(y.iter().zip(&self.exact[k])) {
-                // Unlike `max`, this keeps a NaN.
+                // Unlike `max`, this does not drop a NaN.
                 let now = (y - exact).abs();
                 *error = if now <= *error { *error } else { now };
             }
@@ -102,7 +102,7 @@ fn measure(path: &Path) -> Result<String, String> {
     let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
     let model = Model::of(fmu.description()).ok_or("neither a quarter car nor a bouncing ball")?;
     let error = model.error(&fmu).map_err(|error| error.to_string())?;
-    // Alternating, so that disturbances affect both equally.
+    // The measurements alternate, so disturbances affect both equally.
     let (mut function, mut steps, mut starts) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         function.push(model.time_function());

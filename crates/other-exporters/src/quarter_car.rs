@@ -6,7 +6,7 @@ use crate::Model;
 
 /// Communication step (s).
 const STEP: f64 = 0.001;
-/// Steps of the reference solution per communication step; they reduce the error of the Runge-Kutta method by 32^4.
+/// Steps of the reference solution per communication step. They divide the error of the Runge-Kutta method by 32^4.
 const FINE: usize = 32;
 
 /// Road and actuator force in step `k`, which are constant during a communication step.
@@ -20,7 +20,7 @@ fn derivatives(x: [f64; 4], [z_r, f_a]: [f64; 2]) -> [f64; 4] {
     [x[1], -f / 400.0, x[3], (f - 180_000.0 * (x[2] - z_r)) / 40.0]
 }
 
-/// A step of the classical Runge-Kutta method; returns the outputs after it.
+/// A step of the classical Runge-Kutta method. Returns the outputs after the step.
 #[inline(never)]
 fn step(x: &mut [f64; 4], u: [f64; 2], h: f64) -> [f64; 5] {
     let along = |k: [f64; 4], h: f64| std::array::from_fn(|i| x[i] + h * k[i]);

@@ -129,7 +129,7 @@ pub(super) fn gaussian_exponent(x: f64, center: f64, width: f64) -> f64 {
 
 /// Grade of a trapezoid whose feet may be infinite.
 fn trapezoid(x: f64, left_foot: f64, left_shoulder: f64, right_shoulder: f64, right_foot: f64) -> f64 {
-    // The falling edge is the rising one seen from the other side.
+    // The falling edge is a rising edge seen from the other side.
     edge(x, left_foot, left_shoulder).min(edge(-x, -right_foot, -right_shoulder))
 }
 

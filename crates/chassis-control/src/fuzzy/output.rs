@@ -110,7 +110,7 @@ impl Stretch {
         }
     }
 
-    /// As `add_to`, if labels other than the main ones can exceed `floor`.
+    /// Does the same as `add_to` if labels other than the main labels can exceed `floor`.
     #[inline(never)]
     fn add_all_to<const LABELS: usize>(&self, sums: &mut Sums, activation: &[f64; LABELS], floor: f64) {
         let [a, b] = self.main.map(|label| activation[label]);
@@ -188,7 +188,7 @@ fn tabulate(sets: &[Membership], low: f64, high: f64, points: usize) -> Result<V
     Ok(stretches)
 }
 
-/// The two labels with the largest grades at `points`, in ascending order; twice the same if there is only one.
+/// The two labels with the largest grades at `points`, in ascending order. If there is only one label, it is repeated.
 fn main_labels(sets: &[Membership], points: &[f64]) -> [usize; 2] {
     let sum = |label: usize| points.iter().map(|&y| sets[label].grade(y)).sum::<f64>();
     let (mut first, mut second) = (0, 0);

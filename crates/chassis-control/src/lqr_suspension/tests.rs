@@ -164,7 +164,7 @@ fn lateral_states_leave_the_vertical_model_as_it_is() {
 
 #[test]
 fn lateral_states_are_fed_back_on_demand() {
-    // About -1.9e5 N/rad for sideslip in the integrated law, and a stable closed loop (check numbers).
+    // Check numbers: the gain for sideslip in the integrated law is about -1.9e5 N/rad, and the closed loop is stable.
     let p = VehicleParameters { lateral_states: true, ..VehicleParameters::default() };
     let with = regulator(&p, &integrated(), FORCE).unwrap();
     assert_eq!(with.gain.shape(), (6, LATERAL_STATES));
@@ -187,7 +187,7 @@ fn designs_without_solution_say_what_was_expected() {
         rejected(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
         "'vehicle.mass' must be more than six times 'wheel.mass' (3600 kg), got 3000 kg"
     );
-    // (m_s h_s)^2/m + I_xz^2/I_z, as in the plant, with and without lateral states.
+    // The lower limit is (m_s h_s)^2/m + I_xz^2/I_z, as in the plant, with and without lateral states.
     for lateral_states in [false, true] {
         let light = VehicleParameters { i_x: 20_000.0, lateral_states, ..start() };
         assert_eq!(
