@@ -17,7 +17,8 @@ fn sample(p: &ActiveFrontSteering, d: &D, x: &mut X, u: &U) -> Y {
 
 #[test]
 fn without_error_the_gains_are_those_of_the_rules_at_zero() {
-    // k + scale dK(0, 0) with the increments from an independent implementation, printed to 8 digits.
+    // The expected gains are k + scale dK(0, 0), with increments dK that an independent implementation printed to 8
+    // digits.
     let cases = [
         (Rules::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
         (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
@@ -34,8 +35,8 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
 
 #[test]
 fn the_first_sample_has_the_rules_of_its_error_and_no_kick() {
-    // An error of a third of the range is E = 1. The rate is 0 without a previous sample, so EC = 0: dKp = 0.99996779,
-    // dKi = -0.99996779 (independent implementation, 8 digits).
+    // An error of a third of the range means E = 1. Without a previous sample, the rate is 0, so EC = 0. The increments
+    // are then dKp = 0.99996779 and dKi = -0.99996779 (independent implementation, 8 digits).
     let p = ActiveFrontSteering::default();
     let e = 0.1 / 3.0;
     let y = sample(&p, &derived(&p), &mut X::default(), &U { w_d: 0.12 + e, w: 0.12, ..REST });

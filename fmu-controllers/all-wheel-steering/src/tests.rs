@@ -28,9 +28,9 @@ fn the_middle_ratio_has_the_check_numbers() {
 
 #[test]
 fn the_first_sample_has_the_rules_of_its_error() {
-    // An error of a third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent
-    // implementation, 8 digits). In this left turn, the rear slides outward, so the rear axle has to steer in the
-    // direction of the front axle.
+    // An error of a third of the range means E = 1, and EC is 0. The increments are then dKp = 0.99996779 and
+    // dKi = -0.99996779 (independent implementation, 8 digits). In this left turn, the rear slides outward, so the rear
+    // axle has to steer in the direction of the front axle.
     let p = AllWheelSteering::default();
     let e = 0.2 / 3.0;
     let y = sample(&p, &derived(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: -e });
@@ -43,7 +43,8 @@ fn the_first_sample_has_the_rules_of_its_error() {
 
 #[test]
 fn without_error_the_gains_are_those_of_the_rules_at_zero() {
-    // k + scale dK(0, 0) with the increments from an independent implementation, printed to 8 digits.
+    // The expected gains are k + scale dK(0, 0), with increments dK that an independent implementation printed to 8
+    // digits.
     let cases = [
         (Rules::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
         (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
@@ -61,7 +62,7 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
 
 #[test]
 fn straight_ahead_the_integral_rests() {
-    // Without a driver's angle, the error is 0. At half of `sign_width`, it is halved.
+    // If the driver does not steer, the error is 0. At half of `sign_width`, the error is halved.
     let p = AllWheelSteering::default();
     let (d, mut x) = (derived(&p), X::default());
     for _ in 0..100 {

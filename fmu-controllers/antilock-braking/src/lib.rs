@@ -87,7 +87,7 @@ pub struct X {
     cmd: [f64; 4],
 }
 
-/// Lower limit of the speed that divides the slip, m/s.
+/// Lower limit of the speed in the denominator of the slip, m/s.
 const LEAST_SPEED: f64 = 0.5;
 
 /// Antilock brakes of a car: pressure of each wheel by thresholds of slip and wheel acceleration around a target slip

@@ -30,19 +30,19 @@ fn assert_command(actual: (f64, bool), expected: (f64, bool)) {
 #[test]
 fn a_wheel_that_slips_too_much_is_released_held_and_braked_again() {
     let (p, mut x) = (AntilockBraking::default(), X::default());
-    // Below and within the band: the driver's pressure, no modulation yet.
+    // Below and within the band, the wheel gets the driver's pressure and is not modulated yet.
     assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, false));
     assert_command(sample(&p, &mut x, &braking(0.2199)), (10.0, false));
-    // Above: the pressure falls by 60 MPa/s times 5 ms from this sample on.
+    // Above the band, the pressure falls by 60 MPa/s times 5 ms in every sample, beginning with this one.
     assert_command(sample(&p, &mut x, &braking(0.25)), (9.7, true));
     assert_command(sample(&p, &mut x, &braking(0.3)), (9.4, true));
     // The wheel speeds up by more than 10 m/s2 (0.06 m/s in 5 ms), so its pressure is held although the slip is above
     // the band.
     assert_command(sample(&p, &mut x, &braking(0.3 - 0.06 / 15.0)), (9.4, true));
-    // Within the band: held.
+    // Within the band, the pressure is held.
     assert_command(sample(&p, &mut x, &braking(0.21)), (9.4, true));
     assert_command(sample(&p, &mut x, &braking(0.1801)), (9.4, true));
-    // Below: rises by 20 MPa/s until it reaches the driver's pressure.
+    // Below the band, the pressure rises by 20 MPa/s until it reaches the driver's pressure.
     for expected in [9.5, 9.6, 9.7, 9.8, 9.9] {
         assert_command(sample(&p, &mut x, &braking(0.1)), (expected, true));
     }
@@ -111,7 +111,7 @@ proptest! {
                 if y.active[i] {
                     prop_assert!(y.cmd[i] < req);
                     let change = y.cmd[i] - before.cmd[i];
-                    // Rounding of a pressure of up to 14 MPa.
+                    // Tolerance: rounding of a pressure of up to 14 MPa.
                     prop_assert!((-0.3 - 1e-14..=0.1 + 1e-14).contains(&change), "{change}");
                 } else {
                     prop_assert_eq!(y.cmd[i], req);

@@ -1,7 +1,7 @@
 //! `ComfortSlidingMode`: keeps the body still with the left suspension, by a sliding mode of a quarter car. The right
 //! suspension gets a constant share of the left force.
 //!
-//! Applied Sciences 2020, 10, 1852, eqs. 15-23 (there RCSMC).
+//! Applied Sciences 2020, 10, 1852, eqs. 15-23 (called RCSMC there).
 //!
 //! | symbol | meaning |
 //! |---|---|

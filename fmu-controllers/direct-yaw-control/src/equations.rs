@@ -47,7 +47,7 @@ fn update_references(p: &DirectYawControl, d: &D, x: &mut X, delta: f64, u_e: f6
     let (m, a, b, t) = (p.m, p.a, p.b, p.sample_time);
     let [_, k_r] = *p.k;
     let wheelbase = a + b;
-    // An oversteering vehicle has a critical speed. The lower limit keeps the turn finite there and above.
+    // An oversteering vehicle has a critical speed. The lower limit keeps the turn finite at and above this speed.
     let den = wheelbase * (1.0 + d.stability * u_e * u_e).max(0.05);
     let r_ss = magnitude(u_e * delta / den, 0.85 * p.mu * p.g / u_e);
     let beta_ss =

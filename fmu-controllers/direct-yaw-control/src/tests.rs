@@ -34,10 +34,10 @@ fn the_references_reach_the_steady_turn_and_its_limits() {
         }
         x
     };
-    // Yaw rate gain at 60 km/h, 1/s: check number. 5 s are 50 time constants.
+    // Check number: yaw rate gain at 60 km/h in 1/s. After 5 s, which are 50 time constants, the turn is steady.
     let x = settled(0.01);
     assert!((x.r_d / 0.01 - 5.827_63).abs() < 5e-6);
-    // Friction: 0.85 mu g/u and atan(0.02 mu g).
+    // The friction limits are 0.85 mu g/u for the yaw rate and atan(0.02 mu g) for sideslip.
     let x = settled(-0.5);
     assert!((x.r_d + 0.85 * 0.77 * 9.81 / data::SPEED).abs() < 1e-12);
     assert!((x.beta_d.abs() - (0.02_f64 * 0.77 * 9.81).atan()).abs() < 1e-12);
@@ -55,8 +55,8 @@ fn the_reference_is_a_first_order_lag() {
 
 #[test]
 fn the_moment_makes_the_surface_fall_as_the_reaching_law_says() {
-    // In the linear model with this moment: d(sigma)/dt = -k_s sigma - eta sat(sigma/layer). The model's rates are
-    // written out here with numbers. Tolerance: a few rounding errors.
+    // With this moment, the surface of the linear model follows d(sigma)/dt = -k_s sigma - eta sat(sigma/layer). The
+    // rates of the model are written out here with numbers. Tolerance: a few rounding errors.
     let p = DirectYawControl { layer: 0.5, ..DirectYawControl::default() };
     let d = derived(&p);
     let mut x = X { r_d: 0.1, beta_d: -0.01 };
@@ -112,7 +112,7 @@ fn a_slow_car_is_left_alone() {
 
 #[test]
 fn an_oversteering_car_has_finite_references() {
-    // K < 0: above the critical speed, 1 + K u^2 would change its sign; it is kept at 0.05.
+    // For K < 0, 1 + K u^2 would change its sign at the critical speed; it is kept at 0.05.
     let p = DirectYawControl { k: TwoAxles([120_000.0, 60_000.0]), ..DirectYawControl::default() };
     assert!(derived(&p).stability < 0.0);
     let mut x = X::default();

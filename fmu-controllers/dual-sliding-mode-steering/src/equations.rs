@@ -11,7 +11,7 @@
 //! | r_d, rd_d | yaw rate reference, and its rate; the sideslip reference is 0 |
 //! | e, I | errors of sideslip (e_b) and yaw rate (e_r), and their integrals |
 //! | S | sliding surfaces of sideslip (S_b) and yaw rate (S_r) |
-//! | g | cornering stiffness times slip angle of an axle (middle and rear: not steered) |
+//! | g | cornering stiffness times slip angle of an axle, with the middle and rear axles straight |
 //! | n_b, n_r | lateral force and yaw moment that the steering of the middle and rear axles has to produce |
 //! | T | sample time |
 

@@ -103,8 +103,8 @@ fn the_steady_turn_needs_the_angles_of_equal_slip() {
 
 #[test]
 fn the_front_axle_slews_to_the_angle_of_the_largest_lateral_acceleration() {
-    // pi/6 at 35 km/h: 9.8995 deg (check number) after 0.99 s at 10 deg/s. The reference then approaches ay_limit/u;
-    // exp(-9/0.2) of the difference remains.
+    // A step of pi/6 at 35 km/h. At 10 deg/s, the axle reaches its limit of 9.8995 deg (check number) after 0.99 s. The
+    // reference then approaches ay_limit/u; after 9 s, exp(-9/0.2) of the difference remains.
     let p = DualSlidingModeSteering::default();
     let mut x = X::default();
     let u = U { steer: std::f64::consts::FRAC_PI_6, u: 35.0 * KM_H, beta: 0.0, r: 0.0, k3: 0.0 };
@@ -140,7 +140,7 @@ fn the_integrals_wait_while_an_axle_is_at_its_limit() {
     let y = sample(&p, &mut x, &TURN);
     assert!(y.request[1] > p.limit);
     assert_eq!((x.i_b, x.i_r), (0.0, 0.0));
-    // Below the limit: exactly I = T e.
+    // Below the limit, the integral is exactly T e.
     let p = DualSlidingModeSteering::default();
     sample(&p, &mut x, &TURN);
     assert_eq!(x.i_b, p.sample_time * TURN.beta);
@@ -200,7 +200,7 @@ proptest! {
         let steps = [(x.df, y.delta[0], p.front_rate), (x.dm, y.delta[1], p.rate), (x.dr, y.delta[2], p.rate)];
         for (before, angle, rate) in steps {
             prop_assert!(angle.is_finite() && angle.abs() <= p.limit);
-            // Rounding of an angle below 1 rad.
+            // Tolerance: rounding of an angle below 1 rad.
             prop_assert!((angle - before).abs() <= rate * p.sample_time + 1e-16);
         }
         prop_assert!(y.r_d.is_finite() && after.r_d.is_finite());

@@ -31,11 +31,11 @@ struct Row {
     k_d: [f64; 2],
 }
 
-/// Front axle, rear axle.
+/// Rows of Tables 2 and 3: front axle, rear axle.
 const TABLE_2: [Row; 2] = [Row { k_i: [0.98, 1.20], k_d: [3.10, 3.21] }, Row { k_i: [1.00, 1.10], k_d: [3.11, 3.30] }];
 #[expect(clippy::approx_constant, reason = "a gain of the paper that happens to look like pi")]
 const TABLE_3: [Row; 2] = [Row { k_i: [1.00, 1.12], k_d: [3.18, 3.14] }, Row { k_i: [1.06, 1.00], k_d: [3.16, 3.24] }];
-/// Left side, right side.
+/// Rows of Tables 4 and 5: left side, right side.
 const TABLE_4: [Row; 2] = [Row { k_i: [1.06, 1.10], k_d: [3.10, 3.12] }, Row { k_i: [1.16, 1.04], k_d: [3.18, 3.10] }];
 const TABLE_5: [Row; 2] = [Row { k_i: [0.98, 1.00], k_d: [3.01, 3.06] }, Row { k_i: [1.10, 1.00], k_d: [3.15, 3.02] }];
 /// Rule 5: all wheels.
@@ -138,8 +138,8 @@ pub(crate) fn gains(p: &FiniteStateCoordination, state: State, inputs: &U) -> [F
     }
 }
 
-/// Target slip: the slip of the largest brake force grows as the speed falls. When braking in a turn, a lower target
-/// leaves grip for the lateral force.
+/// Target slip. The slip at which the brake force is largest grows as the speed falls. When braking in a turn, a lower
+/// target leaves grip for the lateral force.
 pub(crate) fn target_slip(p: &FiniteStateCoordination, state: State, a_y: f64, u: f64) -> f64 {
     let straight = p.slip_ref * (p.v_ref / u.max(LEAST_SPEED)).sqrt();
     let turning =

@@ -125,7 +125,7 @@ fn the_tables_are_those_of_the_paper() {
         (State::Turning, roll(0.011), sides(1.10, 1.04), sides(3.12, 3.10)),
         (State::TurningAndAccelerating, roll(-0.011), sides(0.98, 1.10), sides(3.01, 3.15)),
         (State::TurningAndAccelerating, roll(0.011), sides(1.00, 1.00), sides(3.06, 3.02)),
-        // Between the thresholds, and in the other states: base gains.
+        // Between the thresholds, and in the other states, the base gains apply.
         (State::Accelerating, pitch(0.1), [0.8; 4], [3.0; 4]),
         (State::Turning, roll(-0.01), [0.8; 4], [3.0; 4]),
         (State::Uniform, U { thetadd: 1.0, phidd: 1.0, ..U::default() }, [0.8; 4], [3.0; 4]),
@@ -159,7 +159,8 @@ fn rules_raise_the_proportional_gain_where_rate_and_acceleration_agree() {
     assert_eq!(k_p(State::TurningAndAccelerating, rolling.clone()), [60.0; 4]);
     assert_eq!(k_p(State::TurningAndAccelerating, motion(0.0, 0.0, 0.6, 0.02)), [100.0, 80.0, 100.0, 80.0]);
     assert_eq!(k_p(State::Uniform, pitching.clone()), [60.0; 4]);
-    // State 5: the rule of the larger acceleration, or both blended in proportion (0.3 and 0.1: three quarters pitch).
+    // State 5 uses the rule for the larger acceleration, or blends both rules in proportion to the accelerations (0.3
+    // and 0.1: three quarters of the pitch rule).
     assert_eq!(k_p(State::TurningAndBraking, pitching), [90.0, 90.0, 75.0, 75.0]);
     assert_eq!(k_p(State::TurningAndBraking, rolling), [100.0, 80.0, 100.0, 80.0]);
     let both = k_p(State::TurningAndBraking, motion(0.02, 0.3, 0.002, 0.1));

@@ -1,6 +1,6 @@
 //! `HandlingSlidingMode`: holds the roll angle at zero by a sliding mode, with opposite forces on the left and right.
 //!
-//! Applied Sciences 2020, 10, 1852, eqs. 9-14 (there HDSMC), rederived because of contradictory signs.
+//! Applied Sciences 2020, 10, 1852, eqs. 9-14 (called HDSMC there), rederived because of contradictory signs.
 //!
 //! | symbol | meaning |
 //! |---|---|

@@ -15,7 +15,7 @@ fn forces(p: &HandlingSlidingMode, u: &U) -> Y {
 /// Inputs of the check numbers.
 const TURN: U = U { phi: 0.05, phid: 0.1, d_s: Sides([0.03, -0.02]), dd_s: Sides([0.1, -0.05]), a_y: 4.0 };
 
-/// The recommended values: boundary layer 0.3 rad/s, damper not cancelled.
+/// The recommended values: boundary layer 0.3 rad/s, damper not canceled.
 fn damped() -> HandlingSlidingMode {
     HandlingSlidingMode { width: 0.3, cancellation: 0.0, ..HandlingSlidingMode::default() }
 }
@@ -104,7 +104,7 @@ proptest! {
         prop_assert!((roll_acceleration(&p, &u, &y.f) - wanted).abs() < 1e-10);
     }
 
-    /// The part of the damping that is not cancelled adds its roll moment and nothing else.
+    /// The part of the damping that is not canceled adds its roll moment and nothing else.
     #[test]
     fn the_damper_is_cancelled_by_its_share(u in any_inputs(), cancellation in 0.0..1.0) {
         let p = HandlingSlidingMode { cancellation, ..HandlingSlidingMode::default() };

@@ -7,7 +7,7 @@ use fmu::{Derived as _, Variables as _};
 use super::*;
 
 /// One block for each of the wheels fl, ml, rl. The lines contain the gains for heave, pitch, roll; for the six wheel
-/// heights; and for the rates of both. Check numbers from an independent implementation (LAPACK), 8 digits.
+/// heights; and for the rates of all these. Check numbers from an independent implementation (LAPACK), 8 digits.
 #[rustfmt::skip]
 const K: [[f64; 18]; 3] = [
     [

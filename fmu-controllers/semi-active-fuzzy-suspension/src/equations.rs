@@ -73,7 +73,7 @@ pub(crate) fn allocation(p: &SemiActiveFuzzySuspension, [f_h, m_p, m_r]: [f64; 3
 /// The part of the force `f` that the damper of an axle (0 front, 1 rear) can produce at the velocity `v`.
 pub(crate) fn constrained(p: &SemiActiveFuzzySuspension, axle: usize, f: f64, v: f64) -> f64 {
     let (c_0, c_min, c_max) = (p.c_0[axle], p.c_min[axle], p.c_max[axle]);
-    // Smallest and largest damping by the command.
+    // Smallest and largest damping that the command may add.
     let range = match p.constraint {
         Constraint::Active => None,
         Constraint::Command => Some((0.0, c_max - c_0)),

@@ -32,8 +32,9 @@ fn a_body_at_rest_needs_no_force() {
 
 #[test]
 fn each_motion_is_opposed_with_the_rules_of_its_rate() {
-    // A rate of a third of the range is |E| = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent
-    // implementation, 8 digits); demand = -(K_p + K_i T) rate. Tolerance: 1e-8 of the demand.
+    // A rate of a third of the range means |E| = 1, and EC is 0. The increments are then dKp = 0.99996779 and
+    // dKi = -0.99996779 (independent implementation, 8 digits), and the demand is -(K_p + K_i T) rate. Tolerance: 1e-8
+    // of the demand.
     let demand = |kp: f64, kp_scale: f64, ki: f64, ki_scale: f64, rate: f64| {
         -(kp + kp_scale * 0.99996779 + (ki - ki_scale * 0.99996779) * 0.001) * rate
     };
@@ -99,7 +100,7 @@ proptest! {
     }
 
     /// The command alone dissipates power (constraint 1), or damper and command together act as a damper within its
-    /// limits (constraint 2). Up to 1e-12 of the power is rounding.
+    /// limits (constraint 2). Tolerance: 1e-12 of the power, for rounding.
     #[test]
     fn a_damper_never_drives(f in -1e5..1e5_f64, v in -2.0..2.0_f64, rear: bool) {
         let axle = usize::from(rear);

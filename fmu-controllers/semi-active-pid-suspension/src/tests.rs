@@ -83,7 +83,7 @@ fn switched_off_it_forgets() {
     let off = U { enable: false, ..inputs([60.0, 0.8, 3.0], 1.5, 0.0) };
     assert_eq!(force(&p, &mut x, &off), 0.0);
     assert_eq!((x.u, x.a1, x.a2), ([0.0; 4], [1.5; 4], [1.5; 4]));
-    // Back on with the same acceleration: only the integral acts.
+    // After the law is switched on again at the same acceleration, only the integral part acts.
     assert_eq!(force(&p, &mut x, &inputs([60.0, 2.0, 3.0], 1.5, 0.0)), -3.0);
 }
 

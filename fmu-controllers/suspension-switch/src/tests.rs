@@ -9,7 +9,7 @@ fn sample(p: &SuspensionSwitch, x: &mut X, u: &U) -> Y {
     p.update(Sample { time: 0.0, derived: &(), state: x, inputs: u })
 }
 
-/// A load transfer ratio with distinguishable forces.
+/// A load transfer ratio, and different forces for the two laws.
 fn inputs(ltr: f64) -> U {
     U { ltr, f_c: Sides([100.0, 44.0]), f_h: Sides([-2000.0, 2000.0]) }
 }
@@ -22,7 +22,8 @@ fn modes(p: &SuspensionSwitch, ratios: &[f64]) -> Vec<i32> {
 
 #[test]
 fn it_starts_with_comfort_and_switches_above_the_threshold() {
-    // Q = 0.8 itself belongs to comfort; the signed ratio of a right turn is below it.
+    // At the threshold Q = 0.8 itself, the comfort law is active. In a right turn, the signed ratio is negative and
+    // thus below Q.
     assert_eq!(modes(&SuspensionSwitch::default(), &[0.0, 0.8, 0.81, 0.8, 0.81, -0.9]), [0, 0, 1, 0, 1, 0]);
 }
 
@@ -55,8 +56,8 @@ fn the_control_cases_choose_the_law() {
 
 #[test]
 fn blending_takes_its_time() {
-    // 0.25 s are 250 samples of 1 ms; each adds 0.004, with one rounding. Later, the direction changes in the middle of
-    // a blend.
+    // 0.25 s are 250 samples of 1 ms; each adds 0.004, with one rounding error. Later, the direction changes in the
+    // middle of a blend.
     let p = SuspensionSwitch { blend_time: 0.25, ..SuspensionSwitch::default() };
     let mut x = X::default();
     for n in 1..=260 {

@@ -58,7 +58,7 @@ pub struct Y {
     beta: f64,
 }
 
-/// The reference of the next sample.
+/// The reference for the next sample.
 #[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     w: f64,
