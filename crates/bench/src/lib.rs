@@ -43,8 +43,8 @@ pub fn compare<E: Export>() {
 }
 
 /// Prints a line for each FMU that is both in `target/fmu` and in the folder `before`: ns per step of the FMU in
-/// `before` and of the one in `target/fmu`, and their ratio, which is above 1 if the latter is faster. The inputs are
-/// triangle waves with an amplitude that depends on the unit of measure.
+/// `before`, ns per step of the FMU in `target/fmu`, and their ratio, which is above 1 if the FMU in `target/fmu` is
+/// faster. The inputs are triangle waves with an amplitude that depends on the unit of measure.
 ///
 /// # Panics
 /// If a folder cannot be read, an FMU does not run, or there are no FMUs to compare.

@@ -171,7 +171,7 @@ mod tests {
         let closed = u * a / (a * a + b * b + c * c);
         let gain = neutral.yaw_rate_gain(ReferenceModel::TwoDegreesOfFreedom, u);
         assert_abs_diff_eq!(gain / closed, 1.0, epsilon = 1e-14);
-        // An oversteering vehicle beyond its critical speed: A1 A3 - A2^2 - A2 m u^2 is held at 5 % of A1 A3.
+        // For an oversteering vehicle beyond its critical speed, A1 A3 - A2^2 - A2 m u^2 is replaced by 5 % of A1 A3.
         let oversteering = vehicle([6e5, 3e5, 1e5]);
         let Vehicle { a, b, c, c_axle: [c_f, c_m, c_r], m, .. } = oversteering;
         let (a1, a2) = (c_f + c_m + c_r, a * c_f - b * c_m - c * c_r);

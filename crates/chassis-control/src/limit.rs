@@ -27,7 +27,7 @@ pub fn magnitude(value: f64, limit: f64) -> f64 {
     value.clamp(-limit, limit)
 }
 
-/// Returns `limit` if it is positive, otherwise positive infinity. For limits where values <= 0 mean "none".
+/// Returns `limit` if it is positive, otherwise positive infinity. Use it where a limit <= 0 means "no limit".
 pub fn positive_or_none(limit: f64) -> f64 {
     if limit <= 0.0 { f64::INFINITY } else { limit }
 }
@@ -60,7 +60,7 @@ pub fn rate(target: f64, previous: f64, rate: f64, dt: f64) -> f64 {
     if change.abs() <= step { target } else { previous + step.copysign(change) }
 }
 
-/// One exact step of the first-order lag `time_constant * dx/dt = target - x` with `target` held.
+/// One exact step of the first-order lag `time_constant * dx/dt = target - x` with a constant `target`.
 ///
 /// ```text
 /// x(t + dt) = target + (x(t) - target) exp(-dt / time_constant)

@@ -88,7 +88,7 @@ pub struct Regulator {
 /// * `b`: B, n x m, m >= 1.
 /// * `q`: Q, n x n; only its symmetric part is used.
 /// * `r`: R, m x m, positive definite; only its symmetric part is used.
-/// * `n`: N, n x m, the cross term; zero if the cost has none.
+/// * `n`: N, n x m; zero if the cost has no cross term.
 ///
 /// Q need not be positive semidefinite, as long as the equation has a stabilizing solution.
 ///
@@ -581,9 +581,9 @@ mod tests {
         care(&a, &b, &q, &scalar(1.0), &DMatrix::zeros(n, 1))
     }
 
-    /// With weight 1 on the first state of a chain of n integrators, the poles are those of the Butterworth polynomial
-    /// of order n, evenly spaced on the left half of the unit circle. Tolerance: with 8 states, the condition number of
-    /// the poles is about 1e3.
+    /// With weight 1 on the first state of a chain of n integrators, the poles are the roots of the Butterworth
+    /// polynomial of order n, evenly spaced on the left half of the unit circle. Tolerance: with 8 states, the
+    /// condition number of the poles is about 1e3.
     #[test]
     fn integrator_chain_gives_butterworth_poles() {
         let n = 8;

@@ -264,8 +264,8 @@ fn assembled(
     })
 }
 
-/// Puts the metrics of both systems side by side. The order is that of `without`; a metric that is only in `with` is
-/// inserted after the metric that precedes it there.
+/// Puts the metrics of both systems side by side, in the order of `without`. A metric that is only in `with` is
+/// inserted after its predecessor in `with`.
 fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
     let Some(with) = with else { return without.iter().map(|metric| row(Some(metric), None, false)).collect() };
     let of = |metrics: &[&'_ Measured], id: &str| metrics.iter().position(|metric| metric.id == id);

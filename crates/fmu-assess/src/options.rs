@@ -18,7 +18,7 @@ pub struct OptionRule {
     pub unit: &'static str,
     /// Allowed values.
     pub form: Form,
-    /// Value if it is not given.
+    /// Value if the option is not given.
     pub default: Fallback,
     /// Meaning of the option, and of its absence.
     pub meaning: &'static str,

@@ -54,7 +54,7 @@ pub struct Compared {
     pub at_unit: &'static str,
     /// Without the controllers.
     pub without: f64,
-    /// With them.
+    /// With the controllers.
     pub with: f64,
 }
 
@@ -73,7 +73,7 @@ pub struct Row {
     pub suite: Suite,
     /// Without the controllers.
     pub without: Value,
-    /// With them; null if there are none.
+    /// With the controllers; null if there are none.
     pub with: Value,
     /// Label of the value in a standard, such as a comfort class, by system.
     pub words: BTreeMap<&'static str, &'static str>,
@@ -83,7 +83,8 @@ pub struct Row {
     pub compared: Option<Compared>,
     /// Reason that the systems cannot be compared.
     pub incomparable: Option<String>,
-    /// Change of the comparable values, percent; null if a value is missing or the first one is close to zero.
+    /// Change of the comparable values, percent; null if a value is missing or the value without controllers is close
+    /// to zero.
     pub change: Value,
     /// Preferred direction.
     pub direction: Direction,

@@ -109,7 +109,7 @@ impl Results {
     /// Adds metrics from an evaluator. If the run was cut short, they cannot be compared.
     pub(crate) fn take(&mut self, run: &RunResult, metrics: &Evaluation, wanted: &[&str]) {
         for found in wanted.iter().filter_map(|name| metrics.metrics.iter().find(|metric| metric.name == *name)) {
-            // A row of the report has a single number.
+            // A row of the report can show only one number.
             if matches!(found.value, metric::Value::Numbers(_)) {
                 continue;
             }

@@ -14,13 +14,13 @@ pub const ACTUATORS: &str = "BrakeAndDriveActuators";
 pub struct Subject {
     /// Name of the plant's FMU.
     pub plant: String,
-    /// Components that belong to the vehicle; if empty, those that the plant needs.
+    /// Components that belong to the vehicle. If empty, the components that the plant needs are used.
     pub base: Vec<String>,
     /// Controllers.
     pub with: Vec<String>,
     /// Values for parameters: component, parameter, value as written. A number can be followed by a space and a unit.
     pub set: Vec<(String, String, String)>,
-    /// FMUs of `with` and `base` in the caller's order; if empty, those of `with` come first.
+    /// FMUs of `with` and `base` in the caller's order. If empty, the FMUs of `with` come first.
     pub order: Vec<String>,
     /// Vehicle data and names of signals.
     pub vehicle: VehicleFile,

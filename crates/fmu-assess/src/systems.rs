@@ -148,7 +148,7 @@ impl Systems {
         let mut unwritten: Vec<(String, String)> = Vec::new();
         for &(driving, road) in drivings {
             let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
-            // The two drivers have different parameters, and each run has only one of them.
+            // The two drivers have different parameters, and each run has only one driver.
             let description = drivers.iter().find(|component| component.fmu == driver).map(Component::description);
             let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
                 "driver" => description.is_none_or(|description| description.variable(name).is_some()),

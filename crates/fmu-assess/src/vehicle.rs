@@ -97,7 +97,7 @@ const HEAVIEST_CAR: f64 = 3500.0;
 /// Assumed width in addition to the track, m, and assumed length beyond the first and last axle, m.
 const BESIDE: f64 = 0.25;
 const OVERHANG: f64 = 0.85;
-/// Assumed ratio of the cornering stiffness of the rear axles to that of the front axle, if unknown.
+/// Cornering stiffness of the rear axles divided by the stiffness of the front axle; assumed if it is unknown.
 const STIFFNESS_RATIO: f64 = 3.0;
 
 /// A value and its source.

@@ -4,7 +4,7 @@ use crate::bits::{SIGN, abs, choose, fast_sum, flip, keep, magnitude, mask, max,
 use crate::coefficients::{ASIN, ATAN, PIO4_HI, PIO4_LO};
 use crate::lanes::{function_near, function2_near, polynomial13};
 
-/// Largest magnitude of the arguments of `atan2`, whose sum must not overflow.
+/// Largest magnitude of the arguments for the kernel of `atan2`, which adds them without overflow.
 const LARGE: u64 = 1e300f64.to_bits();
 const ONE: u64 = 1f64.to_bits();
 /// This minus the bits of `x` approximates the bits of `1/x`, with a relative error of up to 7 %.

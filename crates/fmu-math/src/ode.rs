@@ -223,8 +223,8 @@ pub fn error_norm(x: &[f64], end: &[f64], error: &[f64], nominals: &[f64], toler
     crate::bits::sqrt(sum / x.len() as f64)
 }
 
-/// Ratio of the next step length to that of a step with the error `norm`, between 0.2 and 5, for methods whose error
-/// estimate has order 4.
+/// Factor for the length of the next step, between 0.2 and 5, after a step with the error `norm`, for methods whose
+/// error estimate has order 4.
 #[must_use]
 pub fn step_factor(norm: f64) -> f64 {
     if norm > 0.0 { (0.9 * crate::pow(norm, -0.2)).clamp(0.2, 5.0) } else { 5.0 }

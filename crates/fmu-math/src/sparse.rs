@@ -469,8 +469,8 @@ mod tests {
         }
     }
 
-    /// The second matrix has a small diagonal, so rows are exchanged and the factors need more room than those of the
-    /// first.
+    /// The second matrix has a small diagonal, so rows are exchanged, and its factors need more room than the factors
+    /// of the first matrix.
     #[test]
     fn a_copy_factors_other_values_as_the_original_does() {
         const N: usize = 60;

@@ -90,7 +90,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// Right turns mirror left turns bit for bit: the ratios are the same, even with asymmetric rules, because the
-    /// error has the sign of the turn. Ratios stay within those of Table 2.
+    /// error has the sign of the turn. The ratios stay within the range of Table 2.
     #[test]
     fn left_and_right_turns_are_alike(
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.1..0.1_f64, -0.3..0.3_f64), 1..50), standard: bool,

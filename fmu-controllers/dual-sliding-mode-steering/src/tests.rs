@@ -82,8 +82,8 @@ fn small_slip_angles_solve_the_equations_of_the_paper() {
 
 #[test]
 fn the_steady_turn_needs_the_angles_of_equal_slip() {
-    // Steady state with zero sideslip at 35 km/h and 0.05 rad: all axles have the slip angle alpha = m u r/A1, so the
-    // angle of the middle axle is alpha - b r/u and that of the rear axle alpha - c r/u, with r = gain tan(0.05).
+    // Steady state with zero sideslip at 35 km/h and 0.05 rad. All axles have the slip angle alpha = m u r/A1. The
+    // middle axle therefore has the angle alpha - b r/u, and the rear axle alpha - c r/u, with r = gain tan(0.05).
     // Replacing arc tangents and the tangent by their arguments changes angles by less than 0.05^3/3 = 4e-5 rad, and
     // the result by less than 1e-4.
     let p = DualSlidingModeSteering::default();

@@ -96,9 +96,9 @@ proptest! {
         for share in [y.k1, y.k2] {
             prop_assert!((0.0..=1.0).contains(&share));
         }
-        // If Table 3 were an exact mirror, the sum would be 1. It maps PVS (1/6) to PEB (1) instead of PVB (5/6), so
-        // the center moves by 1/6 and the set merges with that of PES. An independent computation on a grid found sums
-        // of 0.956 to 1.084.
+        // If Table 3 were an exact mirror, the sum would be 1. But Table 3 maps PVS (1/6) to PEB (1) instead of PVB
+        // (5/6), so the center moves by 1/6, and the set merges with the set for PES. An independent computation on a
+        // grid found sums of 0.956 to 1.084.
         prop_assert!((0.95..1.09).contains(&(y.k1 + y.k2)), "{}", y.k1 + y.k2);
         let edge = weights(&p, degrees.clamp(-32.0, 32.0), km_h.clamp(0.0, 40.0));
         // Tolerance: rounding of the conversion between degrees and radians.

@@ -145,7 +145,7 @@ impl Response {
         let (mut gain, mut phase) = ([0.0; 20], [0.0; 20]);
         let mut before = 0.0;
         for (line, frequency) in FREQUENCIES.iter().enumerate() {
-            // Correction for the hold: the input of each row was held during the preceding step.
+            // Correction for the hold: the input in each row was held during the preceding step.
             let angle = TAU * frequency * step;
             let (sin, cos) = sin_cos(angle);
             let hold = Complex::new(cos - 1.0, sin) / Complex::new(0.0, angle);
@@ -176,7 +176,8 @@ impl Response {
     }
 }
 
-/// The first frequency above 0.2 Hz at which the values fall below a level, interpolated over its logarithm.
+/// The first frequency above 0.2 Hz at which the values fall below a level, interpolated over the logarithm of the
+/// frequency.
 fn falls_below(values: &[f64; 20], level: f64) -> Option<f64> {
     let after = (REFERENCE + 1..values.len()).find(|line| values[line - 1] >= level && values[*line] < level)?;
     let share = (values[after - 1] - level) / (values[after - 1] - values[after]);

@@ -14,7 +14,7 @@ const RESPONSE: f64 = 0.9;
 const RESPONSES: [(&str, &str); 3] =
     [("yaw_rate", "vehicle.yaw_rate"), ("lateral_acceleration", "vehicle.lateral_acceleration"), ("roll", "body.roll")];
 
-/// The table of metrics: those of the maneuver, and six metrics for each response.
+/// The table of metrics: the metrics of the maneuver, and six metrics for each response.
 macro_rules! metrics {
     ($first:expr, $second:expr, [$($group:literal $title:literal $unit:literal $gain:literal)*], $($last:expr),*) => {
         &[

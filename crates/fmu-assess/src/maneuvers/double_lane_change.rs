@@ -113,7 +113,7 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
             metric.set_best(&format!("it passes up to {limit} km/h")).bound = Some(Bound::Above(limit));
         }
     }
-    // Runs are in the order of execution, so the last one that passed is the fastest.
+    // Runs are in the order of execution, so the last run that passed is the fastest.
     if let Some((speed, run, metrics)) = passed.last() {
         results.show(run);
         results.entry_speed = Some(*speed);

@@ -54,7 +54,7 @@ impl Extreme {
         Self { name, choose, value: None, values: Vec::new() }
     }
 
-    /// Adds a run. A run that was cut short (`is_whole` is false) cannot be compared with others.
+    /// Adds a run. A run that was cut short (`is_whole` is false) cannot be compared with complete runs.
     fn add(&mut self, amplitude: f64, metrics: &Evaluation, is_whole: bool) {
         // The displacement is positive; the ratios have signs.
         let value = number(metrics, self.name);
