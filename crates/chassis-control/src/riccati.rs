@@ -59,8 +59,8 @@ pub const MAX_RESIDUAL: f64 = 1e-10;
 
 /// Largest number of doubling steps. Without an eigenvalue on the imaginary axis, every step squares the error: 26
 /// steps reach rounding level even if a pole is a million times nearer to the axis than the shift. With such an
-/// eigenvalue, every step only halves the error. Rounding errors move the eigenvalue off the axis by the root of their
-/// size; 26 steps end before this makes the iteration converge.
+/// eigenvalue, every step only halves the error. Rounding errors move the eigenvalue off the axis by the square root of
+/// their size; 26 steps end before this makes the iteration converge.
 const MAX_DOUBLINGS: usize = 26;
 
 const NOT_POSITIVE_DEFINITE: &str = "Riccati design: the weight R of the inputs is not positive definite";
@@ -684,7 +684,7 @@ mod tests {
         // An indefinite cost can have a stabilizing solution: P = -1 + sqrt(1 - 0.5).
         let indefinite = scalar_care(-1.0, 1.0, -0.5, 1.0, 0.0).unwrap();
         assert!((indefinite.p[(0, 0)] + 1.0 - 0.5f64.sqrt()).abs() < 1e-14);
-        // Time scales 1e10 apart.
+        // Two time scales that differ by a factor of 1e10.
         let stiff = care(
             &dmatrix![-1e-10, 0.0; 0.0, -1.0],
             &dmatrix![1e-10; 1.0],

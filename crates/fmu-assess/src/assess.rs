@@ -35,7 +35,7 @@ pub struct Options {
     pub suites: Vec<Suite>,
     /// Speed for handling maneuvers and ride instead of the usual speed, m/s.
     pub speed: Option<f64>,
-    /// Ends the series of sine with dwell after the first unstable runs.
+    /// Ends the sine-with-dwell series after the first unstable runs.
     pub is_quick: bool,
     /// Gives the driver model the understeer gradient of each system. Otherwise, both systems get the gradient of the
     /// system without controllers.

@@ -33,7 +33,7 @@ pub(crate) struct Bench<'a> {
     pub(crate) is_mirrored: bool,
     /// Speed for handling maneuvers instead of the usual speed, m/s.
     pub(crate) other_speed: Option<f64>,
-    /// Ends the series of sine with dwell after the first unstable runs.
+    /// Ends the sine-with-dwell series after the first unstable runs.
     pub(crate) is_quick: bool,
     /// Folder for tables that drivers read.
     pub(crate) folder: &'a std::path::Path,

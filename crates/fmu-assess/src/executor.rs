@@ -20,7 +20,7 @@ struct Work {
     reply: Sender<(usize, Result<Recording, Failure>)>,
 }
 
-/// Calls `body`, which can execute runs from any thread, with `jobs` workers. Calls `done` after each run.
+/// Starts `jobs` workers and calls `body`, which can execute runs from any thread. Calls `done` after each run.
 pub(crate) fn with_workers<T>(
     settings: &Settings,
     jobs: NonZeroUsize,

@@ -211,7 +211,7 @@ enum Comparison {
     /// Two numbers. The last element is set if they are not the metric's values, but values under a condition that both
     /// systems can drive.
     Numbers(f64, f64, Option<Compared>),
-    /// Truth values.
+    /// Two Booleans.
     Booleans(bool, bool),
     /// One system has a number, and the other has only a bound. True if the value increases.
     Rises(bool),

@@ -231,7 +231,7 @@ fn explained(error: &ResolveError) -> String {
 }
 
 /// Components in the order of execution: the writer of a signal comes before its readers. A cycle is broken at its
-/// first component in `components`. Otherwise, the order is kept.
+/// first component in `components`. Otherwise, the components keep their order.
 fn ordered(components: &[Component]) -> Vec<&Component> {
     let writes = |component: &Component, other: &Component| {
         component.name != other.name

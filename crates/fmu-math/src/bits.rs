@@ -38,7 +38,8 @@ pub(crate) fn spread(bits: u64) -> u64 {
     0u64.wrapping_sub(bits >> 63)
 }
 
-/// All ones if the condition holds, otherwise zero. One instruction can compare two pairs of numbers.
+/// All ones if the condition holds, otherwise zero. Vector comparisons return such masks, so the compiler can evaluate
+/// two conditions with one instruction.
 #[inline(always)]
 pub(crate) fn mask(condition: bool) -> u64 {
     0u64.wrapping_sub(u64::from(condition))

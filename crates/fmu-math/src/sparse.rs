@@ -28,7 +28,7 @@ impl Default for Structure {
 }
 
 impl Structure {
-    /// Appends a line. The positions can be in any order and repeated.
+    /// Appends a line. The positions can be in any order and contain duplicates.
     ///
     /// # Panics
     /// If there are 2^32 or more elements.

@@ -68,7 +68,8 @@ fn sin_cos_near(x: f64) -> (f64, f64) {
 /// The quotient of two numbers, each in two parts.
 #[inline(always)]
 fn quotient((n, n_low): (f64, f64), (d, d_low): (f64, f64)) -> f64 {
-    // The rounding error of the reciprocal is negligible in the correction. The two divisions are independent.
+    // The rounding error of the reciprocal is negligible in the correction. The two divisions do not depend on each
+    // other, so the processor can overlap them.
     let (quotient, reciprocal) = (n / d, 1.0 / d);
     let (back, back_low) = product(quotient, d);
     quotient + (((n - back) - back_low) + (n_low - quotient * d_low)) * reciprocal

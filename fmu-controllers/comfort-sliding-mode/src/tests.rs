@@ -34,9 +34,9 @@ fn inputs(x1: f64, x2: f64, x3: f64, x4: f64) -> U {
     U { x1: LeftSide([x1]), x2, x3: LeftSide([x3]), x4 }
 }
 
-/// Coefficients of the characteristic polynomial on the surface S = 0, highest power first. The force cancels in the
-/// sum of the two force balances, m_u x3' + m_s x4' = -k_t x1; with x4 = -(n1 x1 + n2 x2 + n3 x3), this is a system of
-/// third order in x1, x2.
+/// Coefficients of the characteristic polynomial on the surface S = 0, highest power first. The actuator force cancels
+/// in the sum of the two force balances: m_u x3' + m_s x4' = -k_t x1. With x4 = -(n1 x1 + n2 x2 + n3 x3), this is a
+/// system of third order in x1, x2.
 fn sliding_polynomial(p: &ComfortSlidingMode) -> [f64; 4] {
     let d = p.m_u - p.m_s * p.n3;
     [d, p.m_u * p.n2 - p.m_s * p.n1, p.k_t, p.k_t * p.n2]

@@ -23,7 +23,7 @@ pub enum Strategy {
     Coordination = 2,
 }
 
-/// Symbols as in the paper, if it has one.
+/// Symbols as in the paper, if the paper has a symbol.
 #[derive(Parameters, Clone, Debug)]
 pub struct FiniteStateCoordination {
     /// Control case

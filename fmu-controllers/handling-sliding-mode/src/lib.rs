@@ -107,7 +107,7 @@ impl Discrete for HandlingSlidingMode {
         let f: [f64; 2] =
             std::array::from_fn(|i| spring_damper(self.k_s, self.cancellation * self.c_s, u.d_s[i], u.dd_s[i]));
         let kap = self.kappa1 * phi.abs() + self.kappa2 * phid.abs();
-        // The roll acceleration that brings s to 0, and the moment without the actuators.
+        // The roll acceleration that brings s to 0, and the roll moment without the actuators.
         let wanted = reaching_law(s, self.eta, self.mu + kap, self.width) - self.rho * phid;
         let passive = self.t / 2.0 * (f[0] - f[1]) + self.m_s * self.h * (a_y + self.g * fmu::math::sin(phi));
         let f_l = limit::magnitude((self.i_x * wanted - passive) / self.t, limit::positive_or_none(self.limit));

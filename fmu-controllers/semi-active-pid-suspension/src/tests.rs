@@ -45,8 +45,8 @@ fn the_integral_is_a_skyhook_damper() {
 
 #[test]
 fn the_law_leaks_and_is_limited() {
-    // The law decays by exp(-2 pi 0.1 Hz 1 ms) per sample, and to e^-1 after 1/(2 pi 0.1 Hz) = 1.5915 s, rounded to
-    // 1592 samples (an error of 3e-4).
+    // The law decays by the factor exp(-2 pi 0.1 Hz 1 ms) per sample. It reaches e^-1 after 1/(2 pi 0.1 Hz) = 1.5915 s,
+    // rounded to 1592 samples (an error of 3e-4).
     let p = SemiActivePidSuspension { constraint: Constraint::None, ..SemiActivePidSuspension::default() };
     let mut x = X { u: [100.0; 4], ..X::default() };
     let mut f = 0.0;

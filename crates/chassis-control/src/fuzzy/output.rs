@@ -27,7 +27,7 @@ struct Stretch {
     least: [f64; 2],
     /// Largest grade of the other labels.
     greatest: f64,
-    /// Points, and the grades of the main labels.
+    /// Grid points, and the grades of both main labels at these points.
     blocks: Vec<[Block; 3]>,
     /// The other labels with a grade above 0.
     others: Vec<Other>,

@@ -12,7 +12,7 @@ const FROM: f64 = 0.8;
 const TO: f64 = 0.1;
 /// Largest relative difference between `vehicle.speed` and the speed from the positions.
 const DISAGREEMENT: f64 = 0.02;
-/// Ratios of two speeds that indicate a wrong unit, and the probable cause.
+/// Ratios of two speeds that indicate a wrong unit, and the words for the probable cause in the message.
 const FACTORS: [(f64, &str); 4] = [
     (3.6, "it were in km/h"),
     (2.236_936, "it were in mph"),

@@ -76,8 +76,8 @@ mod tests {
 
     const RATE: f64 = 1000.0;
 
-    /// Closed form: the gain of both passes is 1/(1 + (tan(pi f/fs)/tan(pi fc/fs))^12), and the phase is 0. Tolerance:
-    /// the effect of the ends in the middle of 20 s.
+    /// Closed form: the gain of both passes is 1/(1 + (tan(pi f/fs)/tan(pi fc/fs))^12), and the phase is 0. The middle
+    /// of the 20 s is compared. Tolerance: the effect that the ends still have there.
     #[test]
     fn sines_have_the_gain_of_the_closed_form() {
         for frequency in [0.5, 2.0, 5.0, 6.0, 7.0, 12.0] {
@@ -92,7 +92,8 @@ mod tests {
         }
     }
 
-    /// A filter without phase shift does not change a straight line. Tolerance: the effect of the ends in the middle.
+    /// A filter without phase shift does not change a straight line. Tolerance: the effect that the ends still have in
+    /// the middle.
     #[test]
     fn straight_lines_stay() {
         let line: Vec<f64> = (0..6_000).map(|k| 3.0 - 0.01 * f64::from(k)).collect();

@@ -191,7 +191,7 @@ fn median(times: &[f64]) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The two rows with the longest distance.
+/// The times of the two neighboring rows that are farthest apart.
 fn longest(times: &[f64]) -> Option<&[f64]> {
     times.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
 }
