@@ -92,8 +92,8 @@ fn timed(evaluate: &dyn Fn() -> Vec<Vec<f64>>, fastest: &mut f64) -> f64 {
 }
 
 /// Returns a function that executes the first run of a scenario with packed FMUs and returns the recorded columns. As
-/// in `chassis study`, libraries are loaded once, instances are per run, and signals stay in memory. `inputs` is the
-/// text of a CSV file of signals (see `chassis plan --inputs`).
+/// in `chassis study`, libraries are loaded once, instances are created for each run, and signals stay in memory.
+/// `inputs` is the text of a CSV file with signals (see `chassis plan --inputs`).
 fn evaluation(name: &str, scenario: &str, inputs: Option<&str>) -> impl Fn() -> Vec<Vec<f64>> + use<> {
     let folder = bench::target().join("bench");
     std::fs::create_dir_all(&folder).expect("a folder for the scenario");

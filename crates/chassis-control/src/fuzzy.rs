@@ -412,7 +412,8 @@ mod tests {
             }
         }
 
-        /// The output sets of the controllers, with 7 labels and 101, 121 or 201 points. Tolerance as above.
+        /// The output sets of the controllers, with 7 labels and 101, 121 or 201 points. The tolerance is the same as
+        /// in the test above.
         #[test]
         fn evenly_spaced_sets_follow_the_definition(
             activation in prop::array::uniform7(activation()), points in prop::sample::select(vec![101_usize, 121, 201]),

@@ -283,8 +283,8 @@ impl Equation {
             h += &step;
             a = &a * w_a;
             // A is the transition matrix of the closed loop over 2^k steps. If A vanishes, so does the next change to
-            // H, which is of second order in A. A small change to H alone could also mean that the cost ignores an
-            // unstable mode.
+            // H, which is of second order in A. A small change to H alone is not enough: it could also mean that the
+            // cost ignores an unstable mode.
             let rounding = 10.0 * states as f64 * f64::EPSILON;
             if step.norm() <= rounding * h.norm() && a.norm() <= f64::EPSILON.sqrt() {
                 return Some(h);
@@ -524,7 +524,7 @@ mod tests {
     }
 
     /// Check numbers for the gains of the two regulators, computed with LAPACK and printed to 8 digits. Tolerance: 1e-6
-    /// of the largest element. Largest real parts: printed to 4 decimals.
+    /// of the largest element. The largest real parts of the poles are printed to 4 decimals.
     #[test]
     fn rescue_vehicle_gains_match_the_reference() {
         let vehicle = RescueVehicle::new();

@@ -219,7 +219,7 @@ enum Comparison {
     None(String),
 }
 
-/// Magnitude below which values are treated as equal: rounding in a simulation, or a negligible ratio.
+/// Magnitude below which a value counts as zero: a rounding error of a simulation, or a negligible ratio.
 fn nothing(unit: &str) -> f64 {
     if unit == "1" { 0.005 } else { 1e-6 }
 }

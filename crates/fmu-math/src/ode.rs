@@ -208,7 +208,7 @@ pub fn rodas<E>(
 
 /// Weighted root mean square of the error in a step from `x` to `end`; at most 1 if the step meets the tolerance
 /// (Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", eq. II.4.11). Each error is divided by the
-/// nominal value plus the magnitude of the state. 0 without states.
+/// tolerance times the sum of the nominal value and the magnitude of the state. Without states, the norm is 0.
 #[must_use]
 #[inline]
 pub fn error_norm(x: &[f64], end: &[f64], error: &[f64], nominals: &[f64], tolerance: f64) -> f64 {

@@ -44,8 +44,8 @@ impl Random {
     fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / 4_503_599_627_370_496.0 - 1.0
     }
-    /// Returns a number in the domains of the functions, but on average in one of `rare` calls an arbitrary bit
-    /// pattern.
+    /// Returns a number in the domains of the functions. On average, one of `rare` calls returns an arbitrary bit
+    /// pattern instead.
     fn number(&mut self, rare: u64) -> f64 {
         let unit = self.unit();
         match self.bits() % 4 {
@@ -378,8 +378,8 @@ fn powers_below_the_normal_numbers_are_squares() {
     for k in 0..20_000 {
         let near = 1.0 + random.unit() * 0.5_f64.powi(2 + (random.bits() % 48) as i32);
         let x = if k % 3 == 0 { 1e-310 * (1.0 + random.unit()) } else { near };
-        // The logarithm of the result is between -707, above the smallest normal number (-708.4), and -747, where
-        // the result is 0 (from -745.2).
+        // The logarithm of the result is between -747 and -707. The results are therefore normal numbers (above
+        // -708.4), subnormal numbers, or 0 (below -745.2).
         let y = (-727.0 + 20.0 * random.unit()) / math::ln(x);
         if !y.is_finite() {
             continue;

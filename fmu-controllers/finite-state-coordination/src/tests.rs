@@ -53,7 +53,7 @@ fn states_last_until_the_lower_threshold() {
     for (a_y, expected) in [(0.3, 1), (-0.41, 4), (0.26, 4), (-0.24, 1), (0.3, 1)] {
         assert_eq!(state(&mut x, 0.0, a_y, 0.0), expected, "turning, {a_y}");
     }
-    // From braking straight to accelerating: the lower threshold of braking does not apply to accelerating.
+    // After braking, the lower threshold for braking does not apply to accelerating.
     state(&mut x, -1.0, 0.0, 1.0);
     assert_eq!(state(&mut x, 0.4, 0.0, 0.0), 1);
 }

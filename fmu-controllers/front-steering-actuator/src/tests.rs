@@ -31,7 +31,8 @@ fn the_axle_follows_the_equations() {
     }
 }
 
-/// A step of pi/6 at 35 km/h: 10 deg/s up to 9.8995 deg (check number from an independent implementation, 4 decimals).
+/// After a step of pi/6 at 35 km/h, the angle rises by 10 deg/s up to 9.8995 deg (check number from an independent
+/// implementation, 4 decimals).
 #[test]
 fn a_step_slews_to_the_angle_of_the_largest_lateral_acceleration() {
     let p = FrontSteeringActuator::default();

@@ -70,8 +70,8 @@ fn individual_control_has_constant_weights() {
 
 #[test]
 fn turning_and_speed_shift_the_shares_to_the_roll_law() {
-    // As the paper's text requires, K2 rises and K1 falls with steering angle and speed. Checked at the centers of the
-    // sets, because Mamdani inference is not monotone between them.
+    // As the paper's text requires, K2 rises and K1 falls with steering angle and speed. This is checked at the centers
+    // of the sets, because Mamdani inference is not monotone between them.
     let share = |i: usize, j: usize| weights(&FuzzyCoordination::default(), 8.0 * i as f64, 10.0 * j as f64);
     for i in 0..5 {
         for j in 0..4 {
