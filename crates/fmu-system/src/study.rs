@@ -134,7 +134,7 @@ struct Factor {
     max: Option<Spanned<f64>>,
     /// Mean of normal.
     mean: Option<Spanned<f64>>,
-    /// Standard deviation of normal, or that of the natural logarithm of lognormal.
+    /// Standard deviation of a normal value, or of the natural logarithm of a lognormal value.
     deviation: Option<Spanned<f64>>,
     /// Median of lognormal.
     median: Option<Spanned<f64>>,

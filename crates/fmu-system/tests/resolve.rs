@@ -591,8 +591,8 @@ fn a_limit_that_the_first_row_breaks_warns() {
     let steer = "signal = \"steering:steer.front\"\nkind";
     let found = warnings(&format!("{steer} = \"min\"\nmin = 1.0\nrequired_of = [\"active\"]"));
     let [warning] = &found[..] else { panic!("{found:?}") };
-    let expected = "`more` cannot keep its limit: `steer.front` is 0 in the first row, which holds the start value of an \
-                    output of a discrete-time model";
+    let expected = "`more` can never meet its limit: `steer.front` is already 0 in the first row, where an output of a \
+                    discrete-time model still has its start value";
     assert!(warning.contains(expected), "{warning}");
     assert_eq!(warnings(&format!("{steer} = \"max\"\nmax = -1.0\nrequired_of = [\"active\"]")).len(), 1);
     for kept in [

@@ -168,8 +168,8 @@ impl Resolver<'_> {
             }
             self.problems.set_context(Some(context(system.case, None)));
             let message = format!(
-                "`{}` cannot keep its limit: `{}` is {shown} in the first row, which holds the start value of an output of a \
-                 discrete-time model",
+                "`{}` can never meet its limit: `{}` is already {shown} in the first row, where an output of a \
+                 discrete-time model still has its start value",
                 metric.name.get_ref(),
                 column.plan.name
             );

@@ -303,7 +303,10 @@ impl Metric {
                 if let Some(span) = span {
                     problems.add(
                         span,
-                        format!("a metric with a `value` has no `{name}`: set it in the metrics that it uses"),
+                        format!(
+                            "a metric with a `value` cannot have `{name}`: set `{name}` in the metrics that the \
+                             `value` uses"
+                        ),
                     );
                 }
             }

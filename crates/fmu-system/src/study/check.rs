@@ -266,9 +266,15 @@ impl Factor {
             checks.absent(&self.distribution, "expected values with the names of FMUs");
         }
         for (is_wrong, message) in [
-            (self.fmu.is_some() && (self.unit.is_some() || self.relative), "an FMU has neither `unit` nor `relative`"),
+            (
+                self.fmu.is_some() && (self.unit.is_some() || self.relative),
+                "`unit` and `relative` do not apply to an FMU: remove them",
+            ),
             (self.fmu.is_none() && self.keep_parameters, "`keep_parameters` belongs to `fmu`"),
-            (is_seed && (self.unit.is_some() || self.relative), "a seed has neither `unit` nor `relative`"),
+            (
+                is_seed && (self.unit.is_some() || self.relative),
+                "`unit` and `relative` do not apply to a seed: remove them",
+            ),
             (
                 self.relative && self.unit.is_some(),
                 "relative values are multiples of the scenario's own, without a unit",
