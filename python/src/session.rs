@@ -138,8 +138,8 @@ impl Session {
 }
 
 impl Session {
-    /// Releases the interpreter's lock while it waits, because the thread that holds this lock may wait for the
-    /// interpreter's.
+    /// Locks the session. Releases the interpreter's lock while it waits, because the thread that holds the session's
+    /// lock may be waiting for the interpreter's lock.
     fn inner(&self, py: Python<'_>) -> MutexGuard<'_, Inner> {
         use pyo3::sync::MutexExt as _;
         self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)

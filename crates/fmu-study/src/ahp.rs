@@ -1,27 +1,27 @@
 //! Weights from judgments: the analytic hierarchy process.
 //!
-//! A judgment matrix states how much more important each feature is than each other one, on Saaty's scale from 1
-//! (equal) to 9 (extremely more), reciprocals below the diagonal. The weights are its principal eigenvector; the
-//! largest eigenvalue shows how far the judgments contradict each other.
+//! A judgment matrix states how much more important each feature is than every other feature, on Saaty's scale from 1
+//! (equally important) to 9 (extremely more important). Mirrored entries are reciprocals of each other. The weights are
+//! the principal eigenvector of the matrix; the largest eigenvalue shows how far the judgments contradict each other.
 //!
 //! Reference: Applied Sciences 2020, 10, 1852, equations 26 to 28 and Table 3; Saaty, The Analytic Hierarchy Process,
-//! 1980. In print, equation 27 lacks the division by the order.
+//! 1980. The printed equation 27 lacks the division by the order of the matrix.
 
-/// Mean consistency index of random matrices of order 1 to 8 (Table 3); 9 and 10 are Saaty's.
+/// Mean consistency index of random matrices of order 1 to 10: from Table 3 up to order 8, from Saaty for 9 and 10.
 const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.45, 1.49];
 
 /// Judgments with a consistency ratio above this are rejected.
 const MAX_RATIO: f64 = 0.10;
 
-/// Maximum deviation from 1 of the product of an entry and its counterpart. It allows 0.333333 for 1/3.
+/// Maximum deviation from 1 for the product of two mirrored entries. It allows 0.333333 for 1/3.
 const RECIPROCAL_SLACK: f64 = 1e-5;
 
-/// Weights and how consistent the judgments are.
+/// Weights, and measures of the consistency of the judgments.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Weights {
-    /// In the order of the matrix, sum 1.
+    /// Weights in the order of the matrix; their sum is 1.
     pub weights: Vec<f64>,
-    /// Largest eigenvalue; the order of the matrix if the judgments are consistent, else more.
+    /// Largest eigenvalue. It equals the order of the matrix if the judgments are consistent, and is larger otherwise.
     pub lambda_max: f64,
     /// Consistency index (lambda_max - n)/(n - 1).
     pub index: f64,
@@ -29,7 +29,7 @@ pub struct Weights {
     pub ratio: f64,
 }
 
-/// Weights of a judgment matrix.
+/// Computes the weights from a judgment matrix.
 ///
 /// # Errors
 /// The matrix is not a judgment matrix, or its consistency ratio is above 0.10.
@@ -55,7 +55,7 @@ pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, String> {
     Ok(found)
 }
 
-/// Weights of judgments that may contradict each other.
+/// Computes the weights, whether or not the judgments are consistent.
 fn evaluate(matrix: &[Vec<f64>]) -> Weights {
     let n = matrix.len();
     let q = principal_eigenvector(matrix);
@@ -135,8 +135,8 @@ mod tests {
         ]
     }
 
-    /// Reference: the eigenvalue solver of another program, printed with four digits. The tolerance is half a unit in
-    /// the last digit.
+    /// Reference: the results of another program's eigenvalue solver, printed with four digits. The tolerance is half a
+    /// unit in the last digit.
     #[test]
     fn the_ride_matrix() {
         let w = weights(&ride()).unwrap();
@@ -148,12 +148,12 @@ mod tests {
         assert!((w.ratio - 0.0112).abs() < 5e-5);
     }
 
-    /// The weights times the scale factors of equation 25 are Table 4 (ride) to the paper's rounding: 0.2 % of the
-    /// largest weight.
+    /// The weights, multiplied by the scale factors of equation 25, agree with Table 4 (ride) within the paper's
+    /// rounding, 0.2 % of the largest weight.
     #[test]
     fn the_ride_weights_are_those_of_table_4() {
         let gamma = [1.0, 0.6079, 826.56, 13_225.0, 184_819.6, 9_184.0];
-        // In print, tau_4 lacks its decimal point: 2100.00.
+        // The printed tau_4 lacks its decimal point; the value is 2100.00.
         let table_4 = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
         let w = weights(&ride()).unwrap();
         for i in 0..6 {
@@ -161,7 +161,8 @@ mod tests {
         }
     }
 
-    /// Consistent judgments are the ratios of the weights, and lambda_max is the order: only rounding errors remain.
+    /// Consistent judgments are ratios of weights. The method returns these weights, and lambda_max is the order of the
+    /// matrix, both up to rounding.
     #[test]
     fn consistent_judgments_give_their_weights_back() {
         let expected = [0.6, 0.3, 0.1];
@@ -181,7 +182,7 @@ mod tests {
         assert!((w.weights[0] - 0.75).abs() < 1e-15 && w.ratio == 0.0);
     }
 
-    /// a > b > c > a: rejected, with the ratio and the worst entry.
+    /// The judgments a > b > c > a are rejected. The message contains the consistency ratio and the worst entry.
     #[test]
     fn contradictory_judgments_are_rejected() {
         let circle = [vec![1.0, 5.0, 0.2], vec![0.2, 1.0, 5.0], vec![5.0, 0.2, 1.0]];

@@ -3,19 +3,20 @@
 //!
 //! Reference: Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772, appendix A, with negative weights;
 //! restarts: Auger and Hansen, A Restart CMA Evolution Strategy With Increasing Population Size, 2005. Symbols and
-//! numbers of equations are those of the tutorial.
+//! equation numbers are those of the tutorial.
 
 use crate::search::{Evaluate, Random, Stop, ranking};
 use libm::{exp, log, pow, sqrt};
 use nalgebra::{DMatrix, DVector};
 
-/// Version of the search: another version gives other points for a seed, so its histories are not continued.
+/// Version of the search. Another version proposes other points for the same seed, so its histories are not continued.
 pub(crate) const VERSION: &str = "2";
 /// Maximum number of doublings of the population, more than any budget reaches.
 const MAX_DOUBLINGS: u32 = 10;
-/// Standard deviations, relative to the first, and differences of objectives below which the search has converged.
+/// The search has converged if its width, relative to the width at the start, or the differences between objectives are
+/// below this.
 const CONVERGED: f64 = 1e-12;
-/// Standard deviations, relative to the first, above which the search has left the ranges behind.
+/// The search has diverged if its width, relative to the width at the start, is at least this.
 const DIVERGED: f64 = 1e4;
 /// Maximum number of iterations per eigenvalue; about three are usual.
 const MAX_SWEEPS: usize = 100;
@@ -25,9 +26,9 @@ const MAX_CONDITION: f64 = 1e14;
 /// Settings.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Settings {
-    /// Points per generation, at least 2; `None`: 4 + 3 ln n.
+    /// Points per generation, at least 2; `None` for 4 + 3 ln n with n parameters.
     pub population: Option<usize>,
-    /// Standard deviation at the start, as a share of the ranges; the mean is in their middle.
+    /// Standard deviation at the start, as a share of the ranges. The mean starts in the middle of the ranges.
     pub step_size: f64,
 }
 
@@ -37,10 +38,10 @@ impl Default for Settings {
     }
 }
 
-/// Searches until the evaluator ends it.
+/// Searches until the evaluator ends the search.
 ///
 /// # Errors
-/// The evaluator ends the search, which never ends by itself.
+/// The reason for which the evaluator ended the search. The search never ends by itself.
 pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn Evaluate) -> Result<(), Stop> {
     let usual = 4 + (3.0 * log(dimension as f64)).floor() as usize;
     let mut generation = 0;
@@ -76,19 +77,19 @@ fn mirror(x: f64) -> f64 {
 /// The search distribution, and the quantities that adapt it.
 struct Strategy {
     n: f64,
-    /// Weights from the best point to the worst; those of the worse half are negative.
+    /// Weights of the points, from the best to the worst; the weights of the worse half are negative.
     w: Vec<f64>,
-    /// Number of points with positive weights, and the variance-effective number.
+    /// Number of points with positive weights, and the variance effective selection mass.
     mu: usize,
     mu_eff: f64,
-    /// Learning rates of the paths of step size and covariance, and of the rank-one and rank-mu update; damping of the
-    /// step size.
+    /// Learning rates for the evolution paths of step size and covariance, and for the rank-one and rank-mu updates;
+    /// damping for the step size.
     c_sigma: f64,
     c_c: f64,
     c_1: f64,
     c_mu: f64,
     d_sigma: f64,
-    /// Expected length of a vector of normal numbers.
+    /// Expected length of a vector of independent standard normal numbers.
     chi: f64,
     m: DVector<f64>,
     sigma: f64,
@@ -107,7 +108,7 @@ struct Strategy {
 }
 
 impl Strategy {
-    /// The default parameters of table 1, the mean in the middle of the ranges.
+    /// Starts with the default parameters from table 1, and with the mean in the middle of the ranges.
     fn new(dimension: usize, population: usize, sigma: f64) -> Self {
         let n = dimension as f64;
         let mu = population / 2;
@@ -118,7 +119,7 @@ impl Strategy {
         let c_1 = 2.0 / ((n + 1.3) * (n + 1.3) + mu_eff);
         let rank_mu = 2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((n + 2.0) * (n + 2.0) + mu_eff);
         let c_mu = rank_mu.min(1.0 - c_1);
-        // (50) to (53).
+        // Equations (50) to (53).
         let alpha =
             (1.0 + c_1 / c_mu).min(1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0)).min((1.0 - c_1 - c_mu) / (n * c_mu));
         let scaled = |w: &f64| if *w >= 0.0 { *w / sum(&raw[..mu]) } else { alpha * *w / sum(&raw[mu..]) };
@@ -148,12 +149,12 @@ impl Strategy {
         }
     }
 
-    /// (38) to (40): the point for independent normal numbers.
+    /// Equations (38) to (40): returns the point for the independent normal numbers `z`.
     fn point(&self, z: &DVector<f64>) -> DVector<f64> {
         &self.m + self.sigma * (&self.b * self.d.component_mul(z))
     }
 
-    /// (41) to (47): updates the distribution with the objectives of a population.
+    /// Equations (41) to (47): updates the distribution with the objectives of a population.
     fn update(&mut self, points: &[DVector<f64>], objectives: &[f64]) {
         let order = ranking(objectives);
         let y: Vec<DVector<f64>> = order.iter().map(|i| (&points[*i] - &self.m) / self.sigma).collect();
@@ -163,7 +164,7 @@ impl Strategy {
         }
         self.m.axpy(self.sigma, &y_w, 1.0);
 
-        // The coordinates of C^(-1/2) y along the eigenvectors have the length of the vector itself.
+        // Returns the coordinates of C^(-1/2) y along the eigenvectors, which have the same norm as the vector.
         let whitened = |y: &DVector<f64>| self.b.tr_mul(y).component_div(&self.d);
         let step = &self.b * whitened(&y_w);
         let squares: Vec<f64> = y.iter().map(|y| whitened(y).norm_squared()).collect();
@@ -179,11 +180,11 @@ impl Strategy {
         let kept = 1.0 + self.c_1 * rest - self.c_1 - self.c_mu * self.w.iter().sum::<f64>();
         self.c.ger(self.c_1, &self.p_c, &self.p_c, kept);
         for ((w, y), square) in self.w.iter().zip(&y).zip(squares) {
-            // (46). If the objective is flat, all points can be at the mean.
+            // Equation (46). If the objective is flat, all points can be at the mean, and the square is then 0.
             let w = if *w >= 0.0 { *w } else { w * self.n / square.max(f64::MIN_POSITIVE) };
             self.c.ger(self.c_mu * w, y, y, 1.0);
         }
-        // If there are no eigenvalues, for example because elements are not finite, this search ends.
+        // If the eigenvalues cannot be computed, for example because elements are not finite, this search ends.
         match self.c.clone().try_symmetric_eigen(f64::EPSILON, MAX_SWEEPS * self.m.len()) {
             Some(eigen) => {
                 self.b = eigen.eigenvectors;
@@ -227,15 +228,15 @@ mod tests {
 
     #[test]
     fn reflection() {
-        // Only rounding errors remain.
+        // The tolerance covers rounding errors only.
         for (x, expected) in [(0.3, 0.3), (-0.3, 0.3), (1.3, 0.7), (2.3, 0.3), (-1.3, 0.7), (0.0, 0.0), (1.0, 1.0)] {
             assert!((mirror(x) - expected).abs() < 1e-15, "{x}");
         }
     }
 
-    /// Reference: class `CMA` of the Python package cmaes 0.13.1 with its `_EPS` of (46) set to 0, which got the same
-    /// five populations of eight points. It counts one generation more until the path has settled, which has no effect
-    /// here; the remaining differences are rounding errors.
+    /// Reference: the class `CMA` of the Python package cmaes 0.13.1 with the same five populations of eight points.
+    /// Its `_EPS` in equation (46) is set to 0. Its criterion for a short path of the step size counts one generation
+    /// more, which has no effect here. The remaining differences are rounding errors.
     #[test]
     fn five_populations_move_the_distribution_as_in_another_implementation() {
         let mut state = 1_u32;

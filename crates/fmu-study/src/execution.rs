@@ -33,9 +33,9 @@ const HISTORY_FORMAT: u32 = 1;
 /// Treatment of results from an earlier call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
-    /// Keep them and fail.
+    /// Keep the results and fail.
     Error,
-    /// Continue with them.
+    /// Continue from the results.
     Resume,
     /// Start over.
     Overwrite,
@@ -98,7 +98,7 @@ pub struct Summary {
 pub struct Baseline {
     /// Title.
     pub title: String,
-    /// Values in the order of the parameters; `None` where the runs differ.
+    /// Values in the order of the parameters; `None` where the runs have different values.
     pub values: Vec<Option<f64>>,
     /// Outcome.
     #[serde(flatten)]
@@ -168,7 +168,7 @@ pub fn execute(
         }
     }
     let fmus = fingerprints(study)?;
-    // Before anything is written.
+    // Check earlier results before anything is written.
     check_existing(study, &folder, &fmus)?;
     let mut summary = summary(study);
     for method in &study.methods {
@@ -260,7 +260,7 @@ fn search(
         Err(Stop::Failed(error)) => return Err(error),
     };
     let progress = journal.progress();
-    // The last generation may have come from the history of a call that ended before its checkpoint.
+    // If an earlier call ended before its last checkpoint, the last generation came from the history and has none yet.
     checkpoint(&progress)?;
     Ok((end, progress))
 }
@@ -311,13 +311,14 @@ fn summary(study: &Study) -> Summary {
     }
 }
 
-/// Hashes, by path, of the FMU files, whose GUIDs only identify their interfaces, and of the files that Strings name.
+/// Hashes of files by path: of the FMUs, because a GUID identifies only the interface of an FMU, and of the files whose
+/// paths are values of Strings.
 fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionError> {
     let mut hashes = BTreeMap::new();
     for component in study.simulation.runs.iter().flat_map(|run| &run.components) {
         let strings =
             component.parameters.iter().chain(&component.constants).filter_map(|setting| match &setting.value {
-                // A plan has absolute paths.
+                // The paths in a plan are absolute.
                 Value::String(text) if Path::new(text).is_absolute() && Path::new(text).is_file() => Some(text),
                 _ => None,
             });
@@ -334,7 +335,7 @@ fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionErro
 /// Hash of everything that determines the history of a method. Budget and target only determine where it ends.
 fn fingerprint(study: &Study, method: &Method, files: &BTreeMap<String, String>) -> String {
     let simulation = &study.simulation;
-    // The place of a file does not matter, its content does.
+    // Only the content of a file matters, not its path.
     let runs: Vec<Run> = simulation
         .runs
         .iter()
@@ -410,7 +411,7 @@ fn write(path: &Path, content: &[u8]) -> Result<(), ExecutionError> {
         let mut part = tempfile::Builder::new().prefix(".").suffix(".part").tempfile_in(folder)?;
         part.write_all(content)?;
         part.as_file().sync_all()?;
-        // Temporary files are for their owner alone; results have the permissions of other files.
+        // Only its owner can read a temporary file; the results get the usual permissions.
         #[cfg(unix)]
         part.as_file().set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
         part.persist(path).map_err(|error| error.error)

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 pub(crate) const FUNCTIONS: [&str; 4] = ["abs", "sqrt", "min", "max"];
 
-/// A text that is not an inequality: message, and place in the text, in bytes.
+/// Error in the text of an inequality: message, and place in the text in bytes.
 type Mistake = (String, Range<usize>);
 
 /// Compares two numbers; false if one is NaN.
@@ -39,7 +39,7 @@ impl Inequality {
         Ok(Self { left, relation: *relation, right })
     }
 
-    /// Returns true if it holds for these values of the variables; false if a side is NaN.
+    /// Returns true if the inequality holds for these values of the variables; false if a side is NaN.
     pub(crate) fn holds(&self, values: &[f64]) -> bool {
         let side = |side: &Expression| side.evaluate(|index| values.get(index).copied());
         side(&self.left).zip(side(&self.right)).is_some_and(|(left, right)| (self.relation)(&left, &right))
@@ -134,8 +134,8 @@ mod tests {
         }
     }
 
-    /// The stability conditions of the comfort law (Applied Sciences 2020, 10, 1852, equation 22, and the Routh term it
-    /// lacks) at both columns of Table 5, which fulfill them, and at values that do not.
+    /// The stability conditions of the comfort law: equation 22 in Applied Sciences 2020, 10, 1852, and the Routh
+    /// condition that the paper omits. Both columns of Table 5 fulfill the conditions; the other values violate some.
     #[test]
     fn stability_conditions_of_the_comfort_law() {
         let names = ["n1", "n2", "n3", "m_s", "m_u"];
@@ -144,8 +144,8 @@ mod tests {
         let all = |n1: f64, n2: f64, n3: f64| conditions.each_ref().map(|c| c.holds(&[n1, n2, n3, 1525.0, 50.0]));
         assert_eq!(all(-0.575, 0.6559, 0.0), [true; 4]);
         assert_eq!(all(-2.55, 9.7, -0.063), [true; 4]);
-        // Only the missing term fails: lambda^3 + 1.611 lambda^2 + 938.3 lambda + 4691 has a pair at +1.65 +- 30.9 j
-        // (root finder of another program).
+        // Only the condition that the paper omits is violated: lambda^3 + 1.611 lambda^2 + 938.3 lambda + 4691 has a
+        // pair of roots at +1.65 +- 30.9 j, according to the root finder of another program.
         assert_eq!(all(-0.05, 5.0, -0.1), [true, true, true, false]);
         assert_eq!(all(1.0, 1.0, 0.0), [false, true, true, false]);
         assert_eq!(all(-1.0, 1.0, 0.1), [true, false, true, true]);

@@ -1,5 +1,5 @@
-//! A plain genetic algorithm, the baseline of the paper's comparison: roulette selection by 1/objective, single-point
-//! crossover, mutation of bits, the best kept.
+//! A plain genetic algorithm, with which the paper compares its method. Parents are selected by roulette in proportion
+//! to 1/objective, children result from single-point crossover and mutation of bits, and the best individuals are kept.
 //!
 //! Reference: Applied Sciences 2020, 10, 1852, section 5.1, which compares with a GA without describing it; Goldberg,
 //! Genetic Algorithms in Search, Optimization and Machine Learning, 1989.
@@ -15,7 +15,7 @@ pub struct Settings {
     pub crossover: f64,
     /// Mutation rate per bit.
     pub mutation: f64,
-    /// Number of the best individuals, which are kept unchanged; smaller than the population.
+    /// Number of best individuals that are kept unchanged; less than the population.
     pub elite: usize,
     /// Number of generations.
     pub generations: u32,
@@ -36,7 +36,7 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
         let wanted = settings.population - settings.elite;
         let mut children: Vec<Code> = Vec::with_capacity(wanted + 1);
         while children.len() < wanted {
-            // A random stream per pair, identified by its first child.
+            // Each pair has its own random stream, identified by the index of its first child.
             let mut random = Random::new(seed, generation, children.len());
             let parents = [wheel.spin(random.uniform()), wheel.spin(random.uniform())].map(|i| codes[i].as_slice());
             let pair = if random.chance(settings.crossover) {
@@ -82,7 +82,7 @@ impl Wheel {
     }
 }
 
-/// The first `point` bits of one parent, the other bits of the other parent.
+/// Returns the first `point` bits of `head`, followed by the remaining bits of `tail`.
 fn cross(head: &[u16], tail: &[u16], point: usize) -> Code {
     let (word, bit) = (point / BITS, point % BITS);
     let mut child = [&head[..word], &tail[word..]].concat();
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(cross(&b, &a, 31), [0, 1]);
     }
 
-    /// Sectors of 1/1, 1/2 and 1/4 of a circumference 1.75.
+    /// Sectors with the widths 1/1, 1/2 and 1/4 on a circumference of 1.75.
     #[test]
     fn the_wheel_has_sectors_by_fitness() {
         let wheel = Wheel::new(&[1.0, 2.0, 4.0]);

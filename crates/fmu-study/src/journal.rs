@@ -1,8 +1,8 @@
-//! History of a method: kept in a file while it grows, to resume after an interruption.
+//! History of a method, written to a file evaluation by evaluation, so that the method can be resumed.
 //!
-//! A method is a function of its settings, its seed and the objectives that it gets. So only the history must be kept:
-//! to resume, the method starts over, and as long as the history has outcomes, nothing is computed. A candidate that
-//! differs from the history shows that the study has changed. A line that was cut off by the interruption is dropped.
+//! A method depends only on its settings, its seed and the objectives that it gets. To resume, it starts over and takes
+//! outcomes from the history, as far as they go, instead of computing them. A candidate that differs from the history
+//! shows that the study has changed. A line that was cut off by the interruption is dropped.
 
 use crate::search::{Evaluate, ExecutionError, Stop};
 use crate::space::Parameter;
@@ -15,15 +15,15 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Outcome of a candidate.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Outcome {
-    /// Objective, finite, not negative; the penalty if it is not feasible.
+    /// Objective: finite and not negative. It is the penalty if the candidate is not feasible.
     pub objective: f64,
-    /// Reason that it is not feasible.
+    /// Reason that the candidate is not feasible; `None` if it is feasible.
     pub reason: Option<String>,
 }
 
 /// Computes the outcomes of candidates.
 pub trait Objective: Sync {
-    /// Calls `done` with the index and the outcome of each candidate (values of the parameters) once, in any order and
+    /// Calls `done` once for each candidate (values of the parameters), with its index and outcome, in any order and
     /// from any thread.
     fn evaluate(&self, candidates: &[Vec<f64>], done: &(dyn Fn(usize, Outcome) + Sync));
 }
@@ -48,13 +48,13 @@ pub struct Progress {
     pub evaluations: u64,
     /// Generations started.
     pub generations: u64,
-    /// Evaluations that violate a constraint, a limit, or failed.
+    /// Evaluations that violated a constraint or a limit, or that failed.
     pub infeasible: u64,
     /// The best feasible candidate.
     pub best: Option<Candidate>,
 }
 
-/// Called after every evaluation that is computed or read.
+/// Called after every evaluation, whether it was computed or read from the history.
 pub type Report<'a> = &'a (dyn Fn(&Progress) + Sync);
 /// Called after every generation with new evaluations; saves what must survive an interruption.
 pub type Checkpoint<'a> = &'a dyn Fn(&Progress) -> Result<(), ExecutionError>;
@@ -144,7 +144,7 @@ impl<'a> Journal<'a> {
         ExecutionError::io(&self.path)(cause)
     }
 
-    /// Takes outcomes from the history, as far as it goes.
+    /// Takes the outcomes of the first candidates from the history, as far as it contains them.
     fn replayed(&mut self, candidates: &[Vec<f64>]) -> Result<Vec<Outcome>, ExecutionError> {
         let mut outcomes = Vec::new();
         for candidate in candidates {
@@ -180,7 +180,8 @@ impl Evaluate for Journal<'_> {
             self.known.insert(bits(candidate), outcome.clone());
             self.log().count(generation, candidate, outcome);
         }
-        // New candidates, each once; `place` is the index of a candidate among them.
+        // `work` contains each candidate to compute once, and `place` the index of each new candidate in `work`; `None`
+        // if its outcome is known.
         let new = &candidates[old.len()..];
         let mut places: HashMap<Vec<u64>, usize> = HashMap::new();
         let mut work: Vec<Vec<f64>> = Vec::new();
@@ -201,7 +202,7 @@ impl Evaluate for Journal<'_> {
             Some(at) => done[at].clone(),
             None => known.get(&bits(&new[i])).cloned(),
         };
-        // Rows are written in order: each one when it and all rows before it are done.
+        // Rows are written in order: a row is written when it and all rows before it are done.
         let results: Mutex<(usize, Vec<Option<Outcome>>)> = Mutex::new((0, vec![None; work.len()]));
         let advance = |finished: Option<(usize, Outcome)>| {
             let mut guard = lock(&results);
@@ -238,8 +239,8 @@ impl Evaluate for Journal<'_> {
             (self.checkpoint)(&progress)?;
         }
         let best = progress.best.as_ref().map(|b| b.objective);
-        // If a history continues beyond the target, because it had another one, all of it is used: no better candidate
-        // is lost.
+        // A history that was written with another target can continue beyond this target. All of it is used, so that no
+        // better candidate is lost.
         if self.replay.len() == 0 && self.target.is_some_and(|target| best.is_some_and(|best| best <= target)) {
             return Err(Stop::Target);
         }
@@ -280,7 +281,7 @@ impl Log<'_> {
     }
 }
 
-/// A panic in another thread leaves whole rows behind, so the data are valid.
+/// Locks a mutex even if another thread has panicked: the data are valid, because rows are written as a whole.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,7 +1,7 @@
 //! Optimizes parameters of FMUs in a scenario.
 //!
 //! A [`study`] names a scenario, the parameters with their ranges, inequalities they must fulfill, an objective made of
-//! recorded signals, and one or more methods. From the bottom up:
+//! recorded signals, and one or more methods. The modules, from the bottom up:
 //!
 //! - [`ahp`] turns judgments into weights, `expression` checks inequalities, [`space`] defines the ranges,
 //! - [`pacsa`], [`genetic`] and [`cma_es`] search. They do not depend on FMUs: they only use
@@ -11,10 +11,10 @@
 //! - [`execute`](execution::execute) runs a study and writes the results.
 //!
 //! # Evaluations
-//! Every candidate that a method requests is an evaluation and counts against the budget, even if it violates a
-//! constraint, so that it is not run, or was tried before, so that its outcome is known. A candidate that violates a
-//! constraint, or whose run fails, exceeds a limit or gives no finite objective, gets the study's `penalty` as its
-//! objective and is marked in the history. It never stops the study.
+//! Every candidate that a method requests is an evaluation and counts against the budget, even if it is not run because
+//! it violates a constraint or was tried before. A candidate that violates a constraint, or whose run fails, exceeds a
+//! limit or gives no finite objective, gets the study's `penalty` as its objective and is marked in the history. It
+//! never stops the study.
 //!
 //! # Reproducibility
 //! The result is a function of the study, the scenario and the FMUs, bit-identical for any number of threads: every

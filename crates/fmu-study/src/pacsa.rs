@@ -13,7 +13,7 @@ use crate::search::{Code, Evaluate, Random, Stop, affinity, evaluate, first_gene
 pub struct Settings {
     /// n_p: number of antibodies, at least 2.
     pub population: usize,
-    /// n_s: number of the best antibodies, which can be cloned.
+    /// n_s: number of best antibodies that can be cloned.
     pub selected: usize,
     /// n_m: base of the number of clones.
     pub clone_scale: usize,
@@ -47,7 +47,7 @@ impl Default for Settings {
     }
 }
 
-/// An antibody to clone, and its clones' number and mutation rate.
+/// An antibody to clone, and the number and mutation rate of its clones.
 #[derive(Debug, PartialEq)]
 struct Cloning {
     antibody: usize,
@@ -65,7 +65,7 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
         let order = ranking(&objectives);
         // Step 4: clone.
         let clonings = cloning(settings, x, &affinities, &order);
-        // Step 5: mutate, and step 3 for the clones.
+        // Step 5: mutate the clones. Then step 3 again: evaluate them.
         let mut clones: Vec<Code> = Vec::new();
         for Cloning { antibody, clones: count, rate } in clonings {
             for _ in 0..count {
@@ -75,13 +75,13 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
             }
         }
         let clone_objectives = evaluate(evaluator, &clones)?;
-        // Step 6: the best clones replace the worst antibodies, better or not; the best antibody stays.
+        // Step 6: the best clones replace the worst antibodies, even if the clones are worse; the best antibody stays.
         let updates = updates(settings, x, &affinities).min(clones.len()).min(settings.population - 1);
         for (worst, clone) in replacements(&order, &clone_objectives, updates) {
             codes[worst] = clones[clone].clone();
             objectives[worst] = clone_objectives[clone];
         }
-        // Step 7: the next generation; the evaluator watches the target.
+        // Step 7: continue with the next generation. The evaluator ends the search when it has reached the target.
     }
     Ok(())
 }
@@ -97,14 +97,15 @@ fn cloning(settings: &Settings, x: u32, affinities: &[f64], order: &[usize]) -> 
         .filter(|&&i| affinities[i] > average)
         .map(|&i| {
             let excess = ((affinities[i] - least) / (average - least)).floor();
-            // The conversion saturates, so a quotient by 0 ends at the limit.
+            // The conversion saturates, so a division by 0 gives the maximum number of clones.
             let clones = settings.clone_scale.saturating_mul(excess as usize).min(settings.most_clones);
             Cloning { antibody: i, clones, rate }
         })
         .filter(|cloning| cloning.clones > 0)
         .collect();
     if clonings.is_empty() {
-        // All equal: none exceeds the average, and the rate is that of the second branch of equation 30.
+        // If all affinities are equal, no antibody exceeds the average. The rate is then from the second branch of
+        // equation 30.
         return vec![Cloning { antibody: order[0], clones: settings.clone_scale, rate: settings.mutation_min }];
     }
     clonings
@@ -122,12 +123,12 @@ fn updates(settings: &Settings, x: u32, affinities: &[f64]) -> usize {
     lambda.round() as usize
 }
 
-/// Pairs of an antibody, the worst first, and the clone that takes its place, the best first.
+/// Returns pairs of an antibody and the clone that replaces it: the worst antibody and the best clone first.
 fn replacements(order: &[usize], clones: &[f64], updates: usize) -> Vec<(usize, usize)> {
     order.iter().rev().copied().zip(ranking(clones)).take(updates).collect()
 }
 
-/// From `max` in generation 0 linearly to `min` in the last one.
+/// Falls linearly from `max` in generation 0 to `min` in the last generation.
 fn fall(max: f64, min: f64, x: u32, generations: u32) -> f64 {
     max - f64::from(x) * ((max - min) / f64::from(generations))
 }
@@ -140,15 +141,15 @@ fn mean(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Equations 30 and 31 computed by hand: affinities 8, 5, 3, 0 with mean 4, so (A - A_min)/(A_avg - A_min) is 2 and
-    /// 1.25.
+    /// Equations 30 and 31, computed by hand for the affinities 8, 5, 3 and 0. Their mean is 4, so (A - A_min)/(A_avg -
+    /// A_min) is 2 and 1.25 for the two affinities above it.
     #[test]
     fn better_antibodies_get_more_clones() {
         let settings = Settings::default();
         let clonings = cloning(&settings, 50, &[5.0, 0.0, 8.0, 3.0], &[2, 0, 3, 1]);
         let found: Vec<_> = clonings.iter().map(|c| (c.antibody, c.clones)).collect();
         assert_eq!(found, [(2, 4), (0, 2)]);
-        // The middle of 0.15 and 0.01, except for rounding errors.
+        // The mean of 0.15 and 0.01, up to rounding.
         assert!(clonings.iter().all(|c| (c.rate - 0.08).abs() < 1e-15));
         let one = Settings { selected: 1, ..settings };
         assert_eq!(cloning(&one, 50, &[5.0, 0.0, 8.0, 3.0], &[2, 0, 3, 1]).len(), 1);
@@ -156,7 +157,8 @@ mod tests {
         assert_eq!(cloning(&few, 50, &[5.0, 0.0, 8.0, 3.0], &[2, 0, 3, 1])[0].clones, 3);
     }
 
-    /// Clones are taken best first, however bad they are, and at most n_p - 1 of them, so the best antibody stays.
+    /// The best clones are used first, even if they are worse than the antibodies that they replace. At most n_p - 1
+    /// antibodies are replaced, so the best antibody stays.
     #[test]
     fn the_worst_are_replaced() {
         let order = ranking(&[1.0, 4.0, 2.0, 3.0]);
@@ -171,7 +173,7 @@ mod tests {
         assert_eq!(cloning(&settings, 3, &[2.0, 2.0], &[1, 0]), expected);
     }
 
-    /// Equation 32 computed by hand, both branches and the rounding.
+    /// Both branches of equation 32 and the rounding, computed by hand.
     #[test]
     fn fewer_are_replaced_when_the_population_is_alike() {
         let settings = Settings::default();
@@ -179,7 +181,7 @@ mod tests {
         assert_eq!(updates(&settings, 50, &different), 12);
         assert_eq!(updates(&settings, 50, &alike), 8);
         assert_eq!(updates(&settings, 100, &alike), 4);
-        // 12 - 0.08 x: 11.52 at 6, 11.44 at 7
+        // 12 - 0.08 x is 11.52 for x = 6, and 11.44 for x = 7.
         assert_eq!((updates(&settings, 6, &alike), updates(&settings, 7, &alike)), (12, 11));
     }
 }

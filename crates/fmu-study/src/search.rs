@@ -25,7 +25,7 @@ pub enum ExecutionError {
     Budget {
         /// The history.
         path: PathBuf,
-        /// Its evaluations.
+        /// Number of evaluations in the history.
         evaluations: u64,
         /// The budget.
         budget: u64,
@@ -41,7 +41,7 @@ pub enum ExecutionError {
         /// Cause.
         cause: io::Error,
     },
-    /// A line of a history has other content than expected: the file, the line from 1, and a message.
+    /// A line of a history is invalid: the file, the number of the line from 1, and a message.
     #[error("{path}, line {1}: {2}", path = .0.display())]
     Line(PathBuf, usize, String),
 }
@@ -56,24 +56,25 @@ impl ExecutionError {
 /// Reason that a search ends early.
 #[derive(Debug, thiserror::Error)]
 pub enum Stop {
-    /// All evaluations are spent.
+    /// The budget of evaluations is spent.
     #[error("the budget is spent")]
     Budget,
     /// The target is reached.
     #[error("the target is reached")]
     Target,
-    /// The history cannot be kept.
+    /// An error, such as a history that cannot be written.
     #[error(transparent)]
     Failed(#[from] ExecutionError),
 }
 
 /// Evaluates candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.
 pub trait Evaluate {
-    /// Objectives of a population, in its order: finite, the smaller the better. Each call is a generation.
+    /// Returns the objectives of a population, in the same order: finite, and the smaller the better. Each call is a
+    /// generation.
     fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop>;
 }
 
-/// A function of the population, for use without files.
+/// Lets a plain function evaluate populations, without files.
 impl<F: FnMut(&[Vec<f64>]) -> Result<Vec<f64>, Stop>> Evaluate for F {
     fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop> {
         self(population)
@@ -81,7 +82,8 @@ impl<F: FnMut(&[Vec<f64>]) -> Result<Vec<f64>, Stop>> Evaluate for F {
 }
 
 /// Random numbers for one individual of one generation. Each individual has its own ChaCha stream, so results do not
-/// depend on the order of work, and drawing more numbers for one individual does not change the others.
+/// depend on the order of work, and drawing more numbers for one individual does not change the numbers of other
+/// individuals.
 pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
@@ -92,7 +94,7 @@ impl Random {
         Self(rng)
     }
 
-    /// Uniform in 0 <= u < 1, all 53 bits.
+    /// Returns a uniform number 0 <= u < 1 with 53 random bits.
     pub(crate) fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -106,7 +108,8 @@ impl Random {
     }
 }
 
-/// A candidate as the binary methods see it: 16 bits per parameter, plain binary, most significant first.
+/// A candidate in the code of PACSA and the genetic algorithm: a binary number of 16 bits per parameter, most
+/// significant bit first.
 pub(crate) type Code = Vec<u16>;
 
 pub(crate) fn first_generation(population: usize, dimension: usize, seed: u64) -> Vec<Code> {
@@ -123,7 +126,7 @@ pub(crate) fn evaluate(evaluator: &mut dyn Evaluate, codes: &[Code]) -> Result<V
 
 pub(crate) const BITS: usize = 16;
 
-/// Shares of the ranges: 0 is the lower bound, 65535 the upper.
+/// Returns the shares of the ranges: 0 is the lower bound, 65535 the upper bound.
 pub(crate) fn decode(code: &[u16]) -> Vec<f64> {
     code.iter().map(|c| f64::from(*c) / f64::from(u16::MAX)).collect()
 }
@@ -138,7 +141,8 @@ pub(crate) fn mutate(code: &mut [u16], probability: f64, random: &mut Random) {
     }
 }
 
-/// Affinity or fitness of an objective: its reciprocal. Objectives are not negative; those near 0 count as equal.
+/// Affinity or fitness: the reciprocal of an objective, which is not negative. Objectives below 1e-300 get the same
+/// affinity.
 pub(crate) fn affinity(objective: f64) -> f64 {
     1.0 / objective.max(1e-300)
 }
@@ -176,7 +180,8 @@ mod tests {
         let mut code = vec![0; 10_000];
         mutate(&mut code, 0.1, &mut Random::new(1, 0, 0));
         let turned: u32 = code.iter().map(|c| c.count_ones()).sum();
-        // 160,000 bits have a standard deviation of sqrt(n p q) = 120; four standard deviations are allowed.
+        // The number of turned bits among 160,000 has a standard deviation of sqrt(n p q) = 120; four standard
+        // deviations are allowed.
         assert!(turned.abs_diff(16_000) < 480, "{turned}");
         let before = code.clone();
         mutate(&mut code, 0.0, &mut Random::new(1, 0, 1));

@@ -1,4 +1,4 @@
-//! Objectives by simulation: every candidate is one or several runs of the scenario with other parameters.
+//! Objectives by simulation: every candidate is evaluated in one or more runs of the scenario with changed parameters.
 
 use crate::expression::Inequality;
 use crate::journal::{Objective, Outcome, lock};
@@ -11,18 +11,18 @@ use fmu_system::run::{self, Run};
 use fmu_system::worker::{Failure, Pool, Task};
 use std::sync::Mutex;
 
-/// A term of the objective: factor * |kind(signal)|. The magnitude counts, because an objective is not negative.
+/// A term of the objective: factor * |kind(signal)|. The magnitude is used because an objective is not negative.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Term {
     /// Signal as named in the study.
     pub signal: String,
-    /// Kind of number. It needs neither a threshold nor times and is always defined.
+    /// Kind of number computed from the signal. It needs neither a threshold nor times, and is always defined.
     pub kind: Kind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
-    /// Weight as given or judged.
+    /// Weight, as given or from judgments.
     pub weight: f64,
-    /// Value that counts as 1, in the unit of the signal; squared for a mean square.
+    /// Reference value, in the unit of the signal. The number is divided by it, or by its square for a mean square.
     pub reference: f64,
     /// Index of the recorded column.
     #[serde(skip)]
@@ -73,7 +73,7 @@ pub struct Simulation {
     pub terms: Vec<Term>,
     pub(crate) limits: Vec<Limit>,
     pub(crate) constraints: Vec<Constraint>,
-    /// Values of the constants, which follow the parameters in the variables of inequalities.
+    /// Values of the constants. They follow the parameters in the list of the variables of inequalities.
     pub(crate) constants: Vec<f64>,
     pub(crate) penalty: f64,
 }
@@ -132,7 +132,8 @@ impl Simulation {
         }
     }
 
-    /// The value the scenario gives a parameter, or its start value; `None` if the runs differ.
+    /// Returns the value of a parameter in the scenario, or its start value if the scenario does not set it; `None` if
+    /// the runs have different values.
     pub(crate) fn own_value(&self, index: usize) -> Option<f64> {
         let (component, name) = self.parameters[index].component_and_name();
         let of = |run: &Run| {
@@ -171,7 +172,8 @@ impl Simulation {
         Ok(objective)
     }
 
-    /// Returns the outcome of a candidate that violates a constraint and need not be run.
+    /// Returns the outcome of a candidate that violates a constraint and is therefore not run; `None` for other
+    /// candidates.
     fn violated(&self, values: &[f64]) -> Option<Outcome> {
         let symbols = self.parameters.iter().zip(values).filter(|(p, _)| p.symbol.is_some()).map(|(_, v)| *v);
         let variables: Vec<f64> = symbols.chain(self.constants.iter().copied()).collect();

@@ -13,7 +13,8 @@ pub struct Parameter {
     pub min: f64,
     /// Upper bound, above the lower one.
     pub max: f64,
-    /// True if equal shares of the range are equal factors, not equal differences; both bounds are then above 0.
+    /// True for a logarithmic scale: equal shares of the range are then equal ratios instead of equal differences, and
+    /// both bounds are above 0.
     pub log: bool,
 }
 
@@ -23,14 +24,14 @@ impl Parameter {
         self.name.split_once(':').unwrap_or(("", &self.name))
     }
 
-    /// Value at a share of the range, 0 to 1; the bounds are met exactly.
+    /// Value at a share of the range, from 0 to 1. The shares 0 and 1 give exactly the bounds.
     pub fn at(&self, share: f64) -> f64 {
         let value = if self.log {
             self.min * libm::pow(self.max / self.min, share)
         } else {
             self.min + (self.max - self.min) * share
         };
-        // Rounding could lead out of the range.
+        // Rounding could give a value outside the range.
         if share >= 1.0 { self.max } else { value.clamp(self.min, self.max) }
     }
 }
@@ -50,7 +51,7 @@ mod tests {
         assert!((linear.at(0.5) + 1.45).abs() < 1e-15);
         let log = parameter(0.01, 100.0, true);
         assert_eq!([log.at(0.0), log.at(1.0)], [0.01, 100.0]);
-        // one rounding of the power and one of the product
+        // The power and the product are each rounded once.
         assert!((log.at(0.5) - 1.0).abs() < 1e-15);
         assert_eq!(linear.component_and_name(), ("a", "b"));
     }

@@ -1,6 +1,6 @@
 //! Study files: TOML, resolved against a scenario and its FMUs. Their reference is `studies/README.md`.
 //!
-//! All mistakes of a file are reported together, each with file, line, column and the marked place.
+//! All mistakes in a file are reported together, each with file, line, column and the marked place.
 
 mod layout;
 mod methods;
@@ -38,7 +38,7 @@ const PENALTY: f64 = 1e6;
 /// Title of the scenario's own values, unless a `[[compare]]` names them.
 const BASELINE: &str = "As in the scenario";
 
-/// Settings of the processes that run the FMUs of a study, and their number.
+/// Settings and number of the processes that run the FMUs of a study.
 pub type Workers = (WorkerSettings, NonZeroUsize);
 
 /// A completely resolved study.
@@ -67,13 +67,13 @@ pub struct Study {
     pub simulation: Simulation,
 }
 
-/// Returns true if a file is a study, not a scenario: it names a scenario. False if it cannot be read or is not TOML.
+/// Returns true if a file is a study, that is, if it has the key `scenario`. False if it cannot be read or is not TOML.
 pub fn is_study(path: &Path) -> bool {
     table(path).is_some_and(|table| table.contains_key("scenario"))
 }
 
-/// Returns true if a study varies values in samples, which `chassis_fmu.study` runs: all but those of method `optimize`
-/// without `[[vary]]`. False if it cannot be read.
+/// Returns true if a study varies values in samples, so that `chassis_fmu.study` runs it. This is the case for all
+/// studies except those with the method `optimize` and without `[[vary]]`. False if the file cannot be read.
 pub fn has_samples(path: &Path) -> bool {
     table(path).is_some_and(|table| {
         table.contains_key("vary") || table.get("method").and_then(toml::Value::as_str) != Some("optimize")
@@ -103,10 +103,10 @@ impl JsonSchema for Any {
     }
 }
 
-/// Keys that every study needs, including studies for another program.
+/// Keys that every study has, including studies that `chassis_fmu.study` runs.
 #[derive(Debug, Deserialize)]
 struct Needs {
-    /// Not used, but a missing title is reported before anything is built.
+    /// Not used. It is required here so that a missing title is reported before FMUs are built.
     #[serde(rename = "title")]
     _title: String,
     scenario: String,
@@ -122,7 +122,7 @@ struct Factor {
     values: Vec<toml::Value>,
 }
 
-/// Path of the scenario that a study names, and names of the FMUs that replace those of the scenario.
+/// Returns the path of a study's scenario, and the names of the FMUs that replace FMUs of the scenario.
 ///
 /// # Errors
 /// The file cannot be read or does not have the layout of a study.
@@ -204,7 +204,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, (settings, jobs): Workers) -
     let mut comparisons = comparisons(&file, &plan, &runs, &fmus, &mut problems);
     problems.finish()?;
     let pool = Pool::new(settings, jobs, &fmus);
-    // A comparison with the scenario's own values only names them: they are evaluated anyway.
+    // A comparison with the scenario's own values only gives them a title, because they are always evaluated.
     let own = comparisons.iter().position(|c| c.values.is_empty() && c.runs == runs);
     let baseline = own.map_or(BASELINE.to_string(), |at| comparisons.remove(at).title);
 

@@ -102,7 +102,7 @@ fn going_on_equals_never_stopping() {
         let (_, expected_progress) = run(&path, method, &whole, 150);
         let expected = std::fs::read(&path).unwrap();
         let lines = |bytes: &[u8]| bytes.iter().filter(|b| **b == b'\n').count();
-        // In the header, after it, within lines, within generations, at the end.
+        // The file is cut in the header, after the header, within lines, within generations, and at the end.
         for share in [0.001, 0.02, 0.1, 0.25, 0.5, 0.77, 0.9, 1.0] {
             let cut = (expected.len() as f64 * share) as usize;
             std::fs::write(&path, &expected[..cut]).unwrap();
@@ -117,7 +117,8 @@ fn going_on_equals_never_stopping() {
     }
 }
 
-/// The budget may cut a generation. With a larger budget, the search continues as if it had always had this budget.
+/// The budget can end within a generation. With a larger budget, the search continues as if it had always had this
+/// budget.
 #[test]
 fn a_larger_budget_goes_on() {
     let folder = TempDir::new().unwrap();
@@ -131,7 +132,7 @@ fn a_larger_budget_goes_on() {
         let (_, progress) = run(&short, method, &Bowl::new(2), 140);
         assert_eq!(progress, long_progress);
         assert_eq!(std::fs::read(&short).unwrap(), std::fs::read(&long).unwrap());
-        // A budget below the number of existing evaluations: the others stay in the file.
+        // If the budget is below the number of existing evaluations, the evaluations beyond it stay in the file.
         let (_, progress) = run(&short, method, &Bowl::new(2), 20);
         assert_eq!(progress.evaluations, 20);
         assert_eq!(std::fs::read(&short).unwrap(), std::fs::read(&long).unwrap());
@@ -148,7 +149,7 @@ fn the_target_ends_the_search() {
     assert!(journal.progress().best.unwrap().objective <= 0.01);
 }
 
-/// A candidate that was tried is known, in the same generation and later.
+/// A candidate that was tried before is not computed again, neither in the same generation nor later.
 #[test]
 fn nothing_is_computed_twice() {
     let folder = TempDir::new().unwrap();
@@ -166,7 +167,7 @@ fn nothing_is_computed_twice() {
     assert_eq!(progress.best.unwrap().evaluation, 1, "the first of equals");
 }
 
-/// Reports and checkpoints see rising numbers and a best objective that never rises.
+/// In reports and checkpoints, the number of evaluations rises, and the best objective never rises.
 #[test]
 fn the_best_never_rises() {
     let folder = TempDir::new().unwrap();

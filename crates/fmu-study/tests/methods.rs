@@ -13,12 +13,12 @@ const DIMENSION: usize = 6;
 /// An objective; all parameters are between -2 and 2.
 type Function = fn(&[f64]) -> f64;
 
-/// Minimum 0 at 0.7 in every coordinate; off the middle, where CMA-ES begins.
+/// The minimum is 0, at 0.7 in every coordinate. CMA-ES starts elsewhere, in the middle of the ranges.
 fn sphere(x: &[f64]) -> f64 {
     x.iter().map(|v| (v - 0.7).powi(2)).sum()
 }
 
-/// Minimum 0 at 1 in every coordinate, at the end of a bent valley.
+/// The minimum is 0, at 1 in every coordinate, at the end of a curved valley.
 fn rosenbrock(x: &[f64]) -> f64 {
     x.windows(2).map(|w| 100.0 * (w[1] - w[0] * w[0]).powi(2) + (1.0 - w[0]).powi(2)).sum()
 }
@@ -83,9 +83,10 @@ fn random_on(function: Function, seed: u64) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Bounds of PACSA, GA and CMA-ES. They lie between what the methods reach and what random search reaches with the same
-/// budget, both over seeds 1 to 8: sphere 0.012, 0.21, 5e-15 against 0.59; Rosenbrock 5.1, 14.4, 3.97 against 25.8,
-/// where 3.97 is the local minimum near -1 in the first coordinate.
+/// Upper bounds for PACSA, GA and CMA-ES. They are between the objectives that the methods reach and those that a
+/// random search reaches with the same budget, over seeds 1 to 8. For the sphere, the methods reach 0.012, 0.21 and
+/// 5e-15, the random search 0.59. For Rosenbrock's function, the methods reach 5.1, 14.4 and 3.97, the random search
+/// 25.8; 3.97 is the local minimum near -1 in the first coordinate.
 #[test]
 fn the_methods_reach_what_random_search_does_not() {
     let functions: [(&str, Function, [f64; 3]); 2] =
@@ -101,17 +102,17 @@ fn the_methods_reach_what_random_search_does_not() {
     }
 }
 
-/// Reference: the crate cmaes 0.2.2, of whose seeds 1 to 1000 877 come below 0.1 and 59 end in the local minimum (here
-/// 889 and 57). With a probability of 0.88, 100 seeds give 88 with a standard deviation of 3.3; four of them are
-/// allowed.
+/// Reference: the crate cmaes 0.2.2. Of its seeds 1 to 1000, 877 come below 0.1, and 59 end in the local minimum; here,
+/// 889 and 57 do. With a probability of 0.88, 88 of 100 seeds are expected, with a standard deviation of 3.3. Four
+/// standard deviations are allowed.
 #[test]
 fn cma_es_follows_the_valley_most_times() {
     let found = (1..=100).filter(|seed| cmaes_on(rosenbrock, *seed).best() < 0.1).count();
     assert!(found >= 75, "{found}");
 }
 
-/// The settings are chosen for about 20 clones a generation (the spec of the algorithm: 2068 evaluations in 100
-/// generations); from generation to generation the number varies.
+/// The settings are chosen for about 20 clones per generation; the specification of the algorithm gives 2068
+/// evaluations in 100 generations. The number varies between generations.
 #[test]
 fn pacsa_asks_for_about_20_evaluations_a_generation() {
     let recorder = pacsa_on(rosenbrock, 1);
@@ -120,7 +121,7 @@ fn pacsa_asks_for_about_20_evaluations_a_generation() {
     assert_eq!(recorder.generations[0].len(), 20);
 }
 
-/// 40 at first, then 39: the elite is not evaluated again.
+/// The first generation has 40 evaluations, later ones have 39, because the elite is not evaluated again.
 #[test]
 fn the_genetic_algorithm_asks_for_39_after_the_first() {
     let recorder = ga_on(sphere, 1);
@@ -137,14 +138,14 @@ fn a_seed_is_a_search() {
     }
 }
 
-/// All objectives of a search in one number (FNV-1a of their bits).
+/// Hash of all objectives of a search (FNV-1a of their bits).
 fn fingerprint(recorder: &Recorder) -> u64 {
     let values = recorder.generations.iter().flatten();
     values.fold(0xcbf2_9ce4_8422_2325, |hash, v| (hash ^ v.to_bits()).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// The reference is the first version of each method (commit 88c023a, CMA-ES: version 0.2.0): results of earlier
-/// studies do not change.
+/// The reference is the first version of each method (commit 88c023a; for CMA-ES, version 0.2.0). The results of
+/// earlier studies must not change.
 #[test]
 fn searches_are_those_of_the_first_version() {
     let found = [pacsa_on, ga_on, cmaes_on].map(|search| fingerprint(&search(rosenbrock, 1)));

@@ -18,7 +18,7 @@ use std::sync::{Mutex, PoisonError};
 /// Values for variables of components, and the runs they are tried in.
 #[derive(Debug, Clone)]
 pub struct Sample {
-    /// The values. A run ignores those for components that it does not have.
+    /// The values. A run ignores values for components that it does not have.
     pub changes: Vec<Change>,
     /// Indices of runs of the plan, ascending.
     pub runs: Vec<usize>,
@@ -173,7 +173,7 @@ impl Batch {
         self.rows(index, sample, &outcomes)
     }
 
-    /// The runs that the rows of a sample need: its own and the baselines' runs.
+    /// The runs that the rows of a sample need: its own runs, and the runs of their baselines.
     fn executed(&self, sample: &Sample) -> Vec<usize> {
         let own = sample.runs.iter().copied();
         let all: BTreeSet<usize> = own.clone().chain(own.filter_map(|run| self.baselines[run])).collect();

@@ -12,9 +12,9 @@
 //! - it is supplied: every input is written by the plant or by another component that is supplied, and
 //! - it acts: an output is an input of the plant or of a supplied component that acts.
 //!
-//! Components may form a cycle. Other plants never count, because a system has one plant. Inputs that a scenario could
-//! hold constant count as missing. Matching signals are not enough: a controller may need the parameters of the new
-//! vehicle, and an output that the plant does not read has no effect.
+//! Components may form a cycle. Outputs of other plants are not considered, because a system has one plant. An input
+//! that nothing writes is missing, even if a scenario could hold it constant. Matching signals are not enough: a
+//! controller may need the parameters of the new vehicle, and an output that the plant does not read has no effect.
 
 use fmu_import::description::{Causality, ModelDescription, Variable};
 use std::collections::{BTreeMap, BTreeSet};
@@ -61,7 +61,7 @@ pub enum Reason {
     Unknown,
     /// The plant or a component has an output of this name, but with another shape, type or unit.
     Mismatch {
-        /// FMU that has it.
+        /// FMU that has the output.
         writer: String,
         /// Shape, type or unit of the output.
         is: String,
@@ -207,7 +207,8 @@ fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&
 mod tests {
     use super::*;
 
-    /// Makes a description from inputs and outputs `name unit`, with `-` for no unit. The first outputs are states.
+    /// Makes a description. Inputs and outputs are given as `name unit`, with `-` for no unit. The first `states`
+    /// outputs are states.
     fn fmu(inputs: &[&str], outputs: &[&str], states: usize) -> Arc<ModelDescription> {
         let mut variables = String::new();
         let roles = inputs.iter().map(|text| (text, "input")).chain(outputs.iter().map(|text| (text, "output")));
@@ -258,7 +259,7 @@ mod tests {
             ("Car", car()),
             ("Driver", fmu(&[], &["demand rad", "speed m/s"], 0)),
             ("Steering", fmu(&["demand rad", "yaw_rate rad/s", "target rad/s"], &["steer rad"], 0)),
-            // acts through another component only
+            // Acts only through another component.
             ("Target", fmu(&["demand rad"], &["target rad/s"], 0)),
             ("Display", fmu(&["roll rad"], &["needle rad"], 0)),
         ]);
@@ -315,7 +316,8 @@ mod tests {
 
     #[test]
     fn an_actuator_is_no_plant() {
-        // Both have states and read each other; the smaller one belongs to the larger one.
+        // Both FMUs have states and read each other's outputs. The FMU with fewer states is an actuator of the other
+        // FMU.
         let systems = toys([
             ("Car", fmu(&["torque N.m"], &["spin rad/s", "speed m/s"], 2)),
             ("Brake", fmu(&["spin rad/s", "pedal 1"], &["pressure MPa", "torque N.m"], 1)),
@@ -331,7 +333,7 @@ mod tests {
         let systems = toys([
             ("Car", car()),
             ("Actuator", bare("command", "value")),
-            // Has no units either, but its input is an output of `Steering`.
+            // This FMU has no units either, but its input has the name of a signal of `Car`, so it is not a block.
             ("Bike", bare("steer", "lean")),
         ]);
         assert_eq!(systems.plants, ["Bike", "Car"]);

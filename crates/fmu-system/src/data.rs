@@ -1,7 +1,8 @@
 //! Data from CSV files: measurements from loggers, tables from spreadsheets, signals from simulations.
 //!
 //! A [`Table`] holds the columns of a file by name, with the units in the file. [`Table::times`] makes a clock from one
-//! column, [`Table::signal`] a signal from another. All commands use this module, so a file means the same everywhere.
+//! column, [`Table::signal`] a signal from another. All commands use this module, so they all read a file in the same
+//! way.
 //!
 //! Cells and names are data: nothing in a file is evaluated.
 
@@ -30,7 +31,7 @@ const LINE: usize = 1_000_000;
 const LOOKED_AT: usize = 100;
 /// Maximum number of mistakes reported for a file.
 const REPORTED: usize = 20;
-/// Delimiters; of two that are equally frequent, the first one is chosen.
+/// Delimiters that are detected. If two are equally frequent, the first one in this list is chosen.
 const DELIMITERS: [char; 4] = ['\t', ';', ',', '|'];
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
@@ -79,9 +80,9 @@ pub struct Column {
     pub unit: Option<String>,
     /// A number for each row; NaN for a missing or invalid cell.
     cells: Vec<f64>,
-    /// Unit in brackets after the name, if the line below has another.
+    /// Unit in brackets after the name, if the line below the header has a different unit.
     contradiction: Option<String>,
-    /// Invalid cells by row, up to the number that is reported.
+    /// Invalid cells with their rows, at most as many as are reported.
     wrong: Vec<(usize, String)>,
 }
 
@@ -353,7 +354,7 @@ fn delimiter(header: &str) -> char {
     counts.iter().position(|count| *count == most).map_or(',', |index| DELIMITERS[index])
 }
 
-/// Returns the line of units: a line without a number, followed by one with a number.
+/// Returns the line of units: a line without a number, followed by a line with a number.
 fn unit_line(rows: &Rows<'_>, count: usize) -> Option<Vec<String>> {
     let mut rows = rows.clone();
     let has_number = |cells: &[Cow<'_, str>]| cells.iter().any(|cell| is_number(cell, '.') || is_number(cell, ','));

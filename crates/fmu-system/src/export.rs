@@ -2,11 +2,11 @@
 //!
 //! [`System`] is a run with names instead of references and slots. [`System::write`] makes a folder with
 //!
-//! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 with a component of FMI 3.0: the structure with
+//! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 if a component is of FMI 3.0: the structure with
 //!   connectors, units of measure and connections, a parameter set for every component, the FMUs, and the annotations
 //!   from which OMSimulator and libcosim take the step (Ecos and FMPy take it from the caller),
-//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs in the same folder; left out with a
-//!   component of FMI 3.0, which libcosim does not support.
+//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs in the same folder; left out if a component
+//!   is of FMI 3.0, which libcosim does not support.
 //!
 //! Constant inputs become start values in both. Neither format defines the order of the components within a step, the
 //! recording, or the metrics. Recorded outputs become connectors, so a tool that records all connectors also records
@@ -64,7 +64,7 @@ pub enum ExportError {
     },
 }
 
-/// A complete run, by names.
+/// A complete run, with names instead of references and slots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {
     /// Name of the scenario, with `_` in place of characters other than letters, digits and `_`.
@@ -226,13 +226,13 @@ impl System {
         self.components.iter().any(|component| component.fmi == FmiVersion::V3)
     }
 
-    /// Version of SSP: the first that has the types of all components.
+    /// The first version of SSP that has the types of all components.
     fn version(&self) -> &'static str {
         if self.has_fmi_3() { "2.0" } else { "1.0" }
     }
 
-    /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file, and
-    /// with components of FMI 2.0 only the configuration of libcosim. With `overwrite`, the folder may contain the
+    /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file and,
+    /// if all components are of FMI 2.0, the configuration of libcosim. With `overwrite`, the folder may contain the
     /// files of an earlier call.
     ///
     /// # Errors
@@ -247,7 +247,7 @@ impl System {
             path: folder.to_path_buf(),
             cause: io::Error::new(io::ErrorKind::InvalidInput, "this is not a folder name"),
         })?;
-        // In the same parent folder, so that it can be renamed.
+        // Create it in the same parent folder, so that it can be renamed.
         let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         std::fs::create_dir_all(parent).map_err(at(parent))?;
         let work = tempfile::Builder::new().prefix(".system").tempdir_in(parent).map_err(at(parent))?;
@@ -317,7 +317,8 @@ fn defined<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Unit
 
 type Wirable<'a> = HashMap<(Causality, BaseType, Reference), &'a Variable>;
 
-/// Maps causality, type and value reference of a connected variable to the variable, the first of several aliases.
+/// Maps causality, type and value reference of a connected variable to the variable, or to the first of several
+/// aliases.
 fn wirable(description: &ModelDescription) -> Wirable<'_> {
     let mut wirable = HashMap::new();
     for variable in &description.variables {

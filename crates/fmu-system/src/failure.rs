@@ -90,7 +90,7 @@ pub enum FailureKind {
     Discarded,
     /// An FMU ended the simulation, which is not an error.
     Terminated,
-    /// Its process ended.
+    /// The worker process ended.
     Crashed,
     /// A step took too long.
     TimedOut,

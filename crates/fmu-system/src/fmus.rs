@@ -19,9 +19,9 @@ pub enum FmusError {
     Changed {
         /// The file.
         path: PathBuf,
-        /// Its GUID.
+        /// GUID of the file.
         found: String,
-        /// GUID of the plan.
+        /// GUID in the plan.
         expected: String,
     },
     /// No steady state can be found for a component.
@@ -58,7 +58,8 @@ pub trait Instances {
     /// Creates an instance for a component of a plan. The instance gets the component's name.
     ///
     /// # Errors
-    /// The FMU does not exist, cannot be loaded, returns no instance, or allows only one and already has it.
+    /// The FMU does not exist, cannot be loaded, returns no instance, or allows only one instance, which already
+    /// exists.
     fn of(&self, component: &Component) -> Result<Instance, FmusError>;
 
     /// Returns the description of the FMU of a component.

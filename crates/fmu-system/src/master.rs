@@ -43,7 +43,7 @@ impl Recorder {
 ///
 /// # Errors
 /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU
-/// ends the simulation before the stop time. The error contains the rows before it.
+/// ends the simulation before the stop time. The error contains the rows that were recorded before it.
 pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
     record(simulation, run, fmus, true)
 }
@@ -82,7 +82,7 @@ pub(crate) fn record(
         Err(failure) if failure.kind == FailureKind::Terminated => {
             let is_whole = session.is_over();
             let mut messages = std::mem::take(&mut session.logged);
-            // Errors of the termination do not matter after an FMU has ended the simulation.
+            // Errors during termination do not matter after an FMU has ended the simulation.
             messages.extend(session.terminate().unwrap_or_default());
             if is_whole { Ok(messages) } else { Err(failure) }
         }

@@ -32,7 +32,7 @@ impl Problem {
         format!("{}:{line}:{column}: {}", self.source_code.name(), self.message)
     }
 
-    /// [`Self::line`], and the help.
+    /// [`Self::line`], followed by the help.
     pub fn explained(&self) -> String {
         self.help.as_ref().map_or_else(|| self.line(), |help| format!("{}; {help}", self.line()))
     }
@@ -55,7 +55,7 @@ impl Problems {
     }
 }
 
-/// Collects mistakes of a file, and of files that it includes.
+/// Collects the mistakes in a file and in the files that it includes.
 #[derive(Debug)]
 pub struct Collector {
     source_code: Arc<NamedSource<String>>,
@@ -113,7 +113,7 @@ impl Collector {
     pub(crate) fn add_source(&mut self, file: &Path, text: &str) -> usize {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language("toml");
         let (from, last) = self.included.last().map_or((0, &self.source_code), |(from, last)| (*from, last));
-        // One more, so that the end of a file differs from the start of the next.
+        // One more than the length, so that the end of a file differs from the start of the next file.
         let from = from + last.inner().len() + 1;
         self.included.push((from, Arc::new(source)));
         from
@@ -125,7 +125,7 @@ impl Collector {
         of_included.map_or((0, &self.source_code), |(from, source)| (*from, source))
     }
 
-    /// The text from a place to the end of its file; `None` if that is within a character.
+    /// The text from a place to the end of its file; `None` if the place is within a character.
     pub(crate) fn text_from(&self, place: usize) -> Option<&str> {
         let (from, source) = self.source(place);
         source.inner().get(place - from..)

@@ -41,7 +41,7 @@ impl Status {
 pub struct Outcome {
     /// Status of the requirement.
     pub status: Status,
-    /// The number that comes closest to a limit or exceeds it most; `None`: no run has one.
+    /// The number that comes closest to a limit or exceeds it most; `None` if no run has a number.
     pub worst: Option<f64>,
     /// Number of executed runs in which the metric is undefined.
     pub missing: usize,
@@ -52,12 +52,12 @@ pub struct Outcome {
 pub enum Rows {
     /// All rows of the window.
     All,
-    /// The runs end before the window. A requirement fails if a metric of this kind can no longer return to its limits;
-    /// otherwise it is open. `None` for a metric that is computed from other metrics.
+    /// The runs end before the window does. A requirement fails if a metric of this kind can no longer return to its
+    /// limits; otherwise it is open. `None` for a metric that is computed from other metrics.
     Cut(Option<Kind>),
 }
 
-/// Distance of a number to the nearest limit; negative outside. A number that is not finite is outside.
+/// Distance from a number to the nearest limit; negative outside the limits. A number that is not finite is outside.
 fn margin([min, max]: [Option<f64>; 2], value: f64) -> f64 {
     if !value.is_finite() {
         return f64::NEG_INFINITY;
@@ -65,7 +65,7 @@ fn margin([min, max]: [Option<f64>; 2], value: f64) -> f64 {
     (value - min.unwrap_or(f64::NEG_INFINITY)).min(max.unwrap_or(f64::INFINITY) - value)
 }
 
-/// Returns true if a number is within limits, minimum and maximum. A missing or non-finite number is not.
+/// Returns true if a number is within the limits, minimum and maximum; false for a missing or non-finite number.
 pub fn holds(limits: [Option<f64>; 2], value: Option<f64>) -> bool {
     value.is_some_and(|value| margin(limits, value) >= 0.0)
 }
@@ -75,7 +75,8 @@ pub fn is_enough(kept: usize, of: usize, share: f64) -> bool {
     kept as f64 >= share * of as f64
 }
 
-/// Compares the metric of the executed runs with the limits; `None` is undefined. `runs` is the number of planned runs.
+/// Compares a metric with its limits. `numbers` contains the value for each executed run, `None` if undefined; `runs`
+/// is the number of planned runs.
 pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
     let known = || numbers.iter().copied().flatten();
     let kept = numbers.iter().filter(|value| holds(limits, **value)).count();
@@ -100,7 +101,7 @@ pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], r
     Outcome { status, worst, missing: numbers.len() - known().count() }
 }
 
-/// A requirement of a case at a point, and its outcome.
+/// A requirement for a case at a point, and its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict<'a> {
     metric: &'a Metric,
@@ -116,7 +117,7 @@ pub struct Verdict<'a> {
 fn needed(plan: &Plan) -> BTreeSet<usize> {
     let mut all: BTreeSet<usize> =
         (0..plan.metrics.len()).filter(|index| plan.metrics[*index].requirement.is_some()).collect();
-    // A metric is computed from metrics above it.
+    // A metric can only use metrics above it.
     for index in (0..plan.metrics.len()).rev() {
         if let (true, Source::Metrics { uses, .. }) = (all.contains(&index), &plan.metrics[index].source) {
             all.extend(uses);
@@ -234,7 +235,7 @@ pub(crate) fn numbers_of(
     Ok(numbers)
 }
 
-/// Returns true if a metric needs rows after the stop of the plan.
+/// Returns true if a metric needs rows after the stop time of the plan.
 fn is_cut_off(plan: &Plan, index: usize) -> bool {
     match &plan.metrics[index].source {
         Source::Metrics { uses, .. } => uses.iter().any(|index| is_cut_off(plan, *index)),
@@ -365,7 +366,7 @@ mod tests {
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(0.0)], 2, Rows::All).status, Status::Open);
         assert_eq!(evaluate(AT_MOST, 1.0, &[], 1, Rows::All).status, Status::Open);
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 1, Rows::Cut(None)).status, Status::Open);
-        // One failure is enough, whatever the results of the other runs.
+        // One run outside the limits is enough to fail, whatever the result of the missing run.
         assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 2, Rows::All).status, Status::Failed);
     }
 
@@ -383,7 +384,7 @@ mod tests {
         assert_eq!(of(Kind::Min, at_least, &too_low), Status::Failed);
         assert_eq!(of(Kind::Min, AT_MOST, &too_high), Status::Open);
         assert_eq!(of(Kind::Rms, AT_MOST, &too_high), Status::Open);
-        // One of two runs is enough.
+        // With a share of 0.5, one of two runs within the limits is enough.
         assert_eq!(evaluate(AT_MOST, 0.5, &too_high, 2, Rows::Cut(Some(Kind::Peak))).status, Status::Open);
     }
 }

@@ -1,8 +1,8 @@
 //! Turns a scenario file into a [`Plan`].
 //!
-//! An input gets its value, in this order, from an explicit connection, from the only other component
-//! that has an output of the same name, or from a constant; an input without any is an error.
-//! All mistakes of a file are reported together, each with file, line, column and the marked place.
+//! An input gets its value from the first of these sources that exists: an explicit connection, the only other
+//! component that has an output of the same name, or a constant. An input without a source is an error. All mistakes in
+//! a file are reported together, each with file, line, column and the marked place.
 
 mod columns;
 mod components;
@@ -43,7 +43,7 @@ pub struct Options {
     pub stop: Option<f64>,
     /// Order of the components.
     pub order: Option<run::Order>,
-    /// Number of seeds to use, from the first.
+    /// Number of seeds to use, starting with the first.
     pub seeds: Option<usize>,
     /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these signals
     /// instead of the components; components that are no longer needed are dropped.
@@ -140,8 +140,9 @@ fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError
     Ok(())
 }
 
-/// Returns the absolute path of a file that a String of a scenario names, if the file exists. Relative paths start at
-/// the folder of the scenario. Any other String, such as the name of a file within the FMU, stays as it is.
+/// Returns the absolute path of a file whose path is the value of a String in a scenario, if the file exists. Relative
+/// paths start at the folder of the scenario. Any other String, such as the name of a file within the FMU, stays as it
+/// is.
 pub fn file_of(scenario: &Path, text: &str) -> Option<String> {
     file_in(folder(scenario), text)
 }

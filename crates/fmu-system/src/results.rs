@@ -29,9 +29,9 @@ pub fn write_csv(path: &Path, names: &[String], recording: &Recording) -> io::Re
     part.publish()
 }
 
-/// A file that is hidden until it is complete and on the disk.
+/// A file that has a hidden name until it is complete and on the disk.
 ///
-/// One process can write it and another publish it. Without both steps the file never has its name.
+/// One process can write the file, and another process can publish it under its final name.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Part {
     path: PathBuf,

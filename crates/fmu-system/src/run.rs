@@ -166,7 +166,8 @@ pub struct InputSeries {
 }
 
 impl InputSeries {
-    /// Returns the value at a time. `row` is the last sample that is not after the previous time, 0 at first.
+    /// Returns the value at a time. `row` is the index of the last sample that is not after the previous time, 0 at
+    /// first.
     pub(crate) fn at(&self, time: f64, row: &mut usize) -> Option<f64> {
         while self.times.get(*row + 1).is_some_and(|next| *next <= time) {
             *row += 1;
@@ -195,7 +196,7 @@ fn from_sequence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f64]
 pub struct Recording {
     /// Time of each row, s.
     pub time: Vec<f64>,
-    /// Values of each of the columns of the run; `None` where the case leaves the component out.
+    /// Values of each column of the run; `None` where the case leaves the component out.
     pub columns: Vec<Option<Vec<f64>>>,
     /// Warnings that components logged during a successful run, with the name of the component.
     pub messages: Vec<(String, Message)>,
@@ -210,8 +211,8 @@ impl Recording {
     }
 }
 
-/// Parameters to try for an effect: those that a scenario sets for a component without inputs, if no case reads all its
-/// outputs.
+/// Parameters to test for an effect: a scenario sets them for a component without inputs, and no case reads all outputs
+/// of the component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     pub(crate) component: String,
@@ -268,8 +269,8 @@ mod tests {
     }
 
     /// A sine of 0.5 Hz with 20 samples per second. With theta = 2 pi f/fs, the error of linear interpolation is at
-    /// most 1 - cos(theta/2), and that of the last sample at most sin(theta). The expected largest and RMS errors on a
-    /// grid of 1 ms are from an independent implementation.
+    /// most 1 - cos(theta/2), and the error of holding the last sample is at most sin(theta). The expected largest and
+    /// RMS errors on a grid of 1 ms are from an independent implementation.
     #[test]
     fn a_sampled_sine_has_the_error_of_its_chords() {
         let sine = |time: f64| (std::f64::consts::PI * time).sin();

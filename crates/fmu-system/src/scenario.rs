@@ -36,7 +36,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
         }
     };
     let from = problems.add_source(&file, &text);
-    // Leading blanks shift the places in this file behind those in the previous files.
+    // Leading blanks shift the places in this file behind the places in the previous files.
     let moved = format!("{}{text}", " ".repeat(from));
     let part: Written = problems.parse_from(&moved, from)?;
     let texts = [("title", &part.title), ("description", &part.description), ("reference", &part.reference)];

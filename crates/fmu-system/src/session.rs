@@ -24,8 +24,8 @@
 //!
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
 //! doubles, and an Integer beyond 2^53, which a double does not hold exactly, is an error. Integers that may have more
-//! than 32 bits have a separate call. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is
-//! above 0.5. That is also how a connection converts between Real and Boolean.
+//! than 32 bits have a separate call. On the bus, a Boolean output is 0 or 1, and a Boolean input is true if its slot
+//! is above 0.5. Connections between Real and Boolean are converted in the same way.
 
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
@@ -107,7 +107,7 @@ impl Port {
     }
 }
 
-/// The end of the step at which an FMU ends the simulation.
+/// The end of a step that an FMU has reached when it ends the simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reached {
     Start,
@@ -197,14 +197,14 @@ impl Component {
     }
 }
 
-/// Sets Integers if one does not fit into 32 bits, which 64-bit outputs make possible. Returns the error of the call.
+/// Sets Integers although one of them, from a 64-bit output, does not fit into 32 bits. Returns the error of the call.
 #[cold]
 fn set_exactly(instance: &mut Instance, integers: &Group<i32>, bus: &[f64]) -> Result<(), CallError> {
     let values: Vec<f64> = integers.slots.iter().map(|slot| bus[*slot]).collect();
     instance.set_integer(&integers.references, &values)
 }
 
-/// Tolerance, in steps, for the times of a held series: a sample at t_k counts although t_k is rounded.
+/// Tolerance, in steps, for the times of a held series: a sample at t_k applies even if t_k is rounded.
 const SLACK: f64 = 1e-9;
 
 struct Feeder {
@@ -451,7 +451,8 @@ impl Session {
         })
     }
 
-    /// Restores a state, earlier or later. An input that was overwritten since then gets its previous source again.
+    /// Restores a saved state, from an earlier or a later time. An input that was overwritten since then gets its
+    /// previous source again.
     ///
     /// # Errors
     /// The state is of another session, or an FMU returns an error.
@@ -539,7 +540,8 @@ impl Session {
         Ok(())
     }
 
-    /// Makes a step of all components. If one ends the simulation, returns the end of its last step, and the call.
+    /// Makes a step of all components. If a component ends the simulation, returns the time that it has reached, and
+    /// the call.
     fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let Self { simulation, members, bus, overwritten, .. } = self;
         let step = simulation.step_size(time);

@@ -26,7 +26,7 @@ impl<T> Spanned<T> {
         self.0.into_inner()
     }
 
-    /// Bytes of the text that the value takes.
+    /// Range of the value in the text, in bytes.
     pub fn span(&self) -> Range<usize> {
         self.0.span()
     }

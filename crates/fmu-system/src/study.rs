@@ -311,7 +311,7 @@ pub fn text(path: &Path) -> Result<String, StudyError> {
 /// Reads a study and checks it against its scenario. `runs` replaces its number of samples.
 ///
 /// # Errors
-/// A file cannot be read, the study or its scenario has mistakes, or they do not fit.
+/// A file cannot be read, the study or its scenario has mistakes, or they do not fit together.
 pub fn read(path: &Path, source: &dyn Descriptions, runs: Option<u64>) -> Result<Study, StudyError> {
     let text = text(path)?;
     let mut problems = Collector::new(path, &text, "toml");

@@ -1,9 +1,9 @@
 //! Trial runs: they show whether a parameter of a scenario changes anything that is read.
 //!
 //! The model structure of FMI lists the parameters on which an initial value depends, but not those on which later
-//! values depend. It also covers all values of all parameters: the steering angle of a driver depends on the speed in a
-//! slalom, but not in a step steer. A component without inputs behaves the same with and without the rest of the
-//! system, so a run of it alone is enough.
+//! values depend. It also has to cover all values of the other parameters: the steering angle of a driver depends on
+//! the speed in a slalom, but not in a step steer. A component without inputs behaves the same with and without the
+//! rest of the system, so a run of it alone is enough.
 
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};

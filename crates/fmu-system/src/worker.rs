@@ -1,7 +1,7 @@
 //! Runs and trial runs in worker processes: see [`fmu_import::worker`].
 //!
 //! `protocol` defines requests and responses, [`serve`] is the worker's side, and `pool` is the side that starts
-//! workers and replaces those that have ended.
+//! workers and replaces workers that have ended.
 
 mod pool;
 mod protocol;
@@ -19,11 +19,11 @@ use std::time::Duration;
 /// Job name of workers that [`serve`].
 pub const JOB: &str = "system";
 
-/// Time limit of all trials of a scenario. Those of the project's scenarios take a fraction of a second.
+/// Time limit for all trials of a scenario. The trials of the project's scenarios take a fraction of a second.
 const TRIALS: Duration = Duration::from_secs(20);
 
-/// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give
-/// none, which does no harm.
+/// Makes the trial runs of a scenario in a worker and returns their warnings. Trials that fail or take too long give no
+/// warnings, which does no harm.
 pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     if trials.is_empty() {
         return Vec::new();

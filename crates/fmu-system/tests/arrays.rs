@@ -179,7 +179,7 @@ fn elements_are_set_and_recorded_in_row_major_order() {
     assert_eq!(recording.column(8).unwrap().last(), Some(&27.0));
 }
 
-/// Element to element, scalar to element, and element to a scalar of FMI 2.0; arrays of all types.
+/// Connects element to element, scalar to element, and element to a scalar of FMI 2.0, for arrays of all types.
 #[test]
 fn elements_are_wired_like_scalars() {
     let folder = folder();
@@ -228,7 +228,8 @@ fn elements_are_wired_like_scalars() {
     }
 }
 
-/// A `*` at both ends stands for the same text; in `to` alone, all inputs read one output.
+/// A `*` at both ends of a connection stands for the same text. With a `*` in `to` alone, all matching inputs read one
+/// output.
 #[test]
 fn patterns_connect_several_inputs() {
     let folder = folder();
@@ -315,7 +316,7 @@ fn integers_of_64_bits_are_exact_or_an_error() {
         [(5_000_000_000, 4_294_967_296, -5_000_000_001), (-limit, limit, limit - 1), (limit - 1, 0, -limit)]
     {
         let plan = wide(s, up, w).unwrap();
-        // All are doubles.
+        // All these integers are doubles.
         let signals = [("v[1]", -w as f64), ("so", s as f64), ("uo", up as f64), ("b:so", s as f64)];
         assert_eq!(last(&plan).unwrap(), expected(&signals));
     }
@@ -325,7 +326,7 @@ fn integers_of_64_bits_are_exact_or_an_error() {
             format!("`a`: fmi3Get{function}: a value is beyond 2^53 and cannot be represented exactly in a signal");
         assert!(error.contains(&message), "{error}");
     }
-    // Without a parameter, the start value of the FMU.
+    // Without the parameter, the start value in the FMU applies.
     let start = Scenario { signals: &["a:uo"], ..Scenario::default() }.plan(&folder);
     assert_eq!(last(&start).unwrap(), expected(&[("uo", 5e9)]));
     let negative = Scenario { parameters: "up = -1", signals: &["a:uo"], ..Scenario::default() }.mistakes(&folder);

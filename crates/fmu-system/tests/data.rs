@@ -173,7 +173,7 @@ fn units_come_from_a_line_or_from_brackets() {
         ]
     );
     assert_eq!(units("t;v\ns;[km/h]\n0;1\n"), [named("t", Some("s")), named("v", Some("km/h"))]);
-    // Text above text is not a line of units.
+    // A line of text above another line of text is not a line of units.
     assert_eq!(units("t;v\ns;m\nx;y\n"), [named("t", None), named("v", None)]);
 }
 
@@ -248,7 +248,7 @@ fn what_is_not_used_may_hold_anything() {
     assert!(error("twice").starts_with("a.csv: there are two columns `twice`"));
     assert!(error("b").starts_with("a.csv: there is no column `b`; the columns are `time`, `a`"), "{}", error("b"));
     assert!(error("twise").starts_with("a.csv: there is no column `twise`; did you mean `twice`?"));
-    // The units behind and below a name may be two spellings of one unit, but not two units.
+    // The units after a name and in the line below may be two spellings of the same unit, but not different units.
     let table = parse("time,a [m/s2],b [deg]\ns,m/s^2,rad\n0,1,2\n");
     let clock = table.times(&TimeColumn::default()).unwrap();
     let signal = |name: &str| table.signal(&clock, &Channel::new(name), &Target::default());

@@ -240,7 +240,7 @@ fn the_structure_of_libcosim_stands_beside_the_fmus() {
     let structure = system(&folder, "free#0").write(&out, false).unwrap().swap_remove(1);
     assert_eq!(structure, out.join(OSP_STRUCTURE));
     let text = std::fs::read_to_string(structure).unwrap();
-    // The order of the schema.
+    // The elements are in the order of the schema.
     for (first, second) in [
         ("<StartTime>0.5</StartTime>", "<BaseStepSize>0.01</BaseStepSize>"),
         ("<BaseStepSize>", "<Algorithm>fixedStep</Algorithm>"),
@@ -337,7 +337,7 @@ fn a_folder_that_holds_something_is_kept() {
     std::fs::remove_file(out.join("thesis.txt")).unwrap();
     std::fs::remove_file(out.join(OSP_STRUCTURE)).unwrap();
     std::fs::remove_file(out.join("my_ring.ssp")).unwrap();
-    // Only FMUs: a folder of packed models is not an earlier export.
+    // A folder that contains only FMUs, such as packed models, is not an earlier export.
     rejected(true, "not empty");
     assert!(out.join("Position.fmu").exists());
 }

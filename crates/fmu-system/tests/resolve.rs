@@ -95,7 +95,7 @@ fn an_fmu_without_units_takes_the_place_of_one_with_units() {
     }
 }
 
-/// A block that declares units elsewhere, but none for its input and output.
+/// A block that declares units for other variables, but not for its input and output.
 const FOLLOWER: &str = "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"Follower\" guid=\"{follower}\">\
     <CoSimulation modelIdentifier=\"Follower\"/>\
     <UnitDefinitions><Unit name=\"s\"><BaseUnit s=\"1\"/></Unit></UnitDefinitions><ModelVariables>\
@@ -175,7 +175,7 @@ fn wires_constants_and_columns() {
     let component = |name: &str| run.components.iter().find(|u| u.name == name).unwrap();
     let slot_of =
         |name: &str, reference| component(name).outputs.iter().find(|w| w.reference == reference).unwrap().slot;
-    // Steering takes driver.steer by name, vehicle.speed from the driver by connection.
+    // The steering gets driver.steer by name, and vehicle.speed from the driver by an explicit connection.
     let steering = &component("steering").inputs;
     assert_eq!(steering[0].slot, slot_of("driver", 3));
     assert_eq!(steering[1].slot, slot_of("driver", 4));
@@ -228,7 +228,7 @@ fn another_fmu_starts_from_its_own_defaults() {
     // The parameters of the case itself apply.
     let (_, parameters, _) = settings("fmu.steering = \"OtherSteering\"\nparameters.steering = { mode = 2 }");
     assert_eq!(parameters, ["mode=2"]);
-    // Parameters that both FMUs have are kept; others give a warning.
+    // Parameters that both FMUs have are kept; other parameters give a warning.
     let (_, parameters, warnings) = settings("fmu.steering = { fmu = \"OtherSteering\", keep_parameters = true }");
     assert_eq!(parameters, ["sample_time=0.01"]);
     assert_eq!(
@@ -354,7 +354,8 @@ fn values_by_name() {
     }
 }
 
-/// More than a full turn in rad gives a warning, unless degrees are written or the FMU's own value is as large.
+/// An angle of more than a full turn in rad gives a warning, unless its unit is given or the FMU's start value is also
+/// more than a full turn.
 #[test]
 fn angles_that_look_like_degrees_warn() {
     let driver = include_str!("data/Driver.xml").replace(" min=\"-1\" max=\"1\"", "");
@@ -425,7 +426,7 @@ fn what_is_too_large_is_rejected_at_once() {
     assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 1000000"), "{error}");
 }
 
-/// Warns about outputs that nothing reads, and about parameters that affect only these according to the model
+/// Warns about outputs that nothing reads, and about parameters that affect only such outputs according to the model
 /// structure.
 #[test]
 fn what_nothing_reads_warns() {
@@ -722,7 +723,8 @@ fn findings_are_checks_and_texts_with_numbers() {
     assert_eq!(
         seen,
         [
-            // The paper's change, printed or from its values, otherwise its value. Without a point, all points.
+            // The paper's change, printed or computed from its values, is expected; without a change, the paper's
+            // value. A cell without a point stands for all points.
             of(Expect::PaperChange, "active@slow", "passive@slow"),
             of(Expect::PaperChange, "active@fast", "active@slow"),
             of(Expect::PaperValue, "passive@slow", ""),
@@ -1075,7 +1077,7 @@ fn a_swap_that_breaks_the_wiring_is_named() {
         "scenarios/step.toml:36:14: Mute has no output `driver.steer`, which Driver has; nothing writes the input \
          `driver.steer` of `steering`, in case `other` (fmu.driver = \"Mute\")"
     );
-    // Only the connection is reported; that its input has no writer is a consequence.
+    // Only the connection is reported, not the consequence that its input has no writer.
     let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.speed\"", "name=\"speed\""));
     let connection =
         "scenarios/step.toml:26:8: `driver` has no output `driver.speed`, which Driver has, in case `other`";
@@ -1151,8 +1153,8 @@ fn inputs_from_a_file() {
     let unit = "in.csv: columns without a unit are assumed to have that of the variable: ";
     assert!(plan.warnings.iter().any(|warning| warning.contains(unit)), "{:?}", plan.warnings);
 
-    // A column for one input of one component: the other readers keep the driver. A column takes precedence over a
-    // constant.
+    // A column for one input of one component: the other inputs still read the driver's output. A column takes
+    // precedence over a constant.
     let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n2,10,0.3\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
     assert_eq!(run.components.len(), 3);
@@ -1204,7 +1206,7 @@ fn names_of_columns_are_told_apart() {
     assert!(names.contains(&"vehicle:time") && !names.contains(&"time"), "{names:?}");
 }
 
-/// Values of a parameter set, by name, each a Real with or without a unit.
+/// Makes a parameter set of Reals from names and values, with or without units.
 fn parameter_set(values: &[(&str, f64, Option<&str>)]) -> String {
     let parameters = values
         .iter()
@@ -1239,8 +1241,8 @@ fn scenario_with_sets() -> String {
         .replacen("baseline = \"passive\"", "baseline = \"passive\"\nparameter_set = \"case.ssv\"", 1)
 }
 
-/// In ascending precedence: scenario's set, component's set, component's parameters, case's set, case's and point's
-/// parameters.
+/// The precedence rises in this order: the scenario's set, the component's set, the component's parameters, the case's
+/// set, the parameters of the case and of the point.
 #[test]
 fn parameter_sets_are_layers_of_their_own() {
     let amplitude = "driver:steer.amplitude";
@@ -1264,7 +1266,7 @@ fn parameter_sets_are_layers_of_their_own() {
         "the case's set overrides the component's value"
     );
     let bare = text.replacen(", \"steer.amplitude\" = { value = 30.0, unit = \"deg\" }", "", 1);
-    // 0.5 rad in degrees, to the last digit or two of the conversion
+    // 0.5 rad in degrees, up to the rounding of the conversion.
     assert!((value(&bare, "passive@slow#3", "driver", amplitude) - 0.5).abs() < 1e-15, "component's over scenario's");
     let bare = bare.replacen("\"vehicle.mass\" = 1200, ", "", 1);
     assert_eq!(value(&bare, "passive@slow#3", "vehicle", mass), 900.0, "the scenario's set");

@@ -118,7 +118,7 @@ fn columns_times_and_absent_components() {
     assert_eq!(recording.column(3), Some(&[0.0, 1.0, 1.0, 1.0][..]));
     let recording = run(&plan, &fmus, "alone");
     assert_eq!(recording.column(1), None);
-    // x = 1 + 2t summed in steps of 0.02: 90 roundings of half an ulp of 3 at most.
+    // x = 1 + 2t is summed in steps of 0.02, with at most 90 roundings of half an ulp of 3.
     let end = recording.column(0).unwrap()[3];
     assert!((end - 2.8).abs() < 90.0 * f64::EPSILON * 2.0, "{end}");
 }
@@ -127,7 +127,7 @@ fn columns_times_and_absent_components() {
 fn input_series_jump_at_equal_times() {
     let folder = ring();
     let file = folder.path().join("in.csv");
-    // 0.30 is k*step for k = 30 up to rounding; the middle of a step is not near.
+    // 0.30 is the time of step 30, up to rounding. Rounding has no effect, because a step gets the value at its middle.
     std::fs::write(&file, "time,y\n-1,1\n0.3,1\n0.3,0\n0.5,0\n0.5,2\n1,2\n").unwrap();
     let options = Options { inputs: Some(file), ..Options::default() };
     let text = RING.replace("signals = [\"x\", \"y\", \"velocity:count\", \"velocity:moved\"]", "signals = [\"x\"]");
@@ -246,13 +246,13 @@ fn samples_are_what_the_scenario_would_say() {
     let stiff = execute(Vec::new(), "stiff");
     let (y, free) = (last("stiff"), last("free"));
     assert_eq!(stiff.result, Ok(vec![Some(y), Some(y - free), Some(y / 2.0)]));
-    // A parameter of a case; the case without a baseline has no change from it.
+    // A changed parameter in the case `free`. This case has no baseline, so its change from the baseline is undefined.
     let row = execute(vec![change("velocity", "gain", -4.0)], "free");
     assert_eq!(row.result, Ok(vec![Some(y), None, Some(y / 2.0)]));
     // The change also applies to the baseline's run.
     let row = execute(vec![change("velocity", "gain", -1.0)], "stiff");
     assert_eq!(row.result, Ok(vec![Some(free), Some(0.0), Some(free / 2.0)]));
-    // A constant input: x = 1 + 2 y after a second. A component that the case omits is ignored.
+    // A changed constant input: x = 1 + 2 y after a second. A change to a component that the case omits is ignored.
     let row = execute(vec![change("position", "y", 4.0), change("velocity", "gain", 3.0)], "alone");
     assert_eq!(row.result, Ok(vec![None, None, None]));
     let changed = batch.changed(index("alone"), &[change("position", "y", 4.0)]).unwrap();

@@ -22,7 +22,7 @@ use support::Build;
 use tempfile::TempDir;
 use zoo::Zoo;
 
-/// x' = -2 x, exactly, and its integral by the explicit Euler method. The inputs that FMI 3.0 adds are in place of
+/// x' = -2 x, exactly, and its integral by the explicit Euler method. The inputs that exist only in FMI 3.0 replace
 /// `INPUTS`.
 const SCENARIO: &str = r#"
 title = "Integral"

@@ -7,7 +7,7 @@ use fmu_system::problem::Collector;
 use fmu_system::spanned::Spanned;
 use std::ops::RangeInclusive;
 
-/// Largest population. The doublings of CMA-ES do not overflow it.
+/// Largest population. Its doublings in CMA-ES do not overflow.
 const MAX_POPULATION: i64 = 100_000;
 
 /// A method and its settings.

@@ -73,7 +73,7 @@ fn judgment(entry: &Judgment) -> Option<f64> {
     }
 }
 
-/// Finds recorded signals. What the scenario records does not depend on the cases that are chosen.
+/// Finds recorded signals. Which signals a scenario records does not depend on the chosen cases.
 pub(super) struct Columns<'a> {
     pub(super) plan: &'a Plan,
     pub(super) runs: &'a [Run],
@@ -88,11 +88,13 @@ impl Columns<'_> {
         })
     }
 
-    /// Column of `component:signal`, or of `signal` where only one component has it; every run must have it.
+    /// Finds the column of `component:signal`, or of `signal` if only one component has a signal of that name. Every
+    /// run must have the column.
     pub(super) fn find(&self, written: &Spanned<String>, problems: &mut Collector) -> Option<usize> {
         let text = written.get_ref();
         let names = || self.plan.columns.iter().map(|c| c.name.as_str());
-        // A column is named `signal` if only one component has it; then the component must be the one that writes it.
+        // A column is named just `signal` if only one component has a recorded signal of that name. In
+        // `component:signal`, the component must then be the one that writes the column.
         let column = names().position(|name| name == text).or_else(|| {
             let (component, signal) = text.split_once(':')?;
             let index = names().position(|name| name == signal)?;

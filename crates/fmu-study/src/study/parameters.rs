@@ -16,12 +16,13 @@ use std::collections::BTreeSet;
 #[derive(Debug)]
 pub(crate) struct Comparison {
     pub(crate) title: String,
-    /// (index of the parameter, value). Other parameters keep the scenario's values.
+    /// Pairs of parameter index and value. Other parameters keep the scenario's values.
     pub(crate) values: Vec<(usize, f64)>,
     pub(crate) runs: Vec<Run>,
 }
 
-/// Checks names and ranges; returns the symbols that constraints may use: those of the parameters, then the constants.
+/// Checks names and ranges; returns the symbols that constraints may use: the symbols of the parameters, then the names
+/// of the constants.
 pub(super) fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> Vec<&'a str> {
     if file.parameters.is_empty() {
         problems.add(0..0, "a study needs at least one [[parameter]]");
@@ -76,7 +77,8 @@ pub(super) fn constraints(file: &File, symbols: &[&str], problems: &mut Collecto
         match Inequality::parse(entry.inequality.get_ref(), symbols) {
             Ok(inequality) => constraints.push(Constraint { name: entry.name.get_ref().clone(), inequality }),
             Err((message, span)) => {
-                // Behind the opening quote; an escape before it would shift the mark a little.
+                // The text starts after the opening quote. An escape sequence before the mistake would shift the mark a
+                // little.
                 let start = entry.inequality.span().start + 1;
                 problems.add(start + span.start..start + span.end, message);
             }
@@ -85,7 +87,7 @@ pub(super) fn constraints(file: &File, symbols: &[&str], problems: &mut Collecto
     constraints
 }
 
-/// The parameters, tried at both ends of their ranges in every run.
+/// Returns the parameters. Reports a parameter that cannot be set to both ends of its range in every run.
 pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut Collector) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for entry in &file.parameters {
@@ -94,7 +96,7 @@ pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut 
             for bound in [&entry.min, &entry.max] {
                 if let Err(error) = run.clone().set_parameter(fmus, component, name, Value::Real(*bound.get_ref())) {
                     let (help, in_range) = parameter_help(run, fmus, component, name);
-                    // The bound of an existing parameter is wrong, otherwise its name.
+                    // If the parameter exists, its bound is wrong; otherwise, its name is wrong.
                     let span = if in_range { bound.span() } else { entry.name.span() };
                     problems.add_with_help(span, format!("case `{}`: {error}", run.case), help);
                 }
@@ -115,7 +117,7 @@ pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut 
     parameters
 }
 
-/// Suggests a name for a wrong one; also returns true if the parameter exists.
+/// Suggests a name if the given name is wrong; also returns whether the parameter exists.
 fn parameter_help(run: &Run, fmus: &Fmus, component: &str, name: &str) -> (Option<String>, bool) {
     let Some(found) = run.components.iter().find(|u| u.name == component) else {
         return (suggestion(component, run.components.iter().map(|u| u.name.as_str())), false);

@@ -13,7 +13,7 @@ const TIMES: [&str; 3] = ["time", "Time", "t"];
 pub struct TimeColumn {
     /// Name of the column; `None` for the first of `time`, `Time` and `t`.
     pub column: Option<String>,
-    /// Unit of the times; `None` for the unit in the file, or s without one.
+    /// Unit of the times; `None` for the unit in the file, or s if the file has none.
     pub unit: Option<String>,
     /// Shift of the times.
     pub offset: Offset,
@@ -55,13 +55,13 @@ pub enum Duplicates {
     /// Equal times are a mistake.
     #[default]
     Error,
-    /// The signal jumps: the first row is the left limit, the last one holds from there on.
+    /// The signal jumps: the first row is the left limit, the last row is the value from this time on.
     Jump,
     /// The first row is used.
     First,
     /// The last row is used.
     Last,
-    /// Their mean is used.
+    /// The mean of the rows is used.
     Mean,
 }
 
@@ -80,7 +80,7 @@ pub struct Clock {
 pub struct Channel<'a> {
     /// Name of the column.
     pub column: &'a str,
-    /// Unit after scale and offset; `None` for the unit in the file, or that of the variable without one.
+    /// Unit after scale and offset; `None` for the unit in the file, or the unit of the variable if the file has none.
     pub unit: Option<&'a str>,
     /// Factor.
     pub scale: f64,
@@ -104,8 +104,8 @@ impl<'a> Channel<'a> {
 /// Samples of a signal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
-    /// Times, s, nondecreasing; equal times are a jump. A signal without missing cells and delay shares the times of
-    /// its clock.
+    /// Times, s, nondecreasing; equal times are a jump. A signal without missing cells and without delay shares the
+    /// times of its clock.
     pub times: Arc<[f64]>,
     /// A value for each time, in the unit of the variable.
     pub values: Arc<[f64]>,
@@ -214,7 +214,7 @@ impl Table {
         Ok(clock(index, times, options.duplicates))
     }
 
-    /// Finds the time at which a column first crosses a level, interpolated.
+    /// Finds the time at which a column first crosses a level, by interpolation.
     fn event(&self, trigger: &Trigger, times: &[f64]) -> Result<f64, DataError> {
         let column = self.numbers(&trigger.column)?;
         let sign = if trigger.falls { -1.0 } else { 1.0 };

@@ -76,7 +76,7 @@ pub(super) struct Rows<'t> {
 }
 
 impl<'t> Rows<'t> {
-    /// Returns the rows from the header on, and the header: the line with the given number, or the first row.
+    /// Returns the rows from the header on, and the header: the first row, or the first row from the line `header` on.
     pub(super) fn new(text: &'t str, header: Option<usize>) -> (Self, Option<&'t str>) {
         let mut rows = Self { rest: text, line: 1, delimiter: ',' };
         while header.is_some_and(|header| rows.line < header) && !rows.rest.is_empty() {

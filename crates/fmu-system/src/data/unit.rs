@@ -56,7 +56,8 @@ const QUANTITIES: [Quantity; 17] = [
     ([0, 0, -1, 0, 0, 0], &[("Hz", 1.0, 0.0)]),
 ];
 
-/// Other spellings of units, and the unit that each one means. They are rejected, because some have other meanings.
+/// Other spellings of units, each with the unit that is probably meant. They are rejected, because some have other
+/// meanings.
 const SPELLINGS: [(&str, &str); 12] = [
     ("Grad", "deg"),
     ("degree", "deg"),
@@ -72,8 +73,8 @@ const SPELLINGS: [(&str, &str); 12] = [
     ("1/min", "rpm"),
 ];
 
-/// Finds a unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are accepted for `deg` and `2`,
-/// and `-` for 1.
+/// Finds a unit by its name: value in SI = factor * value + offset. `°` is accepted for `deg`, `²` and `^2` for `2`,
+/// and `-` for `1`.
 pub fn find(name: &str) -> Option<BaseUnit> {
     let name = name.trim().replace("°C", "degC").replace('°', "deg").replace('²', "2").replace("^2", "2");
     let name = name.replace(['·', '*'], ".").replace(['µ', 'μ'], "u");
@@ -125,7 +126,7 @@ impl Target {
         let unit = variable.unit.as_deref();
         let declared = unit.and_then(|name| description.unit(name)).and_then(|unit| unit.base);
         let known = unit.and_then(find);
-        // Some tools omit the radian from the exponents; the name then gives the angle.
+        // Some tools omit the radian from the exponents; the name of the unit then shows that it is an angle.
         let lacks_angle = declared.zip(known).is_some_and(|(declared, known)| {
             is_same_without_angle(declared.exponents, known.exponents) && declared.factor == known.factor
         });
@@ -171,7 +172,8 @@ impl Target {
         ))
     }
 
-    /// Lists the known units of the same quantity. Spelling is no guide: mPa and MPa are different units.
+    /// Lists the known units of the same quantity. Units with a similar spelling would mislead: mPa and MPa are
+    /// different.
     fn alternatives(&self) -> String {
         let Some(base) = self.base else { return String::new() };
         let is_same =

@@ -72,8 +72,8 @@ impl Expression {
         if end < text.len() { Err(ExpressionError::at(text, end, "an operator or the end")) } else { Ok(expression) }
     }
 
-    /// As [`Self::parse`], for the part of a text from `start` on; also returns the end of the expression, which
-    /// anything may follow.
+    /// Like [`Self::parse`], for the part of a text from `start` on. Any text may follow the expression, whose end is
+    /// returned, too.
     pub fn parse_from(
         text: &str,
         start: usize,
@@ -85,7 +85,7 @@ impl Expression {
         Ok((Self { steps: parser.steps, text: text[start..parser.at].to_owned() }, parser.at))
     }
 
-    /// The metrics that are used, by their indices, in the order of the text.
+    /// The indices of the metrics that are used, in the order of the text.
     pub fn metrics(&self) -> impl Iterator<Item = usize> {
         self.steps.iter().filter_map(|step| match step {
             Step::Name(index) => Some(*index),

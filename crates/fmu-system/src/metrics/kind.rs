@@ -112,7 +112,8 @@ impl Kind {
         self.of_values(&[0.0], Summation::InOrder).is_some()
     }
 
-    /// Returns true if the kind has running values: for each row of a window, the value of the window that ends there.
+    /// Returns true if the kind has running values: for each row of a window, the value for the part of the window that
+    /// ends at this row.
     pub fn has_running_values(self) -> bool {
         matches!(self, Self::Rms | Self::Mean | Self::Integral)
     }

@@ -3,9 +3,9 @@
 //! This is the only implementation: scenarios, studies and Python use it. It needs no file, thread or foreign function.
 //! The tests compare it with numpy and scipy (`python/tests/test_metrics.py`).
 //!
-//! A metric takes its signal from one column or several that are combined row by row. If requested, it subtracts
-//! another column and the signal of the baseline's run. Then it converts the unit and computes the number of its
-//! [`Kind`] over the rows of its window. Other metrics are an [`Expression`] of such numbers.
+//! A metric takes its signal from one column, or from several columns that are combined row by row. If requested, it
+//! subtracts another column and the signal of the baseline's run. Then it converts the unit and computes the number of
+//! its [`Kind`] over the rows of its window. A metric can also be an [`Expression`] of other metrics.
 
 mod expression;
 mod kind;
@@ -61,7 +61,7 @@ pub struct Definition {
     pub offset: f64,
 }
 
-/// Running values of a metric: for windows that end at each row.
+/// Running values of a metric: for each row of its window, the value for the part of the window that ends at this row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Running {
     /// The rows.
@@ -97,7 +97,7 @@ pub struct Until {
 }
 
 impl Definition {
-    /// Indices of the columns that it needs.
+    /// Indices of the columns that the metric needs.
     pub fn needed_columns(&self) -> impl Iterator<Item = usize> + use<'_> {
         let until = self.until.as_ref().map(|until| until.column);
         self.columns.iter().copied().chain(self.minus).chain(until)

@@ -5,7 +5,7 @@ use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
-/// Length of a segment as a share of the signal: eight segments that overlap by half fit in.
+/// Length of a segment as a share of the signal, into which eight segments that overlap by half fit.
 const SEGMENT: f64 = 2.0 / 9.0;
 
 const MIN_ROWS: usize = 4;

@@ -26,7 +26,8 @@ impl Summation {
     }
 }
 
-/// The double nearest to the sum, ties to even. If a number or a partial sum is not finite, the sum in order.
+/// Returns the double nearest to the sum; ties go to even. If a number or a partial sum is not finite, returns the sum
+/// in order.
 ///
 /// The partial sums hold the exact sum as numbers that do not overlap (J. R. Shewchuk, "Adaptive Precision
 /// Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997).

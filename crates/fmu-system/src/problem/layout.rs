@@ -25,7 +25,7 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
         None => unknown.and_then(|name| suggestion(name, known)),
     };
     let message = match key {
-        // A field is a key itself.
+        // For an unknown field, the name in the message is the key itself.
         Some(key) if message.starts_with("unknown variant") => {
             format!("`{key}`: {}", message.replacen("unknown variant", "unknown word", 1))
         }
@@ -35,8 +35,8 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
     (message, help)
 }
 
-/// "`stop` must be a number, got the string "20"" for what serde writes as
-/// "invalid type: string "20", expected f64"; `None` for other messages.
+/// Rewrites a message from serde such as "invalid type: string "20", expected f64" to "`stop` must be a number, got the
+/// string "20""; `None` for other messages.
 fn wrong_type(message: &str, key: Option<&str>) -> Option<String> {
     let rest = ["invalid type: ", "invalid value: ", "invalid length "].iter().find_map(|p| message.strip_prefix(p))?;
     let (found, expected) = rest.rsplit_once(", expected ")?;
@@ -72,7 +72,7 @@ fn wrong_type(message: &str, key: Option<&str>) -> Option<String> {
 /// Finds the key whose value, or list, contains a place; `None` if there is none.
 fn key_before(text: &str, at: usize) -> Option<&str> {
     let mut before = text.get(..at)?;
-    // Leave the list that contains the place.
+    // If the place is in a list, go back to the start of the list.
     if before.trim_end().ends_with(['[', ',']) {
         before = before.rsplit_once('[')?.0;
         while before.trim_end().ends_with(['[', ',']) {

@@ -21,7 +21,7 @@ impl Resolver<'_> {
         // adding a component does not rename it.
         let mut owners: HashMap<&str, &str> = HashMap::new();
         let mut columns: Vec<Column> = Vec::new();
-        // (component, variable) -> index; an FMU may have very many outputs.
+        // Maps (component, variable) to the index: a search would be slow for an FMU with very many outputs.
         let mut indices: HashMap<(&str, &str), usize> = HashMap::new();
         for component in &self.scenario.components {
             for system in systems {
@@ -65,7 +65,7 @@ impl Resolver<'_> {
         columns
     }
 
-    /// Gives a column the name component:variable if its plain name is `time` or that of another column.
+    /// Gives a column the name component:variable if its plain name is `time` or the name of another column.
     fn tell_apart(&mut self, columns: &mut [Column]) {
         let mut taken = BTreeSet::from(["time".to_owned()]);
         for column in columns {
@@ -110,7 +110,8 @@ impl Resolver<'_> {
         false
     }
 
-    /// Reports a pattern of recorded signals that matches nothing, in any case or with the other FMU of a case.
+    /// Reports a pattern of recorded signals that matches nothing in any case. Warns if it matches nothing in a case
+    /// that replaces the FMU.
     fn check_pattern(
         &mut self,
         systems: &[System<'_>],

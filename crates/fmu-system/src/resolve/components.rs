@@ -12,7 +12,7 @@ impl<'a> Resolver<'a> {
     pub(super) fn systems(&mut self, source: &dyn Descriptions) -> Option<Vec<System<'a>>> {
         let mut systems = Vec::new();
         let mut missing = Vec::new();
-        // The missing FMUs that only a case names, and the case.
+        // The missing FMUs that only a case names, each with the case.
         let mut of_cases = Vec::new();
         for case in &self.scenario.cases {
             let mut members = Vec::new();
@@ -136,7 +136,7 @@ impl<'a> Resolver<'a> {
         if elsewhere {
             hints.push("if an FMU is not built in this workspace, give its folder with --fmus".to_string());
         }
-        // Mark the names that may be wrong; if there are none, mark the first missing one.
+        // Mark the names that may be wrong; if there are none, mark the first missing FMU.
         let wrong = missing.iter().filter(|(name, _)| unknown.contains(name));
         let mut places: Vec<Range<usize>> = wrong.map(|(_, place)| place.clone()).collect();
         if places.is_empty() {

@@ -127,14 +127,14 @@ impl Resolver<'_> {
         }
     }
 
-    /// Returns the paper's number for a cell: a change, else a value.
+    /// Returns the paper's number for a cell: a change, otherwise a value.
     fn expect_of_paper(&self, cell: &Cell, against: Option<&Cell>, own: bool) -> Option<Expect> {
         let paper = self.scenario.metrics[cell.metric].paper.as_ref().filter(|_| !own)?;
         let has = |cell: &Cell| paper.values.keys().any(|key| *key.get_ref() == cell.key());
         if let Some(against) = against
             && against.metric == cell.metric
         {
-            // A written change names the other cell, or means the baseline.
+            // A change in the file names the cell to compare with; otherwise, it is a change from the baseline.
             let written = |key: &str| {
                 key == cell.key()
                     || key == change_key(cell, against)
@@ -207,7 +207,8 @@ impl Resolver<'_> {
         found
     }
 
-    /// Cells for `case@point`, or for `case`: the one at the point `here`, or those at all points.
+    /// Returns the cell for `case@point`. For `case` alone, returns the cell at the point `here`, or the cells at all
+    /// points if `here` is `None`.
     fn cells(&mut self, metric: usize, rest: &str, here: Option<&str>, span: &Range<usize>) -> Option<Vec<Cell>> {
         let scenario = self.scenario;
         let (case, point) = match rest.split_once('@') {

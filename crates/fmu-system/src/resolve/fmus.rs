@@ -37,8 +37,8 @@ pub trait Descriptions {
     fn place(&self) -> String;
 }
 
-/// Lists up to three FMUs that have variables with these names and this causality, for a message. FMUs with most of
-/// them come first.
+/// Lists up to three FMUs that have variables with these names and this causality, for a message. FMUs with the most of
+/// these variables come first.
 pub fn fmus_with(source: &dyn Descriptions, causality: Causality, names: &[&str]) -> Option<String> {
     let has = |fmu: &String| {
         let found = source.find(fmu).ok()??;
@@ -52,7 +52,7 @@ pub fn fmus_with(source: &dyn Descriptions, causality: Causality, names: &[&str]
     (!best.is_empty()).then(|| best.join(", "))
 }
 
-/// FMUs in folders; the first folder that has a file wins.
+/// FMUs in folders. If several folders have an FMU with the same name, the first folder is used.
 #[derive(Debug)]
 pub struct FmuFolder {
     folders: Vec<PathBuf>,

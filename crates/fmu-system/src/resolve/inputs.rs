@@ -13,7 +13,7 @@ use std::path::Path;
 /// Value of a signal after its last sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum AfterEnd {
-    /// None: a file that ends before the run is a mistake.
+    /// No value: a file that ends before the run is a mistake.
     #[default]
     Error,
     /// Its last value.
@@ -31,7 +31,7 @@ pub(super) struct Inputs {
     used: BTreeSet<usize>,
     /// Outputs that columns replace.
     replacements: Vec<Replacement>,
-    /// Columns without a unit, and the unit that their values are taken in.
+    /// Columns without a unit, each with the unit that is assumed for its values.
     without_unit: Vec<(String, String)>,
     mistakes: Vec<Mistake>,
     warnings: Vec<String>,
@@ -88,7 +88,7 @@ impl Inputs {
         })
     }
 
-    /// Column for a signal of any component, or of the given one.
+    /// Column for a signal of any component, or of the given component.
     pub(super) fn column(&self, component: Option<&str>, signal: &str) -> Option<usize> {
         let is_name = |name: &str| match component {
             None => name == signal,
@@ -281,8 +281,8 @@ impl Inputs {
         }
     }
 
-    /// Reports the mistakes in the file. Columns that write nothing are ignored, unless their name is that of an input
-    /// or resembles that of a signal.
+    /// Reports the mistakes in the file. Columns that write nothing are ignored, unless their name is the name of an
+    /// input or resembles the name of a signal.
     pub(super) fn finish(
         mut self,
         inputs: &[String],
@@ -409,13 +409,14 @@ mod tests {
         };
         let (linear, hold) = (Interpolation::Linear, Interpolation::Hold);
         assert_eq!(warnings(&mut grid(&[]), linear), [""; 0]);
-        // Four missing rows are five distances, which is not a gap.
+        // Four missing rows make a distance of five intervals, which is not yet a gap.
         assert_eq!(warnings(&mut grid(&[(10, 15)]), linear), [""; 0]);
         let found = warnings(&mut grid(&[(10, 20), (30, 80)]), linear);
         let expected = "in.csv: `a` has no samples from 0.3 s to 0.8 s, and one shorter gap (they are usually 0.01 s apart); \
                         it is interpolated linearly there";
         assert!(matches!(&found[..], [warning] if warning.ends_with(expected)), "{found:?}");
-        // The run ends at 1 s. A held signal needs no samples. A few points are a profile, not samples.
+        // No warnings for a gap after the end of the run at 1 s, for a held signal, and for a few points, which are a
+        // profile.
         assert_eq!(warnings(&mut grid(&[(130, 180)]), linear), [""; 0]);
         assert_eq!(warnings(&mut grid(&[(30, 80)]), hold), [""; 0]);
         assert_eq!(warnings(&mut [0.0, 0.1, 0.2, 0.3, 2.0].into_iter(), linear), [""; 0]);

@@ -22,7 +22,7 @@ impl Resolver<'_> {
             candidates.iter().filter(|(_, output)| *output == name).map(|(owner, _)| *owner).collect();
         match owners[..] {
             [] => {
-                // An input that the input file writes.
+                // The name may also be that of an input that the input file writes.
                 let mut of_inputs = columns.iter().enumerate().filter(|(_, column)| {
                     column.variable == name && component.is_none_or(|component| component == column.component)
                 });
@@ -224,7 +224,8 @@ impl Resolver<'_> {
         })
     }
 
-    /// Finds the column of a signal that is compared with others and must have their unit of measure.
+    /// Finds the column of a signal that is compared with other signals, and must therefore have the same unit of
+    /// measure.
     fn beside(
         &mut self,
         signal: Option<&Spanned<String>>,
@@ -269,7 +270,7 @@ impl Resolver<'_> {
             let is_on = |option: &Option<Spanned<bool>>| option.as_ref().is_some_and(|option| *option.get_ref());
             let (same_scale, equal_axes) = (is_on(&figure.same_scale), is_on(&figure.equal_axes));
             for signal in figure.signals.iter().filter(|_| same_scale || equal_axes) {
-                // Lengths in other units cannot be compared.
+                // Signals in different units cannot have a common scale.
                 self.beside(Some(signal), &indices[..indices.len().min(1)], systems, columns);
             }
             let metric_index = |name: &Spanned<String>| {

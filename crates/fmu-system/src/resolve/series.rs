@@ -15,7 +15,8 @@ fn interpolation(source: &Variable, reader: &Variable) -> Interpolation {
 }
 
 impl Resolver<'_> {
-    /// Lets a column write the input `reader` with values of `variable` of a component: the input or replaced output.
+    /// Lets a column write the input `reader`. The column has the values of `variable` of a component: of the input, or
+    /// of the output that the column replaces.
     pub(super) fn use_column(
         &mut self,
         column: usize,
@@ -71,7 +72,7 @@ impl Resolver<'_> {
             let target = Target::of(&member.found.description, member.variable(v));
             let Some(inputs) = &mut self.inputs else { return };
             let Feed { column, interpolation, .. } = inputs.feeds[feed];
-            // Use the unit of the output: the input at the other end of a connection may have another.
+            // Use the unit of the output: the input at the other end of a connection may have another unit.
             if let Some(feed) = inputs.feed(column, &target, interpolation) {
                 system.replaced.insert((m, v), feed);
             }

@@ -139,7 +139,7 @@ pub(super) fn context(case: &Case, component: Option<&Component>) -> Context {
     }
 }
 
-/// (component, output) of all cases, each once, of one component or of all.
+/// Returns the outputs in all cases as (component, output), each once; `component` selects one component.
 pub(super) fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) -> BTreeSet<(&'s str, &'s str)> {
     systems
         .iter()
@@ -149,8 +149,8 @@ pub(super) fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) ->
         .collect()
 }
 
-/// Returns a hint for a name that is not an output of the given component, or of any: similar names, otherwise all
-/// outputs.
+/// Returns a hint for a name that is not an output of the given component, or of any component: similar names or, if
+/// there are none, all outputs.
 pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name: &str) -> String {
     const SHOWN: usize = 6;
     let members = || {

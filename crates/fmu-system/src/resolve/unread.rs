@@ -59,7 +59,7 @@ impl Resolver<'_> {
             let (certain, open): (Vec<_>, Vec<_>) = self
                 .set_parameters(component)
                 .into_iter()
-                // An FMU that replaces the component's own does not take over all of them.
+                // An FMU that replaces the component's own FMU does not get all of its parameters.
                 .filter(|(parameter, _)| applied(parameter))
                 .partition(|(parameter, _)| {
                     places.iter().all(|place| affects_only(&place.member.found.description, parameter, &place.unread))
@@ -121,8 +121,8 @@ fn variants(places: &[Place<'_>], runs: &[Run]) -> Vec<Variant> {
 }
 
 /// Returns true if a parameter affects unread outputs only, according to the model structure. The structure lists the
-/// parameters on which an initial value depends; an output that it does not list may depend on any. A model with states
-/// may pass a parameter on later, so the structure proves nothing about it.
+/// parameters on which an initial value depends; an output that is not listed may depend on any parameter. In a model
+/// with states, a parameter may affect an output later, so the structure proves nothing.
 fn affects_only(description: &ModelDescription, parameter: &str, unread: &BTreeSet<&str>) -> bool {
     let Some(parameter) = description.index(parameter) else { return false };
     let mut reaches_unread = false;

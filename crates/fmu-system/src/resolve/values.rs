@@ -17,9 +17,9 @@ use std::ops::Range;
 /// Parameters of an FMU that can be set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Names {
-    /// All; another name is a mistake.
+    /// All parameters; another name is a mistake.
     All,
-    /// Parameters that the component's own FMU has with the same type and unit of measure.
+    /// Only parameters that the component's own FMU has, too, with the same type and unit of measure.
     Shared,
 }
 
@@ -65,8 +65,8 @@ impl Resolver<'_> {
     /// its parameters, the parameter set of the case, the parameters of the case, the parameters of the point, the
     /// seed.
     ///
-    /// Another FMU that the case sets for the component starts from its own defaults: the first three apply only if the
-    /// case keeps them. They, the point and the seed apply only to parameters that it shares with the component's own
+    /// If the case sets another FMU for the component, the first three apply only if the case keeps the parameters. The
+    /// first three, the point and the seed then apply only to parameters that this FMU shares with the component's own
     /// FMU.
     pub(super) fn parameters(
         &mut self,
@@ -142,8 +142,8 @@ impl Resolver<'_> {
         is_twice
     }
 
-    /// Finds the parameter with a name at `span`, in the file `set` if it is a parameter set. A missing one is a
-    /// mistake, or a warning if only shared ones are meant.
+    /// Finds the parameter for a name at `span`; `set` is the file if the name is from a parameter set. A parameter
+    /// that is missing is a mistake; with [`Names::Shared`], one that is not shared is only a warning.
     fn parameter<'m>(
         &mut self,
         name: &str,
@@ -174,7 +174,7 @@ impl Resolver<'_> {
         None
     }
 
-    /// Returns the values of a parameter set for a component: all of them, or those named `component:parameter`.
+    /// Returns the values of a parameter set for a component: all values, or the values named `component:parameter`.
     fn set_values<'m>(
         &mut self,
         path: &Spanned<String>,
@@ -218,7 +218,7 @@ impl Resolver<'_> {
         values
     }
 
-    /// Constants for the inputs of a component. Those in the case take precedence over those in the component.
+    /// Constants for the inputs of a component. Constants of the case take precedence over constants of the component.
     pub(super) fn constants(&mut self, case: &Case, member: &CaseComponent<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         for (level, is_of_component) in
@@ -253,7 +253,7 @@ impl Resolver<'_> {
                     let value = self.value(&member.found.description, variable, written);
                     constants.insert(v, (value, pattern.span()));
                 }
-                // Another FMU need not have all inputs of the component's own.
+                // Another FMU need not have all inputs of the component's own FMU.
                 let may_lack = is_of_component && member.replaced.is_some();
                 if !any && !may_lack {
                     let names = member.all(Causality::Input).map(|(_, v)| v.name.as_str());
@@ -284,7 +284,7 @@ impl Resolver<'_> {
         });
         match result {
             Ok(value) => {
-                // A value with an explicit unit is intended.
+                // An explicit unit shows that the value is intended.
                 if !written.0.is_table() {
                     self.check_angle(variable, &value, written.span(), None);
                 }
@@ -302,7 +302,8 @@ impl Resolver<'_> {
         Value::String(super::file_in(self.folder, text).unwrap_or_else(|| text.to_owned()))
     }
 
-    /// Warns about an angle at `span` that was probably meant in degrees, in the file `set` if it is a parameter set.
+    /// Warns about an angle at `span` that was probably meant in degrees; `set` is the file if the angle is from a
+    /// parameter set.
     fn check_angle(&mut self, variable: &Variable, value: &Value, span: Range<usize>, set: Option<&str>) {
         if let Value::Real(number) = *value
             && is_implausible(variable, number)
@@ -341,7 +342,8 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
     };
     match (written, variable.base_type) {
         (toml::Value::Float(v), BaseType::Real) => Ok(Value::Real(*v)),
-        // TOML integers have 64 bits; whole numbers beyond 2^53 are not sensible parameters.
+        // Integers in TOML have 64 bits. Only integers beyond 2^53, which make no sense as parameters, would be
+        // rounded.
         (toml::Value::Integer(v), BaseType::Real) => Ok(Value::Real(*v as f64)),
         (toml::Value::Integer(v), BaseType::Integer) => Ok(Value::Integer(*v)),
         (toml::Value::String(name), BaseType::Integer) => named(variable, name),

@@ -113,9 +113,9 @@ impl<'a> Resolver<'a> {
                     ),
                     (Ok(Some(source)), _) => inputs.push((v, source)),
                     (Ok(None), Some((Some(value), _))) => inputs.push((v, Source::Constant(value.clone()))),
-                    // The invalid constant was reported.
+                    // The invalid constant has been reported.
                     (Ok(None), Some((None, _))) => (),
-                    // Nothing can be connected to it: it keeps its start value.
+                    // Nothing can be connected to a String input, which keeps its start value.
                     (Ok(None), None) if variable.base_type == BaseType::String && variable.start.is_some() => (),
                     (Ok(None), None) if variable.element.is_some() => elements.push(variable.name.as_str()),
                     (Ok(None), None) => missing.push(variable.name.as_str()),
@@ -148,7 +148,8 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Reports inputs of a component without a writer. Inputs that lost their writer by a swap are listed separately.
+    /// Reports inputs of a component without a writer. Inputs that lost their writer because a case replaces an FMU are
+    /// listed separately.
     fn report_missing(
         &mut self,
         system: &System<'_>,
@@ -252,13 +253,13 @@ impl<'a> Resolver<'a> {
         let output = writer.variable(o);
         let fed = self.column(Some(writer.name()), &output.name).or_else(|| self.column(None, &output.name));
         if let Some(column) = fed {
-            // A connection that converts reads values of the output's type.
+            // If the connection converts between types, the column has values of the output's type.
             let of = if conversion::between(output, input).is_some() { (writer, output) } else { (member, input) };
             lost.push(((w, o), column));
             self.note_replacement(system, (w, o), (m, v), column);
             return self.use_column(column, of, input).map(Some);
         }
-        // The ends of a connection were checked where it is written.
+        // The ends of an explicit connection have been checked already.
         if explicit.is_none()
             && let Err(message) = compatible((writer, output), (member, input))
         {
@@ -440,7 +441,7 @@ impl<'a> Resolver<'a> {
                 Err(())
             }
             Some(v) => Ok(Some((m, v))),
-            // Another FMU need not have all inputs of the component's own.
+            // Another FMU need not have all inputs of the component's own FMU.
             None if causality == Causality::Input && member.replaced.is_some() => Ok(None),
             None => {
                 let names: Vec<&str> = member.wirable(causality).map(|(_, v)| v.name.as_str()).collect();

@@ -3,9 +3,9 @@
 /// Maximum length of a number in bytes: `-2.2250738585072014e-308`.
 pub(super) const MAX_LENGTH: usize = 24;
 
-/// Appends the shortest text that reads back as the same double, in the notation of `{:?}` but four times faster. Of
-/// two shortest texts that are equally near, it writes the one with the even digit, as Python does: the files of the
-/// FMPy master have the same bytes.
+/// Appends the shortest text that reads back as the same double, in the notation of `{:?}` but four times faster. If
+/// two of the shortest texts are equally near, it writes the text that ends with an even digit, as Python does, so that
+/// the files of the FMPy master have the same bytes.
 pub(super) fn push(text: &mut Vec<u8>, value: f64) {
     let mut buffer = zmij::Buffer::new();
     let number = buffer.format(value).as_bytes();
@@ -101,7 +101,7 @@ mod tests {
             (state >> 32) as u32
         };
         for _ in 0..200_000 {
-            // Any double, one in the range of signals, one with few digits.
+            // Test any double, a double in the range of signals, and a double with few digits.
             let (high, low) = (random(), random());
             assert_as_debug(f64::from_bits(u64::from(high) << 32 | u64::from(low)));
             let unit = f64::from(low) / f64::from(u32::MAX) - 0.5;

@@ -10,7 +10,8 @@ use fmu_import::names::suggestion;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// Number of steps between two times. An error if it is not whole, within a relative 1e-9, or above the limit.
+/// Returns the number of steps between two times. Fails if the number is not whole, within a relative 1e-9, or above
+/// the limit.
 pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, String> {
     let ratio = (stop - start) / step;
     let steps = ratio.round();

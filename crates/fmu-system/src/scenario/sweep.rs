@@ -4,7 +4,7 @@ use super::layout::{Given, Point, Scenario, Sweep, Values, ValuesByComponent};
 use crate::problem::Collector;
 use crate::spanned::Spanned;
 
-/// The axis of a sweep with these keys; `None` if points are written one by one.
+/// Returns the axis of a sweep with these keys; `None` if points are written one by one.
 fn generated<'a>(
     title: &'a str,
     unit: &'a str,

@@ -12,7 +12,7 @@ const TAKEN: [&str; 10] =
     ["sample", "case", "point", "seed", "status", "time", "component", "variable", "message", "seconds"];
 /// Samples of a study without `runs`.
 const SAMPLES: i64 = 100;
-/// Smallest share of a distribution that its limits must keep.
+/// The share of a distribution between its limits must be larger than this.
 const SMALLEST_PART: f64 = 1e-9;
 
 impl Method {
@@ -320,7 +320,7 @@ impl Factor {
         checks.absent(&wrong, format!("expected {} weights of at least 0, one of them above 0", levels.len()));
     }
 
-    /// Checks that a distribution has the keys that it needs, and no others.
+    /// Checks that a distribution has the keys that it needs, and no other keys.
     fn check_numbers(&self, distribution: Option<Distribution>, checks: &mut Checks<'_>) {
         let what = distribution.map_or("a list of values".to_owned(), |d| format!("distribution {}", word(d)));
         let (needed, allowed) = distribution.map_or((&[] as &[_], &[] as &[_]), Distribution::keys);

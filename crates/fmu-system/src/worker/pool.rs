@@ -35,8 +35,8 @@ pub struct Task {
     pub csv: Option<(Vec<String>, PathBuf)>,
 }
 
-/// Receives the index of a task and its outcome. If the rows were written to a file, the recording (or the failure's)
-/// contains only the time of the last row.
+/// Receives the index of a task and its outcome. If the rows were written to a file, the recording in the outcome, also
+/// in a failure, contains only the time of the last row.
 pub type Finish<'a> = &'a (dyn Fn(usize, Result<Recording, Failure>) + Sync);
 
 /// A run whose file is written, but not published.
@@ -127,7 +127,7 @@ impl Pool {
                 let has_rows = outcome.as_ref().map_or_else(|failure| failure.recorded.is_some(), |_| true);
                 match part {
                     Some(part) if has_rows => {
-                        // Nobody receives if the publishing thread could not be started.
+                        // There is no receiver if the publishing thread could not be started.
                         if let Err(SendError(file)) = written.send(Written { index, run, part, outcome }) {
                             file.publish(finish);
                         }
@@ -141,8 +141,8 @@ impl Pool {
             }
         };
         std::thread::scope(|scope| {
-            // A separate thread waits for the disk, while the worker executes the next run. No more files wait than
-            // there are workers.
+            // A separate thread waits for the disk, while the worker executes the next run. At most as many files wait
+            // as there are workers.
             let (written, files) = sync_channel::<Written>(self.workers.len());
             let _ = std::thread::Builder::new()
                 .spawn_scoped(scope, move || files.into_iter().for_each(|file| file.publish(finish)));
@@ -167,7 +167,7 @@ impl Pool {
         slot.as_mut().ok_or_else(String::new)
     }
 
-    /// Executes a run. If its process ends, what it has recorded is lost: if the rows are for a file, the run is
+    /// Executes a run. If the worker process ends, the recorded rows are lost. If they were for a file, the run is then
     /// repeated up to the failure, with the same calls.
     fn run_or_repeat(
         &self,

@@ -42,7 +42,7 @@ pub(super) enum Request {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Response {
     Done,
-    /// Start values of the components, for those that start in a steady state.
+    /// Start values of each component that starts in a steady state; `None` for other components.
     Steady(Vec<Option<Vec<Setting>>>),
     Warnings(Vec<String>),
     /// The run is done. Time and columns are in the body.
