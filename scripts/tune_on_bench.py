@@ -27,7 +27,8 @@ from chassis_fmu.scenario import worker_program
 SEED = 1
 PARAMETERS = ROOT / "modelDescription" / "parameters"
 
-# As a limit: the value of the system without controllers, with a slack of `SAME`, which the bench calls *same*.
+# As a limit, `WITHOUT` stands for the value of the system without controllers. A value that misses it by up to the
+# share `SAME` passes, because the bench calls it *same*.
 WITHOUT = "without"
 SAME = 0.01
 

@@ -36,7 +36,7 @@ class Request(msgspec.Struct, frozen=True):
     """Values of the metrics, by the id of each complete run."""
     verdicts: tuple[Verdict, ...] = ()
     incomplete: dict[str, str] = {}
-    """Why each of the other runs is incomplete."""
+    """Reason for each incomplete run, by its id."""
     parquet: bool = False
     inputs: str | None = None
     """Name of the file with input signals."""

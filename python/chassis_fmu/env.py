@@ -37,7 +37,8 @@ class Env(gymnasium.Env[Array, Array]):
     - `observe`: recorded signals of the scenario, each as `signal` or `component:signal`, in their units.
     - `reward`: a function of the signals before the step, the action and the signals after it; or the name of a
       recorded signal, whose value after the step is the reward. The function gets the signals of `observe` by name.
-    - `period`: duration of an environment step (s), a multiple of the communication step (default: one of them).
+    - `period`: duration of an environment step (s), a multiple of the communication step (default: one communication
+      step).
     - `terminate`: a function of the signals after a step; if it returns true, the episode is terminated.
 
     Spaces are boxes of float64: the action has the shape (number of inputs,), the observation (number of signals,).

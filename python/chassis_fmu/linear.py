@@ -24,7 +24,7 @@ class SteadyState:
 
     fmu: str
     states: dict[str, float]
-    """All states. Those of `drifting` and `undetermined` have their start values."""
+    """All states. The states in `drifting` and `undetermined` have their start values."""
     inputs: dict[str, float]
     """The free inputs."""
     starts: dict[str, Value]

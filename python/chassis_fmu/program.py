@@ -27,7 +27,7 @@ def find() -> Path:
     folders = ("debug" if chosen == "dev" else chosen,) if chosen else ("debug", "release")
     builds = (ROOT / "target" / folder / name for folder in folders)
     places = [PACKAGE / "bin" / name, *sorted(builds, key=_time, reverse=True)]
-    # The Python command of this environment has the same name; it would call itself.
+    # The Python command `chassis` of this environment has the same name, and would call itself.
     own = Path(sys.executable).with_name(name)
     on_path = shutil.which(name)
     if on_path is not None and Path(on_path) != own:

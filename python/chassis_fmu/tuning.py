@@ -1,4 +1,4 @@
-"""Tuning studies: converts the history that `chassis study` writes to Parquet, and makes a plot and a page."""
+"""Tuning studies: converts the histories from `chassis study` to Parquet, and makes a plot and a page."""
 
 from __future__ import annotations
 
@@ -37,15 +37,16 @@ FORMAT = 3
 
 ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
 
-# Vertical range of the plot. Its top is the median objective of the slowest method after the first EARLY share of the
-# evaluations, at least after FEW evaluations or a third of all: earlier objectives depend on chance. A comparison
-# within NEAR times this range is drawn as a line; a higher one is only labeled, with an arrow.
+# Vertical range of the plot. Its top is the median objective of the slowest method after the share EARLY of the
+# evaluations, but not before FEW evaluations (or a third of all evaluations, if that is fewer): earlier objectives
+# depend on chance. An objective to compare with is drawn as a line if it is within NEAR times this range; a higher
+# objective only has a label with an arrow.
 EARLY = 0.05
 FEW = 10
 NEAR = 1.5
 # The axis is logarithmic if the ratio of the highest to the lowest objective exceeds this.
 DECADES = 5.0
-# Labels of levels are beside the plot: characters per line, and the height of a line as a share of the plot's height.
+# Labels beside the plot: number of characters per line, and height of a line as a share of the plot's height.
 LABEL = 28
 LINE = 0.045
 
@@ -179,7 +180,10 @@ def _short(value: float) -> str:
 
 
 def median(curves: Sequence[Array]) -> Array:
-    """Return the median of curves. A curve that ends early keeps its last value; before its first, it is infinite."""
+    """Return the median of curves.
+
+    A curve that ends early keeps its last value; before its first value, it is infinite.
+    """
     length = max(len(c) for c in curves)
     padded = [np.pad(np.nan_to_num(c, nan=np.inf), (0, length - len(c)), mode="edge") for c in curves]
     middle: Array = np.sort(padded, axis=0)[len(curves) // 2]
@@ -226,7 +230,7 @@ class Scale:
 
 
 def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
-    """Move overlapping labels apart and into the plot; `places` are their heights from the top down."""
+    """Move overlapping labels apart and into the plot; `places` are the heights of the labels, from the top down."""
 
     def inside(center: float, rows: list[float]) -> float:
         # The first and the last label may extend beyond the plot by half a line.

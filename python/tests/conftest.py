@@ -20,7 +20,7 @@ def scenario() -> plan.Plan:
 
 @pytest.fixture
 def run_by_both_masters(tmp_path: Path) -> Callable[[Path, Path], Path]:
-    """Run the case `only` of a scenario with the FMUs of a folder; both masters write the same bytes."""
+    """Return a function that runs the case `only` in both masters, which must write the same bytes."""
 
     def run(scenario: Path, fmus: Path) -> Path:
         files: list[Path] = []

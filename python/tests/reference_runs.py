@@ -1,9 +1,9 @@
 """Independent implementation of Driver, PathDriver, Road, Sensor, Actuator and SuspensionMixer, for reference data.
 
-It was written from the README files, not from the Rust code, including the random numbers. numpy computes whole signals
-at once; the all-pass is integrated by a series, the cosines are summed one by one, and ChaCha8 follows its definition
-(Bernstein, "ChaCha, a variant of Salsa20", 2008; as in RFC 8439, but with 8 rounds, and 64 bits each for the counter
-and the stream).
+It was written from the README files and not from the Rust code, even for the random numbers. numpy computes whole
+signals at once; the all-pass is integrated by a series, the cosines are summed one by one, and ChaCha8 follows its
+definition (Bernstein, "ChaCha, a variant of Salsa20", 2008; as in RFC 8439, but with 8 rounds, and 64 bits each for the
+counter and the stream).
 
     .venv/bin/python python/tests/reference_runs.py
 
@@ -101,7 +101,7 @@ def split_mix(seed: int, count: int) -> Array:
 
 
 def ramp(t: Array, start: float, rise_time: float) -> Array:
-    """Return clamp((t - start)/rise_time, 0, 1), or a step that is on at its start."""
+    """Return clamp((t - start)/rise_time, 0, 1); for a rise time of 0, a step that is 1 from `start` on."""
     if rise_time == 0.0:
         return np.where(t > start - 1e-9, 1.0, 0.0)
     return np.clip((t - start) / rise_time, 0.0, 1.0)
@@ -145,7 +145,7 @@ def rising_speed(t: Array) -> Array:
     return 8.0 + 16.0 * ramp(t, 2.0, 5.0)
 
 
-# The rows of the table of `driver_table`.
+# The columns of the table for `driver_table`.
 DEMANDS = {
     "time": [0.5, 1.0, 1.25, 3.0],
     "driver.steer": [0.0, 0.1, -0.05, 0.02],
@@ -195,14 +195,14 @@ DRIVER: dict[str, Callable[[], Signals]] = {
 # Road ---------------------------------------------------------------------------------------------------------------
 
 # First grid point of shaped noise, relative to the front axle at the start: the random numbers begin 1022 cells behind
-# it.
+# the axle.
 FIRST = -1022
 
 # Distance of the axles behind the front axle, m.
 OFFSETS = {"f": 0.0, "m": 2.95, "r": 4.6}
 NO_OFFSETS = {"f": 0.0, "m": 0.0, "r": 0.0}
 
-# Length of the delay of delayed tracks, m.
+# Distance by which the right track of the road lags behind the left track if it is a delayed copy, m.
 TRACK = 1.56
 
 
@@ -212,7 +212,7 @@ def deviation(coefficient: float, cutoff: float) -> float:
 
 
 def shaped(seed: int, stream: int, coefficient: Array, cutoff: float, spacing: float, last_zero: float | None) -> Array:
-    """Return the height at every grid point; `coefficient` has a value for each."""
+    """Return the height at every grid point; `coefficient` has a value for each grid point."""
     numbers = normals(seed, stream, len(coefficient))
     alpha = math.exp(-2.0 * math.pi * cutoff * spacing)
     z = np.zeros(len(coefficient))
@@ -256,7 +256,7 @@ def all_pass(z: Array, place: Array, length: float) -> Array:
 
 
 def mixed(first: Array, second: Array, rho: float) -> tuple[Array, Array]:
-    """Return two tracks with the correlation rho, mixed from independent ones."""
+    """Return two tracks with the correlation rho, mixed from two independent tracks."""
     common, opposite = math.sqrt((1.0 + rho) / 2.0) * first, math.sqrt((1.0 - rho) / 2.0) * second
     return common + opposite, common - opposite
 
@@ -333,7 +333,7 @@ def default() -> Signals:
 
 
 def from_front_axle() -> Signals:
-    """Return mixed tracks that start at the front axle, of class B, of class F from 1.5 s on; the vehicle reverses."""
+    """Return mixed tracks that start at the front axle: class B, and class F from 1.5 s on. The vehicle reverses."""
     ride = Ride(2.6, lambda t: 12.0 * np.cos(0.9 * t))
     spacing = 0.02
     count = ride.points(spacing)
@@ -369,7 +369,7 @@ def harmonic(pair: str) -> Callable[[], Signals]:
     return run
 
 
-# The rows of the table of `road_table`.
+# The columns of the table for `road_table`.
 HEIGHTS = {
     "distance": [-3.0, 0.0, 2.5, 4.0, 4.75, 20.0, 41.0],
     "height_left": [0.01, 0.0, 0.05, -0.02, -0.02, 0.03, 0.0],
@@ -436,7 +436,7 @@ def signal(t: Array) -> Array:
 
 
 def as_printed(values: Array) -> Array:
-    """Return the values rounded as in the file."""
+    """Return the values as they are rounded in the file."""
     return np.array([float(f"{v:.{DIGITS}g}") for v in values])
 
 
@@ -625,7 +625,7 @@ def text(signals: Mapping[str, Array], thinned: int = THINNED) -> str:
 
 
 def csv(columns: Mapping[str, list[float]]) -> str:
-    """Return the file of a table parameter."""
+    """Return the content of the file for a table parameter."""
     rows = zip(*columns.values(), strict=True)
     return "\n".join([",".join(columns), *(",".join(f"{v:g}" for v in row) for row in rows)]) + "\n"
 

@@ -23,10 +23,10 @@ FOLDER = Path(os.environ.get("CHASSIS_FMU3_DIR", Path(__file__).parents[2] / "ta
 DESCRIPTIONS = {path: fmpy.read_model_description(str(path)) for path in sorted(FOLDER.glob("*.fmu"))}
 CONTINUOUS = [path for path, description in DESCRIPTIONS.items() if description.numberOfContinuousStates > 0]
 
-# Relative to the largest derivative. Both derivatives sum the same products, all but one of them zero.
+# Tolerance relative to the largest derivative. Both derivatives sum the same products, of which only one is not zero.
 TRANSPOSED = 1e-14
-# Step of the differences, in nominal values. Their error is the third derivative times the square of the step, plus the
-# rounding of the values, 1e-16, divided by the step.
+# Step of the central differences, in nominal values. The error of a difference is the third derivative times the square
+# of the step, plus the rounding of the values, 1e-16, divided by the step.
 STEP = 1e-5
 DIFFERENCES = 1e-6
 ROUNDING = 1e-10
@@ -62,7 +62,7 @@ def test_derivatives_are_those_of_the_equations(path: Path, seed: int) -> None:
     adjoint = np.array([instance.getAdjointDerivative([row], columns, [1.0], len(columns)) for row in rows])
     greatest = np.abs(directional).max()
     assert np.abs(adjoint - directional).max() <= TRANSPOSED * greatest
-    # One direction with all knowns, one seed of all unknowns.
+    # Use one direction that changes all knowns, and one seed for all unknowns.
     direction, weights = random.uniform(-1.0, 1.0, len(knowns)) * nominal, random.uniform(-1.0, 1.0, len(rows))
     forward = np.array(instance.getDirectionalDerivative(rows, columns, list(direction)))
     backward = np.array(instance.getAdjointDerivative(rows, columns, list(weights), len(columns)))

@@ -64,7 +64,7 @@ def environment(loop: cf.Scenario, **options: Any) -> cf.Env:
 
 
 def wired(plain: dict[str, Array]) -> Array:
-    """Return the steering angles that the vehicle gets in each step: from the next row, as the steering steps first."""
+    """Return the steering angle for each step: it is in the next row, because the steering steps first."""
     return np.column_stack([plain[f"steer.{axle}"][1:] for axle in ("front", "middle", "rear")])
 
 
@@ -73,7 +73,7 @@ def observed(plain: dict[str, Array]) -> Array:
 
 
 def play(env: cf.Env, actions: Array) -> Array:
-    """Return the observations of an episode, the first one before the first action."""
+    """Return the observations of an episode, beginning with the observation before the first action."""
     observations = [env.reset()[0]]
     for number, action in enumerate(actions):
         observation, _, terminated, truncated, _ = env.step(action)
@@ -444,7 +444,10 @@ def test_errors_of_trims_name_the_state() -> None:
 def test_masters_and_other_values_start_steady(
     tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
 ) -> None:
-    """Both masters start in the same steady state, bit-identically; a run with a changed value in its own one."""
+    """Both masters start in bit-identical steady states.
+
+    A run with a changed value starts in a steady state for this value.
+    """
     file = tmp_path / "turn.toml"
     file.write_text(STEADY, encoding="utf-8")
     with run_by_both_masters(file, cf.fmus()["RescueVehicle"].parent).open(encoding="utf-8") as text:

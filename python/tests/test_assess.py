@@ -170,8 +170,8 @@ def test_the_page_is_on_the_list_of_results(folder: Path) -> None:
 def test_the_path_of_the_driver_is_that_of_the_maneuver(folder: Path) -> None:
     """Reference: the path of the single lane change, y = H (q - sin(2 pi q) / (2 pi)), which ends 1.4637 m to the side.
 
-    The deviation in a row is from the step before. The error is therefore the vehicle's movement away from the path in
-    1 ms: less than 0.1 mm, because this velocity is below 0.1 m/s at both ends.
+    The deviation in a row is from the preceding step. The error is therefore the vehicle's movement away from the path
+    in 1 ms: less than 0.1 mm, because this velocity is below 0.1 m/s at both ends.
     """
     recording = Folder(folder).recording("without", "single_lane_change")
     assert recording is not None
@@ -194,7 +194,7 @@ def test_the_page_of_an_assessment_that_is_there(folder: Path, page: str) -> Non
     code, text = commands.chassis("bench", "run", "EspCar", "--out", folder, "--report-only")
     assert (code, text) == (0, f"{folder / 'index.html'}\n")
     again = (folder / "index.html").read_text(encoding="utf-8")
-    # Equal except for the command.
+    # Both pages are equal except for the command.
     assert re.sub(r"<code>chassis bench .*?</code>", "", again) == re.sub(r"<code>chassis bench .*?</code>", "", page)
 
 
@@ -295,13 +295,13 @@ def test_both_masters_drive_alike_and_to_both_sides(
 @pytest.mark.parametrize(
     ("arguments", "warning"),
     [
-        # In its paper, FuzzyCoordination provides the weights.
+        # In the paper on DualSlidingModeSteering, FuzzyCoordination provides the weights.
         (
             ("RescueVehicle", "--with", "DualSlidingModeSteering"),
             "nothing writes `weight.steering`, which keeps its start value 0.0; "
             "FMUs that write it: `FuzzyCoordination`",
         ),
-        # AntilockBraking gets the pressures from this FMU.
+        # AntilockBraking gets its pressures from DirectYawControl.
         (
             ("EspCar", "--with", "DirectYawControl"),
             "DirectYawControl has no effect: nothing reads its outputs; FMUs that read them: `AntilockBraking`",

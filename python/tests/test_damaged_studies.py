@@ -61,7 +61,7 @@ def damage(text: str, chance: random.Random) -> str:
             place = chance.randrange(len(line) + 1)
             lines[at] = line[:place] + chance.choice("\0\ufeff[*:\U0001f697") + line[place:]
         elif "=" in line:
-            # A value that can have another type.
+            # Replace a value, possibly with a value of another type.
             lines[at] = f"{line.partition('=')[0]}= {chance.choice(VALUES)}"
     return "\n".join(lines)
 

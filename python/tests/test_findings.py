@@ -66,8 +66,8 @@ CHANGE = "change_percent"
 class Pin:
     """A cell of a table and its reference.
 
-    `within` is the uncertainty from the printed digits of the reference. `seeds` is the number of other roads that the
-    reference is a mean over. It adds six standard errors of the difference between the two means, from the scatter
+    `within` is the uncertainty from the printed digits of the reference. The reference is a mean over `seeds` other
+    roads. Six standard errors of the difference between the two means are therefore added, computed from the scatter
     between our roads. The addition is limited to a third of the number (two percentage points for a small change), so
     large scatter does not pass.
     """
@@ -97,7 +97,7 @@ def pins(cells: str, within: float, seeds: int = 0, column: str = "ours") -> lis
 
 
 def columns(metrics: str, table: str, within: str, seeds: int) -> list[Pin]:
-    """Read a table with a case and its numbers per line; "-" stands for none."""
+    """Read a table with a case and its numbers per line; "-" stands for a missing number."""
     names, digits = metrics.split(), [float(d) for d in within.split()]
     return [
         Pin(f"{name}.{case}", float(number), digit, seeds)
@@ -134,7 +134,7 @@ PINS: dict[str, list[Pin]] = {
         *pins("yaw_acceleration_rms.coordination 0.05", 0.02, 8, CHANGE),
         *pins("heave_acceleration_rms.coordination 23", 1.0, 8, CHANGE),
     ],
-    # Variants in section 7: one road. Variants whose effect is smaller than the scatter between roads are left out.
+    # Variants in section 7, on one road. Variants whose effect is smaller than the scatter between roads are left out.
     "rescue_vehicle_step_steer_variants": [
         *pins(
             """
@@ -166,7 +166,7 @@ PINS: dict[str, list[Pin]] = {
             CHANGE,
         ),
     ],
-    # Table 5: one road.
+    # Table 5, on one road.
     "rescue_vehicle_double_lane_change": [
         *pins("roll_rms.individual 0.0151\nroll_rate_rms.individual 0.0229\nsideslip_rms.individual 0.0007", 0.0001, 1),
         *pins("roll_acceleration_rms.individual 0.09", 0.0001, 1),
@@ -185,7 +185,8 @@ PINS: dict[str, list[Pin]] = {
             CHANGE,
         ),
     ],
-    # Table 7: one road. Before the turn: the shares from the rules without steering, and the numbers of the audit.
+    # Table 7, on one road. For the time before the turn, the shares follow from the fuzzy rules without steering, and
+    # the other numbers are from the audit.
     "rescue_vehicle_test_condition": [
         *pins("roll_rms.individual 0.0295\nyaw_acceleration_rms.individual 0.0467", 0.0001, 1),
         *pins("roll_acceleration_rms.individual 0.1515\nlateral_acceleration_rms.individual 1.5258", 0.0001, 1),
@@ -209,7 +210,7 @@ PINS: dict[str, list[Pin]] = {
         1,
         CHANGE,
     ),
-    # Table 3 of the truck: the same roads, the printed digits.
+    # Table 3 of the truck, on the same roads as the reference, to the printed digits.
     "heavy_vehicle_control": pins(
         """
         heave_acceleration_rms.uncontrolled@step 0.9283
@@ -312,7 +313,7 @@ PINS: dict[str, list[Pin]] = {
             0.01,
         ),
     ],
-    # Table 7 of the car: flat as printed, rough over four other roads.
+    # Table 7 of the car: on a flat road to the printed digits, on rough roads as means over four other roads.
     "esp_car_uniform": [
         *pins(
             """
@@ -526,7 +527,8 @@ PINS: dict[str, list[Pin]] = {
             "0.001 0.001 0.001 0.001 0.01",
             8,
         ),
-        # The audit: disturbances before the turn, equal for all controls, against the nominal peak on one road.
+        # From the audit: the effect of disturbances before the turn, which is equal for all controls, and the nominal
+        # peak on one road.
         *(
             Pin(f"roll_shift.disturbance_{n}@{control}", shift, 0.0005)
             for n, shift in ((1, 0.019), (2, 0.038))
@@ -534,7 +536,7 @@ PINS: dict[str, list[Pin]] = {
         ),
         *pins("roll_peak_straight.nominal@switched 0.029", 0.0005, 5),
     ],
-    # Sections 6 and 7: sixteen other roads; eight for the two columns of Table 5.
+    # Sections 6 and 7: means over sixteen other roads, or over eight for the two columns of Table 5.
     "hydro_pneumatic_passive_table2": [
         *pins("heave_acceleration_rms.passive 0.80", 0.01, 16),
         *pins("roll_acceleration_rms.passive 1.16", 0.01, 16),
@@ -555,8 +557,8 @@ PINS: dict[str, list[Pin]] = {
     ],
 }
 
-# Every tier runs these scenarios, which take seconds, without a road. .ci/run adds a sample of the others,
-# scripts/nightly runs all.
+# Every tier runs these scenarios, which have no road and take seconds. .ci/run adds a sample of the other scenarios,
+# and scripts/nightly runs all scenarios.
 FIRST_TIER = ("heavy_vehicle_steering",)
 SAMPLE = ("rescue_vehicle_test_condition", "esp_car_steering_braking")
 

@@ -156,7 +156,7 @@ def test_toml_blocks_are_understood(path: Path, tmp_path: Path) -> None:
             # The command reads the file and compares its signals with those of a plant that does not have them.
             assert "`delta`" in messages("chassis", "bench", "run", "EspCar", "--vehicle", file, "--fmus", FOLDER, *out)
         elif "method =" in text:
-            # One of the runs.
+            # Execute only one of the runs.
             runs = text.partition("runs = ")[2].split()[0]
             assert not messages("chassis", "study", file, "--shard", f"1/{runs}", "--fmus", FOLDER, *out)
         else:

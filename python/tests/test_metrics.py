@@ -306,8 +306,8 @@ def test_a_value_that_is_not_finite_gives_no_number(value: float) -> None:
 def test_the_spectrum_is_that_of_scipy(rows: int) -> None:
     # Segments of 4, 5, 22, 200, 1010 and 2001 rows. A transform of N rows has an error of about log2(N) units in the
     # last place of its largest line, which gives the absolute tolerance. scipy's mean of values near 1e3 has an error
-    # of 1e-13. It appears in the first line, with noise of 3: at most N/4 1e-13/(3 sqrt(3 N/8)) = 1e-12 of its
-    # amplitude.
+    # of 1e-13. This error appears in the first line of the spectrum, together with noise of deviation 3: it is at most
+    # N/4 1e-13/(3 sqrt(3 N/8)) = 1e-12 of the amplitude of the line.
     times = 3.0 + np.arange(rows) * 0.004
     size = rows * 2 // 9
     for values in signals(rows):
@@ -325,8 +325,8 @@ def test_the_spectrum_is_that_of_scipy(rows: int) -> None:
 
 @pytest.mark.parametrize("rows", [18, 901, 4547])
 def test_transfer_functions_are_those_of_scipy(rows: int) -> None:
-    # Segments and errors of the lines are as for the spectrum. The error of a quotient is several times as large, if
-    # its lines are not small.
+    # Segments and errors of the lines are as in the test of the spectrum. The error of a quotient of two lines is
+    # several times as large, if the lines are not small.
     times = 3.0 + np.arange(rows) * 0.004
     rng = np.random.default_rng(7)
     given = rng.normal(size=rows)
@@ -461,7 +461,7 @@ def test_several_signals_are_combined_row_by_row(scenario: Plan) -> None:
 
     assert of("share_below", "min", threshold=1.0) == 0.75
     assert of("share_below", "max", threshold=1.0) == 0.25
-    # 2 x^2 - y^2: 50, -4, 14, 0
+    # 2 x^2 - y^2 is 50, -4, 14 and 0.
     assert of("mean", "squares", weights=(2.0, -1.0)) == 15.0
     assert of_recording(two, scenario, Recording(TIMES, {"body.roll": TIMES})) is None
 

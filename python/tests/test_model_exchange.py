@@ -128,7 +128,7 @@ class Run:
     constants: Values = field(default_factory=dict)
     # End of the run, if it is before the end of the file (s).
     stop: float = math.inf
-    # `max_step` (s) to measure order 4. At this step and at half of it, the errors are far above those of CVode.
+    # `max_step` (s) to measure order 4. At this step and at half of it, errors are far above CVode's.
     coarse: float | None = None
 
     def __str__(self) -> str:
@@ -287,7 +287,7 @@ def model_exchange(fmu: Fmu, run: Run) -> tuple[Array, Changes]:
 
 
 def errors(fmu: Fmu, found: Array, expected: Array) -> dict[str, float]:
-    """Return the largest difference over the peak for every output."""
+    """Return the largest difference, relative to the peak, for every output."""
     assert np.isfinite(found).all()
     assert np.isfinite(expected).all()
     peak = np.maximum(np.abs(expected).max(axis=0), FLOOR)
@@ -315,8 +315,8 @@ def test_smooth_runs_are_equal(fmus: dict[str, Fmu], run: Run) -> None:
 def test_the_difference_falls_with_order_four(fmus: dict[str, Fmu], run: Run) -> None:
     """Reference: order 4 of the classical Runge-Kutta method. Half the step gives a sixteenth of the error.
 
-    Signals are compared if their errors are far above those of CVode. Tolerance: the next term of the error, of the
-    size of the step times the fastest eigenvalue; the measured orders are 3.86 to 4.29.
+    Signals are compared if their errors are far above the errors of CVode. Tolerance: the next term of the error, of
+    the size of the step times the fastest eigenvalue; the measured orders are 3.86 to 4.29.
     """
     fmu = fmus[run.fmu]
     assert run.coarse is not None

@@ -109,17 +109,18 @@ def seeded(plan: Plan, passive: list[float], active: list[float]) -> Numbers:
 @pytest.mark.parametrize(
     ("active", "status"),
     [
-        # The paper's change is -25 % (4 to 3). Within 25 % of it: -31.25 to -18.75; five points: -30 to -20.
+        # The paper's change is -25 % (4 to 3). A change of -31.25 % to -18.75 % is within 25 % of it, a change of -30 %
+        # to -20 % within five percentage points.
         ([2.76, 2.76, 2.76], Status.REPRODUCED),
         ([3.24, 3.24, 3.24], Status.REPRODUCED),
         ([2.7, 2.7, 2.7], Status.PARTLY),
         ([3.3, 3.3, 3.3], Status.PARTLY),
         ([4.0, 4.0, 4.0], Status.NOT_REPRODUCED),
         ([5.0, 5.0, 5.0], Status.NOT_REPRODUCED),
-        # Mean of the differences -1, standard deviation 1: with half width 4.303/sqrt(3) = 2.48, the interval contains
-        # zero.
+        # The differences have the mean -1 and the standard deviation 1. With a half width of 4.303/sqrt(3) = 2.48, the
+        # interval contains zero.
         ([2.0, 3.0, 4.0], Status.PARTLY),
-        # Standard deviation 0.1: half width 0.248.
+        # With a standard deviation of 0.1, the half width is 0.248.
         ([2.9, 3.0, 3.1], Status.REPRODUCED),
     ],
 )

@@ -114,7 +114,7 @@ def test_the_parts_are_there(text: str) -> None:
     ]
     assert len(tree.xpath("//table[@class='headline seeds']/tbody")) == 2
     assert len(tree.xpath("//table[@class='headline seeds']/tbody/tr")) == 4
-    # 3 compared with 3 is no change, but the paper has one.
+    # 3 compared with 3 is no change, but the paper reports a change.
     assert tree.xpath("string(//article[@class='not_reproduced']/span)") == "Not reproduced"
     assert tree.xpath("string(//article/p[@class='claim'])") == "Less <roll>, by 25.0 %"
     assert "0.0 %, paper −25.0 %" in tree.xpath("string(//ul[@class='checks'])")

@@ -144,7 +144,7 @@ def test_a_signal_stands_dashed_beside_others(scenario: Plan) -> None:
         plain = draw(scenario, figure, recordings())
         beside = draw(scenario, replace(figure, against=0), recordings())
         assert "stroke-dasharray" not in plain.svg
-        # One of the two cases has the signal; another dashed line is in the legend.
+        # One dashed line is for the only case that has the signal, the other one is in the legend.
         assert beside.svg.count("stroke-dasharray") == 2
     assert figures.columns_of(scenario, replace(bare, against=0)) == {0, 1}
 

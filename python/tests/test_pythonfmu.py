@@ -93,7 +93,7 @@ def test_it_controls_the_yaw_rate(folder: Path) -> None:
 
 def test_it_is_another_law(folder: Path) -> None:
     moments = [columns(folder, case)["demand.yaw_moment"] for case in ("python", "coordination")]
-    # N.m; both yaw moments are some hundred N.m.
+    # The limit is in N.m; both yaw moments are some hundred N.m.
     assert np.abs(moments[0] - moments[1]).max() > 10.0
 
 

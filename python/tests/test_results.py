@@ -8,7 +8,7 @@ import pytest
 
 from chassis_fmu.files import results
 
-# The last one is halfway between two shortest decimal representations.
+# The last number is halfway between two equally short decimal representations.
 NASTY = [0.1 + 0.2, -0.0, 5e-324, 1.7976931348623157e308, 1e-5, 1e16, 123456789.12345679, 1.0, -2.5e-8, 2.0**-25]
 
 

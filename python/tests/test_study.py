@@ -57,7 +57,7 @@ def test_every_run_is_a_row_with_its_values_and_metrics(tmp_path: Path) -> None:
         p, q = row["p"], row["q"]
         assert isinstance(p, float)
         assert isinstance(q, float)
-        # The sum in the order of the C expression, so it is bit-identical.
+        # The sum has the order of the C expression, so it is bit-identical.
         y = p + 10.0 * (2.0 if row["case"] == "plain" else 3.0) + 100.0 * q
         assert (row["y"], row["twice"], row["status"], row["time"]) == (y, 2.0 * y, "ok", None)
     designed = rows(tmp_path, "design")
@@ -266,7 +266,7 @@ def test_a_run_that_fails_is_a_row(tmp_path: Path, statement: str, status: str, 
     build(tmp_path, before=f"if (t > 0.05) {{ {statement}; }}".replace("{ if", "{if"))
     study = 'method = "sweep"\ncases = ["plain"]\n' + vary("p", "f:a", "values = [0.0, 1.0, 0.25]")
     study += '[[requirement]]\nmetric = "y"\nmax = 1000.0\nshare = 0.6\n'
-    # Two of three runs keep it: enough.
+    # Two of three runs meet the requirement, which is enough.
     assert run(tmp_path, write(tmp_path, study), "--timeout", "1", page=True) == 0
     found = rows(tmp_path)
     assert [r["status"] for r in found] == ["ok", status, "ok"]
@@ -577,7 +577,7 @@ def test_a_package_that_is_missing_is_explained(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == package else find(name, *more))
     path = write(tmp_path, study.format(vary("p", "f:a", UNIFORM)))
     install = f"-m pip install {package}"
-    # In the repository, whose lockfile has all of them but torch, and for users of the wheel.
+    # In the repository, whose lockfile contains all packages except torch, and for users of the wheel.
     for root, remedy in [(ROOT, install if package == "torch" else "scripts/setup --all"), (tmp_path, install)]:
         monkeypatch.setattr("chassis_fmu.study.file.ROOT", root)
         assert run(tmp_path, path, "--overwrite", *options) == 2
@@ -764,7 +764,7 @@ def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
     assert run(tmp_path, write(tmp_path, study + factors), page=True) == 0
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     meaning = '<i class="first swatch"></i> The metric rises with the factor, <i class="total swatch"></i> it falls.'
-    # For the outer fifths and for the rank correlations, for each of the two metrics.
+    # The page explains the colors for the outer fifths and for the rank correlations, for each of the two metrics.
     assert page.count(meaning) == 4
     (rank,) = re.findall(r"<h3>Rank correlation.*?</table>", page.partition("<h2>Twice")[0], re.DOTALL)
     rows = dict(re.findall(r'<tr><th>(\w+)</th>.*?<i class="(first|total)"', rank))

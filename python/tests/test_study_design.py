@@ -153,7 +153,7 @@ def test_a_seed_decides_about_a_design_of_sensitivities(analysis: str) -> None:
     assert first.shape == (16 * (4 if analysis == "morris" else 5), 3)
     assert np.array_equal(first, of(1))
     assert not np.array_equal(first, of(2))
-    # Neither depends on the state of other random number generators.
+    # The design does not depend on the state of other random number generators.
     np.random.seed(5)
     assert np.array_equal(first, of(1))
 

@@ -197,7 +197,7 @@ def test_elementary_effects_and_their_bars(tmp_path: Path) -> None:
         assert 0.5 * (high - low) == pytest.approx(half, rel=0.25, abs=1e-5)
 
 
-# The first value of the signal is c, later it is smaller than the sum, so one metric falls with c and the other rises.
+# The first value of the signal is c; later values are larger. If c rises, the minimum rises and the last value falls.
 FIRST = '[[metric]]\nname = "first"\ntitle = "First"\nsignal = "f:y"\nkind = "min"\n'
 CONFLICT = "2 - c + a * a"
 

@@ -79,8 +79,8 @@ def test_a_distribution_is_that_of_the_numbers_that_are_there() -> None:
 def test_a_case_is_compared_with_its_baseline_in_pairs() -> None:
     of = numbers(study(uniform("a")), [[0.0] * 5], [1.0, 2.0, 3.0, NAN, 5.0], [0.0, 0.0, 4.0, 7.0, NAN])
     (found,) = statistics.compared(of, 0)
-    # By hand: the pairs differ by -1, -2 and 1, deviation sqrt(7/3); the quantile of t with two degrees of freedom.
-    # SciPy's quantile has an error below 1e-10.
+    # By hand: the pairs differ by -1, -2 and 1, with the deviation sqrt(7/3). The quantile is from the t distribution
+    # with two degrees of freedom. SciPy's quantile has an error below 1e-10.
     half = 0.95 * math.sqrt(2.0 / (1.0 - 0.95**2)) * math.sqrt(7.0 / 3.0) / math.sqrt(3.0)
     assert (found.count, found.lower) == (3, 2)
     assert found.mean == pytest.approx(-2.0 / 3.0, rel=1e-15)
@@ -108,7 +108,8 @@ def test_fmus_are_compared_in_pairs_of_the_same_values() -> None:
     of = numbers(study(LAW, uniform("a")), values, [1.0, 2.0, 5.0, 8.0, 9.0, NAN])
     first, second = statistics.choices(of, 0, 0)
     assert (first.level, first.count, first.mean, first.against) == ("A", 3, 5.0, None)
-    # By hand: two pairs differ by 1 and 3; mean 2, deviation sqrt(2), the quantile of t with one degree of freedom.
+    # By hand: two pairs differ by 1 and 3, with the mean 2 and the deviation sqrt(2). The quantile is from the t
+    # distribution with one degree of freedom.
     assert (second.level, second.count, second.mean) == ("B", 2, 5.0)
     assert (second.against, second.pairs, second.difference, second.lower) == ("A", 2, 2.0, 0)
     half = math.tan(0.475 * math.pi)

@@ -175,7 +175,8 @@ def test_libcosim_agrees(written: Written, tool: str) -> None:
 @pytest.mark.parametrize("tool", ["ecos", "ecos-calls"])
 def test_ecos_agrees(written: Written, tool: str) -> None:
     found = run(written, tool)
-    # With Ecos's reading order, all signals are bit-identical; with the native master's, the signals in the loop are.
+    # With Ecos's reading order, all signals are bit-identical; with the native master's order, only the signals in the
+    # loop.
     fresh = systems.with_fmpy(written.folder, "jacobi", fresh=True)
     for name, values in fresh.values.items():
         assert np.array_equal(found.values[name], values), name

@@ -16,8 +16,8 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT / "crates" / "fmu-import" / "tests" / "data"
 
 # x' = -2 x from 1, exactly; y = x + u. The FMI 2.0 component reads the output of the FMI 3.0 component, whose variables
-# have types that FMI 2.0 lacks. The array of the latter is not connected, because the FMPy master does not support
-# elements.
+# have types that FMI 2.0 lacks. The array of the FMI 3.0 component is not connected, because the FMPy master does not
+# support elements.
 SCENARIO = """
 title = "Versions"
 reference = "None: a test."

@@ -285,7 +285,8 @@ def draw(block: Block) -> bytes:
             _result(canvas, ax, scaled(block.result), below, height, accent)
         full = io.BytesIO()
         canvas.savefig(full, format="png", dpi=PER_INCH * SCALE)
-    # A palette needs a quarter of the space. Saving again also drops the name and version of the drawing library.
+    # A file with a palette needs a quarter of the space. Saving again also drops the name and version of the drawing
+    # library.
     with Image.open(full) as image:
         reduced = io.BytesIO()
         image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE).save(reduced, format="png", optimize=True)

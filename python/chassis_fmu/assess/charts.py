@@ -32,7 +32,7 @@ GRAVITY = 9.81
 # Time between two footprints, s.
 FOOTPRINTS = 0.25
 
-# Times of the marks of sine with dwell, after the completion of steer, s.
+# Times of the marks in the figure of the sine with dwell, from the completion of steer, s.
 AFTER = (0.0, 1.0, 1.75)
 
 
@@ -48,7 +48,7 @@ class Source:
     def recordings(self, run: str) -> Iterator[tuple[Case, Recording]]:
         """Return the signals of a run for each system that recorded them.
 
-        If only one of a maneuver's several runs is recorded, that one is returned.
+        If only one of a maneuver's several runs is recorded, that run is returned.
         """
         for case in self.cases:
             names = [
@@ -535,7 +535,7 @@ def ride(source: Source) -> Chart | None:
         least = min(least, float((density * np.minimum(gain, 1.0) ** 2).min()))
         plain.append(Line("run", case.title, f, density, case))
         weighted.append(Line("run", case.title, f, density * gain**2, case))
-    # At most six decades; smaller values are rounding errors.
+    # Show at most six decades; smaller values are rounding errors.
     axis = Axis(
         "Density", (Conversion("(m/s²)²/Hz"),), log=True, range=(max(0.5 * least, 2e-6 * highest), 2.0 * highest)
     )

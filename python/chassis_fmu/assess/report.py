@@ -87,7 +87,7 @@ def shown(value: Number, row: Row) -> str:
 
 
 def value(row: Row, system: Name) -> str:
-    """Format the value for a system, or the bound on it."""
+    """Format the value for a system, or the bound that replaces a missing value."""
     number = row.without if system == "without" else row.with_
     return row.bounds.get(system, "–") if number is None else shown(number, row)
 

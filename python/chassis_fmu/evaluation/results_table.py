@@ -63,7 +63,7 @@ class Row:
 
     @property
     def difference(self) -> float | None:
-        """Difference between our mean and the paper's value, in percent of the latter."""
+        """Difference between our mean and the paper's value, in percent of the paper's value."""
         return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
 
 
@@ -240,7 +240,8 @@ class Numbers:
             return grading.of_sign(difference, 1 if check.expect == "higher" else -1, percent)
         if check.expect == "unchanged":
             if found is None:
-                # A change from a negligible value has no percentage; unchanged then means negligible, too.
+                # A change from a negligible value has no percentage. "Unchanged" then means that the new value is
+                # negligible, too.
                 return Status.REPRODUCED if self.is_negligible(cell) else Status.NOT_REPRODUCED
             return grading.of_no_change(difference, found.mean)
         paper = self.paper_change(cell, against)

@@ -168,7 +168,7 @@ def main(argv: list[str]) -> None:
     while True:
         header, body = requests.get()
         ((kind, content),) = msgspec.json.decode(header, type=dict[str, msgspec.Raw]).items()
-        # The other kind of request lists the FMUs for the native master to unpack; it needs no response.
+        # The other kind of request lists the FMUs, which only workers of the native master use. It needs no response.
         if kind == "Run":
             request = msgspec.json.decode(content, type=Request, dec_hook=lambda of, value: of(value))
             response, numbers = worker.respond(request, body)

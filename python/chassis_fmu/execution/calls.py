@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 # Function number while a library is being loaded.
 LOADING = 0xFF
-# Low bits of a call, which contain the function number; the bits above them contain the component.
+# Number of low bits in the code of a call that contain the function number; the bits above contain the component.
 FUNCTION_BITS = 8
 # Function numbers reserved for each version of FMI.
 FUNCTIONS = 127
@@ -37,7 +37,7 @@ class Board(ctypes.Structure):
     pulse: int
 
     def begin(self) -> None:
-        """Clear the board at the begin or end of a run."""
+        """Clear the board at the beginning or end of a run."""
         self.call = 0
         self.step(math.nan, 0)
 

@@ -1,7 +1,7 @@
 """Adapter that gives the functions of an FMI 3.0 FMU the names and arguments of FMI 2.0.
 
 It makes the same FMI 3.0 calls as the native master, so the results are bit-identical: one call transfers several
-scalars, but if one of them has a type that FMI 2.0 lacks, each is transferred by a call of its own.
+scalars, but if one of them has a type that FMI 2.0 lacks, each scalar is transferred by a separate call.
 """
 
 from __future__ import annotations

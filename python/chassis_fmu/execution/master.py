@@ -74,7 +74,7 @@ class RunError(Exception):
     """Times and rows before the error."""
 
     def __post_init__(self) -> None:
-        # A copy, because the log continues.
+        # Copy the messages, because the log continues.
         self.messages = tuple(self.messages)
 
     def __str__(self) -> str:
@@ -256,7 +256,7 @@ class Slave:
 
     def _restore_rounding(self, function: str) -> None:
         """Restore rounding to nearest if a call has changed it: the FMUs and this master share the rounding mode."""
-        # Each of the other modes changes one of these sums.
+        # Each of the other rounding modes changes one of these sums.
         if _ONE + _HALF_ULP != 1.0 or -_ONE - _HALF_ULP != -1.0 or _ONE - 0.5 * _HALF_ULP != 1.0:
             set_rounding = getattr(ctypes.CDLL(None), "fesetround", None) if os.name == "posix" else None
             if set_rounding is not None:
@@ -367,7 +367,8 @@ class _Player:
     def __init__(self, feed: InputSeries, step: float) -> None:
         self.feed = feed
         self._linear = feed.interpolation == "linear"
-        # In a step, a linear series has its value in the middle of the step, a held series its last sample before it.
+        # In a step, a linear series has the value at the middle of the step, a held series the last sample up to its
+        # start.
         self._later = 0.5 * step if self._linear else SERIES_SLACK * step
         self._row = 0
 

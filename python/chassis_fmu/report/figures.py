@@ -15,17 +15,17 @@ from ..files.results import Recording
 from . import tables
 from .panels import Array, Axis, Line, LineKind, Panel, PanelKind, decimate, heat_maps
 
-# Seeds whose single runs a page contains; with more, it would be larger than 1 MB. The page states the number.
+# A page contains the single runs of at most this many seeds, and states the number. With more, it would exceed 1 MB.
 MOST_SEEDS = 48
 
-# Resolution of the runs after the first seed: pairs of extremes of a line, and instants at which the spread is
-# computed.
+# Resolution for all seeds after the first: number of pairs of extremes in a line, and of instants at which the spread
+# is computed.
 FEW_BUCKETS = 200
 
 # Up to this many seeds, each line has FEW_BUCKETS pairs; with more seeds, the total stays the same.
 FEW_SEEDS = 12
 
-# Characters of a title that fit beside an axis.
+# Number of characters that fit in a title beside an axis.
 MOST_LETTERS = 40
 
 # Free space above and below lines that share a scale, as a share of its range.
@@ -314,7 +314,8 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
             for case, estimate in estimates:
                 kept = (estimate[0] >= band[0]) & (estimate[0] <= band[1])
                 values = np.degrees(estimate[2]) if word == "phase" else estimate[1 + part]
-                # Undefined at frequencies without input power; a logarithmic axis needs positive values.
+                # The estimate is undefined at frequencies without input power, and a logarithmic axis needs positive
+                # values.
                 known = np.isfinite(values) & ((values > 0.0) | (not y.log))
                 lines.append(Line("run", case.title, estimate[0][kept], np.where(known, values, np.nan)[kept], case))
             yield Panel(f"{name}: {word}", note, x, y, tuple(lines))

@@ -117,7 +117,7 @@ def order_of(runs: Sequence[Run]) -> list[str]:
     left = list(dict.fromkeys(name for order in orders for name in order))
     found: list[str] = []
     while left:
-        # The first component that no run executes after another remaining one.
+        # The first component that no run executes after another remaining component.
         behind = {name for order in orders for name in [n for n in order if n in left][1:]}
         found.append(next((name for name in left if name not in behind), left[0]))
         left.remove(found[-1])

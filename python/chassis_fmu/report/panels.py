@@ -17,10 +17,10 @@ BUCKETS = 600
 
 Array = NDArray[np.floating[Any]]
 PanelKind: TypeAlias = Literal["function", "curve", "map", "heat"]
-"""A function of the abscissa, a curve that may turn back, a curve with the same scale on both axes, colored cells."""
+"""Kinds of panels: function of the abscissa, curve that may turn back, curve with equal scales, or colored cells."""
 
 LineKind: TypeAlias = Literal["run", "mean", "paper", "reference"]
-"""A run, the mean over the seeds, numbers from the paper, a line to compare with."""
+"""Kinds of lines: a run, the mean over the seeds, numbers from the paper, or a line to compare with."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Line:
     steps: bool = False
     """Whether a value holds until the next one."""
     apart: bool = False
-    """Whether the points are not joined; they have marks instead."""
+    """Whether the points have marks instead of being joined."""
     crosses: bool = False
     """Whether the marks are crosses."""
     right: bool = False

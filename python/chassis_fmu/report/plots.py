@@ -169,7 +169,7 @@ def _canvas(panels: int, across: int, height: float) -> tuple[Canvas, list[Axes]
 def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
     if len(handles) >= least:
         lengths = [len(str(h.get_label())) + LEGEND_HANDLE for h in handles]
-        # One row, or columns as wide as the longest entry.
+        # Arrange the legend in one row, or in columns as wide as the longest entry.
         fits = sum(lengths) <= LEGEND_ROOM
         canvas.legend(
             handles=list(handles),
@@ -235,7 +235,7 @@ def _draw_line(
 ) -> None:
     color = color_of(cases, line.case)
     if line.kind == "reference":
-        # In the text color if the panel shows one case, otherwise in the color of the case.
+        # The line has the text color if the panel shows one case, otherwise the color of its case.
         dashed = RIGHT_DASHES if line.right else (0, (3, 2))
         ax.plot(*decimate(x, y), linewidth=0.9, color=INK if figure.separate else color, linestyle=dashed)
         title = f"{line.title} (right)" if line.right else line.title
@@ -302,7 +302,7 @@ def _draw_cells(ax: Axes, panel: Panel) -> None:
             if np.isfinite(value):
                 share = (value - low) / (high - low) if high > low else 0.5
                 red, green, blue, _ = colormaps[COLORS](share)
-                # The more readable of black and white, by luminance.
+                # Choose black or white, whichever is more readable on a color of this luminance.
                 color = "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
                 text = tables.significant(float(value), 3)
                 ax.text(across[place[1]], up[place[0]], text, ha="center", va="center", color=color, fontsize=7.0)

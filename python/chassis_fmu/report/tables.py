@@ -78,7 +78,7 @@ FAR = 1_000.0
 
 
 def signed(percent: float | None) -> str:
-    """Format a change in percent with its sign and one decimal, none from 100 % on; a dash for None."""
+    """Format a change in percent with its sign, and with one decimal if it is below 100 %; a dash for None."""
     if percent is None:
         return "–"
     if abs(percent) >= FAR:

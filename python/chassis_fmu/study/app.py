@@ -104,7 +104,7 @@ class _Bar(execute.Progress):
 
 
 def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
-    """Return samples and cells whose signals to record: those in `[series]`, or the worst ones if they are fast."""
+    """Return the samples and cells to record: as `[series]` requests, or the worst ones if they are fast."""
     series = job.study.series or file.Series(worst=WORST)
     metric = report.series_metric(numbers)
     found = []
@@ -183,7 +183,7 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
         numbers = Numbers(job, result.values, result.rows)
         page = folder.path / "index.html"
         if request.no_page:
-            # The page of an earlier call, before --resume.
+            # Delete the page from the call that `--resume` continues.
             page.unlink(missing_ok=True)
         if job.study.series is not None or not request.no_page:
             recorded, files = _series(job, numbers, folder.path, engine)

@@ -33,7 +33,7 @@ else:
 
 
 def archive(job: Job) -> bytes:
-    """Return an archive of the scenario, the files that it names, and the FMUs. Same content, same bytes."""
+    """Return an archive of the scenario, its files and the FMUs; the same content always gives the same bytes."""
     source = job.sources[0]
     files = {f"fmus/{path.name}": path for path in job.fmu_files()}
     top = source.file.parent

@@ -44,7 +44,7 @@ PATIENCE = 300.0
 # Time after which a cluster without workers is reported, s.
 NOTICE = 15.0
 
-# On this machine, scheduler and workers do not monitor themselves. It would take 3 % of a processor for client,
+# On this machine, scheduler and workers do not monitor themselves. Monitoring would take 3 % of a processor for client,
 # scheduler and one worker, and there is no dashboard to show the result.
 QUIET = {
     "distributed.admin.tick.interval": "1s",
@@ -260,7 +260,8 @@ class Dask:
                 suspects.append(batch)
             else:
                 seconds = self._take(batch, found, missing, take)
-                # As many tasks as take the intended time, but at most four times as many as before.
+                # The next batches have as many tasks as take the intended time, but at most four times as many as
+                # before.
                 size = max(1, min(LARGEST, 4 * size, round(BATCH * len(batch) / max(seconds, 1e-3))))
             threads = max(1, sum(self._client.nthreads().values()))
             while waiting and len(pending) < AHEAD * threads:
@@ -268,7 +269,7 @@ class Dask:
         return suspects
 
     def _find(self, batch: list[Task], missing: dict[int, Task], take: Take) -> None:
-        """Execute a batch whose workers ended, without other batches, and find the sample that ends the workers."""
+        """Execute a batch whose workers ended, while no other batch runs, and find the sample that ends the workers."""
         self._share()
         found = self._result(self._begin(batch), suspicious=True)
         if found is not None:

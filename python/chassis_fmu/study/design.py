@@ -102,7 +102,7 @@ def sensitivity(study: Study) -> Array:
         found = SALib.sample.morris.sample(problem(study), count, num_levels=4, seed=study.seed)
     else:
         found = SALib.sample.sobol.sample(problem(study), count, calc_second_order=False, seed=study.seed)
-    # Shares of 0 or 1 would be infinite values of an unlimited distribution.
+    # Shares of 0 or 1 would give infinite values for a distribution without limits.
     return np.clip(np.asarray(found, np.float64), 1e-6, 1.0 - 1e-6)
 
 

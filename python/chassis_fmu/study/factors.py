@@ -74,7 +74,7 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Return the range of shares for a search: up to the limits of the distribution; without a limit, 1 or 99 %."""
+        """Return the range of shares for a search: 0 to 1, or from 1 % and to 99 % where the values have no limit."""
         is_open = self.distribution in ("normal", "lognormal")
         low = 0.01 if is_open and self.min is None else 0.0
         return low, 0.99 if is_open and self.max is None else 1.0

@@ -50,7 +50,7 @@ class Correlation(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Requirement(msgspec.Struct, kw_only=True, frozen=True):
-    """`[[requirement]]`: limits of a metric, which replace those in the scenario, and the share of runs to keep them.
+    """`[[requirement]]`: limits for a metric, instead of the scenario's, and the share of runs that must meet them.
 
     With `of_change`, the limits apply to the change against the baseline of the case, in percent.
     """

@@ -181,7 +181,7 @@ class Job:
         return next((i for i, r in enumerate(self.cells) if name and (r.case, r.point) == (name, run.point)), None)
 
     def judged(self, limits: Limits, rows: Mapping[tuple[int, int], Done], number: int, cell: int) -> float | None:
-        """Return the number in a run that `limits` apply to; None if there is none."""
+        """Return the number in a run that `limits` apply to; None if the run has no such number."""
         value = self._number(rows, limits.metric, number, cell)
         if not limits.of_change:
             return value

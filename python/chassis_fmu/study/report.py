@@ -22,7 +22,8 @@ from .file import Study
 from .job import Done
 from .statistics import Distribution, Effect, Numbers, Sensitivities, Share, Swing
 
-# A study with more metrics than this shows figures of those with requirements, else of the first ones.
+# If a study has more metrics than this, its page has figures only for the metrics of interest (requirements, search),
+# or for the first metrics if there are none of interest.
 MOST_METRICS = 4
 
 STATUS = {

@@ -125,5 +125,5 @@ def objective(job: Job, search: Search, rows: Sequence[Done]) -> float | None:
     found = [number for number in numbers if number is not None and math.isfinite(number)]
     if not found or len(found) < len(numbers):
         return None
-    # An optimization uses the worst cell, a worst-case search the most extreme one.
+    # An optimization uses the worst cell, a worst-case search the most extreme cell.
     return max(found) if (search.direction == "maximize") == is_worst_case else min(found)

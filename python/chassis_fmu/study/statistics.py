@@ -30,7 +30,7 @@ PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
 @dataclass(frozen=True)
 class Share:
-    """The share of runs that keep a requirement, with its confidence interval (Wilson)."""
+    """The share of runs that meet a requirement, with its confidence interval (Wilson)."""
 
     limits: Limits
     case: str
@@ -40,7 +40,7 @@ class Share:
 
     @property
     def share(self) -> float:
-        """Return the share of runs that keep the requirement."""
+        """Return the share of runs that meet the requirement."""
         return self.met / self.of if self.of else math.nan
 
     @property
@@ -50,7 +50,7 @@ class Share:
 
     @property
     def holds(self) -> bool:
-        """True if the required share of runs keeps the requirement."""
+        """True if the required share of runs meets the requirement."""
         return self.of > 0 and _native.is_enough(self.met, self.of, self.limits.share)
 
 
@@ -87,7 +87,7 @@ class Numbers:
         return out
 
     def shares(self) -> list[Share]:
-        """Return the share of the runs that keep each requirement, by case and point."""
+        """Return the share of the runs that meet each requirement, by case and point."""
         found = []
         for limits in self.job.requirements:
             for cell, run in enumerate(self.job.cells):
@@ -274,10 +274,10 @@ FEWEST = 3
 def swings(numbers: Numbers, metric: int, cell: int) -> list[Swing]:
     """Return the change of a metric that each factor causes, the largest change first.
 
-    In a sweep: from the lowest to the highest value of the factor, with the others at their middle value (one at a
-    time) or averaged (all combinations). In samples: from the mean over the lowest fifth of the factor's values to the
-    mean over the highest fifth, or from the lowest to the highest value if there are few. For the design "list", in
-    which all factors vary together, the result is empty.
+    In a sweep, the change is from the lowest to the highest value of the factor, with the other factors at their middle
+    values (one at a time) or averaged (all combinations). In samples, the change is from the mean over the lowest fifth
+    of the factor's values to the mean over the highest fifth. If a factor has few values, its lowest and highest value
+    are used. For the design "list", in which all factors vary together, the result is empty.
     """
     study = numbers.job.study
     if study.method not in ("sweep", "sample") or study.chosen_design == "list":
@@ -307,7 +307,7 @@ def swings(numbers: Numbers, metric: int, cell: int) -> list[Swing]:
 
 
 def _alone(numbers: Numbers, name: str, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return those of the `chosen` samples of a one-at-a-time design in which only the factor `name` is changed."""
+    """Select the `chosen` samples of a one-at-a-time design in which only the factor `name` is changed."""
     out = chosen.copy()
     for factor, values in zip(numbers.job.study.vary, numbers.values, strict=True):
         if factor.name != name:
@@ -375,7 +375,7 @@ def sensitivities(study: Study, shares: Array, y: Array) -> Sensitivities:
     import SALib.analyze.sobol
 
     problem = design.problem(study)
-    # A trajectory has one sample more than there are factors, a Sobol group two.
+    # A trajectory has one sample more than there are factors, a Sobol group has two more.
     size = len(study.vary) + (1 if study.analysis == "morris" else 2)
     missing = np.flatnonzero(~np.isfinite(y))
     groups = y.size // size
