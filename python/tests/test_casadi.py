@@ -48,7 +48,7 @@ PACKAGES = (
     "single-track",
     "van-der-pol",
 )
-# Relative to the largest element of a matrix. Both tools return the values of the same function of the FMU.
+# Tolerance relative to the largest element of a matrix. Both tools return values from the same function of the FMU.
 TOLERANCE = 1e-10
 
 

@@ -3,7 +3,7 @@
 The references are tables computed by an independent implementation in another language. Deterministic numbers (without
 a road, or with the same road as the reference) agree to the printed digits. The roads of the rescue vehicle, the half
 car and the car are other realizations than the reference's, so their means are compared within six standard errors: in
-about three hundred means of three to eight values, the largest deviation is about five.
+about three hundred means of three to eight values, the largest deviation is about five standard errors.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ FMI_SIM = Path(os.environ.get("CHASSIS_FMI_SIM", ROOT / "target" / "tools" / "bi
 
 # Duration of the run in which two importers are compared, s.
 DURATION = 2.0
-# Relative to the peak of a signal. About a hundred times the measured difference (9e-12, tire forces of EspCar).
-# fmi-sim passes t1 - t0 as the step and uses another formula than FMPy to interpolate inputs; both effects are
+# Tolerance relative to the peak of a signal: about a hundred times the measured difference (9e-12, tire forces of
+# EspCar). fmi-sim passes t1 - t0 as the step and uses another formula than FMPy to interpolate inputs; both effects are
 # differences in the last bit.
 TOLERANCE = 1e-9
 

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Version of the search. Another version proposes other points for the same seed, so its histories are not continued.
 pub(crate) const VERSION: &str = "2";
-/// Maximum number of doublings of the population, more than any budget reaches.
+/// Maximum number of doublings of the population. No budget reaches it.
 const MAX_DOUBLINGS: u32 = 10;
 /// The search has converged if its width, relative to the width at the start, or the differences between objectives are
 /// below this.
@@ -95,7 +95,7 @@ struct Strategy {
     sigma: f64,
     first_sigma: f64,
     c: DMatrix<f64>,
-    /// Eigenvectors and roots of the eigenvalues of `c`.
+    /// Eigenvectors of `c`, and square roots of its eigenvalues.
     b: DMatrix<f64>,
     d: DVector<f64>,
     p_sigma: DVector<f64>,

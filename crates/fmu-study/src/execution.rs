@@ -77,7 +77,7 @@ pub struct Summary {
     limits: Vec<Limit>,
     /// Terms of the objective.
     pub terms: Vec<Term>,
-    /// Recorded rows in the window of each term.
+    /// Number of recorded rows in the window of each term.
     rows: Vec<usize>,
     /// Weights from judgments.
     pub judged: Option<ahp::Weights>,

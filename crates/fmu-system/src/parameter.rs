@@ -13,8 +13,8 @@ impl Run {
     /// Sets a parameter, overriding the scenario.
     ///
     /// # Errors
-    /// The run has no such component, its FMU no such parameter, or the value has another type or lies
-    /// outside its limits.
+    /// The run has no such component, its FMU has no such parameter, or the value has another type or is outside the
+    /// limits.
     pub fn set_parameter(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
         let describe = |fmu: &str| fmus.get(fmu).ok().map(Fmu::description);
         self.set(&describe, component, value, |description| parameter(description, name).map_err(|error| error.message))
@@ -23,8 +23,8 @@ impl Run {
     /// Sets a parameter, the start value of a state or another variable, or a constant input, overriding the scenario.
     ///
     /// # Errors
-    /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type
-    /// or lies outside its limits.
+    /// The run has no such component, its FMU has no such variable, the variable cannot be set, or the value has
+    /// another type or is outside the limits.
     pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
         self.set_described(&|fmu| fmus.get(fmu).ok().map(Fmu::description), component, name, value)
     }

@@ -179,7 +179,7 @@ impl Collector {
     }
 
     /// Parses the text of the file. If it does not have the layout of `T`, adds the mistake; for an unknown key or
-    /// word, the hint is the nearest known one.
+    /// word, the hint is the nearest known key or word.
     pub fn parse<T: DeserializeOwned>(&mut self, text: &str) -> Option<T> {
         self.parse_from(text, 0)
     }

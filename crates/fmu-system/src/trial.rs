@@ -62,7 +62,7 @@ impl Trial {
 }
 
 impl Variant {
-    /// Names of the outputs that other values of a parameter change; `None` if no trial succeeds.
+    /// Names of the outputs that change with other values of a parameter; `None` if no trial succeeds.
     fn changed_by(&self, parameter: &str, simulation: &Simulation, fmus: &Fmus) -> Option<Vec<String>> {
         let description = fmus.get(&self.component.fmu).ok()?.description();
         let variable = description.variable(parameter)?;

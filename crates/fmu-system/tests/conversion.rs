@@ -79,7 +79,7 @@ fn an_explicit_connection_converts_in_both_directions() {
     let folder = fmus();
     let forward = [0.0, 0.25, 0.5, 0.25, 0.0, -0.25, -0.5];
     let total = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5];
-    // Jacobi: each connection adds one step.
+    // In the order `jacobi`, each connection adds a delay of one step.
     let later = [0.0, 0.25, 0.5, 0.75, 0.5, 0.25, 0.0];
     let total_later = [0.0, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25];
     for (order, y, z) in [(Order::Sequential, forward, total), (Order::Jacobi, later, total_later)] {

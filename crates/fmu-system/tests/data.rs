@@ -1,4 +1,4 @@
-//! Reads data. The references are in `tests/references/reader`: small files with the expected signals or error.
+//! Reading data files. The references in `tests/references/reader` are small files with the expected signals or error.
 
 use fmu_import::description::BaseUnit;
 use fmu_system::data::unit::{self, Target};

@@ -166,7 +166,7 @@ fn fmi_3_is_exported_as_ssp_2() {
         ("    <InitialUnknown valueReference=\"17\" dependencies=\"16\"/>\n", ""),
     ];
     Decay { edits: &edits, ..Decay::new(FmiVersion::V3) }.pack(folder.path());
-    // Reference: SSP 2.0, which adds the types of FMI 3.0. The structure without FMI 3.0 stays one of SSP 1.0.
+    // Reference: SSP 2.0, which adds the types of FMI 3.0. Without FMI 3.0, the structure is still one of SSP 1.0.
     for (fmi, version, value, types, osp) in [
         (FmiVersion::V2, "1.0", "<ssv:Real value=\"2.0\"", &["<ssc:Real"][..], true),
         (FmiVersion::V3, "2.0", "<ssv:Float64 value=\"2.0\"", &["<ssc:Float64", "<ssc:Real"], false),

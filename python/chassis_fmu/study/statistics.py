@@ -193,7 +193,7 @@ class Choice:
     difference: float | None = None
     difference_interval: tuple[float, float] | None = None
     pairs: int = 0
-    """Number of pairs of samples that differ in this factor only; if 0, the groups were compared as independent."""
+    """Number of pairs of samples that differ only in this factor; if 0, independent groups were compared."""
     lower: int = 0
     """Number of pairs in which this choice has the lower value."""
 

@@ -10,7 +10,7 @@ use fmu_system::problem::Collector;
 use fmu_system::run::Run;
 use fmu_system::spanned::Spanned;
 
-/// Weights from judgments; `None` without judgments or if they are wrong.
+/// Weights from judgments; `None` without judgments or if they are invalid.
 pub(super) fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weights> {
     let objective = file.objective.get_ref();
     if objective.terms.is_empty() {

@@ -75,7 +75,8 @@ pub struct Clock {
     rows: Option<Vec<Range<usize>>>,
 }
 
-/// Conversion of a column to a signal: sign * (scale * cell + offset), then unit, delay and zero.
+/// Conversion of a column to a signal: sign * (scale * cell + offset). Then the unit is converted, and `delay` and
+/// `zero` are applied.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel<'a> {
     /// Name of the column.

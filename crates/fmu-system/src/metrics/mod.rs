@@ -105,11 +105,11 @@ impl Definition {
 
     /// Computes the metric of a run from its rows. `times` are rising, and `step` is the communication step, both in s.
     ///
-    /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`], or not finite; a column is missing; or there is
-    /// no baseline.
+    /// Returns `Ok(None)` if the number is undefined (see [`Kind`] and [`Until`]) or not finite, if a column is
+    /// missing, or if there is no baseline.
     ///
     /// # Errors
-    /// The window contains no row or a value that is not finite, the kind needs a threshold or band or more rows, or a
+    /// The window contains no row or a value that is not finite, the kind needs a threshold, a band or more rows, or a
     /// column has more or fewer rows than the times.
     pub fn value(
         &self,
@@ -154,7 +154,7 @@ impl Definition {
 
     /// The running values: for each row of the metric's window, the metric of the part of the window that ends there.
     ///
-    /// `Ok(None)`: a column is missing, or the run has less than two rows in the window.
+    /// Returns `Ok(None)` if a column is missing, or if the run has fewer than two rows in the window.
     ///
     /// # Errors
     /// The kind has no running values, the window contains a value that is not finite, or a column has more or fewer

@@ -23,7 +23,7 @@ impl Place<'_> {
 
 impl Resolver<'_> {
     /// Warns about components and parameters that have no effect according to the descriptions. Returns the trial runs
-    /// that are needed for other parameters.
+    /// that are needed for the other parameters.
     pub(super) fn unread(&mut self, systems: &[System<'_>], wirings: &[Wiring], runs: &[Run]) -> Vec<Trial> {
         let scenario = self.scenario;
         let mut trials = Vec::new();

@@ -33,7 +33,7 @@ enum Change {
     LostOutput,
 }
 
-/// Finds the component whose replaced FMU makes one of these changes to an input of `reader`.
+/// Finds a component whose FMU the case replaces, if this makes one of these changes to an input of `reader`.
 fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -> Option<(usize, Change)> {
     let has = |description: &ModelDescription, causality| {
         description.variable(input).is_some_and(|variable| variable.causality == causality)
@@ -52,7 +52,7 @@ fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -
     system.members.iter().enumerate().find_map(change)
 }
 
-/// Returns the place and the description of a swap that changes the writers of some inputs.
+/// Returns the place and the description of a replacement that changes the writers of some inputs.
 fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
     let component = system.members[m].component;
     let (own, written) = (component.fmu.get_ref(), replacement(system.case, component));
