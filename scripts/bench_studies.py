@@ -25,7 +25,7 @@ PROCESSORS = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
 
-# Number of runs in the compared calls. The difference of the two excludes the time that every call takes once.
+# Number of runs in the compared calls. The difference between the two excludes the time that every call takes once.
 MANY, FEW = 96, 16
 
 # Makes runs of about 20 ms.
@@ -60,7 +60,7 @@ def ratios(pairs: Sequence[tuple[Measured, Measured]]) -> str:
 
 
 def less(many: Measured, few: Measured) -> Measured:
-    """Return the difference of two calls, which excludes the time that every call takes once."""
+    """Return the difference between two calls, which excludes the time that every call takes once."""
     return Measured(many.seconds - few.seconds, many.cpu - few.cpu, many.memory)
 
 

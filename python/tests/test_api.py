@@ -247,7 +247,7 @@ def test_a_scenario_without_seeds_takes_none(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore:.*symmetric and normalized space:UserWarning")
 @pytest.mark.filterwarnings("ignore:.*alternative render modes:UserWarning")
 def test_gymnasium_accepts_the_environment(steer: cf.Scenario) -> None:
-    """Ignores warnings: they advise normalized spaces, unlike physical units, and registered environments."""
+    """Ignores warnings, which recommend registered environments, and normalized spaces instead of physical units."""
     check_env(environment(steer, act={"plant:steer.front": (-0.1, 0.2)}))
 
 

@@ -77,7 +77,10 @@ def test_the_default_experiment_runs(folder: Path, package: str) -> None:
 
 
 def test_van_der_pol_has_the_amplitude_of_its_limit_cycle(folder: Path) -> None:
-    """Reference: 2.00861986, as in the test of the package. Tolerance: rows every 10 ms, x'' step^2 / 8 = 2.5e-5."""
+    """Reference: 2.00861986, as in the package's test.
+
+    Tolerance: a peak between rows every 10 ms, x'' step^2 / 8 = 2.5e-5.
+    """
     result = simulate(folder, "van-der-pol", stop_time=40.0, output_interval=0.01)
     assert np.abs(result["x"][result["time"] > 20.0]).max() == pytest.approx(2.00861986, abs=3e-5)
 
@@ -143,7 +146,7 @@ def test_a_drive_that_is_off_stands_still(folder: Path) -> None:
 
 @pytest.mark.parametrize("parallel", [False, True])
 def test_the_heat_exchanger_has_its_effectiveness(folder: Path, parallel: bool) -> None:
-    """Reference: effectiveness and number of transfer units. Tolerance: the error of 200 cells, 0.5 %."""
+    """Reference: the effectiveness from the number of transfer units. Tolerance: the error of 200 cells, 0.5 %."""
     capacities = [0.5 * 4180.0, 0.8 * 4180.0]
     units, ratio = 4000.0 / min(capacities), min(capacities) / max(capacities)
     part = math.exp(-units * (1.0 + ratio)) if parallel else math.exp(-units * (1.0 - ratio))

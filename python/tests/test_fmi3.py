@@ -140,7 +140,10 @@ def test_terminals_name_variables(path: Path) -> None:
 @both
 @each_fmu
 def test_runs_have_the_bits_of_fmi_2(path: Path, interface: str) -> None:
-    """Inputs change in every step. FMPy integrates model exchange by Euler's method, equally in both versions."""
+    """Inputs change in every step.
+
+    FMPy integrates model exchange by Euler's method, in the same way for both versions.
+    """
     if path.stem in ONLY_FMI3:
         return
     old = validators.FOLDER / path.name

@@ -153,7 +153,7 @@ def test_toml_blocks_are_understood(path: Path, tmp_path: Path) -> None:
             (tmp_path / "Cargo.toml").write_text(f"[workspace]\n{text}", encoding="utf-8")
             assert "this workspace has no package" in messages("cargo-fmu", "pack", "--no-portable")
         elif "[signals]" in text:
-            # The command reads the file and compares its signals with those of a plant that does not have them.
+            # The command reads the file, and reports its signals because this plant does not have them.
             assert "`delta`" in messages("chassis", "bench", "run", "EspCar", "--vehicle", file, "--fmus", FOLDER, *out)
         elif "method =" in text:
             # Execute only one of the runs.

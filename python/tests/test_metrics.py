@@ -131,10 +131,10 @@ def test_shares_and_changes() -> None:
 
 
 def test_overshoot_rise_and_settling_refer_to_the_last_value() -> None:
-    # Second-order step response, damping ratio z = 0.5, w = 10 rad/s. In closed form, the overshoot is
-    # exp(-pi z/sqrt(1 - z^2)); the tolerance 1e-3 covers a peak between two rows and the remaining error of the last
-    # value. The envelope of the error falls below 5 % when exp(-z w t) = 0.05 sqrt(1 - z^2); the tolerance 0.01 s
-    # covers the error of the last value.
+    # Step response of a second-order system with the damping ratio z = 0.5 and the natural frequency w = 10 rad/s. In
+    # closed form, the overshoot is exp(-pi z/sqrt(1 - z^2)); the tolerance 1e-3 covers a peak between two rows and the
+    # remaining error of the last value. The envelope of the error falls below 5 % when exp(-z w t) = 0.05 sqrt(1 -
+    # z^2); the tolerance 0.01 s covers the error of the last value.
     z, w, start = 0.5, 10.0, 0.2
     t = TIMES - start
     root = math.sqrt(1.0 - z * z)

@@ -114,7 +114,7 @@ def test_the_check_validates_description_and_binary(folder: Path, python: list[s
     assert len(errors) == 7
     assert all("is not listed in ModelStructure/InitialUnknowns" in line for line in errors), report
     assert "a wrong GUID is accepted" in report
-    # Without the Python library, loading the binary is also a finding, with the remedy.
+    # Without the Python library, it is also a finding that the binary cannot be loaded, with the remedy.
     without = call(*check, code=1)
     assert "needs the Python library" in without
     assert "--libpython FILE" in without

@@ -59,7 +59,7 @@ def by_fmpy(path: Path) -> list[str]:
 
 
 def by_toolbox(path: Path) -> list[str]:
-    """Return the warnings and errors from `fmutool -check`; if it fails without any, its exit code."""
+    """Return the warnings and errors from `fmutool -check`; if it fails without a message, its exit code."""
     done = call(str(FMUTOOL), "-input", str(path), "-check")
     lines = [line for line in done.stdout.splitlines() if not line.startswith("INFO ")]
     return lines or ([f"exit code {done.returncode}"] if done.returncode else [])

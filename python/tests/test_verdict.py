@@ -9,8 +9,8 @@ from chassis_fmu.evaluation.grading import Interval, Status
 
 
 def test_an_interval_by_hand() -> None:
-    # Differences -1, -2, -3, -6: mean -3, sum of squares 14, standard deviation sqrt(14/3); the half width is 3.1824
-    # times half the standard deviation.
+    # The differences -1, -2, -3 and -6 have the mean -3, a sum of squares of 14 about the mean, and the standard
+    # deviation sqrt(14/3). The half width is 3.1824 times half the standard deviation.
     found = grading.paired([(1.0, 2.0), (2.0, 4.0), (3.0, 6.0), (1.0, 7.0)])
     assert found.mean == -3.0
     assert found.half == pytest.approx(3.1824463053 * math.sqrt(14.0 / 3.0) / 2.0, rel=1e-10)

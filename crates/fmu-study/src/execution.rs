@@ -260,7 +260,8 @@ fn search(
         Err(Stop::Failed(error)) => return Err(error),
     };
     let progress = journal.progress();
-    // If an earlier call ended before its last checkpoint, the last generation came from the history and has none yet.
+    // If an earlier call ended before its last checkpoint, the last generation came from the history and has no
+    // checkpoint yet.
     checkpoint(&progress)?;
     Ok((end, progress))
 }

@@ -76,7 +76,7 @@ impl Fmus {
     /// Opens all FMUs of these runs.
     ///
     /// # Errors
-    /// As [`Fmu::open`]; also if a GUID differs from the plan's.
+    /// The errors of [`Fmu::open`], or a GUID that differs from the GUID in the plan.
     pub fn load(runs: &[Run]) -> Result<Self, FmusError> {
         let fmus = Self::unpack(runs)?;
         for fmu in fmus.iter() {

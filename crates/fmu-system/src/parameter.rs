@@ -141,7 +141,7 @@ pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a
     }
 }
 
-/// Finds the variable that a name sets, following aliases except those of outputs.
+/// Finds the variable that a name sets. Aliases are followed, except aliases of outputs.
 fn named<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Variable> {
     let variable = description.variable(name)?;
     let of = variable.alias_of.filter(|_| variable.causality != Causality::Output);

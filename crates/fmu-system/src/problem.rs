@@ -64,7 +64,7 @@ pub struct Collector {
     problems: Vec<Noted>,
     warnings: Vec<Noted>,
     context: Option<Context>,
-    /// Number of contexts. The message of a mistake found in all of them does not name them.
+    /// Number of contexts. If a mistake is found in all contexts, its message does not name them.
     contexts: usize,
 }
 
@@ -149,7 +149,7 @@ impl Collector {
         self.add_at(&[span], message, help);
     }
 
-    /// As [`Self::add_with_help`] for a mistake with several places. Messages in one line use the first one.
+    /// As [`Self::add_with_help`] for a mistake with several places. A message in one line uses the first place.
     pub(crate) fn add_at(&mut self, spans: &[Range<usize>], message: impl Into<String>, help: Option<String>) {
         let problem = self.problem(spans, message.into(), help);
         note(&mut self.problems, problem, self.context.as_ref());

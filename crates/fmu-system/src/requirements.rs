@@ -306,7 +306,8 @@ pub fn junit_suite(name: &str, cases: &[TestCase]) -> String {
     out + "</testsuite>\n"
 }
 
-/// The verdicts as JUnit XML: a test case for each, and one for each run that failed, with its message.
+/// Writes the verdicts as JUnit XML: a test case for each verdict, and a test case with the message for each failed
+/// run.
 pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)]) -> String {
     let broken = failures.iter().map(|(run, message)| (format!("run {run}"), "error", message.clone()));
     let evaluated = verdicts.iter().map(|verdict| {

@@ -52,7 +52,7 @@ impl Part {
         self.or_remove(write_hidden(&self.hidden, names, recording))
     }
 
-    /// Syncs the file to the disk and gives it its name. If that fails, the part is removed.
+    /// Syncs the file to the disk and gives it its final name. If that fails, the part is removed.
     pub(crate) fn publish(&self) -> io::Result<()> {
         let stored = File::options().write(true).open(&self.hidden).and_then(|file| file.sync_all());
         self.or_remove(stored.and_then(|()| std::fs::rename(&self.hidden, &self.path)))

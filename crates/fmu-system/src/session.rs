@@ -1,8 +1,8 @@
 //! A simulation that is advanced step by step. [`master`](crate::master) makes all steps of a run with it.
 //!
-//! Components are stepped with a fixed communication step, either one after the other (Gauss-Seidel) or
-//! all from the outputs of the step before (Jacobi); see [`Order`]. The sequence of calls is part of
-//! the plan's meaning: another master that makes the same calls gets bit-identical results.
+//! Components are stepped with a fixed communication step, either one after the other (Gauss-Seidel) or all at once
+//! from the outputs of the previous step (Jacobi); see [`Order`]. The sequence of calls is part of the plan's meaning:
+//! another master that makes the same calls gets bit-identical results.
 //!
 //! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same
 //! places: `fmi3EnterInitializationMode` takes the times of `fmi2SetupExperiment`, and Event Mode and early return are

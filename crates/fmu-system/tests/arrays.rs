@@ -347,7 +347,7 @@ fn integers_of_64_bits_are_exact_or_an_error() {
     assert!(error.contains("`b`: fmi3SetInt32: a value does not fit the type of the variable"), "{error}");
 }
 
-/// Connected arrays of all types; the allocator counts the allocations of this thread.
+/// Tests a step with connected arrays of all types. The allocator counts the allocations of this thread.
 #[test]
 fn a_step_with_arrays_does_not_allocate() {
     let folder = folder();

@@ -344,7 +344,7 @@ def _spectrum(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
 
 
 def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], tuple[Array, Array]]:
-    """Return the spectra that the figures show of a run, by figure and column.
+    """Return the spectra that the figures show for a run, by figure and column.
 
     Raises MetricError for a recording too short for a spectrum.
     """
@@ -359,7 +359,7 @@ def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, in
 
 
 def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], Array]:
-    """Return the cross spectra for the transfer functions that the figures show of a run, by figure and column.
+    """Return the cross spectra for the transfer functions that the figures show for a run, by figure and column.
 
     Raises MetricError for a recording too short for a spectrum.
     """

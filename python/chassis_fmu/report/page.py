@@ -169,7 +169,7 @@ def components(plan: Plan) -> list[dict[str, Any]]:
                 "description": text.text,
                 # Empty if all cases contain the component.
                 "cases": [c.title for c in plan.cases if c.name in inside] if len(inside) < len(plan.cases) else [],
-                # Name, description, default, and values with the cases or points where they apply, formatted.
+                # Each with name, description, default, and formatted values with the cases or points where they apply.
                 "parameters": parameters,
                 "constants": [(", ".join(names), value) for value, names in grouped.items()],
             }

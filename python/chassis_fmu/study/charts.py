@@ -180,7 +180,7 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
 def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
     """Return heat maps of a metric over each pair of factors with levels: means over the other factors.
 
-    Only for full factorial designs: in other designs, the levels of different factors may be correlated.
+    Full factorial designs only: in other designs, the levels of different factors may be correlated.
     """
     job = numbers.job
     if job.study.method != "sweep" or job.study.chosen_design != "full_factorial":

@@ -119,7 +119,7 @@ def _correlated(study: Study, of: Array) -> Array:
     used = sorted({names.index(n) for c in study.correlation for n in c.between})
     factor = np.linalg.cholesky(study.correlations[np.ix_(used, used)])
     normal = scipy.stats.norm.ppf(of[:, used])
-    # In a fixed order of operations: the rounding of linear algebra libraries depends on the machine.
+    # Multiply in a fixed order of operations: the rounding of linear algebra libraries depends on the machine.
     mixed = np.zeros_like(normal)
     for row in range(len(used)):
         for column in range(row + 1):
@@ -179,7 +179,8 @@ def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
     """Return the values of each factor from the file that `store` has written, and the hash of the file."""
     try:
         content = path.read_bytes()
-        # Without threads: pyarrow's threads free the buffer later, which aborts a process that is exiting (SIGABRT).
+        # Read without threads: pyarrow's threads free the buffer later, which aborts a process that is exiting
+        # (SIGABRT).
         found = pyarrow.parquet.ParquetFile(pa.BufferReader(content), pre_buffer=False).read(use_threads=False)
     except (OSError, pa.ArrowException) as error:
         raise StudyError(f"cannot read {path}: {error}; --overwrite samples it again") from error

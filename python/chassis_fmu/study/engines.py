@@ -106,7 +106,7 @@ def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Out
     threading.Thread(target=work, daemon=True).start()
     try:
         while True:
-            # With a timeout: on some systems, an interrupt is noticed only after the call.
+            # Wait with a timeout: on some systems, an interrupt is noticed only after the call.
             try:
                 found = outcomes.get(timeout=0.5)
             except queue.Empty:

@@ -223,7 +223,7 @@ class Job:
         return sorted({unit.fmu for s in self.scenarios for run in s.plan.runs for unit in run.components})
 
     def data_files(self) -> list[Path]:
-        """Return all files that Strings and levels of factors name, which the FMUs read; each once."""
+        """Return all files that the FMUs read, each once: their paths are in Strings and in levels of factors."""
         named = {text for _, text in self._strings()}
         # Strings in a plan that name files are absolute paths.
         found = {path for path in map(Path, named) if path.is_absolute() and path.is_file()}

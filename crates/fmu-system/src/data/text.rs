@@ -21,7 +21,8 @@ const WINDOWS: [char; 32] = [
     '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
 ];
 
-/// Decodes the text of a file. Without `encoding`: by the byte order mark, else UTF-8 if valid, else Windows-1252.
+/// Decodes the text of a file. Without `encoding`, a byte order mark decides. Without a mark, the text is UTF-8 if that
+/// is valid, otherwise Windows-1252.
 pub(super) fn decode(bytes: &[u8], encoding: Option<Encoding>) -> Result<(Cow<'_, str>, Encoding), String> {
     let utf8 = |bytes| {
         std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(|error| format!("the file is not UTF-8: {error}"))

@@ -152,7 +152,8 @@ impl Definition {
         Ok(number.filter(|number| number.is_finite()))
     }
 
-    /// The running values: for each row of the metric's window, the metric of the part of the window that ends there.
+    /// Computes the running values: for each row of the metric's window, the metric over the part of the window that
+    /// ends at this row.
     ///
     /// Returns `Ok(None)` if a column is missing, or if the run has fewer than two rows in the window.
     ///

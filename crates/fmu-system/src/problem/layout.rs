@@ -35,8 +35,8 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
     (message, help)
 }
 
-/// Rewrites a message from serde such as "invalid type: string "20", expected f64" to "`stop` must be a number, got the
-/// string "20""; `None` for other messages.
+/// Rewrites a message from serde about a wrong type. For example, `invalid type: string "20", expected f64` becomes
+/// "`stop` must be a number, got the string "20"". Returns `None` for other messages.
 fn wrong_type(message: &str, key: Option<&str>) -> Option<String> {
     let rest = ["invalid type: ", "invalid value: ", "invalid length "].iter().find_map(|p| message.strip_prefix(p))?;
     let (found, expected) = rest.rsplit_once(", expected ")?;

@@ -66,7 +66,7 @@ impl FmuFolder {
         Self { folders: folders.into_iter().map(Into::into).collect(), buildable: Vec::new, read: RefCell::default() }
     }
 
-    /// Sets the function that names the FMUs that `cargo fmu pack` can build. It is called only if one is missing.
+    /// Sets the function that names the FMUs that `cargo fmu pack` can build. It is called only if an FMU is missing.
     #[must_use]
     pub fn with_buildable(self, buildable: fn() -> Vec<String>) -> Self {
         Self { buildable, ..self }

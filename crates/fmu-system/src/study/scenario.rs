@@ -201,7 +201,7 @@ impl Factor {
         }
     }
 
-    /// The values of a list, or the ends of a distribution that has a minimum; with their places.
+    /// Returns the values of a list, or the ends of a distribution that has a minimum, each with its place.
     fn extremes(&self) -> Vec<(f64, Range<usize>)> {
         if let Some(values) = &self.values {
             let number = |level: &Spanned<Level>| match level.get_ref() {

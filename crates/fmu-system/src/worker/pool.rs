@@ -31,7 +31,7 @@ pub struct Pool {
 pub struct Task {
     /// The run.
     pub run: Run,
-    /// Names of its columns, and the file to write them to, an absolute path; `None` to return the signals.
+    /// Names of its columns, and absolute path of the file to write them to; `None` to return the signals.
     pub csv: Option<(Vec<String>, PathBuf)>,
 }
 

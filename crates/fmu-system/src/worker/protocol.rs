@@ -120,8 +120,8 @@ impl Response {
     }
 }
 
-/// The parts of a recording: number of rows and a flag for each column that exists; times and columns; messages;
-/// seconds.
+/// The parts of a recording: the number of rows with a flag for each column that exists, the times and columns, the
+/// messages, and the duration in seconds.
 type Parts = ((usize, Vec<bool>), Vec<Vec<f64>>, Vec<(String, Message)>, f64);
 
 fn parts(recording: Recording) -> Parts {

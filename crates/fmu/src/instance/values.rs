@@ -315,7 +315,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::SetReal)?;
         let layout = self.layout();
         let inputs = layout.inputs.reals();
-        // Fast path: inputs and finite numbers, without branches; inputs have no limits.
+        // Fast path: inputs and finite numbers, without branches. The limits of inputs are not enforced.
         let (first, count) = (layout.inputs.at.reals as u32, layout.inputs.counts.reals as u32);
         let are_inputs = references.iter().fold(true, |all, reference| all & (reference.wrapping_sub(first) < count));
         if are_inputs && values.iter().fold(true, |all, value| all & is_finite(*value)) {
